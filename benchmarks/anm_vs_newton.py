@@ -34,7 +34,8 @@ from benchmarks.eta_homotopy import lowered  # noqa: E402
 from mlsanm_cli.solve.series import coupling_of, problem_of, regularization, start_point  # noqa: E402
 
 from mlsanm_cli.app.context import Clock, RunContext  # noqa: E402
-from mlsanm_cli.app.scene.build import build_scene, condense_scene  # noqa: E402
+from mlsanm_cli.app.scene.build import build_scene  # noqa: E402
+from mlsanm_cli.app.scene.condense import condense_scene  # noqa: E402
 from mlsanm_cli.arrays import FloatArray  # noqa: E402
 from mlsanm_cli.case import load_case  # noqa: E402
 from mlsanm_cli.contact.laws.active_set import solve_exact  # noqa: E402

@@ -58,15 +58,11 @@ class Line:
 
 LEVELS = f"output.at={[0.1 * k for k in range(1, 11)]}"
 PROBE = 'probe=[{name="deep", body="lower", point=[0.0, -0.5]}]'
-STACK = tuple(
-    f"body.block{n}.spacing={h}" for n, h in zip((1, 2, 3, 4), (0.03, 0.033, 0.03, 0.033), strict=True)
-)
 COARSE = tuple(f"body.{body}.refine.0.spacing={0.02}" for body in ("cylinder", "block"))
 LINES = (
     Line("friction", "two_cylinders", forced=("contact.interface.friction=0.01",)),
     Line("contact", "kirsch", patch="solve"),
     Line("candidates", "hertz", forced=("contact.interface.reach=1.0",)),
-    Line("twins", "stack", STACK, patch="twins"),
     Line("passes", "hertz", (*COARSE, "adapt.passes=3"), patch="passes", text=FAR),
     Line("fields", "cattaneo_mindlin", left_out=("output.fields=[]",)),
     Line("vtu", "cattaneo_mindlin", left_out=("output.vtu=false",)),
@@ -82,13 +78,6 @@ def solve_fields() -> None:
 
     solution = Condensed.solution
     Condensed.solution = lambda self, *given: solution(replace(self, solutions={}), *given)  # type: ignore[method-assign]
-
-
-def factorise_twins() -> None:
-    """A factor for every body."""
-    from mlsanm_cli.app.scene import assemble as scene
-
-    scene.is_translated_copy = lambda one, other: False
 
 
 def build_anew() -> None:
@@ -123,7 +112,6 @@ def import_numba() -> None:
 
 FORCED: dict[str, Callable[[], None]] = {
     "solve": solve_fields,
-    "twins": factorise_twins,
     "passes": build_anew,
     "orders": factorise_orders,
     "numba": import_numba,

@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.app.checks.verdicts import ENERGY_LIMIT, ENERGY_WARNING
+from mlsanm_cli.app.checks.limits import LIMITS, level
 from mlsanm_cli.app.scene.assemble import HIGH_DEGREE, LOW_DEGREE, MIN_HIGH_SPACINGS
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cells import FINE, Halves
@@ -44,6 +44,8 @@ from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.energy import energy_between_nodes, twice_strain_energy
 from mlsanm_cli.mechanics.material import isotropic
 from mlsanm_cli.operators.settings import MlsSettings
+
+ENERGY_WARNING, ENERGY_LIMIT = level("energy_error"), LIMITS["energy_error"].fails or 0.0
 
 RESULTS = Path(__file__).parent / "results"
 MATERIAL = isotropic(1.0, 0.3, "stress")

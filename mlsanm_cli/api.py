@@ -12,6 +12,7 @@ import sys
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -72,20 +73,19 @@ def run(
     NumericalError if the run failed, and Interrupted if it was stopped; in the last two cases completed steps
     are kept and can be opened.
     """
-    with _numerics(threads):
-        from mlsanm_cli.app.run import run as run_case
-    with _console(progress) as console:
-        summary = run_case(
-            Path(case),
-            overrides=overrides(changes),
-            out=None if out is None else Path(out),
-            force=force,
-            skip_done=skip_done,
-            threads=threads,
-            max_wall=max_wall,
-            console=console,
-            argv=_argv(),
-        )
+    summary = _call(
+        "run.run",
+        threads,
+        Path(case),
+        overrides=overrides(changes),
+        out=_path(out),
+        force=force,
+        skip_done=skip_done,
+        threads=threads,
+        max_wall=max_wall,
+        progress=progress,
+        argv=_argv(),
+    )
     return _opened(summary)
 
 
@@ -98,10 +98,7 @@ def resume(
     progress: bool = False,
 ) -> Run:
     """Continue a stopped or killed run, to the same result within the solver's tolerance; see `run`."""
-    with _numerics(threads):
-        from mlsanm_cli.app.resume import resume as resume_run
-    with _console(progress) as console:
-        summary = resume_run(Path(rundir), max_wall=max_wall, console=console)
+    summary = _call("resume.resume", threads, Path(rundir), max_wall=max_wall, progress=progress)
     return _opened(summary)
 
 
@@ -113,17 +110,8 @@ def check(
     The model is written to the VTU file ``write`` and drawn in ``picture``, if given. Raises CaseError and
     RunError as `run` does.
     """
-    with _numerics(1):
-        from mlsanm_cli.app.check import check as check_case
-        from mlsanm_cli.app.sweep.point import Silent
-    result = check_case(
-        Path(case),
-        overrides=overrides(changes),
-        write=None if write is None else Path(write),
-        picture=None if picture is None else Path(picture),
-        console=Silent(),
-    )
-    return dict(result)
+    files: dict[str, Any] = {"write": _path(write), "picture": _path(picture)}
+    return dict(_call("check.check", 1, Path(case), overrides=overrides(changes), **files))
 
 
 def open_run(rundir: Place) -> Run:
@@ -152,20 +140,19 @@ def sweep(
     Failed runs are returned as well, with their ``status``. Raises CaseError or RunError before the first
     run if any point is invalid.
     """
-    with _numerics(1):
-        from mlsanm_cli.app.sweep.run_sweep import SweepOptions
-        from mlsanm_cli.app.sweep.run_sweep import sweep as sweep_case
     texts = [f"{key}={','.join(toml_value(value) for value in values)}" for key, values in varied.items()]
-    with _console(progress) as console:
-        result = sweep_case(
-            Path(case),
-            texts,
-            SweepOptions(jobs=jobs, force=force),
-            overrides=overrides(changes),
-            out=None if out is None else Path(out),
-            console=console,
-            argv=_argv(),
-        )
+    result = _call(
+        "sweep.run_sweep.sweep",
+        1,
+        Path(case),
+        texts,
+        overrides=overrides(changes),
+        out=_path(out),
+        jobs=jobs,
+        force=force,
+        progress=progress,
+        argv=_argv(),
+    )
     if result["stopped"]:
         raise Interrupted("the sweep was stopped", "repeat the call to continue with the remaining points")
     return [Run(Path(place)) for place in result["directories"]]
@@ -194,6 +181,20 @@ def _opened(summary: Mapping[str, Any]) -> Run:
     if status == "stopped":
         raise Interrupted(f"{reason} (kept in {summary['directory']})", hint)
     return Run(Path(summary["directory"]))
+
+
+def _call(function: str, numerics: int, /, *given: Any, progress: bool = False, **options: Any) -> Any:
+    """The result of a function of ``mlsanm_cli.app``, named by module and name, imported with this number of
+    threads of the numerical libraries."""
+    module, _, name = function.rpartition(".")
+    with _numerics(numerics):
+        called = getattr(import_module(f"mlsanm_cli.app.{module}"), name)
+    with _console(progress) as console:
+        return called(*given, console=console, **options)
+
+
+def _path(place: Place | None) -> Path | None:
+    return None if place is None else Path(place)
 
 
 @contextmanager

@@ -6,8 +6,7 @@ and numpy loads a submodule when its name is accessed. That takes longer than im
 packages around its compiled modules take as long again: `scipy.spatial` imports rotations, distances, special
 functions and physical constants, `scipy.sparse.csgraph` the eigenvalue solvers, `scipy.optimize` all
 minimisers, and `scipy.linalg` decorates each of its functions. Within :func:`lean_imports` such packages are
-executed on first access. Neighbour search, triangulation, connected components, BLAS and LAPACK are
-imported from here, and then come from compiled modules without their packages.
+executed when a name is accessed that their compiled modules do not have.
 """
 
 from __future__ import annotations
@@ -15,68 +14,28 @@ from __future__ import annotations
 import atexit
 import gc
 import importlib
-import importlib.util
 import os
 import platform
 import sys
 import threading
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib.abc import Loader, MetaPathFinder, SourceLoader
 from importlib.machinery import ModuleSpec, PathFinder, SourcelessFileLoader
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from scipy.linalg.blas import dger
-    from scipy.linalg.lapack import dgecon, dgeqp3, dgetrf, dgetrs, dgtsv, dpotrf, dpotrs
-    from scipy.sparse.csgraph import connected_components
-    from scipy.spatial import Delaunay, cKDTree
-
-
-__all__ = [
-    "Delaunay",
-    "cKDTree",
-    "connected_components",
-    "dgecon",
-    "dgeqp3",
-    "dger",
-    "dgetrf",
-    "dgetrs",
-    "dgtsv",
-    "dpotrf",
-    "dpotrs",
-    "lean_imports",
-]
-
-_LAPACK = ("scipy.linalg._flapack", "scipy.linalg.lapack")
-_PARTS = {
-    "dger": ("scipy.linalg._fblas", "scipy.linalg.blas"),
-    "cKDTree": ("scipy.spatial._ckdtree", "scipy.spatial"),
-    "Delaunay": ("scipy.spatial._qhull", "scipy.spatial"),
-    "connected_components": ("scipy.sparse.csgraph._traversal", "scipy.sparse.csgraph"),
-    **dict.fromkeys(("dgecon", "dgeqp3", "dgetrf", "dgetrs", "dgtsv", "dpotrf", "dpotrs"), _LAPACK),
+COMPILED = {
+    "scipy.spatial": ("scipy.spatial._ckdtree", "scipy.spatial._qhull"),
+    "scipy.sparse.csgraph": ("scipy.sparse.csgraph._traversal",),
+    "scipy.linalg.blas": ("scipy.linalg._fblas",),
+    "scipy.linalg.lapack": ("scipy.linalg._flapack",),
 }
-"""Private and public module of each part."""
-
-
-def __getattr__(name: str) -> Any:
-    """A part, loaded when it is imported from here."""
-    if name not in _PARTS:
-        raise AttributeError(f"module {__name__} has no {name}")
-    known, public = _PARTS[name]
-    try:
-        found = getattr(importlib.import_module(known), name)
-    except (ImportError, AttributeError):
-        found = getattr(importlib.import_module(public), name)
-    globals()[name] = found
-    return found
-
-
+"""Compiled modules whose names are taken without executing the package around them."""
 DEFERRED = frozenset(
     {
         *(f"numpy.{name}" for name in ("f2py", "testing", "ma", "ctypeslib", "polynomial")),
-        *(f"scipy.{name}" for name in ("linalg", "optimize", "spatial", "sparse.csgraph")),
+        *(*COMPILED, "scipy.linalg", "scipy.optimize"),
         # These only write or read docstrings.
         "numpy._core._add_newdocs",
         "numpy._core._add_newdocs_scalars",
@@ -156,10 +115,13 @@ class _DeferredModule(ModuleType):
     before."""
 
     def __getattr__(self, name: str) -> Any:
-        own = f"{self.__name__}.{name}"
-        private = name.startswith("_") and not name.startswith("__")
-        if private and "__path__" in vars(self) and importlib.util.find_spec(own) is not None:
-            return importlib.import_module(own)
+        if self.__name__ not in _loading and not name.startswith("__"):
+            if name.startswith("_") and "__path__" in vars(self):
+                with suppress(ModuleNotFoundError):
+                    return importlib.import_module(f"{self.__name__}.{name}")
+            for part in COMPILED.get(self.__name__, ()):
+                with suppress(ImportError, AttributeError):
+                    return getattr(importlib.import_module(part), name)
         with _lock:
             # Unless another thread was first, or its own code accesses a name that is defined later.
             if type(self) is _DeferredModule and self.__name__ not in _loading:

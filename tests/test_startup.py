@@ -93,8 +93,11 @@ def test_where_numpy_is_there_nothing_waits(place: Path) -> None:
     assert done.stdout.split() == ["big", "part", "other", "more", "True"]
 
 
-NAMES = "Delaunay, cKDTree, connected_components, dgecon, dgeqp3, dgetrf, dgetrs, dgtsv, dpotrf, dpotrs"
-PARTS = f"from mlsanm_cli.startup import {NAMES}\n"
+PARTS = (
+    "from scipy.linalg.lapack import dgecon, dgeqp3, dgetrf, dgetrs, dgtsv, dpotrf, dpotrs\n"
+    "from scipy.sparse.csgraph import connected_components\n"
+    "from scipy.spatial import Delaunay, cKDTree\n"
+)
 LEAN = "from mlsanm_cli.startup import lean_imports\nwith lean_imports():\n    pass\n"
 WHOLE = (
     "import scipy.linalg, scipy.optimize, scipy.spatial, scipy.sparse.csgraph\n"

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
+from mlsanm_cli.app.checks.check import Verdicts
 from mlsanm_cli.app.checks.quality import Quality, assess, ratio_message
 from mlsanm_cli.app.checks.references import check_reference
 from mlsanm_cli.app.context import Clock, Console, RunContext
@@ -49,7 +50,9 @@ def check(
     case = loaded.case
     prepared = build_scene(loaded, RunContext(clock, console))
     quality = assess(case, prepared)
-    for warning in quality.warnings:
+    warnings: list[str] = []
+    Verdicts(lambda check: warnings.append(check.text)).judge(quality.checks)
+    for warning in warnings:
         console.warning(warning)
     if write is not None:
         write_parts(write, "body", model_bodies(prepared))
@@ -60,7 +63,7 @@ def check(
         draw_model(picture, case, prepared)
         console.note(f"picture written to {picture}")
     unknowns = sum(int(p.candidate.sum()) * (2 if p.friction else 1) for p in prepared.pairings)
-    nodes = sum(body.nodes for body in quality.bodies.values())
+    nodes = sum(int(body["nodes"]) for body in quality.bodies.values())
     seconds = clock.seconds
     return {
         "case": str(case_path),
@@ -74,27 +77,16 @@ def check(
         "stages": len(case.stage),
         "estimated_memory_mb": round(estimate(case).memory_mb),
         "estimated_cpu_seconds": round(cpu_seconds(case, prepared), 1),
-        "bodies": {name: _body(name, prepared, quality) for name in prepared.models},
+        "bodies": {
+            name: figures | {"finest": float(prepared.models[name].cloud.spacing.min())}
+            for name, figures in quality.figures["bodies"].items()
+        },
         "contacts": {p.name: _contact(p, quality.spacing_ratio[p.name]) for p in prepared.pairings},
         "boundaries": _conditions(case),
-        "notes": [*prepared.notes, *_notes(prepared, quality)],
-        "warnings": list(quality.warnings),
+        "notes": [*prepared.notes, *_notes(prepared, quality, warnings)],
+        "warnings": warnings,
         "seconds": {phase: seconds[phase] for phase in ("jit", "cloud", "operators")},
         "threads": threads,
-    }
-
-
-def _body(name: str, prepared: SceneModel, quality: Quality) -> dict[str, Any]:
-    model, cloud = prepared.models[name], quality.bodies[name]
-    return {
-        "nodes": cloud.nodes,
-        "boundary_nodes": cloud.boundary_nodes,
-        "finest": float(model.cloud.spacing.min()),
-        "closest": cloud.closest,
-        "hole": cloud.hole,
-        "growth": cloud.growth,
-        "stencils_enlarged": model.stencils.enlarged,
-        "worst_ratio": model.stencils.worst_ratio,
     }
 
 
@@ -160,15 +152,15 @@ def _described(load: AnyLoad) -> tuple[str, str]:
     return first, second
 
 
-def _notes(prepared: SceneModel, quality: Quality) -> list[str]:
+def _notes(prepared: SceneModel, quality: Quality, warnings: Collection[str]) -> list[str]:
     """Notes on contact pairs and stencils that need no warning."""
     notes = []
     for pairing in prepared.pairings:
         ratio = quality.spacing_ratio[pairing.name]
-        message = ratio_message(pairing, ratio)
+        message = "; ".join(ratio_message(pairing, ratio))
         if pairing.name in prepared.ranges:
             notes.append(f"contact {pairing.name}: pressures use a contact grid unless they reach a corner")
-        elif ratio > NOTED_RATIO and message not in quality.warnings:
+        elif ratio > NOTED_RATIO and message not in warnings:
             notes.append(message)
         unpaired = len(pairing.slave.index) - len(pairing.position)
         if unpaired:

@@ -9,11 +9,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from mlsanm_cli.app.analysis import analysis_of
 from mlsanm_cli.app.context import Clock, Console, RunContext, Stopper
 from mlsanm_cli.app.output.checkpoint import interrupted_run
-from mlsanm_cli.app.run import carry_out
-from mlsanm_cli.app.scene.build import build_scene
+from mlsanm_cli.app.run import analysis_of, carry_out
 from mlsanm_cli.app.scene.imported import geometry_inspector
 from mlsanm_cli.case import LoadedCase, parse_case
 from mlsanm_cli.errors import RunError
@@ -44,9 +42,9 @@ def resume(rundir: Path, *, max_wall: float | None = None, console: Console) -> 
             )
         loaded = stored_case(origin, rundir)
         earlier = interrupted_run(origin)
-        analysis = analysis_of(loaded.case, build_scene(loaded, context), context, earlier)
-        run_dir.reopen(rundir)
+        analysis = analysis_of(loaded, context, earlier.refinement)
         again = {"resumed": int(origin.attributes.get("resumed", 0)) + 1}
+        run_dir.reopen(rundir)
         return carry_out(analysis, rundir, loaded, again, earlier)
 
 

@@ -7,7 +7,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from mlsanm_cli.app.analysis import analysis_of
 from mlsanm_cli.app.checks.references import check_reference
 from mlsanm_cli.app.context import Clock, Console, RunContext, Stopper
 from mlsanm_cli.app.output.analysis import Analysis, Ending
@@ -18,6 +17,7 @@ from mlsanm_cli.app.output.summary import summarise
 from mlsanm_cli.app.results.info import finished
 from mlsanm_cli.app.scene.build import build_scene
 from mlsanm_cli.app.scene.imported import geometry_inspector
+from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.case import LoadedCase, load_case
 from mlsanm_cli.errors import NumericalError, UnfinishedError, WriteError
 from mlsanm_cli.io import run_dir
@@ -61,10 +61,25 @@ def run(
         if before is not None:
             return {**before, "directory": str(directory), "skipped": True}
         run_dir.check(directory, force)
-        analysis = analysis_of(loaded.case, build_scene(loaded, context), context)
+        analysis = analysis_of(loaded, context)
         with locked(directory):
             run_dir.prepare(directory, force)
             return carry_out(analysis, directory, loaded, attributes(loaded, argv, threads))
+
+
+def analysis_of(loaded: LoadedCase, context: RunContext, refinement: Refinement | None = None) -> Analysis:
+    """The analysis of a case, on the refined clouds of an earlier process. Raises CaseError for a case that
+    cannot be run."""
+    case, zones = loaded.case, refinement.zones if refinement is not None else ()
+    prepared = build_scene(loaded, context, zones)
+    # A run imports that of its strain only.
+    if case.model.strain == "small":
+        from mlsanm_cli.app.analysis.small_strain import SmallStrain
+
+        return SmallStrain(case, prepared, context, refinement)
+    from mlsanm_cli.app.analysis.finite_strain import FiniteStrain
+
+    return FiniteStrain(case, prepared, context, refinement)
 
 
 def carry_out(
@@ -80,7 +95,6 @@ def carry_out(
     try:
         while True:
             with Recorder(directory, loaded, provenance, analysis.context, earlier) as recorder:
-                analysis.announce(recorder.warn)
                 ending = _ended(partial(follow, analysis, recorder), directory)
                 finer = None
                 if ending.status != "stopped":
@@ -99,25 +113,25 @@ def follow(analysis: Analysis, recorder: Recorder) -> Ending:
     """Sets a scene up and follows its path; all states are checked and recorded. Raises NumericalError as
     soon as a state is not reliable."""
     context = analysis.context
-    analysis.set_up(recorder.warn)
+    analysis.set_up(recorder.verdicts)
     context.stop_gently()
-    steps = analysis.steps(recorder.start(analysis), recorder.last, recorder.warn)
+    steps = analysis.steps(recorder.start(analysis), recorder.last, recorder.verdicts)
     while True:
         context.check_stop()
         with context.phase("continuation"):
             step = next(steps, None)
         if step is None:
             return analysis.ending(recorder.last)
-        for state in (*step.saved, step.state):
+        for state in (*(one for one in step.saved if one is not step.state), step.state):
             recorder.checked = state
-            analysis.check(state)
+            recorder.verdicts.judge(analysis.checks(state))
         recorder.step(analysis, step)
 
 
 def _judged(analysis: Analysis, recorder: Recorder, ending: Ending) -> Ending:
     """The ``ending`` of a path whose last state is reliable. Raises NumericalError for another one."""
     assert recorder.last is not None
-    analysis.judge(recorder.last, recorder.tally, recorder.warn)
+    recorder.verdicts.judge(analysis.judge(recorder.last, recorder.tally))
     return ending
 
 

@@ -1,70 +1,37 @@
 """The case file: a TOML text is turned into a frozen, validated `Case`, or into a list of all problems."""
 
-from __future__ import annotations
-
-from mlsanm_cli.case.model.bodies import Body
-from mlsanm_cli.case.model.case import Case, finer_nodes
-from mlsanm_cli.case.model.contacts import Contact
-from mlsanm_cli.case.model.expressions import ExpressionError, value_at
-from mlsanm_cli.case.model.fields import split_boundary
-from mlsanm_cli.case.model.loads import (
-    BodyForce,
-    Displacement,
-    Pressure,
-    Temperature,
-    Traction,
-)
-from mlsanm_cli.case.model.materials import Material
-from mlsanm_cli.case.model.motions import AnyLoad, ObstacleMotion, Platen
-from mlsanm_cli.case.model.obstacles import AnyObstacle, DiskObstacle, PlaneObstacle
-from mlsanm_cli.case.model.places import Place
-from mlsanm_cli.case.model.section import Geometry, GeometryInspector
-from mlsanm_cli.case.model.shapes import AnyShape, HalfDisk, Mesh, OutlineShape, Points
-from mlsanm_cli.case.model.solver import Solver
-from mlsanm_cli.case.model.stop import Stop
-from mlsanm_cli.case.reading.read import (
-    LoadedCase,
-    case_hash,
-    load_case,
-    parse_case,
-    resolved_mapping,
-    stored_case,
-)
-
-__all__ = [
-    "AnyLoad",
-    "AnyObstacle",
-    "AnyShape",
-    "Body",
-    "BodyForce",
-    "Case",
-    "Contact",
-    "DiskObstacle",
-    "Displacement",
-    "ExpressionError",
-    "Geometry",
-    "GeometryInspector",
-    "HalfDisk",
-    "LoadedCase",
-    "Material",
-    "Mesh",
-    "ObstacleMotion",
-    "OutlineShape",
-    "Place",
-    "PlaneObstacle",
-    "Platen",
-    "Points",
-    "Pressure",
-    "Solver",
-    "Stop",
-    "Temperature",
-    "Traction",
-    "case_hash",
-    "finer_nodes",
-    "load_case",
-    "parse_case",
-    "resolved_mapping",
-    "split_boundary",
-    "stored_case",
-    "value_at",
-]
+from mlsanm_cli.case.model.bodies import Body as Body
+from mlsanm_cli.case.model.case import Case as Case
+from mlsanm_cli.case.model.case import finer_nodes as finer_nodes
+from mlsanm_cli.case.model.contacts import AnyObstacle as AnyObstacle
+from mlsanm_cli.case.model.contacts import Contact as Contact
+from mlsanm_cli.case.model.contacts import DiskObstacle as DiskObstacle
+from mlsanm_cli.case.model.contacts import PlaneObstacle as PlaneObstacle
+from mlsanm_cli.case.model.expressions import ExpressionError as ExpressionError
+from mlsanm_cli.case.model.expressions import value_at as value_at
+from mlsanm_cli.case.model.fields import split_boundary as split_boundary
+from mlsanm_cli.case.model.loads import BodyForce as BodyForce
+from mlsanm_cli.case.model.loads import Displacement as Displacement
+from mlsanm_cli.case.model.loads import Pressure as Pressure
+from mlsanm_cli.case.model.loads import Temperature as Temperature
+from mlsanm_cli.case.model.loads import Traction as Traction
+from mlsanm_cli.case.model.materials import Material as Material
+from mlsanm_cli.case.model.motions import AnyLoad as AnyLoad
+from mlsanm_cli.case.model.motions import ObstacleMotion as ObstacleMotion
+from mlsanm_cli.case.model.motions import Platen as Platen
+from mlsanm_cli.case.model.places import Place as Place
+from mlsanm_cli.case.model.section import Geometry as Geometry
+from mlsanm_cli.case.model.section import GeometryInspector as GeometryInspector
+from mlsanm_cli.case.model.shapes import AnyShape as AnyShape
+from mlsanm_cli.case.model.shapes import HalfDisk as HalfDisk
+from mlsanm_cli.case.model.shapes import Mesh as Mesh
+from mlsanm_cli.case.model.shapes import OutlineShape as OutlineShape
+from mlsanm_cli.case.model.shapes import Points as Points
+from mlsanm_cli.case.model.solver import Solver as Solver
+from mlsanm_cli.case.model.stop import Stop as Stop
+from mlsanm_cli.case.reading.read import LoadedCase as LoadedCase
+from mlsanm_cli.case.reading.read import case_hash as case_hash
+from mlsanm_cli.case.reading.read import load_case as load_case
+from mlsanm_cli.case.reading.read import parse_case as parse_case
+from mlsanm_cli.case.reading.read import resolved_mapping as resolved_mapping
+from mlsanm_cli.case.reading.read import stored_case as stored_case

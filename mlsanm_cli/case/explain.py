@@ -5,8 +5,9 @@ from __future__ import annotations
 
 import difflib
 import json
+import re
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any
@@ -15,6 +16,7 @@ from mlsanm_cli.case.model.fields import UNIT
 from mlsanm_cli.case.report import SYNONYMS
 from mlsanm_cli.case.schema import Node, follow, heading, json_schema, tables, tables_at, walk
 from mlsanm_cli.case.starters import kinds, starter
+from mlsanm_cli.case.vary import flat
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.toml import toml_value
 
@@ -28,7 +30,6 @@ _BOUNDS = {
     "maximum": "at most",
 }
 _TYPES = {"number": "number", "integer": "whole number", "boolean": "true or false", "string": "text"}
-_LARGEST = 2**31
 
 
 @dataclass(frozen=True)
@@ -94,35 +95,32 @@ def _find(parts: list[str]) -> tuple[list[tuple[Node, Node]], tuple[str, ...]]:
 
 
 def _explain(path: tuple[str, ...], table: Node, node: Node) -> Explanation:
-    inner = tables(node)
+    inner, target = tables(node), follow(node)
     kind = table["properties"].get("kind", {}).get("const")
-    target = follow(node)
-    own = Explanation(
+    kinds = (kind,) if kind else ()
+    default = toml_value(node["default"]) if "default" in node and not inner else ""
+    return Explanation(
         key=".".join(path),
         place=heading(path) if inner else heading(path[:-1]),
         meaning=_meaning(node, inner),
         required=bool(path) and path[-1] in table.get("required", ()),
-        kinds=(kind,) if kind else (),
+        kinds=kinds,
         unit=node.get(UNIT, ""),
         type=_table_type(target) if inner else _type(target),
         allowed="" if inner else _allowed(target),
+        default=default,
+        example="" if inner else _example(path, default, kinds),
+        keys=_keys(inner),
+        variants=_variants(inner),
     )
-    if inner:
-        return replace(own, keys=_keys(inner), variants=_variants(inner))
-    default = toml_value(node["default"]) if "default" in node else ""
-    return replace(own, default=default, example=_example(path, default, own.kinds))
 
 
 def _kind(path: tuple[str, ...], found: list[tuple[Node, Node]]) -> Explanation:
     """The key that distinguishes the kinds of a table."""
-    options = [node["const"] for _, node in found]
-    return replace(
-        _explain(path, *found[0]),
-        type=_TYPES["string"],
-        kinds=(),
-        allowed=", ".join(map(toml_value, options)),
-        variants=_variants(tuple(table for table, _ in found)),
-    )
+    options = ", ".join(toml_value(node["const"]) for _, node in found)
+    variants = _variants(tuple(table for table, _ in found))
+    explanation = _explain(path, *found[0])
+    return replace(explanation, type=_TYPES["string"], kinds=(), allowed=options, variants=variants)
 
 
 def _meaning(node: Node, inner: tuple[Node, ...]) -> str:
@@ -180,53 +178,41 @@ def _allowed(node: Node) -> str:
         return ", ".join(toml_value(value) for value in node.get("enum", [node.get("const")]))
     if isinstance(node.get("items"), dict) and ("enum" in node["items"] or _allowed(node["items"])):
         return f"each {_allowed(node['items'])}"
-    return ", ".join(
-        f"{word} {node[bound]:g}" for bound, word in _BOUNDS.items() if node.get(bound, _LARGEST) < _LARGEST
-    )
+    # Seeds may have 63 bits: no limit that anyone needs to know.
+    return ", ".join(f"{word} {node[key]:g}" for key, word in _BOUNDS.items() if node.get(key, 2**63) < 2**63)
 
 
 def _example(path: tuple[str, ...], default: str, kinds_of: tuple[str, ...]) -> str:
     """A line of a starter case with the key, else its default."""
+    # Names and numbers of items are parts of the keys.
+    key_of_item = re.compile(r"(?:\.[^.]+)?\.".join(path))
     for content in _starters():
-        for value, table in _values(content, path, {}):
-            if not isinstance(value, dict) and (not kinds_of or table.get("kind") in kinds_of):
+        for key, value in content.items():
+            kind = content.get(f"{key.rpartition('.')[0]}.kind")
+            if key_of_item.fullmatch(key) and (not kinds_of or kind in kinds_of):
                 return f"{path[-1]} = {toml_value(value)}"
     return f"{path[-1]} = {default}" if default else ""
 
 
 @cache
 def _starters() -> tuple[dict[str, Any], ...]:
-    return tuple(tomllib.loads(starter(kind)) for kind in kinds())
-
-
-def _values(data: Any, path: tuple[str, ...], table: Any) -> Iterator[tuple[Any, Any]]:
-    """Values of a key in the content of a case file, with their tables; all items and names are searched."""
-    if not path:
-        yield data, table
-    elif isinstance(data, list):
-        for item in data:
-            yield from _values(item, path, table)
-    elif isinstance(data, dict):
-        if path[0] in data:
-            yield from _values(data[path[0]], path[1:], data)
-        elif data is not table:
-            for item in data.values():
-                if isinstance(item, dict):
-                    yield from _values(item, path, data)
+    """Values of the starters by dotted keys; also lists and tables at the top by their names."""
+    contents = [tomllib.loads(starter(kind)) for kind in kinds()]
+    return tuple({**content, **flat(content)} for content in contents)
 
 
 def _nearest(key: str) -> str:
     known = list(dict.fromkeys(key for key, _ in walk()))
-    ends = [one.rpartition(".")[2] for one in known]
     last = key.rpartition(".")[2]
     last = SYNONYMS.get(last.lower(), last)
-    similar = [one for one, end in zip(known, ends, strict=True) if end == last]
-    similar = similar or difflib.get_close_matches(key, known, n=3)
-    close = difflib.get_close_matches(last, ends, n=1)
-    similar = similar or [one for one, end in zip(known, ends, strict=True) if end in close]
-    if similar:
-        return f"did you mean {' or '.join(similar[:4])}?"
-    return '"mlsanm explain" lists the tables'
+    ends = [name.rpartition(".")[2] for name in known]
+
+    def ending(words: Sequence[str]) -> list[str]:
+        return [name for name, end in zip(known, ends, strict=True) if end in words]
+
+    similar = ending([last]) or difflib.get_close_matches(key, known, n=3)
+    similar = similar or ending(difflib.get_close_matches(last, ends, n=1))
+    return f"did you mean {' or '.join(similar[:4])}?" if similar else '"mlsanm explain" lists the tables'
 
 
 def value_keys() -> list[str]:

@@ -5,10 +5,11 @@ below seconds."""
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from mlsanm_cli.case.lines import MAX_KEY_PARTS, KeyPath
+from mlsanm_cli.errors import Fault
 
 MAX_ITEMS: Mapping[str, int] = {
     "material": 500,
@@ -36,8 +37,6 @@ MAX_TABLES, MAX_KEYS, MAX_VALUES = 20_000, 100_000, 1_000_000
 MAX_KEYS_OF_TABLE = 2000
 TABLE = re.compile(r"""(?m)^[ \t]*\[\[?[ \t]*[A-Za-z"'_]""")
 
-Problem = tuple[KeyPath, str, str]
-
 
 def text_problem(text: str) -> tuple[int, str]:
     """Line and message for text that would keep the TOML parser busy for minutes; line 0 if there is none."""
@@ -53,33 +52,35 @@ def text_problem(text: str) -> tuple[int, str]:
     return 0, ""
 
 
-def size_problems(content: Mapping[str, Any]) -> list[Problem]:
+def size_faults(content: Mapping[str, Any]) -> list[Fault]:
     """Lists and tables with too many items, whose content is not examined, and too deep nesting."""
-    problems: list[Problem] = []
+    faults: list[Fault] = []
     waiting: list[tuple[KeyPath, Any]] = [((), content)]
     while waiting:
         path, value = waiting.pop()
         if len(path) > MAX_KEY_PARTS:
-            return [(path[:1], f"is nested more than {MAX_KEY_PARTS} levels deep", "")]
+            return [Fault(path[:1], f"is nested more than {MAX_KEY_PARTS} levels deep")]
         named, owner, *_ = [step for step in reversed(path) if isinstance(step, str)] + ["", ""]
         counted = isinstance(value, list | tuple) or path == ("material",)
         most = MAX_ITEMS.get(f"{owner}.{named}", MAX_ITEMS.get(named))
         if counted and path[-1:] == (named,) and most is not None and len(value) > most:
-            problems.append((path, f"has {len(value)} items", f"at most {most}"))
-            continue
-        if isinstance(value, dict) and len(value) > MAX_KEYS_OF_TABLE:
-            problems.append((path, f"has {len(value)} keys", f"at most {MAX_KEYS_OF_TABLE}"))
-            continue
-        waiting += [((*path, step), item) for step, item in _items(value) if isinstance(item, _NESTED)]
-    return problems
+            faults.append(Fault(path, f"has {len(value)} items", f"at most {most}"))
+        elif isinstance(value, dict) and len(value) > MAX_KEYS_OF_TABLE:
+            faults.append(Fault(path, f"has {len(value)} keys", f"at most {MAX_KEYS_OF_TABLE}"))
+        else:
+            items = [((*path, step), item) for step, item in _items(value)]
+            waiting += [entry for entry in items if isinstance(entry[1], dict | list | tuple)]
+    return faults
 
 
-def number_problems(content: Mapping[str, Any]) -> Iterator[Problem]:
+def number_faults(value: Any, path: KeyPath = ()) -> Iterator[Fault]:
     """Numbers too large or too small for floating-point arithmetic."""
-    for path, value in _numbers((), content):
-        problem = magnitude_problem(value, coordinate=isinstance(path[-1], int))
-        if problem:
-            yield path, problem, f"allowed magnitudes: {MIN_MAGNITUDE:g} to {MAX_MAGNITUDE:g}"
+    for step, item in _items(value):
+        if not isinstance(item, int | float):
+            yield from number_faults(item, (*path, step))
+        elif problem := magnitude_problem(item, coordinate=isinstance(step, int)):
+            hint = f"allowed magnitudes: {MIN_MAGNITUDE:g} to {MAX_MAGNITUDE:g}"
+            yield Fault((*path, step), problem, hint)
 
 
 def magnitude_problem(value: int | float, coordinate: bool = True) -> str:
@@ -92,19 +93,7 @@ def magnitude_problem(value: int | float, coordinate: bool = True) -> str:
     return f"{shown} is too {'small' if small else 'large'} for floating-point arithmetic"
 
 
-_NESTED = (dict, list, tuple)
-
-
-def _items(value: Any) -> Sequence[tuple[str | int, Any]]:
+def _items(value: Any) -> Iterable[tuple[str | int, Any]]:
     if isinstance(value, dict):
-        return list(value.items())
-    return list(enumerate(value)) if isinstance(value, list | tuple) else []
-
-
-def _numbers(path: KeyPath, value: Any) -> Iterator[tuple[KeyPath, int | float]]:
-    for step, item in _items(value):
-        here = (*path, step)
-        if isinstance(item, int | float):
-            yield here, item
-        else:
-            yield from _numbers(here, item)
+        return value.items()
+    return enumerate(value) if isinstance(value, list | tuple) else ()

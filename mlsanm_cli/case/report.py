@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import Any
 
 from mlsanm_cli.case.lines import KeyPath, key_lines, line_of
-from mlsanm_cli.errors import CaseProblem
+from mlsanm_cli.errors import CaseProblem, Fault
 
 MAX_SHOWN_CHARACTERS = 500
 """Longer keys are shown without their middle."""
@@ -107,14 +107,15 @@ class Report:
         """Line of each key; computed for the first problem."""
         return key_lines(self.text)
 
-    def add(self, path: KeyPath, message: str, hint: str = "") -> None:
-        """Adds a problem at a path, once for the same path and message."""
-        if self._is_set(path):
-            line, source = 0, "--set"
-        else:
-            line, source = max(line_of(self.lines, path), 1), self.source
-        key = shortened(dotted(self.data, path)) or "(file)"
-        self._found.setdefault((path, message), CaseProblem(key, message, line, source, hint))
+    def add(self, faults: Iterable[Fault]) -> None:
+        """Adds a problem for each fault, once for the same path and message."""
+        for fault in faults:
+            path, line, source = fault.key, 0, "--set"
+            if not self._is_set(path):
+                line, source = max(line_of(self.lines, path), 1), self.source
+            key = shortened(dotted(self.data, path)) or "(file)"
+            problem = CaseProblem(key, fault.message, line, source, fault.hint)
+            self._found.setdefault((path, fault.message), problem)
 
     @property
     def paths(self) -> frozenset[KeyPath]:

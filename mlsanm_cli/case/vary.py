@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import re
-import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
-from mlsanm_cli.case.reading.overrides import is_word
+from mlsanm_cli.case.reading.overrides import is_word, parsed_value
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.toml import toml_value
 
@@ -18,8 +17,7 @@ MAX_POINTS = 100_000
 _RANGE = re.compile(r"([^:,\[\]\"']+):([^:,\[\]\"']+):([^:,\[\]\"']+)")
 
 
-@dataclass(frozen=True)
-class Vary:
+class Vary(NamedTuple):
     """A dotted key as for ``--set``, and its values as TOML."""
 
     key: str
@@ -37,8 +35,14 @@ def parse_vary(text: str) -> Vary:
     key, sign, listed = (part.strip() for part in text.partition("="))
     if not key or not sign or not listed:
         raise RunError(f"--vary {text}: expected KEY=VALUES", "as in --vary solver.order=10,15,20")
-    found = _RANGE.fullmatch(listed)
-    values = _even(text, *found.groups()) if found else _listed(text, listed)
+    evenly = _RANGE.fullmatch(listed)
+    try:
+        values = _even(*map(parsed_value, evenly.groups())) if evenly else _listed(listed)
+    except RunError as error:
+        raise RunError(f"--vary {text}: {error.message}", error.hint) from error
+    except ValueError as error:
+        hint = """text needs quotes, as in --vary 'solver.method="anm","newton"'"""
+        raise RunError(f"--vary {text}: the values are not TOML", hint) from error
     if len(set(values)) < len(values):
         raise RunError(f"--vary {text}: a value is given twice")
     return Vary(key, values)
@@ -50,9 +54,7 @@ def points(varied: Sequence[Vary]) -> list[tuple[str, ...]]:
     keys = [vary.key for vary in varied]
     if len(set(keys)) < len(keys):
         raise RunError("a key is varied twice", "give all its values in one --vary")
-    count = 1
-    for vary in varied:
-        count *= len(vary.values)
+    count = math.prod(len(vary.values) for vary in varied)
     if count > MAX_POINTS:
         raise RunError(f"the sweep has {count} points", f"at most {MAX_POINTS}")
     return [
@@ -81,40 +83,23 @@ def _leaves(key: str, value: Any) -> list[tuple[str, Any]]:
     return [leaf for name, inner in items for leaf in _leaves(f"{key}.{name}" if key else name, inner)]
 
 
-def _even(text: str, first: str, last: str, number: str) -> tuple[str, ...]:
-    ends = [_number(text, end) for end in (first, last)]
-    count = _number(text, number)
+def _even(start: Any, stop: Any, count: Any) -> tuple[str, ...]:
+    """Evenly spaced values, whole numbers if all of them are."""
+    for value in (start, stop, count):
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise RunError(f"{toml_value(value)} is not a number", "as in 0.0:0.5:11")
     if not isinstance(count, int) or not 1 <= count <= MAX_POINTS:
-        raise RunError(f"--vary {text}: {number} is not a number of values", "as in 0.0:0.5:11")
-    start, stop = ends
+        raise RunError(f"{count} is not a number of values", "as in 0.0:0.5:11")
     steps = max(count - 1, 1)
-    if all(isinstance(end, int) for end in ends) and (stop - start) % steps == 0:
+    if isinstance(start, int) and isinstance(stop, int) and (stop - start) % steps == 0:
         return tuple(str(start + (stop - start) // steps * i) for i in range(count))
     # Rounded, because directories are named after the values: 0.15, not 0.15000000000000002.
     between = [float(f"{start + (stop - start) * i / steps:.12g}") for i in range(1, count - 1)]
     return tuple(map(repr, [float(start), *between, float(stop)][:count]))
 
 
-def _number(text: str, part: str) -> Any:
-    value = _toml(text, part)
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise RunError(f"--vary {text}: {part.strip()} is not a number", "as in 0.0:0.5:11")
-    return value
-
-
-def _listed(text: str, listed: str) -> tuple[str, ...]:
+def _listed(listed: str) -> tuple[str, ...]:
     words = [part.strip() for part in listed.split(",")]
     if all(map(is_word, words)) and not {"true", "false", "inf", "nan"} & set(words):
         return tuple(map(toml_value, words))
-    return tuple(toml_value(value) for value in _toml(text, f"[{listed}]"))
-
-
-def _toml(text: str, value: str) -> Any:
-    try:
-        parsed = tomllib.loads(f"value = {value}")
-    except (ValueError, RecursionError):
-        parsed = {}
-    if parsed.keys() != {"value"}:
-        hint = """text needs quotes, as in --vary 'solver.method="anm","newton"'"""
-        raise RunError(f"--vary {text}: the values are not TOML", hint)
-    return parsed["value"]
+    return tuple(map(toml_value, parsed_value(f"[{listed}]")))

@@ -13,8 +13,8 @@ from typing import Any
 
 import click
 
-from mlsanm_cli.cli import completion
-from mlsanm_cli.cli.options import FILE, common, print_result
+from mlsanm_cli.cli import completion, declare
+from mlsanm_cli.cli.running import print_result
 from mlsanm_cli.cli.settings import Settings, say
 from mlsanm_cli.cli.text import BOLD, paint, table
 from mlsanm_cli.errors import RunError
@@ -24,19 +24,18 @@ SCHEMA_LINE = "#:schema ./mlsanm.schema.json"
 """First line of a starter, by which editors find the schema written by `mlsanm schema`."""
 
 
-@click.command()
-@click.argument("name", type=FILE, required=False)
-@click.option(
-    "--kind",
-    default=DEFAULT_KIND,
-    show_default=True,
-    shell_complete=completion.kinds,
-    help="Kind of scene, see --list.",
+@declare.command(
+    click.argument("name", type=declare.FILE, required=False),
+    click.option(
+        "--kind",
+        default=DEFAULT_KIND,
+        show_default=True,
+        shell_complete=completion.kinds,
+        help="Kind of scene, see --list.",
+    ),
+    click.option("--list", "listing", is_flag=True, help="List the kinds of scenes."),
+    declare.flag("force", "Overwrite an existing file."),
 )
-@click.option("--list", "listing", is_flag=True, help="List the kinds of scenes.")
-@click.option("--force", is_flag=True, help="Overwrite an existing file.")
-@common
-@click.pass_obj
 def new(settings: Settings, name: Path | None, kind: str, listing: bool, force: bool) -> int:
     """Write a starter case to NAME.toml."""
     from mlsanm_cli.case.report import suggestion
@@ -64,9 +63,7 @@ def new(settings: Settings, name: Path | None, kind: str, listing: bool, force: 
     return 0
 
 
-@click.command()
-@common
-@click.pass_obj
+@declare.command()
 def schema(settings: Settings) -> int:
     """Print the JSON Schema of case files, for editors."""
     from mlsanm_cli.case.schema import json_schema
@@ -75,11 +72,10 @@ def schema(settings: Settings) -> int:
     return 0
 
 
-@click.command()
-@click.argument("key", required=False, default="", shell_complete=completion.plain_keys)
-@click.option("--all", "all_keys", is_flag=True, help="Print the reference of all keys as Markdown.")
-@common
-@click.pass_obj
+@declare.command(
+    click.argument("key", required=False, default="", shell_complete=completion.plain_keys),
+    click.option("--all", "all_keys", is_flag=True, help="Print the reference of all keys as Markdown."),
+)
 def explain(settings: Settings, key: str, all_keys: bool) -> int:
     """Explain a key of the case file.
 

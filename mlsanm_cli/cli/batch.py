@@ -1,4 +1,4 @@
-"""Commands for many runs: ``sweep``, ``collect`` and ``cache``."""
+"""Commands for many runs: ``sweep`` and ``collect``."""
 
 from __future__ import annotations
 
@@ -8,40 +8,32 @@ from typing import Any
 
 import click
 
-from mlsanm_cli.cli import completion
-from mlsanm_cli.cli.options import (
-    FILE,
-    cache_option,
-    common,
-    console_for,
-    pretty_result,
-    print_result,
-    set_option,
-    threads_option,
-)
-from mlsanm_cli.cli.settings import Settings, numerics, say
+from mlsanm_cli.cli import completion, declare
+from mlsanm_cli.cli.running import console_for, of_app, pretty_result, print_result
+from mlsanm_cli.cli.settings import Settings, say
 from mlsanm_cli.cli.text import as_json
 
 
-@click.command()
-@click.argument("case", type=FILE)
-@click.option(
-    "--vary",
-    "varied",
-    metavar="KEY=VALUES",
-    multiple=True,
-    shell_complete=completion.keys,
-    help="Values separated by commas, or START:STOP:COUNT. Repeatable: all combinations are solved.",
+@declare.command(
+    declare.CASE,
+    click.option(
+        "--vary",
+        "varied",
+        metavar="KEY=VALUES",
+        multiple=True,
+        shell_complete=completion.keys,
+        help="Values separated by commas, or START:STOP:COUNT. Repeatable: all combinations are solved.",
+    ),
+    declare.SET,
+    declare.file_option("--out", help="Directory of the runs.  [default: results/<case name>-sweep]"),
+    declare.flag("force", "Solve completed points again and overwrite runs of other cases."),
+    click.option(
+        "--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Number of processes."
+    ),
+    click.option("--scheduler", metavar="ADDRESS", help="Solve on the Dask cluster of this scheduler."),
+    declare.CACHE,
+    declare.THREADS,
 )
-@set_option
-@click.option("--out", type=FILE, help="Directory of the runs.  [default: results/<case name>-sweep]")
-@click.option("--force", is_flag=True, help="Solve completed points again and overwrite runs of other cases.")
-@click.option("--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Number of processes.")
-@click.option("--scheduler", metavar="ADDRESS", help="Solve on the Dask cluster of this scheduler.")
-@cache_option
-@threads_option
-@common
-@click.pass_obj
 def sweep(settings: Settings, /, case: Path, varied: tuple[str, ...], **options: Any) -> int:
     """Solve CASE for all combinations of values.
 
@@ -49,72 +41,24 @@ def sweep(settings: Settings, /, case: Path, varied: tuple[str, ...], **options:
     Completed points are skipped: the same command continues an interrupted sweep.
     """
     with console_for(settings) as console:
-        with numerics(options["threads"]):
-            from mlsanm_cli.app.sweep.run_sweep import SweepOptions
-            from mlsanm_cli.app.sweep.run_sweep import sweep as run_sweep
-        own = SweepOptions(**{key: options.pop(key) for key in ("jobs", "threads", "scheduler", "force")})
-        result = run_sweep(case, varied, own, console=console, argv=tuple(sys.argv), **options)
+        solve = of_app("sweep.run_sweep.sweep", options["threads"])
+        result = solve(case, varied, console=console, argv=tuple(sys.argv), **options)
     shown = {key: value for key, value in result.items() if key not in ("trouble", "directories")}
     print_result(settings, result, pretty_result(settings, shown))
     return 3 if result["failed"] else 75 if result["stopped"] else 0
 
 
-@click.command()
-@click.argument("rundirs", metavar="RUNDIR...", type=FILE, nargs=-1, required=True)
-@click.option("--out", type=FILE, help="Output file.  [default: stdout]")
-@common
-@click.pass_obj
+@declare.command(declare.RUNDIRS, declare.file_option("--out", help="Output file.  [default: stdout]"))
 def collect(settings: Settings, rundirs: tuple[Path, ...], out: Path | None) -> int:
     """Write the results of several runs as a CSV table.
 
     One row per run: the parameters that differ, status and results.
     """
-    with numerics(1):
-        from mlsanm_cli.app.results.collect import as_csv, write_rows
-        from mlsanm_cli.app.results.collect import collect as collect_runs
-
-    rows = collect_runs(rundirs)
+    rows = of_app("results.collect.collect")(rundirs)
     if out is not None:
-        write_rows(out, rows)
+        of_app("results.collect.write_rows")(out, rows)
     if settings.json:
         say(settings, as_json({"runs": rows}))
     elif out is None:
-        say(settings, as_csv(rows), newline=False)
-    return 0
-
-
-@click.group()
-def cache() -> None:
-    """Show or delete the disk cache of earlier versions.
-
-    Operators are no longer cached on disk, only compiled kernels.
-    """
-
-
-@cache.command(name="info")
-@common
-@click.pass_obj
-def cache_info(settings: Settings) -> int:
-    """Show location and size of the disk cache of earlier versions."""
-    return _old_cache(settings, "entries", remove=False)
-
-
-@cache.command(name="clear")
-@common
-@click.pass_obj
-def cache_clear(settings: Settings) -> int:
-    """Delete the disk cache of earlier versions; compiled kernels are kept."""
-    return _old_cache(settings, "removed", remove=True)
-
-
-def _old_cache(settings: Settings, counted: str, *, remove: bool) -> int:
-    from mlsanm_cli.kernels.aot.kept import cache_root
-
-    directory = cache_root() / "operators"
-    files = list(directory.rglob("*.mlsanm"))
-    size = sum(file.stat().st_size for file in files)
-    for file in files if remove else ():
-        file.unlink()
-    result = {"directory": str(directory), counted: len(files), "megabytes": round(size / 1e6, 3)}
-    print_result(settings, result, pretty_result(settings, result))
+        say(settings, of_app("results.collect.as_csv")(rows), newline=False)
     return 0

@@ -15,23 +15,14 @@ from typing import Any
 import click
 
 from mlsanm_cli import __version__
-from mlsanm_cli.cli.options import (
-    FILE,
-    cache_option,
-    common,
-    console_for,
-    max_wall_option,
-    pretty_result,
-    print_result,
-    set_option,
-    threads_option,
-)
+from mlsanm_cli.cli import declare
 from mlsanm_cli.cli.results import FRICTION_KEYS, has_friction, run_text
-from mlsanm_cli.cli.settings import Settings, numerics, say
+from mlsanm_cli.cli.running import console_for, of_app, pretty_result, print_result
+from mlsanm_cli.cli.settings import Settings, say
 
 LAZY_COMMANDS = {
     **dict.fromkeys(("explain", "new", "schema"), "authoring"),
-    **dict.fromkeys(("cache", "collect", "sweep"), "batch"),
+    **dict.fromkeys(("collect", "sweep"), "batch"),
     **{name: name for name in ("compare", "plot", "probe")},
     "report": "plot",
 }
@@ -39,7 +30,7 @@ LAZY_COMMANDS = {
 
 SECTIONS = {
     "One scene": ("new", "check", "run", "resume", "info", "plot", "probe", "report"),
-    "Many runs": ("sweep", "collect", "compare", "cache"),
+    "Many runs": ("sweep", "collect", "compare"),
     "Reference": ("explain", "schema", "warmup"),
 }
 """Commands in the order of the help."""
@@ -116,62 +107,51 @@ def cli() -> None:
     """
 
 
-@cli.command()
-@click.argument("case", type=FILE)
-@set_option
-@click.option("--out", type=FILE, help="Run directory.  [default: results/<case name>]")
-@click.option("--force", is_flag=True, help="Overwrite an existing run.")
-@max_wall_option
-@click.option("--skip-done", is_flag=True, help="Skip if this case has already been run to completion.")
-@cache_option
-@threads_option
-@common
-@click.pass_obj
+@declare.command(
+    declare.CASE,
+    declare.SET,
+    declare.file_option("--out", help="Run directory.  [default: results/<case name>]"),
+    declare.flag("force", "Overwrite an existing run."),
+    declare.MAX_WALL,
+    declare.flag("skip-done", "Skip if this case has already been run to completion."),
+    declare.CACHE,
+    declare.THREADS,
+)
 def run(settings: Settings, /, case: Path, **options: Any) -> int:
     """Solve CASE and write a run directory."""
     with console_for(settings) as console:
-        with numerics(options["threads"]):
-            from mlsanm_cli.app.run import run as run_case
-        summary = run_case(case, console=console, argv=tuple(sys.argv), **options)
+        solve = of_app("run.run", options["threads"])
+        summary = solve(case, console=console, argv=tuple(sys.argv), **options)
     if summary.get("skipped"):
         print_result(settings, summary, f"{summary['directory']}: already run to completion, skipped")
         return 0
     return show_run(settings, summary)
 
 
-@cli.command()
-@click.argument("case", type=FILE)
-@set_option
-@click.option("--write", type=FILE, help="Write the model as VTU: boundaries, normals, contact pairs.")
-@click.option("--picture", type=FILE, help="Draw the model: nodes, supports, loads, obstacles.")
-@threads_option
-@common
-@click.pass_obj
+@declare.command(
+    declare.CASE,
+    declare.SET,
+    declare.file_option("--write", help="Write the model as VTU: boundaries, normals, contact pairs."),
+    declare.file_option("--picture", help="Draw the model: nodes, supports, loads, obstacles."),
+    declare.THREADS,
+)
 def check(settings: Settings, /, case: Path, **options: Any) -> int:
     """Check CASE without solving it.
 
     Validates the case, places nodes, builds stencils and contact pairs, and estimates size and cost.
     """
     with console_for(settings) as console:
-        with numerics(options["threads"]):
-            from mlsanm_cli.app.check import check as check_case
-        result = check_case(case, console=console, **options)
+        result = of_app("check.check", options["threads"])(case, console=console, **options)
     # The warnings have been printed on stderr.
     shown = {key: value for key, value in result.items() if key != "warnings"}
     print_result(settings, result, pretty_result(settings, shown))
     return 0
 
 
-@cli.command()
-@click.argument("rundir", type=FILE)
-@common
-@click.pass_obj
+@declare.command(declare.RUNDIR)
 def info(settings: Settings, rundir: Path) -> int:
     """Show the summary of the run in RUNDIR."""
-    with numerics(1):
-        from mlsanm_cli.app.results.info import info as run_info
-
-    result = run_info(rundir)
+    result = of_app("results.info.info")(rundir)
     contacts = {
         name: {key: value for key, value in one.items() if key not in FRICTION_KEYS or has_friction(one)}
         for name, one in result.get("contacts", {}).items()
@@ -180,41 +160,37 @@ def info(settings: Settings, rundir: Path) -> int:
     return 0
 
 
-@cli.command()
-@threads_option
-@common
-@click.pass_obj
+@declare.command(declare.THREADS)
 def warmup(settings: Settings, threads: int) -> int:
     """Compile the kernels before the first run."""
     with console_for(settings) as console:
-        with numerics(threads):
-            from mlsanm_cli.app.warmup import warmup as warm_up
-        result = warm_up(console)
+        result = of_app("warmup.warmup", threads)(console)
     print_result(settings, result, pretty_result(settings, result))
     return 0
 
 
-_STATUS_CODES = {"failed": 3, "stopped": 75}
-
-
-@cli.command()
-@click.argument("rundir", type=FILE)
-@max_wall_option
-@click.option("--threads", type=click.IntRange(min=1), help="Number of threads.  [default: that of the run]")
-@cache_option
-@common
-@click.pass_obj
+@declare.command(
+    declare.RUNDIR,
+    declare.MAX_WALL,
+    click.option(
+        "--threads", type=click.IntRange(min=1), help="Number of threads.  [default: that of the run]"
+    ),
+    declare.CACHE,
+)
 def resume(settings: Settings, rundir: Path, max_wall: float | None, threads: int | None) -> int:
     """Continue the interrupted run in RUNDIR after its last saved step.
 
     The result agrees with that of an uninterrupted run to the tolerance of the solver.
     """
-    threads = threads or _threads_of(rundir)
     with console_for(settings) as console:
-        with numerics(threads):
-            from mlsanm_cli.app.resume import resume as resume_run
-        summary = resume_run(rundir, max_wall=max_wall, console=console)
+        finish = of_app("resume.resume", threads or _threads_of(rundir))
+        summary = finish(rundir, max_wall=max_wall, console=console)
     return show_run(settings, summary)
+
+
+for _command in (run, check, info, warmup, resume):
+    cli.add_command(_command)
+_STATUS_CODES = {"failed": 3, "stopped": 75}
 
 
 def show_run(settings: Settings, summary: Mapping[str, Any]) -> int:

@@ -125,18 +125,15 @@ class TerminalConsole(Closing):
             self._erase()
 
     def _show_elapsed(self, seconds: float) -> None:
-        """Adds elapsed time and progress to the line on the terminal, omitting what does not fit."""
+        """Adds elapsed time to the line on the terminal, omitting what does not fit."""
         with self._lock:
             if not self._shown:
                 return
             sign, room = f"  {seconds:.0f} s", self._columns() - 1
-            # Modules that have not been imported have nothing to show.
-            progress = sys.modules.get("mlsanm_cli.operators.linear.progress")
+            # A module that has not been imported has nothing to show.
             context = sys.modules.get("mlsanm_cli.app.context")
-            working = str(progress.progress_text()) if progress else ""
             stopping = str(context.Stopper.message) if context else ""
-            parts = [*(self._row or [self._shown]), *([working] if working else [])]
-            parts = [stopping] if stopping else parts
+            parts = [stopping] if stopping else self._row or [self._shown]
             shown = fitting(parts, room - len(sign))
             shown = f"{shown[: max(room - len(sign), 0)].rstrip()}{sign}"[:room]
             self._put(_CLEAR + paint(shown, self._style, self._color))

@@ -12,9 +12,10 @@ from typing import Any
 
 import click
 
-from mlsanm_cli.cli import completion
-from mlsanm_cli.cli.options import FILE, common, console_for, pretty_result, print_result
-from mlsanm_cli.cli.settings import Settings, numerics, say
+from mlsanm_cli.app.results.choice import POINT_FIELDS, QUANTITIES
+from mlsanm_cli.cli import declare
+from mlsanm_cli.cli.running import console_for, of_app, pretty_result, print_result
+from mlsanm_cli.cli.settings import Settings, say
 from mlsanm_cli.cli.text import grid, label, number
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.roundoff import ROUND_OFF
@@ -48,57 +49,37 @@ class PointType(click.ParamType[tuple[float, float]]):
         return x, y
 
 
-@click.command()
-@click.argument("rundir", type=FILE)
-@click.option(
-    "--at", type=float, multiple=True, help="Position on the load path. Repeatable.  [default: the end]"
+@declare.command(
+    declare.RUNDIR,
+    click.option(
+        "--at", type=float, multiple=True, help="Position on the load path. Repeatable.  [default: the end]"
+    ),
+    declare.name_option("contact", "Results along a contact.", "contact"),
+    click.option(
+        "--quantity",
+        "quantities",
+        type=click.Choice(QUANTITIES),
+        multiple=True,
+        help="Quantity of the contact. Repeatable.  [default: all]",
+    ),
+    declare.name_option("force", "Force of a load, support or contact.", "load", "support", "contact"),
+    declare.name_option("probe", "Results of a [[probe]] of the case.", "probe"),
+    declare.name_option("body", "Body with the --point.", "body"),
+    click.option("--point", type=PointType(), help="Coordinates of a point in the undeformed body."),
+    click.option(
+        "--field", type=click.Choice(POINT_FIELDS), help="Field at the point or probe.  [default: all]"
+    ),
+    click.option("--csv", "as_csv", is_flag=True, help="Print the result as CSV on stdout."),
 )
-@click.option(
-    "--contact", metavar="NAME", shell_complete=completion.names("contact"), help="Results along a contact."
-)
-@click.option(
-    "--quantity",
-    "quantities",
-    type=click.Choice(["pressure", "traction", "gap", "slip"]),
-    multiple=True,
-    help="Quantity of the contact. Repeatable.  [default: all]",
-)
-@click.option(
-    "--force",
-    metavar="NAME",
-    shell_complete=completion.names("load", "support", "contact"),
-    help="Force of a load, support or contact.",
-)
-@click.option(
-    "--probe",
-    metavar="NAME",
-    shell_complete=completion.names("probe"),
-    help="Results of a [[probe]] of the case.",
-)
-@click.option(
-    "--body", metavar="NAME", shell_complete=completion.names("body"), help="Body with the --point."
-)
-@click.option("--point", type=PointType(), help="Coordinates of a point in the undeformed body.")
-@click.option(
-    "--field",
-    type=click.Choice(["displacement", "stress", "von_mises"]),
-    help="Field at the point or probe.  [default: all]",
-)
-@click.option("--csv", "as_csv", is_flag=True, help="Print the result as CSV on stdout.")
-@common
-@click.pass_obj
 def probe(
     settings: Settings,
     rundir: Path,
     at: tuple[float, ...],
-    contact: str | None,
     quantities: tuple[str, ...],
-    force: str | None,
-    probe: str | None,
-    body: str | None,
     point: tuple[float, float] | None,
     field: str | None,
     as_csv: bool,
+    **names: str | None,
 ) -> int:
     """Print a result at any position on the load path.
 
@@ -106,39 +87,40 @@ def probe(
     results are evaluated from the power series of the run, or interpolated with an error estimate if there
     are none. Without options, list the available results.
     """
-    with numerics(1):
-        from mlsanm_cli.app.results import probe as app
-
-    targets = [name for name in (contact, force, probe, body) if name is not None]
-    pointless = contact is not None or force is not None or not targets
+    targets = {kind: name for kind, name in names.items() if name is not None}
     for wrong, message, hint in (
         (
             len(targets) > 1,
             "more than one result selected",
             "give one of --contact, --force, --probe, --body",
         ),
-        ((body is None) != (point is None), "--body and --point are needed together", POINT_HINT),
-        (quantities and contact is None, "--quantity needs a contact", "add --contact NAME"),
-        (field is not None and pointless, "--field needs a point", "add --body and --point, or --probe"),
+        (("body" in targets) != (point is not None), "--body and --point are needed together", POINT_HINT),
+        (quantities and "contact" not in targets, "--quantity needs a contact", "add --contact NAME"),
+        (
+            field is not None and not targets.keys() & {"body", "probe"},
+            "--field needs a point",
+            "add --body and --point, or --probe",
+        ),
         (as_csv and settings.json, "--csv and --json exclude each other", "give one of them"),
     ):
         if wrong:
             raise RunError(message, hint)
     if not targets:
-        found = app.contents(rundir)
+        found = of_app("results.probe.contents")(rundir)
         print_result(settings, found, pretty_result(settings, found))
         return 0
-    if contact is not None:
-        title, rows = f"contact {contact}", app.probe_contact(rundir, at, contact, quantities)
-    elif force is not None:
-        title, rows = f"force of {force}", app.probe_force(rundir, at, force)
-    elif probe is not None:
-        title, rows = f"probe {probe}", app.probe_named(rundir, at, probe, field)
+    ((kind, name),) = targets.items()
+    title = f"{kind} {name}"
+    if kind == "contact":
+        rows = of_app("results.probe.probe_contact")(rundir, at, name, quantities)
+    elif kind == "force":
+        title, rows = f"force of {name}", of_app("results.probe.probe_force")(rundir, at, name)
+    elif kind == "probe":
+        rows = of_app("results.probe.probe_named")(rundir, at, name, field)
     else:
-        assert body is not None
         assert point is not None
-        title = f"{body} at ({point[0]:g}, {point[1]:g})"
-        rows = app.probe_point(rundir, at, body, point, field)
+        title = f"{name} at ({point[0]:g}, {point[1]:g})"
+        rows = of_app("results.probe.probe_point")(rundir, at, name, point, field)
     if as_csv:
         for row in rows:
             if "error" in row:

@@ -8,12 +8,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cells import Faces, dual_faces
 from mlsanm_cli.cloud.curves import Outline
 from mlsanm_cli.cloud.front import fill_region, relax
-from mlsanm_cli.cloud.halves import halved
+from mlsanm_cli.cloud.halves import halved, with_line_nodes
 from mlsanm_cli.cloud.joined import SMOOTH_ANGLE
 from mlsanm_cli.cloud.membership import boundary_chords, inside_body, joints
 from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
@@ -25,7 +26,6 @@ from mlsanm_cli.cloud.tips import Tips, tips_of
 from mlsanm_cli.cloud.triangles import triangulate
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
-from mlsanm_cli.startup import cKDTree
 
 CANDIDATES = 15
 FLAT_RADIUS = 10.0
@@ -190,7 +190,10 @@ def build_cloud(
         half = halved(line, boundary, edges, spacing)
     if half is None:
         boundary, surfaces, edges = _bounded(outline, spacing, places)
-    first, chords = (boundary, boundary[edges].reshape(-1, 4)) if half is None else (half.start, half.chords)
+        first, chords = boundary, boundary[edges].reshape(-1, 4)
+    else:
+        mirror, chords, cuts = half
+        first = boundary[mirror.own]
     inside = _apart(inner, boundary, surfaces, spacing) if len(inner) else inner
     start, fixed = np.concatenate([first, inside]), len(boundary) + len(inside)
     far, zones = spacing.far, spacing.table()
@@ -201,12 +204,11 @@ def build_cloud(
             hint = "use larger spacings or smaller refinements"
             raise RunError(f"more than {limit} nodes in one body", hint)
         if half is None:
-            points, mirror = relax(points, fixed, spacing), None
-        else:
-            inner, upon = half.with_line_nodes(points[len(first) :], spacing)
-            points = relax(np.concatenate([boundary, inner]), fixed, spacing, line, upon - len(inside))
-            mirror = half.mirror(len(points), upon)
-        return Cloud(points, spacing.at(points), surfaces, mirror)
+            points = relax(points, fixed, spacing)
+            return Cloud(points, spacing.at(points), surfaces)
+        inner, upon = with_line_nodes(mirror.line, boundary, cuts, points[len(first) :], spacing)
+        points = relax(np.concatenate([boundary, inner]), fixed, spacing, line, upon - len(inside))
+        return Cloud(points, spacing.at(points), surfaces, mirror.extended(len(points), upon))
 
     key = digest(boundary, start, chords, far, zones, seed, limit, list(surfaces))
     return memo.value("cloud", key, made)

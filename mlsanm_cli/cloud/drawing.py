@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -24,26 +23,6 @@ ARC_CHORDS = 16
 """Chords per arc in the search for crossings."""
 MAX_CHORDS = 4000
 """Largest number of chords of an outline of sides: with more, the search for crossings takes seconds."""
-
-
-@dataclass(frozen=True)
-class Side:
-    """A boundary ``name``: a smooth curve through ``points``, or a straight line to ``to`` or, without it, to
-    the start of the next side."""
-
-    name: str
-    to: Point | None = None
-    points: tuple[Point, ...] | None = None
-
-    @property
-    def first(self) -> Point | None:
-        """Start point, if given."""
-        return None if self.points is None else self.points[0]
-
-    @property
-    def last(self) -> Point | None:
-        """End point, if given."""
-        return self.to if self.points is None else self.points[-1]
 
 
 def polygon(
@@ -97,31 +76,36 @@ def polygon(
     return chain
 
 
-def closed_chain(sides: Sequence[Side]) -> list[Named]:
-    """Straight sides and smooth curves joined end to end, counter-clockwise. Raises OutlineError for sides
+def closed_chain(
+    names: Sequence[str], targets: Sequence[Point | None], curves: Sequence[tuple[Point, ...] | None]
+) -> list[Named]:
+    """Sides by name, joined end to end, counter-clockwise: smooth ``curves`` through points, or straight
+    lines to their ``targets`` or, without one, to the start of the next side. Raises OutlineError for sides
     that do not join, and for collinear points."""
-    known = [point for side in sides for point in (side.points or (side.to,)) if point is not None]
+    sides = list(zip(targets, curves, strict=True))
+    known = [point for target, curve in sides for point in (curve or (target,)) if point is not None]
     size, count = extent(known or [(0.0, 0.0)]), len(sides)
-    _refuse(_join_faults(sides, COARSE_ROUND_OFF * size))
+    starts = [None if curve is None else curve[0] for curve in curves]
+    ends = [target if curve is None else curve[-1] for target, curve in sides]
+    _refuse(_join_faults(names, curves, starts, ends, COARSE_ROUND_OFF * size))
     chain: list[tuple[str, tuple[Point, ...]]] = []
     closed = False
-    for number, side in enumerate(sides):
-        before, after = sides[number - 1], sides[(number + 1) % count]
-        if side.points is None:
-            start, end = before.last, after.first or side.to
+    for number, (name, points) in enumerate(zip(names, curves, strict=True)):
+        following = starts[(number + 1) % count]
+        if points is None:
+            start, end = ends[number - 1], following or targets[number]
             assert start is not None
             assert end is not None
-            chain.append((side.name, (start, end)))
+            chain.append((name, (start, end)))
             continue
-        points = side.points
         if count == 1:
             # Starts at the highest point, as disks do, so that a vertical symmetry line crosses at a node.
-            top = max(range(len(points) - 1), key=lambda k: points[k][1])
+            top = int(np.argmax([y for _, y in points[:-1]]))
             points, closed = (*points[top:-1], *points[: top + 1]), True
-        elif after.first is not None:
+        elif following is not None:
             # Ends that coincide within round-off become one point.
-            points = (*points[:-1], after.first)
-        chain.append((side.name, points))
+            points = (*points[:-1], following)
+        chain.append((name, points))
     corners = np.array([point for _, points in chain for point in points[:-1]])
     area = signed_area(corners)
     if len(corners) > MAX_CHORDS:
@@ -206,28 +190,33 @@ def _rounding_faults(
             )
 
 
-def _join_faults(sides: Sequence[Side], slack: float) -> Iterator[Fault]:
+def _join_faults(
+    names: Sequence[str],
+    curves: Sequence[tuple[Point, ...] | None],
+    starts: Sequence[Point | None],
+    ends: Sequence[Point | None],
+    slack: float,
+) -> Iterator[Fault]:
     repeated = [
         Fault(("sides", number, "points", k), f"({b[0]:g}, {b[1]:g}) repeats the point before it")
-        for number, side in enumerate(sides)
-        for k, (a, b) in enumerate(pairwise(side.points or ()), start=1)
+        for number, curve in enumerate(curves)
+        for k, (a, b) in enumerate(pairwise(curve or ()), start=1)
         if math.dist(a, b) <= slack
     ]
     if repeated:
         yield repeated[0]
         return
-    for number, side in enumerate(sides):
-        before = sides[number - 1]
-        start, end = side.first, before.last
+    for number, (name, start) in enumerate(zip(names, starts, strict=True)):
+        before, end = names[number - 1], ends[number - 1]
         if start is None and end is None:
-            text = f'the point where "{before.name}" ends and "{side.name}" begins is missing'
-            yield Fault(("sides", number), text, f'write to = [x, y] in "{before.name}"')
+            text = f'the point where "{before}" ends and "{name}" begins is missing'
+            yield Fault(("sides", number), text, f'write to = [x, y] in "{before}"')
         elif start is not None and end is not None and math.dist(start, end) > slack:
             places = f"({start[0]:g}, {start[1]:g})", f"({end[0]:g}, {end[1]:g})"
             hint = "every side begins where the one before ends"
-            if len(sides) == 1:
+            if len(names) == 1:
                 hint = "end where it begins, or add a side without points: a straight line back"
-            text = f'"{side.name}" begins at {places[0]}, "{before.name}" ends at {places[1]}'
+            text = f'"{name}" begins at {places[0]}, "{before}" ends at {places[1]}'
             yield Fault(("sides", number), text, hint)
 
 

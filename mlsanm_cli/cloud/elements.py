@@ -7,13 +7,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import scipy.sparse as sparse
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.loops import Loop
 from mlsanm_cli.cloud.membership import signed_area
 from mlsanm_cli.errors import GeometryError
 from mlsanm_cli.roundoff import ROUND_OFF
-from mlsanm_cli.startup import cKDTree
 
 
 def boundary_loops(

@@ -10,13 +10,13 @@ from __future__ import annotations
 import time
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.kernels.fill import DONE, EMPTY, FULL_POINTS, FULL_TABLE, advance_front, spacing_at
-from mlsanm_cli.startup import cKDTree
 
 SLICE_SECONDS = 0.05
 """Target duration of a slice, s: the delay of Ctrl-C."""

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Segment
 from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.cloud.spacing import Spacing
-from mlsanm_cli.startup import cKDTree
 
 SNAP_DISTANCE = 0.3
 """Nodes closer to the line than this fraction of the spacing are moved onto it."""
@@ -22,49 +21,26 @@ HOLE_STEP = 0.1
 """Step of the search for such points, in spacings."""
 
 
-@dataclass(frozen=True)
-class Half:
-    """The half of a body on the positive side of the ``line``.
-
-    ``start`` (s, 2) are its boundary nodes and ``chords`` (c, 4) its closed outline, of which the last are
-    the ``cuts`` (k, 2, 2) along the line. ``image`` (b,) and ``side`` (b,) refer to all ``boundary`` nodes
-    (b, 2).
-    """
-
-    line: SymmetryLine
-    boundary: FloatArray
-    start: FloatArray
-    chords: FloatArray
-    cuts: FloatArray
-    image: IntArray
-    side: IntArray
-
-    def with_line_nodes(self, inner: FloatArray, spacing: Spacing) -> tuple[FloatArray, int]:
-        """Interior nodes ``inner`` (n, 2) of the half with holes along the line filled, those on the line
-        first, and the number of the latter."""
-        line = self.line
-        inner = inner.copy()
-        upon = np.abs(inner[:, line.axis] - line.at) < SNAP_DISTANCE * spacing.at(inner)
-        inner[upon, line.axis] = line.at
-        tree = cKDTree(np.concatenate([self.boundary, inner]))
-        filled = [node for cut in self.cuts for node in _fillings(cut, tree, spacing)]
-        added = np.array(filled).reshape(-1, 2)
-        return np.concatenate([inner[upon], added, inner[~upon]]), int(upon.sum()) + len(added)
-
-    def mirror(self, count: int, upon: int) -> Mirror:
-        """Symmetry of ``count`` nodes ordered as: boundary nodes, ``upon`` nodes on the line, interior nodes
-        of the half, their images."""
-        first = len(self.boundary)
-        on = np.arange(first, first + upon)
-        adjacent, beyond = np.split(np.arange(first + upon, count), 2)
-        image = np.concatenate([self.image, on, beyond, adjacent])
-        side = [self.side, np.zeros_like(on), np.ones_like(adjacent), -np.ones_like(beyond)]
-        return Mirror(self.line, image, np.concatenate(side))
+def with_line_nodes(
+    line: SymmetryLine, boundary: FloatArray, cuts: FloatArray, inner: FloatArray, spacing: Spacing
+) -> tuple[FloatArray, int]:
+    """Interior nodes ``inner`` (n, 2) of the half of a body with ``boundary`` nodes (b, 2), with holes along
+    the ``cuts`` (k, 2, 2) filled, those on the ``line`` first, and the number of the latter."""
+    inner = inner.copy()
+    upon = np.abs(inner[:, line.axis] - line.at) < SNAP_DISTANCE * spacing.at(inner)
+    inner[upon, line.axis] = line.at
+    tree = cKDTree(np.concatenate([boundary, inner]))
+    filled = [node for cut in cuts for node in _fillings(cut, tree, spacing)]
+    added = np.array(filled).reshape(-1, 2)
+    return np.concatenate([inner[upon], added, inner[~upon]]), int(upon.sum()) + len(added)
 
 
-def halved(line: SymmetryLine, boundary: FloatArray, edges: IntArray, spacing: Spacing) -> Half | None:
-    """The half of the body whose ``boundary`` nodes (b, 2) are joined by ``edges`` (e, 2). None if they are
-    not mirror-symmetric, or if the line runs along the boundary."""
+def halved(
+    line: SymmetryLine, boundary: FloatArray, edges: IntArray, spacing: Spacing
+) -> tuple[Mirror, FloatArray, FloatArray] | None:
+    """Symmetry of ``boundary`` nodes (b, 2) joined by ``edges`` (e, 2), chords (c, 4) of the closed outline
+    of the half on the positive side, and its cuts (k, 2, 2) along the ``line``, the last of the chords. None
+    if the nodes are not mirror-symmetric, or if the line runs along the boundary."""
     image = line.images(boundary, spacing.at(boundary))
     if image is None:
         return None
@@ -89,7 +65,7 @@ def halved(line: SymmetryLine, boundary: FloatArray, edges: IntArray, spacing: S
     cuts = np.full((len(crossed) // 2, 2, 2), line.at)
     cuts[:, :, along] = crossed.reshape(-1, 2)
     chords = np.concatenate([chords, cuts]).reshape(-1, 4)
-    return Half(line, boundary, boundary[side >= 0], chords, cuts, image, side)
+    return Mirror(line, image, side), chords, cuts
 
 
 def _fillings(cut: FloatArray, tree: cKDTree, spacing: Spacing) -> Iterator[FloatArray]:

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.roundoff import ROUND_OFF
-from mlsanm_cli.startup import cKDTree
 
 
 @dataclass(frozen=True)
@@ -72,6 +72,16 @@ class Mirror:
         beyond = self.side < 0
         place[beyond] = place[self.image[beyond]]
         return place
+
+    def extended(self, count: int, upon: int) -> Mirror:
+        """Symmetry of ``count`` nodes ordered as: these nodes, ``upon`` nodes on the line, further nodes on
+        the positive side, their images."""
+        first = len(self.image)
+        on = np.arange(first, first + upon)
+        adjacent, beyond = np.split(np.arange(first + upon, count), 2)
+        image = np.concatenate([self.image, on, beyond, adjacent])
+        side = [self.side, np.zeros_like(on), np.ones_like(adjacent), -np.ones_like(beyond)]
+        return Mirror(self.line, image, np.concatenate(side))
 
     def derivative_signs(self, kinds: int) -> FloatArray:
         """Factors under reflection of value, d/dx, d/dy, d2/dx2, d2/dxdy, d2/dy2, the first ``kinds`` of

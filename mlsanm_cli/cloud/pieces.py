@@ -11,12 +11,13 @@ from collections.abc import Collection
 
 import numpy as np
 import scipy.sparse as sparse
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.roundoff import ROUND_OFF
-from mlsanm_cli.startup import cKDTree, connected_components
 
 WIDTH_OVER_DEPTH = 1.0
 """Largest width of a piece over its depth inside the body: in thin bodies large pieces lose force and bending

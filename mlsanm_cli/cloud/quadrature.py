@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.startup import cKDTree
 
 REFINE_DISTANCE = 2.0
 """A triangle closer to a singular point than this times its longest side is divided into four, ..."""

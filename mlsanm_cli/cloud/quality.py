@@ -2,36 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.search import nearest
-from mlsanm_cli.startup import cKDTree
 
 BATCH_SIZE = 256
 """Triangles processed at once, largest first."""
 
 
-@dataclass(frozen=True)
-class CloudQuality:
-    """``closest``: separation distance over the local spacing; ``hole``: radius of the largest empty circle
-    (fill distance) over the local spacing; ``growth``: largest spacing difference of neighbours over their
-    distance."""
-
-    nodes: int
-    boundary_nodes: int
-    closest: float
-    hole: float
-    growth: float
-
-
-def measure(cloud: Cloud) -> CloudQuality:
-    """Quality figures of a cloud."""
+def measure(cloud: Cloud) -> dict[str, float]:
+    """Quality figures of a cloud: numbers of ``nodes`` and ``boundary_nodes``; over the local spacing the
+    ``closest`` distance of two nodes and the radius of the largest ``hole``, an empty circle; ``growth``, the
+    largest spacing difference of neighbours over their distance."""
     nearest_other, growth = cloud.separation
-    counts = len(cloud.points), len(cloud.boundary_nodes)
-    return CloudQuality(*counts, float(nearest_other.min()), _largest_hole(cloud), growth)
+    return {
+        "nodes": len(cloud.points),
+        "boundary_nodes": len(cloud.boundary_nodes),
+        "closest": float(nearest_other.min()),
+        "hole": _largest_hole(cloud),
+        "growth": growth,
+    }
 
 
 def _largest_hole(cloud: Cloud) -> float:

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import AnyArray, FloatArray, IntArray
-from mlsanm_cli.startup import cKDTree
 
 Result = TypeVar("Result")
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.search import nearest as nearest_nodes
 from mlsanm_cli.cloud.sight import VisibilityCriterion
-from mlsanm_cli.startup import cKDTree
 
 NEIGHBORS = 6
 MAX_FACING, OPPOSITE_COSINE = 32, 0.9

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.membership import inside_polygon
 from mlsanm_cli.kernels.sight import cut_lines
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
-from mlsanm_cli.startup import cKDTree
 
 MIN_DETOUR = 3.0
 """A void is a slit if the way along the outline from face to face is at least this many times its width. A

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 
 import numpy as np
+from scipy.linalg.lapack import dgtsv
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.curves import chord_zones
-from mlsanm_cli.startup import cKDTree, dgtsv
 
 GAUSS = 6
 """Gauss points per interval for arc lengths."""

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.loops import Loop, turns
 from mlsanm_cli.cloud.membership import inside_polygon, signed_area
 from mlsanm_cli.errors import GeometryError
 from mlsanm_cli.roundoff import ROUND_OFF
-from mlsanm_cli.startup import cKDTree
 
 GAP_RATIO = 4.0
 """A step this many times longer than adjacent ones is a gap in the boundary."""

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import Delaunay
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.membership import inside_polygon
 from mlsanm_cli.cloud.search import run_interruptible
 from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.roundoff import ROUND_OFF
-from mlsanm_cli.startup import Delaunay
 
 INTERRUPTIBLE_SIZE = 10_000
 """Below so many points the triangulation is too short to need interrupting."""

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from mlsanm_cli.continuation.corrector import Correction, SolveCounts, correct_end, point_at, residual_norm
-from mlsanm_cli.continuation.expansion import ExpansionPoint, Series, expand
+from mlsanm_cli.continuation.expansion import ExpansionPoint, expand
 from mlsanm_cli.continuation.path import Follower, Step, Stopped, StopReason
 from mlsanm_cli.continuation.problem import AnmOptions, FloatArray, SingularTangentError
 from mlsanm_cli.continuation.ranges import RangeOfValidity
@@ -46,13 +46,13 @@ class AnmFollower(Follower):
         direction, unit = self._direction()
         while not self._stopped:
             self._check_step_count()
-            series = self._series(here, direction, unit)
-            if series.keeps_residual:
-                here, series = self._returned(here, series, direction)
+            series, keeps_residual = self._series(here, direction, unit)
+            if keeps_residual:
+                here, series = self._returned(here, series, direction, unit)
             cut = self._before_event(series)
             branch = cut or self._validity.branch(series)
             if not cut:
-                self._check_length(here, series, branch)
+                self._check_length(here, branch, unit)
                 self._piece = branch
             limit = branch.length if self._locate_event is None or cut else self._locate_event(branch)
             if cut or limit < branch.length:
@@ -87,18 +87,19 @@ class AnmFollower(Follower):
         # A power of two adds no round-off.
         return direction, float(2.0 ** np.round(np.log2(length)))
 
-    def _series(self, here: ExpansionPoint, direction: tuple[FloatArray, float], unit: float) -> Series:
-        with np.errstate(over="ignore", invalid="ignore"):
-            series = expand(self._problem, self._metric, here, self._options.order, direction, unit)
+    def _series(
+        self, here: ExpansionPoint, direction: tuple[FloatArray, float], unit: float
+    ) -> tuple[Branch, bool]:
         self._effort.solves += self._options.order
-        return series
+        with np.errstate(over="ignore", invalid="ignore"):
+            return expand(self._problem, self._metric, here, self._options.order, direction, unit)
 
-    def _before_event(self, series: Series) -> Branch | None:
+    def _before_event(self, series: Branch) -> Branch | None:
         """Return the piece of path up to an event if the power series is valid that far, else None."""
         if self._locate_event is None:
             return None
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            piece = Branch(series.x, series.lam, self._validity.first_guess(series))
+            piece = series.shortened(self._validity.first_guess(series))
             crossing = piece.first_crossing(self._lam_end)
             piece = piece if crossing is None else piece.shortened(crossing)
             self._piece = piece
@@ -107,8 +108,8 @@ class AnmFollower(Follower):
         return piece.shortened(limit) if good else None
 
     def _returned(
-        self, here: ExpansionPoint, series: Series, direction: tuple[FloatArray, float]
-    ) -> tuple[ExpansionPoint, Series]:
+        self, here: ExpansionPoint, series: Branch, direction: tuple[FloatArray, float], unit: float
+    ) -> tuple[ExpansionPoint, Branch]:
         """Return the expansion point corrected to the path, and its series; the given ones if that fails."""
         if residual_norm(self._problem, here.x, here.lam) <= self._options.goal:
             return here, series
@@ -119,11 +120,11 @@ class AnmFollower(Follower):
             better = self._expansion_point(point.x, point.lam, self._effort)
         except SingularTangentError:
             return here, series
-        return better, self._series(better, direction, series.unit)
+        return better, self._series(better, direction, unit)[0]
 
-    def _check_length(self, here: ExpansionPoint, series: Series, branch: Branch) -> None:
+    def _check_length(self, here: ExpansionPoint, branch: Branch, unit: float) -> None:
         """Raise Stopped if the valid piece of path from ``here`` is shorter than the shortest step."""
-        shortest = self._options.min_length / series.unit
+        shortest = self._options.min_length / unit
         if branch.length > shortest or branch.first_crossing(self._lam_end) is not None:
             return
         place = f"at load factor {here.lam:.9g}"

@@ -28,6 +28,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mlsanm_cli.continuation.problem import FloatArray, Problem, SingularTangentError, Tangent
+from mlsanm_cli.continuation.series import Branch
 
 
 class Metric:
@@ -75,17 +76,6 @@ start: along a motion with very little stiffness, round-off in the residual woul
 the path."""
 
 
-@dataclass(frozen=True, eq=False)
-class Series:
-    """Coefficients ``x``, shape (N + 1, size), and ``lam``, shape (N + 1,); ``unit`` is the length of T.
-    ``keeps_residual``: the series does not return to the path but keeps the residual of its start."""
-
-    x: FloatArray
-    lam: FloatArray
-    unit: float
-    keeps_residual: bool
-
-
 def expand(
     problem: Problem,
     metric: Metric,
@@ -93,8 +83,9 @@ def expand(
     order: int,
     direction: tuple[FloatArray, float],
     unit: float,
-) -> Series:
-    """Return the series of the path at ``start`` (``order`` solves). The tangent has a positive product with
+) -> tuple[Branch, bool]:
+    """Return the series of the path at ``start`` (``order`` solves), as a piece of no length, and whether it
+    does not return to the path but keeps the residual of its start. The tangent has a positive product with
     ``direction`` and the length ``unit``, a guess of the length of the step. Coefficients that overflow are
     returned; the residuals computed by the caller show it."""
     x = np.empty((order + 1, start.x.size))
@@ -117,10 +108,10 @@ def expand(
     orders = getattr(start.tangent, "orders", None)
     if orders is not None:
         orders(x, lam, slope, normal, denominator)
-        return Series(x, lam, unit, keeps_residual)
+        return Branch(x, lam, 0.0), keeps_residual
     for k in range(2, order + 1):
         free = solve(problem.series_rhs(x[:k], lam[:k]))
         lam[k] = -float(normal @ free) / denominator
         np.multiply(slope, lam[k], out=x[k])
         x[k] += free
-    return Series(x, lam, unit, keeps_residual)
+    return Branch(x, lam, 0.0), keeps_residual

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mlsanm_cli.continuation.corrector import residual_norm
-from mlsanm_cli.continuation.expansion import Metric, Series
+from mlsanm_cli.continuation.expansion import Metric
 from mlsanm_cli.continuation.problem import AnmOptions, FloatArray, Problem
 from mlsanm_cli.continuation.series import Branch, denominator, nearest_pole
 
@@ -58,15 +58,14 @@ class RangeOfValidity:
         return residual_norm(self.problem, x, lam) if np.isfinite(lam) else np.inf
 
     @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-    def branch(self, series: Series) -> Branch:
+    def branch(self, series: Branch) -> Branch:
         """Return the longest valid piece of path of a ``series``; its length is 0 if there is none. The piece
         ends at the latest where it first reaches ``lam_end``."""
         guess = self.first_guess(series)
         rational = self._rational(series, guess) if self.options.pade and guess > 0.0 else None
         if rational is not None and rational.length > _CLEAR_GAIN * guess:
             return rational
-        taylor = Branch(series.x, series.lam, 0.0)
-        taylor = taylor.shortened(self._range(taylor, guess, np.inf))
+        taylor = series.shortened(self._range(series, guess, np.inf))
         if rational is not None and rational.length > _MIN_GAIN * taylor.length:
             return rational
         return taylor
@@ -76,7 +75,7 @@ class RangeOfValidity:
         limit = _LIMIT * self.options.tolerance
         return all(self.error(branch, part * a) <= limit for part in _SHORT_RANGE_CHECKS)
 
-    def first_guess(self, series: Series) -> float:
+    def first_guess(self, series: Branch) -> float:
         """Return the classical range of a power series."""
         weight = np.sqrt(self.metric.weight)
         first, last = (max(np.abs(weight * series.x[k]).max(), abs(series.lam[k])) for k in (1, -1))
@@ -92,7 +91,7 @@ class RangeOfValidity:
             return float(min((self.options.tolerance * first / last) ** (1.0 / (order - 1)), most))
         return float(along) if along > 0.0 else 1.0
 
-    def _rational(self, series: Series, guess: float) -> Branch | None:
+    def _rational(self, series: Branch, guess: float) -> Branch | None:
         """Return the longest valid Padé approximant, None if there is none."""
         scaled = np.column_stack([np.sqrt(self.metric.weight) * series.x, series.lam])
         lower = denominator(scaled, guess)

@@ -8,9 +8,8 @@ import io
 import re
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,8 +40,7 @@ _PLANE = {"3": "CPS3", "4": "CPS4", "6": "CPE6", "8": "S8R"}
 """Names that meshio knows of Abaqus' plane elements, by their number of nodes."""
 
 
-@dataclass(frozen=True)
-class MeshFile:
+class MeshFile(NamedTuple):
     """The elements of one body. ``points`` (n, 2) are the nodes in use, ``rings`` arrays (e, m) of the nodes
     around elements, ``lines`` (l, 2) edges with the names (l,) of their groups ("": none), ``node_sets`` the
     named sets of nodes."""

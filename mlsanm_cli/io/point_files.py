@@ -5,9 +5,8 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,8 +22,7 @@ UNIT_LENGTH_TOLERANCE = 1e-3
 """Largest deviation of normals from unit length; they are normalised."""
 
 
-@dataclass(frozen=True)
-class PointFile:
+class PointFile(NamedTuple):
     """``points`` (n, 2), ``tags`` (n,) ("": interior), ``normals`` (n, 2) (nan: not given), and ``places``
     (n,), the line or row of each for messages."""
 

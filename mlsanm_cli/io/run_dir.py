@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import shlex
+from collections.abc import Iterable
 from pathlib import Path
 
 import h5py
@@ -12,7 +13,7 @@ import h5py
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import TEMPORARY_SUFFIX, cannot_write
 from mlsanm_cli.io.lock import LOCK_FILE, refuse_held
-from mlsanm_cli.io.schema import INTERFACE_COLUMNS, members
+from mlsanm_cli.io.schema import INTERFACE_COLUMNS
 
 RUN_FILE = "run.h5"
 SUMMARY_FILE = "summary.json"
@@ -83,27 +84,18 @@ def prepare(directory: Path, force: bool) -> None:
     removed, and no others. Raises RunError if the directory holds a run or other files and ``force`` is not
     given, if another file in it has a name that the run needs, or if it is not writable.
     """
-    try:
-        for path in _plan(directory, force):
-            path.unlink(missing_ok=True)
-        directory.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise cannot_write(directory, error) from error
+    _remove(_plan(directory, force), directory)
 
 
 def reopen(directory: Path) -> None:
     """Removes the files that only a completed run has; the caller has locked ``directory``. Raises
     RunError."""
-    try:
-        for name in (SUMMARY_FILE, FAILURE_FILE):
-            (directory / name).unlink(missing_ok=True)
-    except OSError as error:
-        raise cannot_write(directory, error) from error
+    _remove([directory / name for name in (SUMMARY_FILE, FAILURE_FILE)], directory)
 
 
-def check_comparison(directory: Path, force: bool) -> None:
-    """Raises RunError if `prepare_comparison` would refuse ``directory``. Changes no file. A comparison may
-    be in the directory of a run, whose files it does not change."""
+def check_comparison(directory: Path, force: bool) -> list[Path]:
+    """The files of an earlier comparison to remove. Raises RunError if `prepare_comparison` would refuse
+    ``directory``. A comparison may be in the directory of a run, whose files it does not change."""
     _check_place(directory)
     entries = _entries(directory)
     known = [path for path in entries if path.name in _COMPARISON]
@@ -121,15 +113,19 @@ def check_comparison(directory: Path, force: bool) -> None:
             f"{directory} is not empty and holds no run of mlsanm",
             hint="use another --out, or --force to write the comparison next to the files in it",
         )
+    return known
 
 
 def prepare_comparison(directory: Path, force: bool) -> None:
     """Prepares ``directory`` for a comparison; with ``force`` an earlier one is removed. Raises RunError."""
-    check_comparison(directory, force)
+    _remove(check_comparison(directory, force), directory)
+
+
+def _remove(files: Iterable[Path], directory: Path) -> None:
+    """Removes files of a directory, which is created if it does not exist. Raises RunError."""
     try:
-        for path in _entries(directory):
-            if path.name in _COMPARISON:
-                path.unlink()
+        for path in files:
+            path.unlink(missing_ok=True)
         directory.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise cannot_write(directory, error) from error
@@ -217,7 +213,7 @@ def _is_ours(path: Path) -> bool:
     if _INTERFACE.fullmatch(name):
         # A table of the user may be called interface_notes.csv: the header decides.
         with path.open("rb") as stream:
-            return stream.readline().strip() == ",".join(members(INTERFACE_COLUMNS)).encode()
+            return stream.readline().strip() == ",".join(INTERFACE_COLUMNS).encode()
     if name == REPORT_FILE:
         # Imported only if there is a report.
         from mlsanm_cli.io.html import is_ours

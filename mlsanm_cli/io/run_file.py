@@ -23,7 +23,6 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -52,16 +51,10 @@ _LIBRARY_VERSIONS = ("v108", "v110")
 Attribute = str | int | float
 Value = np.ndarray[Any, Any] | str | list[str]
 """The value of a dataset: an array, a text, or texts."""
-
-
-@dataclass(frozen=True, eq=False)
-class Change:
-    """The arguments of a call of `RunFile.add`."""
-
-    rows: Sequence[Mapping[str, NDArray[Any]]]
-    datasets: Mapping[str, Value]
-    attributes: Mapping[str, Mapping[str, Attribute]]
-    latest: Callable[[], Mapping[str, Value]] | None
+Attributes = Mapping[str, Mapping[str, Attribute]]
+Latest = Callable[[], Mapping[str, Value]]
+Change = tuple[list[dict[str, NDArray[Any]]], dict[str, Value], Attributes, Latest | None]
+"""The arguments of a call of `RunFile.add`: rows, datasets, attributes and the checkpoint."""
 
 
 class RunFile(Closing):
@@ -108,8 +101,8 @@ class RunFile(Closing):
         self,
         rows: Sequence[Mapping[str, Any]] = (),
         datasets: Mapping[str, Value] | None = None,
-        attributes: Mapping[str, Mapping[str, Attribute]] | None = None,
-        latest: Callable[[], Mapping[str, Value]] | None = None,
+        attributes: Attributes | None = None,
+        latest: Latest | None = None,
     ) -> None:
         """Adds rows (one value for every column they name), datasets (replacing those of the same name) and
         attributes of groups ("": the root). Arrays are copied. ``latest`` returns the datasets of a
@@ -121,7 +114,7 @@ class RunFile(Closing):
         }
         self._unsaved = True
         # One change of one list, which no signal can interrupt.
-        self._pending.append(Change(kept, arrays, attributes or {}, latest))
+        self._pending.append((kept, arrays, attributes or {}, latest))
 
     def confirm(self, datasets: Mapping[str, Value]) -> None:
         """Stores datasets that do not exist yet. Raises RunError if an existing one differs."""
@@ -186,15 +179,14 @@ class RunFile(Closing):
         taken = list(self._pending)
         columns: dict[str, list[Any]] = {}
         latest = None
-        for change in taken:
-            for row in change.rows:
-                for name, value in row.items():
-                    columns.setdefault(name, []).append(value)
-            for name, content in change.datasets.items():
+        for rows_of, datasets, attributes, checkpoint in taken:
+            for name, value in (item for row in rows_of for item in row.items()):
+                columns.setdefault(name, []).append(value)
+            for name, content in datasets.items():
                 self._put(name, content)
-            for name, numbers in change.attributes.items():
+            for name, numbers in attributes.items():
                 self._group(name).attrs.update(numbers)
-            latest = change.latest or latest
+            latest = checkpoint or latest
         if latest is not None:
             self._put_checkpoint(latest())
         rows = dict(self._rows)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 COMPONENTS: Mapping[str, tuple[str, ...]] = {
     "xy": ("x", "y"),
@@ -23,7 +23,8 @@ class Quantity(NamedTuple):
 
     ``path`` is its dataset, column, array or key; ``dimensions`` name its axes, in order; ``unit`` is length,
     stress, force, angle, time or "" for numbers, products with ``*``; forces and works are per unit
-    thickness. ``description`` is what labels call it, ``dtype`` that of numpy, "text" or "mapping".
+    thickness. ``description`` is what labels call it, ``dtype`` that of numpy, "text" or "mapping"; ``rest``
+    is the value in the undeformed body.
     """
 
     path: str
@@ -31,6 +32,7 @@ class Quantity(NamedTuple):
     unit: str
     description: str
     dtype: str = "float64"
+    rest: float = 0.0
 
     @property
     def name(self) -> str:
@@ -52,10 +54,12 @@ class Scalar(NamedTuple):
     component: int | None
     label: str
     unit: str
+    rest: float = 0.0
 
 
-def _table(prefix: str, *rows: tuple[str, str, str, str] | tuple[str, str, str, str, str]) -> Table:
-    """Quantities below a prefix, from path, dimensions separated by spaces, unit, description and type."""
+def _table(prefix: str, *rows: tuple[Any, ...]) -> Table:
+    """Quantities below a prefix, from path, dimensions separated by spaces, unit, description and what
+    follows."""
     return tuple(Quantity(prefix + path, tuple(axes.split()), *rest) for path, axes, *rest in rows)
 
 
@@ -65,8 +69,8 @@ FIELDS: Table = _table(
     ("stress", "node tensor", "stress", "stress"),
     ("von_mises", "node", "stress", "von Mises stress"),
     ("strain", "node tensor", "", "strain"),
-    ("stretch", "node principal", "", "principal stretch"),
-    ("volume_ratio", "node", "", "volume ratio"),
+    ("stretch", "node principal", "", "principal stretch", "float64", 1.0),
+    ("volume_ratio", "node", "", "volume ratio", "float64", 1.0),
 )
 """Saved fields; stresses are Cauchy stresses. The last two at finite strain only."""
 
@@ -172,49 +176,23 @@ PATH_COLUMNS: Table = _table(
 )
 """The columns of path.csv, one row per step; vectors have two columns that end in _x and _y."""
 
-INTERFACE_COLUMNS: Table = _table(
-    "",
-    ("x", "", "length", "x"),
-    ("y", "", "length", "y"),
-    ("arc_length", "", "length", "arc length"),
-    ("gap", "", "length", "gap"),
-    ("pressure", "", "stress", "pressure"),
-    ("traction", "", "stress", "traction"),
-    ("slip", "", "length", "slip"),
-    ("status", "", "", "status: 0 open, 1 stick, 2 slip", "int8"),
+INTERFACE_COLUMNS = ("x", "y", "arc_length", "gap", "pressure", "traction", "slip", "status")
+"""The columns of interface.csv, quantities of the contact in its last row; x and y are its points."""
+BODY_ARRAYS = (
+    *("displacement", "stress", "von_mises", "strain", "stretch_1", "stretch_2", "volume_ratio"),
+    "boundary_tag",
 )
-"""The columns of interface.csv, one row per slave node."""
-
-BODY_ARRAYS: Table = _table(
-    "",
-    ("displacement", "xy", "length", "displacement"),
-    ("stress", "tensor", "stress", "stress, with the component zz"),
-    ("von_mises", "", "stress", "von Mises stress"),
-    ("strain", "tensor", "", "in-plane strain"),
-    ("boundary_tag", "", "", "number of the boundary, 0 inside", "int32"),
-    ("stretch_1", "", "", "larger principal stretch"),
-    ("stretch_2", "", "", "smaller principal stretch"),
-    ("volume_ratio", "", "", "volume ratio"),
+CONTACT_ARRAYS = (
+    *("pressure", "traction", "gap", "status", "arc_length", "slip"),
+    "displacement",
+    "normal",
+    "contact_stress",
+    "contact",
 )
-CONTACT_ARRAYS: Table = _table(
-    "",
-    ("pressure", "", "stress", "pressure"),
-    ("traction", "", "stress", "traction"),
-    ("gap", "", "length", "gap"),
-    ("status", "", "", "status: 0 open, 1 stick, 2 slip", "int32"),
-    ("arc_length", "", "length", "arc length"),
-    ("slip", "", "length", "slip, with friction"),
-    ("displacement", "xy", "length", "displacement"),
-    ("normal", "xy", "", "normal"),
-    ("contact_stress", "xy", "stress", "pressure and traction on the slave"),
-    ("contact", "", "", "number of the contact", "int64"),
-)
-OBSTACLE_ARRAYS: Table = _table(
-    "",
-    ("displacement", "xy", "length", "displacement"),
-    ("obstacle", "", "", "number of the obstacle", "int64"),
-)
-"""The arrays of fields_0000.vtu, contacts_0000.vtu, obstacles_0000.vtu and so on, one value per point."""
+OBSTACLE_ARRAYS = ("displacement", "obstacle")
+"""The arrays of fields_0000.vtu, contacts_0000.vtu, obstacles_0000.vtu and so on, quantities of the same
+names; boundary_tag, contact and obstacle are numbers, contact_stress is pressure and traction on the slave as
+a vector."""
 
 CONTACT_FIGURES: Table = _table(
     "contacts.{contact}.",
@@ -296,6 +274,7 @@ SUMMARY: Table = (
         ("wall_seconds", "", "time", "wall time"),
         ("peak_memory_mb", "", "", "peak memory in MB"),
         ("warnings", "", "", "warnings", "text"),
+        ("checks", "", "", "values and limits of all checks", "mapping"),
     ),
 )
 """The keys of summary.json."""
@@ -309,7 +288,7 @@ def scalars(table: Table) -> dict[str, Scalar]:
     """The scalars of fields by name: von_mises, ux, uy and displacement, xx, yy and xy, strain_xx, ...
 
     >>> scalars(FIELDS)["uy"]
-    Scalar(quantity='displacement', component=1, label='displacement in y', unit='length')
+    Scalar(quantity='displacement', component=1, label='displacement in y', unit='length', rest=0.0)
     """
     chosen: dict[str, Scalar] = {}
     for one in table:
@@ -317,9 +296,9 @@ def scalars(table: Table) -> dict[str, Scalar]:
         word = " in " if axis == "xy" else " "
         for number, part in enumerate(COMPONENTS.get(axis, ())):
             name = PREFIXES.get(one.name, f"{one.name}_") + part
-            chosen[name] = Scalar(one.name, number, f"{one.description}{word}{part}", one.unit)
+            chosen[name] = Scalar(one.name, number, f"{one.description}{word}{part}", one.unit, one.rest)
         if axis == "xy" or axis not in COMPONENTS:
-            chosen[one.name] = Scalar(one.name, None, one.description, one.unit)
+            chosen[one.name] = Scalar(one.name, None, one.description, one.unit, one.rest)
     return chosen
 
 

@@ -6,10 +6,9 @@ doi:10.1137/0805005). A front's negative unknowns come last among its pivots.
 
 Front f eliminates the nodes ``start[f]`` to ``start[f + 1]``, in order of elimination, each with two
 unknowns, and updates its border: later nodes, eliminated by its ancestors. A front's descendants come right
-before it. Its panel of the factor, (height, pivots) with height the pivots and the stored part of the border
-(all, or as :mod:`mlsanm_cli.kernels.domains` decides), consists of blocks of BLOCK_COLUMNS columns, each
-column-major from its diagonal down. The update passed to the parent ``parent[f]`` is stored by columns from
-the diagonal down.
+before it. Its panel of the factor (height, pivots), with height the pivots and the border, is column-major
+and valid on and below the diagonal; it is assembled and factorised in place. The update passed to the parent
+``parent[f]`` is stored by columns from the diagonal down.
 """
 
 from __future__ import annotations
@@ -20,13 +19,11 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.kernels.aot.jit import inner, kernel
-from mlsanm_cli.kernels.aot.signature import Float3, FloatOut1, Index1, Int1, IntOut1
+from mlsanm_cli.kernels.aot.signature import Float3, FloatOut1, Index1, Int1
 from mlsanm_cli.kernels.blas import dpotrf, dsyrk
 from mlsanm_cli.kernels.copies import copy_to
 from mlsanm_cli.kernels.dense import LOWER, PLAIN, TRANSPOSED, letters, multiply, solve_right
 
-BLOCK_COLUMNS = 64
-"""Columns per stored block of the factor."""
 STRIP_COLUMNS = 64
 """Columns eliminated at once."""
 
@@ -206,16 +203,12 @@ def _subtract_schur(
 
 
 @inner
-def _keep_columns(
-    matrix: FloatArray, columns: int, height: int, rows: int, block: int, kept: FloatArray
-) -> None:
-    """Pack the first ``rows`` of the columns of a matrix (height, columns), in groups of ``block`` columns
-    from their diagonal down."""
+def _pack(matrix: FloatArray, size: int, packed: FloatArray) -> None:
+    """Store a symmetric matrix (size, size) by columns from the diagonal down."""
     at = 0
-    for column in range(columns):
-        first = column - column % block
-        copy_to(kept[at:], matrix[height * column + first : height * column + rows])
-        at += rows - first
+    for column in range(size):
+        copy_to(packed[at:], matrix[size * column + column : size * (column + 1)])
+        at += size - column
 
 
 @kernel
@@ -225,7 +218,6 @@ def factorise(
     parent: Int1,
     begin: Int1,
     border: Int1,
-    kept: Int1,
     panel: Int1,
     most: int,
     indptr: Index1,
@@ -234,29 +226,26 @@ def factorise(
     order: Int1,
     place: Int1,
     values: FloatOut1,
-    done: IntOut1,
 ) -> int:
     """Compute the panels of the factor into ``values``, at offsets ``panel`` (f + 1,); returns the first
     front with a pivot of the wrong sign, or -1.
 
     ``negative`` (f,) is the number of nodes of each front, its last ones, with negative pivots. ``begin``,
-    ``border`` and ``most`` come from :func:`borders`; a front stores the rows of its first ``kept`` (f,)
-    border nodes. ``indptr``, ``indices``, ``blocks`` (e, 2, 2) are the symmetric matrix by nodes. ``done``
-    (1,) counts finished fronts, for progress display.
+    ``border`` and ``most`` come from :func:`borders`. ``indptr``, ``indices``, ``blocks`` (e, 2, 2) are the
+    symmetric matrix by nodes.
     """
     waiting = np.empty(most)
-    tallest, widest = 0, 0
+    widest = 0
     for f in range(len(parent)):
-        pivots, edge = 2 * (start[f + 1] - start[f]), 2 * (begin[f + 1] - begin[f])
-        tallest, widest = max(tallest, pivots * (pivots + edge)), max(widest, edge)
-    whole, changed = np.empty(tallest), np.empty(widest**2)
+        widest = max(widest, 2 * (begin[f + 1] - begin[f]))
+    changed = np.empty(widest**2)
     local = np.zeros(len(order), dtype=np.int64)
     owner = np.empty(len(parent), dtype=np.int64)
     top, depth = 0, 0
     for f in range(len(parent)):
         pivots, edge = 2 * (start[f + 1] - start[f]), 2 * (begin[f + 1] - begin[f])
         locate((start[f], start[f + 1]), border[begin[f] : begin[f + 1]], local)
-        front, update = whole[: pivots * (pivots + edge)], changed[: edge**2]
+        front, update = values[panel[f] : panel[f + 1]], changed[: edge**2]
         front[:] = 0.0
         for column in range(edge):
             # The upper triangle is never read.
@@ -279,10 +268,8 @@ def factorise(
         positive = pivots - 2 * negative[f]
         if pivots > 0 and not _eliminate(front, update, pivots, positive, edge):
             return f
-        _keep_columns(front, pivots, pivots + edge, pivots + 2 * kept[f], BLOCK_COLUMNS, values[panel[f] :])
-        _keep_columns(update, edge, edge, edge, 1, waiting[top:])
+        _pack(update, edge, waiting[top:])
         top += _triangle(edge)
         owner[depth] = f
         depth += 1
-        done[0] = f + 1
     return -1

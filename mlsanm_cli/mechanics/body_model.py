@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sparse
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IndexArray
 from mlsanm_cli.cloud.cloud import Cloud
@@ -32,7 +33,6 @@ from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.singular_functions import isolated_tips
 from mlsanm_cli.operators.stencil_weights import Stencils
 from mlsanm_cli.operators.stencils import build_gradients, build_stencils, reflected, reflected_numbers
-from mlsanm_cli.startup import cKDTree
 
 INCOMPRESSIBLE_NEIGHBORS = 1.3
 """Factor on the stencil size of nearly incompressible materials: it halves the errors and reduces their

@@ -19,6 +19,7 @@ from __future__ import annotations
 from collections.abc import Collection
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
@@ -26,7 +27,6 @@ from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.cloud.tips import SMOOTH_TURN
 from mlsanm_cli.mechanics.springs import FREE, NO_SPRING, Held, Springs
 from mlsanm_cli.operators.settings import MlsSettings
-from mlsanm_cli.startup import cKDTree
 
 POWER = 1.5
 """Exponent of the weights; above 0.3 weighted second derivatives of the singular displacements are

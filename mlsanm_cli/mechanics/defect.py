@@ -15,6 +15,7 @@ from functools import partial
 
 import numpy as np
 import scipy.sparse as sparse
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.search import in_batches, nearest
@@ -31,7 +32,6 @@ from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.stencil_weights import Stencils
 from mlsanm_cli.operators.stencils import build_stencils
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
-from mlsanm_cli.startup import cKDTree
 
 MAX_KEPT_NODES = 2000
 """Number of nodes of a body up to which its fits are kept: 10 MB of weights."""

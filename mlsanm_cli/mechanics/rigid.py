@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sparse
+from scipy.linalg.lapack import dgeqp3
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
@@ -22,7 +23,6 @@ from mlsanm_cli.mechanics.springs import Springs
 from mlsanm_cli.operators.refinement import FULL_TOLERANCE
 from mlsanm_cli.operators.system import Equations, LinearSystem
 from mlsanm_cli.roundoff import ROUND_OFF
-from mlsanm_cli.startup import dgeqp3
 
 ROTATION = 2
 PIN_DIGITS = 9

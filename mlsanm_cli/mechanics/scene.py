@@ -92,29 +92,27 @@ class RigidMotion:
 
 
 @dataclass(frozen=True)
-class Platen:
-    """A rigid platen bonded to ``surfaces`` of a body, and to those of ``others``; in a component without a
-    motion these are free of traction. ``loads`` are the loads that move it, ``name`` denotes its place in
-    messages; it rotates about ``center``."""
+class RigidConstraint:
+    """Rigid ``motions`` about a ``center`` that ``loads`` may cause: of a platen, an obstacle or a floating
+    body.
 
-    body: str
-    surfaces: tuple[str, ...]
+    A platen, of that ``name`` in messages, is bonded to the ``held`` surfaces, each a body and a name; in a
+    component without a motion these are free of traction. An obstacle, named like its contact, has no
+    ``bodies``; it is fixed in components without a motion. A floating body of that ``name`` is held by
+    contact only in its motions, which are unknowns with its equilibrium as equations; one without resistance
+    or force is prescribed as zero."""
+
+    name: str
+    bodies: tuple[str, ...]
     center: tuple[float, float]
     motions: tuple[RigidMotion, ...]
-    loads: tuple[int, ...]
-    name: str = ""
-    others: tuple[tuple[str, tuple[str, ...]], ...] = ()
+    loads: tuple[int, ...] = ()
+    held: tuple[tuple[str, str], ...] = ()
 
     @property
-    def held(self) -> tuple[tuple[str, str], ...]:
-        """Body and name of every surface bonded to it."""
-        parts = ((self.body, self.surfaces), *self.others)
-        return tuple((body, surface) for body, surfaces in parts for surface in surfaces)
-
-    @property
-    def bodies(self) -> tuple[str, ...]:
-        """The bodies bonded to it."""
-        return (self.body, *(body for body, _ in self.others))
+    def floats(self) -> bool:
+        """Whether it is a floating body."""
+        return bool(self.bodies) and not self.held
 
     def surfaces_of(self, body: str) -> tuple[str, ...]:
         """Surfaces of a body bonded to it."""
@@ -123,36 +121,6 @@ class Platen:
     def pattern(self, surface: Surface, points: FloatArray, motion: RigidMotion) -> FloatArray:
         """Displacements (b, 2) of the surface's nodes under a unit motion."""
         return motion.pattern(points[surface.index], self.center)
-
-
-@dataclass(frozen=True)
-class Obstacle:
-    """The rigid obstacle of a ``contact``; fixed in components without a motion. ``loads`` are the loads that
-    move it."""
-
-    contact: str
-    center: tuple[float, float]
-    motions: tuple[RigidMotion, ...]
-    loads: tuple[int, ...]
-
-
-@dataclass(frozen=True)
-class FloatingBody:
-    """A body held by contact only in some rigid motions, which are unknowns with its equilibrium as
-    equations. A motion without resistance or force is prescribed as zero."""
-
-    body: str
-    center: tuple[float, float]
-    motions: tuple[RigidMotion, ...]
-    loads: tuple[int, ...] = ()
-
-    @property
-    def bodies(self) -> tuple[str, ...]:
-        """The body, as a tuple."""
-        return (self.body,)
-
-
-RigidConstraint = Platen | Obstacle | FloatingBody
 
 
 @dataclass(frozen=True)
@@ -240,9 +208,9 @@ class Scene:
         return float(max(forces))
 
     @property
-    def platens(self) -> list[Platen]:
+    def platens(self) -> list[RigidConstraint]:
         """The rigid plates."""
-        return [one for one in self.rigid_constraints if isinstance(one, Platen)]
+        return [one for one in self.rigid_constraints if one.held]
 
     @property
     def unknown_motions(self) -> list[tuple[RigidConstraint, RigidMotion]]:
@@ -276,7 +244,7 @@ class Scene:
         nodes = self.bodies[body].model.nodes
         patterns = np.zeros((2 * len(nodes), len(self.unknown_motions)))
         for column, (constraint, motion) in enumerate(self.unknown_motions):
-            if isinstance(constraint, FloatingBody) and constraint.body == body:
+            if constraint.floats and body in constraint.bodies:
                 patterns[:, column] = motion.pattern(nodes, constraint.center).ravel()
         return patterns
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators.settings import ONE_SIDED_RADIUS, MlsSettings
-from mlsanm_cli.startup import cKDTree
 
 EXTRA_NODES = 8
 """Extra nodes searched where more are equidistant than a stencil takes."""

@@ -23,6 +23,7 @@ from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.sight import VisibilityCriterion
@@ -31,7 +32,6 @@ from mlsanm_cli.operators.neighbors import EXTRA_NODES, TIE_TOLERANCE, distances
 from mlsanm_cli.operators.settings import WEIGHT_EXPONENT, MlsSettings
 from mlsanm_cli.operators.stencil_weights import Stencils
 from mlsanm_cli.roundoff import ROUND_OFF
-from mlsanm_cli.startup import cKDTree
 
 ENRICHMENT_RADIUS = 2.0
 """Fits with their centre within this many radii of the fit around the tip are enriched; 1 to 3 are as

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from mlsanm_cli.cloud.mirror import Mirror
@@ -18,7 +19,6 @@ from mlsanm_cli.operators.neighbors import neighbors_of, weight_radius
 from mlsanm_cli.operators.settings import WEIGHT_EXPONENT, MlsSettings
 from mlsanm_cli.operators.singular_functions import enriched, singular_corners
 from mlsanm_cli.operators.stencil_weights import Stencils
-from mlsanm_cli.startup import cKDTree
 
 ENLARGEMENT = 1.3
 MAX_GROWTH = 3.0

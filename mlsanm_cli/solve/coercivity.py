@@ -15,7 +15,7 @@ from mlsanm_cli.contact.response.coercivity import contact_stability, stiffness_
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import UnstableError
 from mlsanm_cli.mechanics.body import ElasticBody
-from mlsanm_cli.mechanics.scene import FloatingBody, Scene
+from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.mechanics.stability import bulk_stability
 from mlsanm_cli.memo import Memo, digest
 
@@ -71,7 +71,7 @@ def _estimates(
     case: Case, scene: Scene, condensed: Condensed, closed: BoolArray, memo: Memo
 ) -> dict[str, float]:
     """Estimates of all contacts with ``closed`` nodes (m,). UnstableError if one is too small."""
-    loose = {one.body for one in scene.rigid_constraints if isinstance(one, FloatingBody)}
+    loose = {one.name for one in scene.rigid_constraints if one.floats}
     numbers = [number for number, name in enumerate(scene.bodies) if name in loose]
     estimates = {
         pairing.name: _contact(condensed, _bearing(closed, condensed.spans[pairing.name]), numbers, memo)

@@ -20,7 +20,7 @@ class CondensedScene:
     ``stages`` (T + 1, L) are the load factors before the first stage and at the end of each; ``ends`` the
     exact contact states there (none without contact), with friction from one increment per stage: sufficient
     for scales, reach and refinement. Stages that cannot be completed have none, but the last state may be
-    that of a part of a stage. ``stability`` is the coercivity estimate, ``weak`` are weakly resisted motions.
+    that of a part of a stage. ``stability`` is the coercivity estimate.
     """
 
     case: Case
@@ -29,7 +29,6 @@ class CondensedScene:
     stages: FloatArray
     ends: tuple[ExactState, ...]
     stability: float
-    weak: tuple[str, ...] = ()
 
     @property
     def stays_open(self) -> bool:

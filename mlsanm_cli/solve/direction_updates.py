@@ -35,7 +35,7 @@ from mlsanm_cli.contact.response.dense import SingularSystemError
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.near_field import as_real
 from mlsanm_cli.mechanics.rigid import ROTATION
-from mlsanm_cli.mechanics.scene import FloatingBody, Obstacle, Platen, Scene
+from mlsanm_cli.mechanics.scene import RigidConstraint, Scene
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 MAX_CARRIED = 1e-8
@@ -87,8 +87,7 @@ def turns(scene: Scene, condensed: Condensed, state: ExactState) -> dict[str, fl
 
 def _moves(scene: Scene, bodies: Sequence[str | None]) -> bool:
     """Whether one of the bodies has unknown rigid motions."""
-    constraints = (one for one, _ in scene.unknown_motions if not isinstance(one, Obstacle))
-    return any(name in constraint.bodies for constraint in constraints for name in bodies)
+    return any(name in constraint.bodies for constraint, _ in scene.unknown_motions for name in bodies)
 
 
 def _rolled(scene: Scene, body: str, motion: FloatArray) -> float:
@@ -96,7 +95,7 @@ def _rolled(scene: Scene, body: str, motion: FloatArray) -> float:
     return sum(
         float(value)
         for (constraint, one), value in zip(scene.unknown_motions, motion, strict=True)
-        if one.component == ROTATION and not isinstance(constraint, Obstacle) and body in constraint.bodies
+        if one.component == ROTATION and body in constraint.bodies
     )
 
 
@@ -224,10 +223,10 @@ def turned_by_loads(
     """The body rotated by loads with the largest omitted moment, in a state of motions (k,), pressures (m,)
     and tractions (n,) with its ``sets``; None if there is none."""
     motion, pressure, traction = unknowns
-    turning: list[tuple[int, Platen | FloatingBody, list[tuple[FloatArray, FloatArray]]]] = []
+    turning: list[tuple[int, RigidConstraint, list[tuple[FloatArray, FloatArray]]]] = []
     for number, (constraint, one) in enumerate(scene.unknown_motions):
         angle = abs(float(motion[number]))
-        if one.component == ROTATION and not isinstance(constraint, Obstacle) and angle > MIN_ROTATION:
+        if one.component == ROTATION and constraint.bodies and angle > MIN_ROTATION:
             forces = _forces(condensed, constraint.bodies, pressure, traction)
             if any(_moved(*each, constraint.center, angle) for each in forces):
                 turning.append((number, constraint, forces))
@@ -262,7 +261,7 @@ def moment_error(
     """
     found: list[Turned] = []
     for (constraint, one), angle in zip(scene.unknown_motions, np.abs(motion), strict=True):
-        if not isinstance(constraint, FloatingBody) or one.component != ROTATION or angle <= MIN_ROTATION:
+        if not constraint.floats or one.component != ROTATION or angle <= MIN_ROTATION:
             continue
         center, none = np.array(constraint.center), np.zeros(len(pressure))
         both = _forces(condensed, constraint.bodies, pressure, traction)

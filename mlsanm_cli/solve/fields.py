@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from types import MappingProxyType
+from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse as sparse
@@ -22,19 +22,11 @@ MAX_STATES = 4
 NO_STARTS: Mapping[str, FloatArray] = MappingProxyType({})
 
 
-@dataclass(frozen=True)
-class Fields:
-    """Fields of a body in a state: displacement (n, 2), stress (n, 3), stress_zz and von Mises (n,), strain
-    (n, 3) as xx, yy, xy including thermal strain; ``rest`` (N, 2), the displacement of its elastic system,
-    and ``near`` (n, 3), the stress of the near fields of contacts."""
-
-    displacement: FloatArray
-    stress: FloatArray
-    stress_zz: FloatArray
-    von_mises: FloatArray
-    strain: FloatArray
-    rest: FloatArray
-    near: FloatArray
+Fields: TypeAlias = Mapping[str, FloatArray]
+"""Fields of a body in a state by name: ``displacement`` (n, 2), ``stress`` (n, 3), ``stress_zz`` and
+``von_mises`` (n,), ``strain`` (n, 3) as xx, yy, xy including thermal strain; ``rest`` (N, 2), the
+displacement of its elastic system, and ``near`` (n, 3), the stress of the near fields of
+contacts."""
 
 
 def fields_of(
@@ -58,33 +50,40 @@ def fields_of(
 
 
 def _fields(built: CondensedScene, name: str, state: State, displacement: FloatArray, stress: bool) -> Fields:
-    """Fields of a body from the ``displacement`` (N, 2) of its elastic system."""
+    """Fields of a body from the ``displacement`` (N, 2) of its elastic system, ghosts last."""
     model = built.scene.bodies[name].model
     moved, stressed = built.condensed.contact_fields(built.scene, name, state.unknowns)
     sigma, degrees, near = np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3))
     if stress:
         degrees = built.scene.degrees(name, state.factors)
+        # Stresses are reported at the nodes, not at ghosts.
         near = stressed[: len(model.cloud.points)]
         sigma = model.stress(displacement) + near
         sigma = sigma - degrees[:, None] * stress_of_expansion(model.material)
     across = model.material.out_of_plane_stress(sigma, degrees)
     whole = (displacement + moved)[: len(model.cloud.points)]
     strain = model.material.strain(sigma, degrees)
-    return Fields(whole, sigma, across, von_mises(sigma, across), strain, displacement, near)
+    return {
+        "displacement": whole,
+        "stress": sigma,
+        "stress_zz": across,
+        "von_mises": von_mises(sigma, across),
+        "strain": strain,
+        "rest": displacement,
+        "near": near,
+    }
 
 
 def _displacements(
     built: CondensedScene, name: str, states: Sequence[State], start: FloatArray | None
 ) -> tuple[list[FloatArray], FloatArray]:
-    """Displacements (N, 2) of a body in each state, and the relative change (c,) by iterative
+    """Displacements (N, 2) of a body in each state, ghosts last, and the relative change (c,) by iterative
     refinement."""
     condensed = built.condensed
     if not len(states[0].displacement):
         unknowns = [state.unknowns for state in states]
         return condensed.checked_displacements(built.scene, name, unknowns, start)
     solution = np.stack([state.displacement[built.scene.places[name]] for state in states], axis=1)
-    if built.case.mls.scheme == "collocation":  # other equations than those of the body's system
-        return [one.reshape(-1, 2) for one in solution.T], np.zeros(len(states))
     sources = sparse.hstack([condensed.source(name, *state.unknowns) for state in states], format="csc")
     residual = built.scene.bodies[name].system.residual(sparse.csc_array(sources), solution)
     return [one.reshape(-1, 2) for one in solution.T], residual

@@ -13,7 +13,7 @@ from mlsanm_cli.contact.laws.contact_status import STICK
 from mlsanm_cli.io.records import Quantities
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.rigid import ROTATION
-from mlsanm_cli.mechanics.scene import Platen, RigidConstraint, RigidMotion
+from mlsanm_cli.mechanics.scene import RigidConstraint, RigidMotion
 from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import State
@@ -83,7 +83,7 @@ def plates_turned(built: CondensedScene, state: State) -> dict[str, dict[str, fl
     """``rotation`` (radian) and ``moment`` on the bodies about the hinge, of every plate that rotates."""
     found = {}
     for constraint, motion, angle in _motions(built, state):
-        if isinstance(constraint, Platen) and motion.component == ROTATION:
+        if constraint.held and motion.component == ROTATION:
             moment = built.condensed.moments[constraint.name](*state.unknowns)[0]
             found[constraint.name] = {"rotation": angle, "moment": float(moment)}
     return found

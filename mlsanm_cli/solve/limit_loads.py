@@ -13,7 +13,7 @@ from mlsanm_cli.contact.laws.set_search import NoStateError, UnbalancedError, Un
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.rigid import ROTATION
-from mlsanm_cli.mechanics.scene import Obstacle, Scene
+from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 MIN_REACHED = 0.85
@@ -110,8 +110,8 @@ def _mechanism(scene: Scene, condensed: Condensed, limit: LimitLoad) -> tuple[st
     turns = np.zeros(len(limit.motion), dtype=bool)
     for number, (constraint, motion) in enumerate(scene.unknown_motions):
         part, points = abs(float(limit.motion[number])), {}
-        if isinstance(constraint, Obstacle):
-            points[f"the obstacle of contact {constraint.contact}"] = np.zeros((1, 2))
+        if not constraint.bodies:
+            points[f"the obstacle of contact {constraint.name}"] = np.zeros((1, 2))
         else:
             points |= {f"body {n}": scene.bodies[n].model.cloud.points for n in constraint.bodies}
         for name, places in points.items():

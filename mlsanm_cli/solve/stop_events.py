@@ -7,7 +7,7 @@ power series that is an evaluation of the series with a correction.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -15,20 +15,18 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Stop
-from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.continuation.roots import root
-from mlsanm_cli.errors import RunError
-from mlsanm_cli.roundoff import FINE_ROUND_OFF
-from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.functionals import platen_displacements, probe_values
-from mlsanm_cli.solve.state import Checkpoint, PathStep, State, output_positions
+from mlsanm_cli.io.records import Quantities
+from mlsanm_cli.solve.state import Checkpoint, PathStep, State
 
 LIMIT_TOLERANCE = 1e-10
 """Relative accuracy with which limits are reached."""
 SAMPLES = 65
 AXES = {"x": 0, "y": 1}
-Follow = Callable[[CondensedScene, Checkpoint | None], Iterator[PathStep]]
-"""Returns the path of a scene, or the part after a checkpoint."""
+Follow = Callable[[Checkpoint | None, tuple[float, ...]], Iterator[PathStep]]
+"""Returns the path, or the part after a checkpoint, with further positions of saved states."""
+Measure = Callable[[Stop, State], float]
+"""Returns the value in a state of the quantity of a stop."""
 
 
 class _NotSaved(Exception):
@@ -36,40 +34,34 @@ class _NotSaved(Exception):
 
 
 class StoppedPath:
-    """The path of a scene, or its remaining part, up to a stop of the case. ``reached`` is that stop once the
-    path has ended at it."""
+    """A path, or its remaining part, up to one of the ``stops``. ``reached`` is that stop once the path has
+    ended at it."""
 
     def __init__(
-        self, built: CondensedScene, start: Checkpoint | None, last: State | None, follow: Follow
+        self, stops: Sequence[Stop], follow: Follow, measure: Measure, last: State | None, tolerance: float
     ) -> None:
-        """``follow`` returns the path; ``last`` is the row of its ``start``, if there is one. RunError if a
-        stop refers to an unknown quantity."""
-        self._built, self._start, self._last, self._follow = built, start, last, follow
+        """``last`` is the row of the checkpoint where the path begins, if there is one; ``tolerance`` the
+        accuracy of positions, per stage."""
+        self._stops, self._follow, self._measure = stops, follow, measure
+        self._last, self._tolerance = last, tolerance
         self.reached: Stop | None = None
-        for stop in built.case.stop:
-            if stop.what == "force" and stop.of not in _forces(built):
-                raise RunError(
-                    f"[[stop]]: the force of {stop.of} is not known",
-                    f"there are: {', '.join(_forces(built))}",
-                )
 
-    def steps(self) -> Iterator[PathStep]:
+    def steps(self, begin: Checkpoint | None) -> Iterator[PathStep]:
         """The steps; the last one ends at the stop and saves its state."""
-        stops = self._built.case.stop
+        stops, before = self._stops, self._last
         if not stops:
-            yield from self._follow(self._built, self._start)
+            yield from self._follow(begin, ())
             return
-        begin, before = self._start, self._last
         armed = np.zeros(len(stops), dtype=bool) if begin is None else begin.armed
         if begin is not None and begin.ended_by >= 0:
             self.reached = stops[begin.ended_by]
             return
-        for step in self._follow(self._built, begin):
-            values = np.array([excess(self._built, stop, step.state) for stop in stops])
+        for step in self._follow(begin, ()):
+            values = np.array([self._excess(stop, step.state) for stop in stops])
             passed = [k for k in range(len(stops)) if armed[k] and values[k] >= 0.0]
             passed += [k for k, stop in enumerate(stops) if stop.what == "fold" and turning(step) is not None]
             if passed:
-                ends = [(self._end(k, begin, before, step), k) for k in passed]
+                ends = [(self._end(stops[k], begin, before, step), k) for k in passed]
                 end, number = min(ends, key=lambda one: one[0].state.position)
                 self.reached = stops[number]
                 yield replace(end, checkpoint=Checkpoint(end.state, armed=armed, ended_by=number))
@@ -80,87 +72,82 @@ class StoppedPath:
             begin, before = step.checkpoint, step.state
             yield step
 
-    def _end(self, number: int, begin: Checkpoint | None, before: State | None, step: PathStep) -> PathStep:
+    def _excess(self, stop: Stop, state: State) -> float:
+        """By how much a state is beyond a stop's limit; negative before it, -1 of a fold."""
+        if stop.what == "fold":
+            return -1.0
+        value = self._measure(stop, state)
+        return value - stop.above if stop.above is not None else (stop.below or 0.0) - value
+
+    def _end(self, stop: Stop, begin: Checkpoint | None, before: State | None, step: PathStep) -> PathStep:
         """The ``step`` from ``begin``, whose row was ``before``, ended where a stop is reached."""
-        stop, last = self._built.case.stop[number], step.state.position
+        last = step.state.position
+        near = self._tolerance * max(1.0, last)
         if stop.what == "fold":
             highest = turning(step)
             assert highest is not None
-            return self._to(begin, highest - FINE_ROUND_OFF * max(1.0, highest)) or _ended(step)
-        value = excess(self._built, stop, step.state)
+            return self._to(begin, highest - near) or _ended(step)
+        value = self._excess(stop, step.state)
         found = {last: (value, step)}
         first = last if before is None else before.position
 
         def beyond(place: float) -> float:
             if place in (first, last):
-                return excess(self._built, stop, before) if before and place == first else value
+                return self._excess(stop, before) if before and place == first else value
             end = self._to(begin, place)
             if end is None:
                 raise _NotSaved
-            found[place] = excess(self._built, stop, end.state), end
+            found[place] = self._excess(stop, end.state), end
             return found[place][0]
 
-        if last - first > FINE_ROUND_OFF * max(1.0, last) and value > 0.0:
+        if last - first > near and value > 0.0:
             with suppress(_NotSaved):
-                root(beyond, first, last, FINE_ROUND_OFF * max(1.0, last))
+                root(beyond, first, last, near)
         slack = LIMIT_TOLERANCE * max(abs(stop.above or 0.0), abs(stop.below or 0.0))
         return _ended(found[min(place for place, (value, _) in found.items() if value >= -slack)][1])
 
     def _to(self, begin: Checkpoint | None, place: float) -> PathStep | None:
         """The step that ends at a position, None if the path saves no state there."""
-        case = self._built.case
-        at = tuple(sorted({*output_positions(self._built), place}))
-        output = case.output.model_copy(update={"at": at})
-        built = replace(self._built, case=case.model_copy(update={"output": output}))
-        near = FINE_ROUND_OFF * max(1.0, place)
-        for step in self._follow(built, begin):
+        for step in self._follow(begin, (place,)):
             for state in (*step.saved, step.state):
-                if abs(state.position - place) <= near:
+                if abs(state.position - place) <= self._tolerance * max(1.0, place):
                     earlier = tuple(one for one in step.saved if one.position < state.position)
                     return replace(step, state=state, saved=(*earlier, state))
-            if step.state.position > place:
+            if step.state.position > place or turning(step) is not None:
                 return None
         return None
 
 
-def excess(built: CondensedScene, stop: Stop, state: State) -> float:
-    """By how much a state is beyond a stop's limit; negative before it, -1 of a fold."""
-    if stop.what == "fold":
-        return -1.0
-    value = value_of(built, stop, state)
-    if stop.above is not None:
-        return value - stop.above
-    assert stop.below is not None
-    return stop.below - value
-
-
-def value_of(built: CondensedScene, stop: Stop, state: State) -> float:
-    """Value of the quantity of a stop in a state."""
-    condensed = built.condensed
+def measured(
+    stop: Stop,
+    quantities: Quantities,
+    forces: Mapping[str, FloatArray],
+    weights: Mapping[str, FloatArray],
+) -> float:
+    """The value of the quantity of a stop among the ``quantities`` of a state; ``forces`` (2,) are those of
+    loads, supports and contacts by name, ``weights`` (m,) the lengths of the nodes of contacts."""
     if stop.what == "force":
-        return _along(stop, _forces(built)[stop.of](*state.unknowns))
+        return _along(stop, forces[stop.of])
     if stop.what == "displacement":
-        moved = platen_displacements(built, state)
-        if stop.of in moved:
-            return _along(stop, moved[stop.of])
-        return _along(stop, probe_values(built, stop.of, state)["displacement"])
+        moved = quantities["displacements"]
+        if stop.of not in moved:
+            moved = {name: values["displacement"] for name, values in quantities["probes"].items()}
+        return _along(stop, moved[stop.of])
     if stop.what == "von_mises":
-        return float(probe_values(built, stop.of, state)["von_mises"])
-    span = condensed.spans[stop.of]
+        return float(quantities["probes"][stop.of]["von_mises"])
+    contact = quantities["contacts"][stop.of]
+    closed = contact["status"] != 0
     if stop.what == "area":
-        return float(condensed.weight[span] @ state.closed[span])
-    if stop.what == "slip":
-        own = condensed.tangential.get(stop.of)
-        if own is None:
-            return 0.0
-        # Open nodes do not slip; their number depends on the range of the grid.
-        closed = state.closed[condensed.friction_nodes[own]]
-        return float(np.abs(state.slip[own][closed]).max(initial=0.0))
-    return float(state.pressure[span].max(initial=0.0))
+        return float(weights[stop.of] @ closed)
+    # Open nodes do not slip; their number depends on the range of the grid.
+    values = np.abs(contact["slip"][closed]) if stop.what == "slip" else contact["pressure"]
+    return float(np.nan_to_num(values).max(initial=0.0))
 
 
 def turning(step: PathStep) -> float | None:
     """Position of the maximum of the load within a step, None if it does not turn back."""
+    if step.limit_points:
+        return next((position for position, highest in step.limit_points if highest), None)
     if "position" not in step.series:
         return None
     from mlsanm_cli.continuation import Branch
@@ -184,10 +171,6 @@ def _ended(step: PathStep) -> PathStep:
     if any(state.position == step.state.position for state in step.saved):
         return step
     return replace(step, saved=(*step.saved, step.state))
-
-
-def _forces(built: CondensedScene) -> Mapping[str, LinearMap]:
-    return {**built.condensed.contact_forces, **built.condensed.forces}
 
 
 def _along(stop: Stop, vector: FloatArray) -> float:

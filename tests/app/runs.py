@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -37,18 +38,26 @@ def stored(directory: Path) -> dict[str, Any]:
 
 
 def undeclared(directory: Path) -> list[str]:
-    """Datasets of a run that are not in the schema, or of another type or number of axes."""
-    found = []
-    for path, values in stored(directory).items():
+    """What a run has written that is not in the schema: datasets, or their types and shapes, columns of
+    path.csv, and entries of the summary."""
+    data, wrong = stored(directory), []
+    for path, values in data.items():
         declared = schema.quantity(schema.RUN_FILE, path)
-        array = np.asarray(values)
+        array, group = np.asarray(values), path.rpartition("/")[0]
         kind = "text" if array.dtype.kind in "OSU" else str(array.dtype)
+        sizes = {"step": len(data["path/position"]), "contact_node": len(data.get(f"{group}/points", ()))}
+        named = zip(getattr(declared, "dimensions", ()), array.shape, strict=False)
+        free = {axis: size for axis, size in named if axis not in schema.COMPONENTS}
+        sizes = free | sizes
         if declared is None or (
             not path.startswith("checkpoint/")
-            and ((kind, array.ndim) != (declared.dtype, len(declared.dimensions)))
+            and (kind, array.shape) != (declared.dtype, declared.shape(sizes))
         ):
-            found.append(f"{path}: {kind}, {array.ndim} axes")
-    return found
+            wrong.append(f"{path}: {kind}, {array.shape}")
+    columns = (directory / "path.csv").read_text().partition("\n")[0].split(",")
+    plain = [re.sub("_[xy]$", "", name) for name in columns]
+    wrong += [name for name in plain if schema.quantity(schema.PATH_COLUMNS, name) is None]
+    return wrong + list(summary_of(directory).keys() - {one.path.split(".")[0] for one in schema.SUMMARY})
 
 
 def assert_same_results(one: Path, other: Path) -> None:

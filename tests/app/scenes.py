@@ -11,8 +11,9 @@ import pytest
 from mlsanm_cli.app.context import Clock, RunContext
 from mlsanm_cli.app.run import run
 from mlsanm_cli.app.scene.assemble import SceneModel, prepare
-from mlsanm_cli.app.scene.build import build_scene, condense_scene
+from mlsanm_cli.app.scene.build import build_scene
 from mlsanm_cli.app.scene.clouds import clouds
+from mlsanm_cli.app.scene.condense import condense_scene
 from mlsanm_cli.app.scene.imported import load_with_files
 from mlsanm_cli.case import parse_case
 from mlsanm_cli.errors import CaseError, CaseProblem

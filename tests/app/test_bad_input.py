@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.scene.causes import strain_of
-from mlsanm_cli.app.sweep.run_sweep import SweepOptions, sweep
+from mlsanm_cli.app.sweep.run_sweep import sweep
 from mlsanm_cli.case.starters import starter
 from mlsanm_cli.cli import main
 from mlsanm_cli.errors import CaseError
@@ -113,4 +113,4 @@ def test_a_body_that_only_travels_is_not_strained() -> None:
 def test_values_that_vary_are_listed_without_brackets(varied: str, words: str, tmp_path: Path) -> None:
     (tmp_path / "case.toml").write_text(hertz())
     with pytest.raises(CaseError, match=rf"--vary: .*{words}"):
-        sweep(tmp_path / "case.toml", [varied], SweepOptions(), out=tmp_path / "all", console=Quiet())
+        sweep(tmp_path / "case.toml", [varied], out=tmp_path / "all", console=Quiet())

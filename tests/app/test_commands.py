@@ -22,7 +22,6 @@ from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.scene import size_estimate as estimate
 from mlsanm_cli.case import parse_case, stored_case
 from mlsanm_cli.cli import main
-from mlsanm_cli.cloud.quality import CloudQuality
 from mlsanm_cli.errors import CaseError, RunError
 from mlsanm_cli.io.run_reader import Dataset, SavedState, read_run
 from tests.app.runs import events_of, summary_of
@@ -116,8 +115,9 @@ def test_stiff_slaves_and_degree_one_are_warned_of(tmp_path: Path) -> None:
 def test_poor_clouds_are_warned_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """In the run's events and summary too, with the key to change."""
 
-    def measure(cloud: Any) -> CloudQuality:
-        return CloudQuality(len(cloud.points), 10, closest=0.49, hole=1.61, growth=0.31)
+    def measure(cloud: Any) -> dict[str, float]:
+        counts = {"nodes": len(cloud.points), "boundary_nodes": 10}
+        return {**counts, "closest": 0.49, "hole": 1.61, "growth": 0.31}
 
     monkeypatch.setattr(quality, "measure", measure)
     summary = solve(BAR, tmp_path / "bar")

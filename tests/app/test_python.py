@@ -10,11 +10,13 @@ import sys
 import warnings
 from pathlib import Path
 
+import click
 import numpy as np
 import pytest
 
 import mlsanm_cli as mlsanm
 from mlsanm_cli import api
+from mlsanm_cli.cli.commands import cli
 from tests.app.scenes import BAR, hertz
 
 ROOT = Path(__file__).parents[2]
@@ -165,3 +167,23 @@ def test_changes_are_written_as_toml() -> None:
     )
     with pytest.raises(TypeError, match="cannot hold"):
         mlsanm.overrides({"a": object()})
+
+
+@pytest.mark.parametrize("name", ["run", "resume", "check", "sweep", "collect"])
+def test_functions_have_the_options_of_the_commands(name: str) -> None:
+    """Under the same names and with the same defaults; a resumed run has the threads of the first process."""
+    command = cli.get_command(click.Context(cli), name)
+    assert command is not None
+    options = {one.name: one.to_info_dict()["default"] for one in command.params if one.name}
+    names = {"changes": "overrides", "runs": "rundirs"}
+    given = inspect.signature(getattr(mlsanm, name)).parameters
+    for parameter in given.values():
+        option = names.get(parameter.name, parameter.name)
+        # Commands have options of the terminal instead.
+        if option not in ("progress", "cache"):
+            assert option in options
+            if parameter.default not in (None, parameter.empty):
+                assert parameter.default == (options[option] or False) or (name, option) == (
+                    "resume",
+                    "threads",
+                )

@@ -12,6 +12,7 @@ import pytest
 from mlsanm_cli import system
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.kernels.aot import kept
+from mlsanm_cli.kernels.aot.machine import Code
 from tests.app.processes import LONG, mlsanm
 from tests.app.scenes import BAR
 
@@ -70,8 +71,9 @@ def test_memory_in_the_unit_of_the_system(monkeypatch: pytest.MonkeyPatch) -> No
 def test_kernels_are_kept_where_users_are_not_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delattr(os, "getuid")
     assert kept.read(tmp_path) is None
-    kept.write(tmp_path, "no machine code")
-    assert kept.read(tmp_path) == "no machine code"
+    code = Code(b"code", {}, (), ())
+    kept.write(tmp_path / "kernels" / "place", code)
+    assert kept.read(tmp_path / "kernels" / "place") == code
 
 
 def test_links_and_pipes_are_not_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,6 +10,7 @@ import pytest
 from mlsanm_cli.app.scene.imported import geometry_inspector
 from mlsanm_cli.case import LoadedCase, parse_case
 from mlsanm_cli.errors import CaseError, CaseProblem
+from tests.case_text import body, box, head, item, load, material, support, table
 
 HERTZ = """format = 1
 title = "Half-cylinder on a block"
@@ -81,6 +82,43 @@ shape = {kind = "rectangle", x = [0, 1], y = [0, 1]}
 
 PULL = '[[load]]\nname = "pull"\nboundary = "square.right"\nkind = "traction"\ntraction = [1, 0]\n'
 CLAMP = '[[support]]\nboundary = "square.left"\nux = 0\nuy = 0\n'
+
+PLATE = (
+    head("stress")
+    + material("m", E=1.0, nu=0.3)
+    + body("plate", "m", 0.2)
+    + table(
+        "body.shape",
+        kind="polygon",
+        points=[[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [2.0, 2.0], [2.0, 4.0], [0.0, 4.0]],
+        names=["bottom", "tip", "arm", "shank", "top", "left"],
+        rounding=[0.0, 0.0, 0.3, 0.5, 0.0, 0.0],
+    )
+    + item("body.shape.holes", name="bolt", center=[1.0, 1.0], radius=0.4)
+    + support("plate.left", ux=0.0, uy=0.0)
+    + load("pull", "plate.tip", "traction", traction=[1.0, 0.0])
+)
+WAVY = (
+    head("strain")
+    + material("m", E=1.0, nu=0.3)
+    + body("block", "m")
+    + table("body.shape", kind="outline")
+    + item(
+        "body.shape.sides", name="top", points=[[0.0, 0.0], [1.0, 0.1], [2.0, 0.0], [3.0, 0.1], [4.0, 0.0]]
+    )
+    + item("body.shape.sides", name="right", to=[4.0, -1.0])
+    + item("body.shape.sides", name="bottom", to=[0.0, -1.0])
+    + item("body.shape.sides", name="left")
+    + support(["block.bottom", "block.left"], ux=0.0, uy=0.0)
+    + load("press", "block.top", "pressure", pressure=1.0, from_=[1.0, 0.1], to=[3.0, 0.1])
+)
+BLOCK = (
+    head("strain", strain="finite")
+    + material("rubber", E=2.6, nu=0.3, alpha=1e-4, law="neo-hookean")
+    + body("block", "rubber", shape=box([0.0, 1.0], [0.0, 1.0]))
+    + support("block.bottom", ux=0.0, uy=0.0)
+    + load("press", "block.top", "pressure", pressure=0.5)
+)
 
 
 def parse(text: str, overrides: Sequence[str] = ()) -> LoadedCase:

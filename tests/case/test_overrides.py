@@ -7,63 +7,42 @@ import pytest
 from tests.case.scenes import HERTZ, only, parse, problems
 
 
-def test_items_by_name_and_by_index() -> None:
+def test_items_by_name_and_index_in_order_with_texts_without_quotes_and_wildcards() -> None:
     case = parse(
         HERTZ,
         [
-            "body.cylinder.spacing=2.5",
+            "body.*.spacing=2.5",
             "body.1.spacing=3",
+            "body.*.refine=[]",
+            "body.cylinder.refine=[{at=[0, 0], spacing=0.02, radius=1}]",
             "body.cylinder.refine.0.spacing=0.01",
             "load.press.force=[0,-1]",
             "load.press.force.0=0.25",
             "contact.interface.regularization.eta=1e-3",
-            "solver.order=12",
-            "stage=[{press=0.5},{press=1.0}]",
-            "output.at=[2]",
-            'material."steel".nu=0.25',
-            ' model.plane = "stress" ',
-        ],
-    ).case
-    assert [body.spacing for body in case.body] == [2.5, 3.0]
-    assert case.body[0].refine[0].spacing == 0.01
-    assert case.load[0].model_dump()["force"] == (0.25, -1.0)
-    assert (case.contact[0].regularization.eta, case.solver.order) == (1e-3, 12)
-    assert case.stage == ({"press": 0.5}, {"press": 1.0})
-    assert (case.material["steel"].nu, case.model.plane) == (0.25, "stress")
-
-
-def test_texts_without_quotes_and_stars() -> None:
-    settings = [
-        "solver.linear=superlu",
-        "contact.*.regularization.law=exact",
-        "contact.*.friction=0.25",
-        "body.*.spacing=2.5",
-        "material.*.nu=0.2",
-        "title=A pressed block",
-        "body.*.refine=[]",
-    ]
-    case = parse(HERTZ, settings).case
-    assert (case.solver.linear, case.contact[0].regularization.law) == ("superlu", "exact")
-    assert (case.contact[0].friction, case.title) == (0.25, "A pressed block")
-    assert [body.spacing for body in case.body] == [2.5, 2.5]
-    assert case.material["steel"].nu == 0.2
-    assert [body.refine for body in case.body] == [(), ()]
-
-
-def test_they_apply_in_order() -> None:
-    case = parse(
-        HERTZ,
-        [
+            "contact.*.regularization.law=hyperbolic",
             "solver.order=12",
             "solver.order=13",
+            "solver.linear=superlu",
+            "stage=[{press=0.5},{press=1.0}]",
+            'material."steel".nu=0.25',
+            ' model.plane = "stress" ',
+            "title=A pressed block",
             'body.block.name="base"',
             'support.0.boundary="base.bottom"',
             'contact.interface.master="base.top"',
-            "body.base.spacing=3.5",
+            "body.base.seed=3",
         ],
     ).case
-    assert case.solver.order == 13
-    assert case.body[1].spacing == 3.5
+    assert [(body.name, body.spacing, body.seed) for body in case.body] == [
+        ("cylinder", 2.5, 0),
+        ("base", 3.0, 3),
+    ]
+    assert ([one.spacing for one in case.body[0].refine], case.body[1].refine) == ([0.01], ())
+    assert case.load[0].model_dump()["force"] == (0.25, -1.0)
+    assert (case.contact[0].regularization.eta, case.contact[0].regularization.law) == (1e-3, "hyperbolic")
+    assert (case.solver.order, case.solver.linear, case.title) == (13, "superlu", "A pressed block")
+    assert case.stage == ({"press": 0.5}, {"press": 1.0})
+    assert (case.material["steel"].nu, case.model.plane) == (0.25, "stress")
 
 
 @pytest.mark.parametrize(

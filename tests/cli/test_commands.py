@@ -90,19 +90,24 @@ def test_resume_uses_the_threads_of_the_run(monkeypatch: pytest.MonkeyPatch, tmp
     assert calls == [(tmp_path, None, "1"), (tmp_path, 9.0, "2"), (tmp_path, None, "3")]
 
 
+def chatty(case: Path, **options: Any) -> dict[str, Any]:
+    """A run that uses all that the console offers."""
+    console = options["console"]
+    console.phase("clouds")
+    console.step(1, 0.5, 1e-9, "")
+    console.note("working")
+    console.table("sizes", [("nodes", "5210")])
+    console.warning("look here")
+    return {**SUMMARY, "stability": float("nan"), "path": Path("x")}
+
+
 def test_json_is_all_there_is_on_stdout(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def run(case: Path, **options: Any) -> dict[str, Any]:
-        options["console"].note("working")
-        options["console"].table("sizes", [("nodes", "5210")])
-        return {**SUMMARY, "stability": float("nan"), "path": Path("x")}
-
-    install(monkeypatch, "run", run)
+    install(monkeypatch, "run", chatty)
     assert main(["run", "a.toml", "--json"]) == 0
     out, err = capsys.readouterr()
-    expected = {**SUMMARY, "stability": None, "path": "x"}
-    assert json.loads(out) == expected
+    assert json.loads(out) == {**SUMMARY, "stability": None, "path": "x"}
     assert "working" in err
     assert "5210" in err
 
@@ -110,19 +115,9 @@ def test_json_is_all_there_is_on_stdout(
 def test_quiet_shows_warnings_only(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def run(case: Path, **options: Any) -> dict[str, Any]:
-        console = options["console"]
-        console.phase("clouds")
-        console.step(1, 0.5, 1e-9, "")
-        console.note("note")
-        console.table("t", [("a", "b")])
-        console.warning("look here")
-        return SUMMARY
-
-    install(monkeypatch, "run", run)
+    install(monkeypatch, "run", chatty)
     assert main(["run", "a.toml", "--quiet"]) == 0
-    out, err = capsys.readouterr()
-    assert (out, err) == ("", "warning: look here\n")
+    assert capsys.readouterr() == ("", "warning: look here\n")
 
 
 @pytest.mark.parametrize(("status", "code"), [("done", 0), ("failed", 3), ("stopped", 75)])
@@ -275,17 +270,3 @@ def test_errors_as_json(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
     assert (code, "--threads" in problem["message"]) == (2, True)
     install(monkeypatch, "run", raising(ZeroDivisionError("oh")))
     assert told_as_json(capsys, "run", "x.toml")[0] == 70
-
-
-def test_what_an_earlier_version_has_kept_is_removed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setenv("MLSANM_CACHE_DIR", str(tmp_path))
-    left, kernel = tmp_path / "operators" / "a" / "clouds-1.mlsanm", tmp_path / "kernels" / "k.so"
-    for file in (left, kernel):
-        file.parent.mkdir(parents=True)
-        file.write_bytes(bytes(2000))
-    for command, counted, count in (("info", "entries", 1), ("clear", "removed", 1), ("info", "entries", 0)):
-        assert main(["cache", command, "--json"]) == 0
-        assert json.loads(capsys.readouterr().out)[counted] == count
-    assert kernel.is_file()

@@ -7,13 +7,11 @@ import os
 import signal
 import time
 
-import numpy as np
 import pytest
 
 from mlsanm_cli.app.context import Stopper
 from mlsanm_cli.cli.console import TerminalConsole
 from mlsanm_cli.cli.settings import Settings
-from mlsanm_cli.operators.linear.progress import watched
 
 
 class Terminal(io.StringIO):
@@ -142,13 +140,6 @@ def test_a_line_that_stands_still_tells_since_when() -> None:
             time.sleep(0.01)
         assert stream.getvalue().endswith(" s")
     assert "\r\x1b[Kfactorising ...  0 s" in stream.getvalue()
-    with watched(np.full(10, 4), np.full(10, 8)) as done:
-        done[0] = 3
-        console.phase("factorising")
-        end = time.monotonic() + 5.0
-        while "fronts" not in stream.getvalue() and time.monotonic() < end:
-            time.sleep(0.01)
-    assert "factorising ...  fronts 3 of 10, 30 %" in stream.getvalue()
     console.close()
     ended = stream.getvalue()
     time.sleep(0.1)

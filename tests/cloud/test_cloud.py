@@ -104,21 +104,21 @@ def test_estimate_stops_at_its_limit() -> None:
 def test_quality_of_a_good_cloud(outline: Outline, spacing: Spacing, seed: int) -> None:
     cloud = build_cloud(outline, spacing, seed)
     quality = measure(cloud)
-    assert (quality.nodes, quality.boundary_nodes) == (len(cloud.points), len(cloud.boundary_nodes))
+    assert (quality["nodes"], quality["boundary_nodes"]) == (len(cloud.points), len(cloud.boundary_nodes))
     steepest = max((zone.growth for zone in spacing.zones), default=0.0)
     # A node keeps its parent's h away, which may be finer than its own, and its neighbour's coarser still;
     # evening out gives a few per cent of that for smaller holes.
-    assert 0.92 / (1.0 + 2.0 * steepest) <= quality.closest <= 1.05
-    assert 0.7 <= quality.hole <= 1.12
-    assert quality.growth <= steepest * (1.0 + 1e-9) + 1e-15
-    assert quality.growth >= 0.5 * steepest
+    assert 0.92 / (1.0 + 2.0 * steepest) <= quality["closest"] <= 1.05
+    assert 0.7 <= quality["hole"] <= 1.12
+    assert quality["growth"] <= steepest * (1.0 + 1e-9) + 1e-15
+    assert quality["growth"] >= 0.5 * steepest
 
 
 def test_quality_shows_nodes_too_close() -> None:
     cloud = build_cloud(BLOCK, Spacing(0.1), 0)
     spoilt = cloud.points.copy()
     spoilt[-1] = spoilt[-2] + np.array([1e-3, 0.0])
-    assert measure(replace(cloud, points=spoilt)).closest == pytest.approx(0.01)
+    assert measure(replace(cloud, points=spoilt))["closest"] == pytest.approx(0.01)
 
 
 def test_quality_shows_a_hole_of_its_size() -> None:
@@ -128,13 +128,13 @@ def test_quality_shows_a_hole_of_its_size() -> None:
     spoilt = replace(cloud, points=cloud.points[kept], spacing=cloud.spacing[kept])
     # Removing interior nodes alone leaves the boundary nodes' numbers as they are.
     assert kept[: len(cloud.boundary_nodes)].all()
-    assert 4.0 <= measure(spoilt).hole <= 5.0
+    assert 4.0 <= measure(spoilt)["hole"] <= 5.0
 
 
 def test_quality_shows_a_jump_of_the_spacing() -> None:
     cloud = build_cloud(BLOCK, Spacing(0.1), 0)
     jump = np.where(cloud.points[:, 0] > 0.0, 0.2, 0.1)
-    assert measure(replace(cloud, spacing=jump)).growth >= 0.8
+    assert measure(replace(cloud, spacing=jump))["growth"] >= 0.8
 
 
 def test_a_signal_is_heard_while_nodes_are_placed() -> None:

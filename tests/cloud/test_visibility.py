@@ -96,8 +96,8 @@ def test_quality_and_triangles_do_not_reach_across() -> None:
     for gap in (1e-4, 0.02):
         for between in (None, 0.37):
             cloud = build_cloud(notched(gap, between=between), Spacing(0.1), 0)
-            assert measure(cloud).closest > 0.7
-            assert measure(cloud).hole < 1.3
+            assert measure(cloud)["closest"] > 0.7
+            assert measure(cloud)["hole"] < 1.3
             a, b, c = (cloud.points[cloud.triangles[:, k]] for k in range(3))
             area = 0.5 * ((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
             assert area.min() > 0.0
@@ -113,7 +113,7 @@ def test_rounded_edges_of_a_slot_are_no_holes() -> None:
     fine = Zone.around((1.8, -0.8), 0.15, 1.3, 0.15)
     cloud = build_cloud(Outline(names, curves), Spacing(0.8, (fine,)), 0)
     assert cloud.sight is not None
-    assert measure(cloud).hole < 1.2
+    assert measure(cloud)["hole"] < 1.2
 
 
 def test_cells_close_where_a_slit_opens_with_rounded_lips() -> None:

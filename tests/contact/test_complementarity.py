@@ -165,3 +165,25 @@ def test_no_equilibrium_is_a_ray() -> None:
     closed = np.ones(2, dtype=bool)
     held = solve(problem, weight + 0.29 * push, ContactStatus(closed, closed, np.zeros(2)))
     assert held.x[:2].sum() == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("seed", [1632, 2015, 2023])
+def test_statuses_that_recur_are_found_by_pivots(seed: int) -> None:
+    """Eight nodes with much friction, whose Newton steps recur; and the same with a motion in balance,
+    by which they are as compliant."""
+    count, rng = 8, np.random.default_rng(seed)
+    root = rng.normal(size=(2 * count, 2 * count))
+    compliance = root @ root.T / (2 * count) + 0.05 * np.eye(2 * count)
+    free = np.concatenate([rng.normal(size=count) - 0.5, rng.normal(size=count)])
+    mu, nodes, stuck = np.full(count, 0.8), np.arange(count), np.ones(count, dtype=bool)
+    start = ContactStatus(stuck, stuck, np.zeros(count))
+    example = Example(compliance, free, nodes, mu, count)
+    problem = Problem.of(compliance, nodes, mu, count)
+    found = solve(problem, problem.rows * free, start)
+    assert example.accepts(found.x, 1e-9)
+    moves = rng.normal(size=(2 * count, 1))
+    driven = Problem.of(
+        np.block([[compliance - moves @ moves.T, moves], [-moves.T, np.ones((1, 1))]]), nodes, mu, count
+    )
+    moved = solve(driven, driven.rows * np.append(free, 0.0), start)
+    np.testing.assert_allclose(moved.x[:-1], found.x, atol=1e-9)

@@ -10,10 +10,8 @@ from mlsanm_cli.contact.finite.meeting import Meeting
 from mlsanm_cli.contact.finite.node_curve import NodeCurve
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.rigid import RigidContact
-from mlsanm_cli.contact.finite.sets import Linearised, NodeSets
 from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.geometry.obstacles import Round
-from mlsanm_cli.contact.laws.contact_status import STICK
 
 NO_PLANE = (None, None)
 
@@ -131,34 +129,3 @@ def test_a_parabola_of_pressures_arrives_without_smoothing() -> None:
     met = BodyContact("c", above, below).meet(np.zeros((30, 2)), np.zeros(1), None)
     arrived = met.tractions(1.0 - (x - 1.0) ** 2, np.zeros(15))[15:, 1]
     np.testing.assert_allclose(arrived[2:-2], ((x - 1.0) ** 2 - 1.0)[2:-2], atol=1e-12)
-
-
-@pytest.mark.parametrize("seed", [1632, 2015, 2023])
-def test_sets_that_go_round_are_found_by_pivots(seed: int) -> None:
-    """Eight nodes with much friction, whose exchanges recur; and the same with a free motion that is in
-    balance, by which they are as compliant."""
-    count, rng = 8, np.random.default_rng(seed)
-    root = rng.normal(size=(2 * count, 2 * count))
-    compliance = root @ root.T / (2 * count) + 0.05 * np.eye(2 * count)
-    gap, slip = rng.normal(size=count) - 0.5, rng.normal(size=count)
-    mu, none = np.full(count, 0.8), np.zeros(count)
-    start = NodeSets(np.full(count, STICK, dtype=np.int8), none)
-    linear = Linearised(mu, none, none, gap, slip, compliance[:count], compliance[count:])
-    assert linear._exchanged(start, 100)[1].any()
-    change, sets, settled = linear.settled(start)
-    assert settled
-    p, q = np.split(change, 2)
-    g, s = np.split(compliance @ change + np.concatenate([gap, slip]), 2)
-    np.testing.assert_allclose(np.minimum(p, g), 0.0, atol=1e-9)
-    assert (np.abs(q) <= mu * p + 1e-9).all()
-    slides = np.abs(s) > 1e-9
-    np.testing.assert_allclose(
-        q[slides & sets.closed], (-np.sign(s) * mu * p)[slides & sets.closed], atol=1e-9
-    )
-    moves = rng.normal(size=(2 * count, 1))
-    by_all = np.hstack([compliance - moves @ moves.T, moves])
-    balance = (np.zeros(1), np.hstack([-moves.T, np.ones((1, 1))]))
-    driven = Linearised(mu, none, none, gap, slip, by_all[:count], by_all[count:], *balance)
-    found, _, settled = driven.settled(start)
-    assert settled
-    np.testing.assert_allclose(found[:-1], change, atol=1e-9)

@@ -5,20 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mlsanm_cli.continuation import FloatArray, Problem, SingularTangentError, Tangent, correct
-from mlsanm_cli.continuation.expansion import Metric, Series, expand, expansion_point
+from mlsanm_cli.continuation import Branch, FloatArray, Problem, SingularTangentError, Tangent, correct
+from mlsanm_cli.continuation.expansion import Metric, expand, expansion_point
 
 from .contact_problems import Contact, hertz, open_start, random_contact
 from .problems import Circle, Scalar, Truss
 
 
-def series_at(problem: Problem, x: np.ndarray, lam: float, order: int, unit: float = 1.0) -> Series:
+def series_at(problem: Problem, x: np.ndarray, lam: float, order: int, unit: float = 1.0) -> Branch:
     metric = Metric(problem.scale)
     upward = (np.zeros(problem.size), 1.0)
-    return expand(problem, metric, expansion_point(problem, x, lam), order, upward, unit)
+    return expand(problem, metric, expansion_point(problem, x, lam), order, upward, unit)[0]
 
 
-def residual_orders(problem: Problem, series: Series) -> list[float]:
+def residual_orders(problem: Problem, series: Branch) -> list[float]:
     """Return log2 of the fall of the residual when the parameter is halved, for each truncation order."""
     rates = []
     for order in range(1, series.lam.size):
@@ -104,7 +104,7 @@ def test_direction_decides_the_sign() -> None:
     metric = Metric(problem.scale)
     here = expansion_point(problem, np.array([0.8]), 0.6)
     for direction, sign in (((np.array([-1.0]), 0.0), 1.0), ((np.array([1.0]), 0.0), -1.0)):
-        series = expand(problem, metric, here, 2, direction, 1.0)
+        series, _ = expand(problem, metric, here, 2, direction, 1.0)
         assert np.sign(series.lam[1]) == sign
 
 

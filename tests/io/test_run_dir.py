@@ -12,7 +12,7 @@ import pytest
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.run_file import RunFile
-from mlsanm_cli.io.schema import INTERFACE_COLUMNS, members
+from mlsanm_cli.io.schema import INTERFACE_COLUMNS
 from mlsanm_cli.io.summary import write_csv
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ def fill(directory: Path) -> None:
     directory.mkdir()
     for name in (OURS | FOREIGN) - {"run.h5"}:
         (directory / name).write_bytes(b"anything")
-    columns = {name: np.zeros(2) for name in members(INTERFACE_COLUMNS)}
+    columns = {name: np.zeros(2) for name in INTERFACE_COLUMNS}
     for name in ("interface.csv", "interface_a%2Fb.csv"):
         write_csv(directory / name, columns)
     (directory / "plot_path.png").write_bytes(b"\x89PNG Software mlsanm 0.1 ...")

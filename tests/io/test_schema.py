@@ -56,13 +56,12 @@ def test_every_key_of_the_page_is_a_summary_key() -> None:
     assert told == {one.path.split(".")[0] for one in schema.SUMMARY}
 
 
-@pytest.mark.parametrize(
-    "table", [schema.INTERFACE_COLUMNS, schema.PATH_COLUMNS, schema.BODY_ARRAYS, schema.CONTACT_ARRAYS]
-)
-def test_columns_and_arrays_are_on_the_page(table: schema.Table) -> None:
-    for entry in table:
-        words = re.split(r"[_ ]", entry.name if "{" not in entry.name else entry.path.partition(".")[0])
-        assert " ".join(words) in re.sub(r"[_`]", " ", PAGE) or entry.name.startswith("stretch_")
+def test_columns_and_arrays_are_on_the_page() -> None:
+    words = re.sub(r"[_`]", " ", PAGE)
+    arrays = (*schema.INTERFACE_COLUMNS, *schema.BODY_ARRAYS, *schema.CONTACT_ARRAYS)
+    columns = [one.path.split(".")[-1] for one in schema.PATH_COLUMNS if not one.path.endswith("}")]
+    for name in (*columns, *arrays):
+        assert name.replace("_", " ").removesuffix(" 1").removesuffix(" 2") in words
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ import pytest
 
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.atomic import cannot_write, replacing
-from mlsanm_cli.io.schema import INTERFACE_COLUMNS, members
+from mlsanm_cli.io.schema import INTERFACE_COLUMNS
 from mlsanm_cli.io.summary import EventLog, write_csv, write_json_atomic
 from mlsanm_cli.toml import plain
 
@@ -98,7 +98,7 @@ def test_events_are_on_disk_line_by_line_and_a_second_opening_appends(tmp_path: 
 
 def test_interface_csv_has_the_columns_in_order_and_every_bit(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
-    columns: dict[str, Any] = {name: rng.standard_normal(9) * 1e-7 for name in members(INTERFACE_COLUMNS)}
+    columns: dict[str, Any] = {name: rng.standard_normal(9) * 1e-7 for name in INTERFACE_COLUMNS}
     columns["status"] = np.arange(9, dtype=np.int8) % 3
     path = tmp_path / "interface.csv"
     write_csv(path, columns)

@@ -14,7 +14,7 @@ from mlsanm_cli.errors import RunError
 from mlsanm_cli.kernels import blas
 from mlsanm_cli.kernels.aot import kept
 from mlsanm_cli.kernels.aot.machine import Code
-from tests.kernels.programs import KERNELS, MORE, ROOTS, answer, files, run, run_plain, started
+from tests.kernels.programs import KERNELS, MORE, ROOTS, answer, files, run, started
 
 
 @pytest.fixture(scope="module")
@@ -69,46 +69,13 @@ def test_what_cannot_be_used_is_compiled_anew_by_several_processes_at_once(
     assert run(tmp_path, ROOTS) == answer(warm=True, numba=False)
 
 
-def test_another_version_or_setting_of_numba_has_code_of_its_own(
+def test_another_version_of_numba_has_code_of_its_own(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    usual = kept.directory()
     (tmp_path / "_version.py").write_text("version = '9.9'")
-    places = [kept.directory()]
-    with monkeypatch.context() as patch:
-        patch.setattr(kept, "numba_root", lambda: str(tmp_path))
-        places.append(kept.directory())
-    with monkeypatch.context() as patch:
-        patch.setenv("NUMBA_OPT", "1")
-        places.append(kept.directory())
-    assert len(set(places)) == 3
-    monkeypatch.setenv("NUMBA_NUM_THREADS", "2")
-    assert kept.directory() == places[0]
-
-
-INTERRUPTED = """
-import os, signal, time
-from mlsanm_cli.kernels.aot import compiler
-# A process in a shell's background is born deaf to SIGINT.
-signal.signal(signal.SIGINT, signal.default_int_handler)
-right, seen = compiler._compiled, []
-
-class Freed:
-    # Exceptions that come while an object is freed are printed and lost.
-    def __del__(self):
-        os.kill(os.getpid(), signal.SIGINT)
-        time.sleep(0.5)
-
-def compiled(kernel):
-    seen.append(kernel.name)
-    Freed()
-    return right(kernel)
-
-compiler._compiled = compiled
-try:
-    jit.load()
-except KeyboardInterrupt:
-    print("interrupted", len(seen), len(jit.KERNELS))
-"""
+    monkeypatch.setattr(kept, "numba_root", lambda: str(tmp_path))
+    assert kept.directory() != usual
 
 
 @pytest.mark.parametrize("lenient", ["file", "directory", "above"])
@@ -129,13 +96,6 @@ def test_code_that_others_may_have_written_is_not_loaded(lenient: str, cache: Pa
         assert kept.read(path.parent) is not None
 
 
-def test_an_interrupt_ends_the_compilation(tmp_path: Path) -> None:
-    process = started(tmp_path, KERNELS + MORE + INTERRUPTED)
-    out, err = process.communicate()
-    assert (out, err) == ("interrupted 1 6\n", "")
-    assert files(tmp_path) == []
-
-
 def test_where_nothing_can_be_written_every_process_compiles_and_says_so(tmp_path: Path) -> None:
     blocked = tmp_path / "file"
     blocked.write_text("not a directory")
@@ -144,28 +104,6 @@ def test_where_nothing_can_be_written_every_process_compiles_and_says_so(tmp_pat
     assert told.startswith("[1.0, 1.5] [0, 1, 2] 4 0.25 True compiled kernels cannot be kept")
     assert "MLSANM_CACHE_DIR" in told
     assert blocked.read_text() == "not a directory"
-
-
-LOST = """
-from mlsanm_cli.kernels.aot import compiler
-def lost(*given):
-    raise AttributeError("no such private name")
-compiler._check_layout = lost
-"""
-
-
-def test_where_numba_does_not_give_its_code_away_it_keeps_the_kernels(tmp_path: Path) -> None:
-    """Not compiled at every start: the second process finds what the first one left."""
-    cache, program = tmp_path / "cache", tmp_path / "program.py"
-    program.write_text(KERNELS + LOST + ROOTS)
-    start = f"import runpy; runpy.run_path({str(program)!r}, run_name='__main__')"
-    told = [run_plain(cache, start, NUMBA_DEBUG_CACHE="1") for _ in range(2)]
-    assert "no such private name" in told[0][-1]
-    assert told[1][-1] == answer(True, True)[1]
-    saved, loaded = (
-        [any(f"data {what}" in line for line in one) for one in told] for what in ("saved", "loaded")
-    )
-    assert (saved, loaded) == ([True, False], [False, True])
 
 
 USES = """
@@ -206,16 +144,6 @@ def test_results_live_as_long_as_they_are_used_and_exceptions_are_raised(tmp_pat
         assert memory.startswith("MemoryError Allocation failed")
         assert negative.startswith("ValueError negative dimensions")
         assert shapes.startswith("RuntimeError __main__.assigned: ValueError")
-
-
-def test_kernels_are_python_functions_where_numba_is_off(tmp_path: Path) -> None:
-    program = "print(type(ones).__name__, type(root).__name__, same(np.eye(2)), 'numba' in sys.modules)"
-    told = run(tmp_path, MORE + program, NUMBA_DISABLE_JIT="1")
-    assert told == ["function function [0. 1.] False"]
-    process = started(tmp_path, KERNELS + "jit.load()", NUMBA_DISABLE_JIT="1")
-    assert process.communicate()[1].endswith(
-        "NUMBA_DISABLE_JIT is set, and a run needs its kernels compiled\n"
-    )
 
 
 def test_functions_of_scipy_are_called_as_they_are_declared() -> None:

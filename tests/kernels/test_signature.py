@@ -49,7 +49,7 @@ def test_integers_must_be_such_and_fit() -> None:
     with pytest.raises(TypeError, match="float"):
         weights(1.0, np.empty((3, 3)))
     for degree in (2**63, -(2**63) - 1):
-        with pytest.raises(OverflowError, match="degree does not fit"):
+        with pytest.raises(OverflowError):
             weights(degree, np.empty((3, 3)))
 
 

@@ -4,67 +4,64 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.checks.verdicts import BALANCE_LIMIT
+from mlsanm_cli.app.checks.check import Check, Verdicts
 from mlsanm_cli.app.context import RunContext
+from mlsanm_cli.app.finite.checks import FiniteEnd, checks_of, finite_limits
 from mlsanm_cli.app.finite.contact_path import contact_path
-from mlsanm_cli.app.finite.end_warnings import few_nodes, held_at_points
 from mlsanm_cli.app.finite.estimate import (
-    ESTIMATE_WARNING,
     EnergyError,
-    check_work,
+    energy_estimate,
     missing_figures,
     missing_works,
+    work_error,
 )
 from mlsanm_cli.app.finite.fields import (
+    CONTACT_PREFIX,
     SceneForces,
     extremes,
     fields_of,
     figures_of_contacts,
     plates_turned,
     quantities,
+    resultants,
 )
 from mlsanm_cli.app.finite.lines import contact_lines, obstacle_lines
 from mlsanm_cli.app.finite.patches import touched_after
 from mlsanm_cli.app.finite.path import finite_path
-from mlsanm_cli.app.finite.refinement import Refinement, contact_errors, refined
+from mlsanm_cli.app.finite.refinement import contact_errors, refined
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
-from mlsanm_cli.app.finite.verdict import ELLIPTICITY_WARNING
-from mlsanm_cli.app.output.analysis import Analysis, BodyFields, Warn
+from mlsanm_cli.app.finite.states import STATE
+from mlsanm_cli.app.output.analysis import Analysis, BodyFields
 from mlsanm_cli.app.output.parts import body_datasets, contact_datasets, vtu_states
 from mlsanm_cli.app.scene.assemble import SceneModel
-from mlsanm_cli.app.scene.build import place
-from mlsanm_cli.case import Case, finer_nodes
+from mlsanm_cli.app.scene.refinement import Refinement
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case import Case
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io.records import Quantities
 from mlsanm_cli.io.run_file import Value
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.roundoff import ROUND_OFF
-from mlsanm_cli.solve.coercivity import CONTACT_LIMIT
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State
 
 
 class FiniteStrain(Analysis):
-    """The analysis at finite strain, on the clouds of a ``refinement``, or of its plain values."""
+    """The analysis at finite strain, on the clouds of a ``refinement``."""
 
     def __init__(
         self,
         case: Case,
         prepared: SceneModel,
         context: RunContext,
-        refinement: Mapping[str, Any] | Refinement | None = None,
+        refinement: Refinement | None = None,
     ) -> None:
-        known = refinement if isinstance(refinement, Refinement) else Refinement()
-        if isinstance(refinement, Mapping):
-            known = Refinement.read(refinement)
-            prepared = place(case, context, known.asked)
         super().__init__(case, prepared, context)
-        self._refinement = known
+        self._refinement = refinement or Refinement()
         self._scene: FiniteScene | None = None
         self._missed: Callable[[], Any] | None = None
         self._estimates: tuple[State, dict[str, Any]] | None = None
@@ -75,50 +72,45 @@ class FiniteStrain(Analysis):
         assert self._scene is not None
         return self._scene
 
-    def set_up(self, warn: Warn) -> None:
+    def set_up(self, verdicts: Verdicts) -> None:
         """Assembles the scene."""
+        self.announce(verdicts)
         with self.context.phase("operators"):
             self._scene = finite_scene(self.case, self.prepared)
         self.clouds = {name: body.elastic.model.cloud for name, body in self.scene.bodies.items()}
 
-    def steps(self, start: Checkpoint | None, last: State | None, warn: Warn) -> Iterator[PathStep]:
-        """The path by power series, or by increments in contact; or its part after a checkpoint."""
-        follow = contact_path if self.scene.in_increments else finite_path
-        for step in follow(self.scene, start):
+    def steps(self, start: Checkpoint | None, last: State | None, verdicts: Verdicts) -> Iterator[PathStep]:
+        """The path by power series, or by increments in contact, up to a stop of the case; or its part after
+        a checkpoint."""
+        for step in self.stopped(self._follow, start, last, self.case.solver.tolerance):
             self._missed = step.missed
             yield step
 
-    def judge(self, last: State, tally: dict[str, Any], warn: Warn) -> None:
-        """Warnings of an inaccurate last state, and its force balance."""
-        for warning in self._warnings(last, tally):
-            warn(warning)
-        # Reactions at single nodes are not known from the stress.
-        single = any(body.elastic.held_nodes for body in self.scene.bodies.values())
-        if tally["balance"] > BALANCE_LIMIT and not single:
-            raise NumericalError(
-                f"force imbalance on a body: {100 * tally['balance']:.2g} % of the largest force",
-                "make the spacing smaller",
-            )
+    def _follow(self, start: Checkpoint | None, at: tuple[float, ...]) -> Iterator[PathStep]:
+        """The path, or its part after a checkpoint, with saved states also ``at`` further positions."""
+        if self.scene.in_increments:
+            return contact_path(self.scene, start, at)
+        return finite_path(self.scene, start, at=at)
 
-    def _warnings(self, last: State, tally: Mapping[str, Any]) -> Iterator[str]:
-        scene = self.scene
-        waves = extremes(scene, last)["ellipticity"]
-        if waves < ELLIPTICITY_WARNING:
-            yield f"the law is close to losing ellipticity: acoustic tensor {waves:.2g} of the shear modulus"
-        if (estimate := _estimate(tally)) > ESTIMATE_WARNING:
-            kept = tally["kept"] / tally["energy"]
-            yield EnergyError.of(scene, last).warning(scene, estimate, kept)
-        if text := check_work(scene, tally["missing"], _energy_error(tally)):
-            yield text
-        for name, error in self._errors(last, tally).get("contacts", {}).items():
-            if error > ESTIMATE_WARNING:
-                sides = next(one for one in scene.contacts.pairs if one.name == name).sides
-                size = f"the force is estimated to be off by {100.0 * error:.2g} %"
-                hint = finer_nodes(scene.case, [side.body for side in sides])
-                yield f"contact {name}: {size}; {hint}"
-        yield from self._refinement.warnings
-        yield from few_nodes(scene, last)
-        yield from held_at_points(scene, last)
+    def forces(self, state: State) -> Mapping[str, FloatArray]:
+        """Forces of loads, supports and contacts."""
+        forces = resultants(self.scene, SceneForces.of(self.scene, state))
+        return forces | {name.removeprefix(CONTACT_PREFIX): force for name, force in forces.items()}
+
+    @property
+    def weights(self) -> Mapping[str, FloatArray]:
+        """Lengths of the nodes of contacts."""
+        return {contact.name: contact.slave.weight for contact in self.scene.contacts.pairs}
+
+    def checks(self, state: State) -> Iterator[Check]:
+        """Deformations and overlaps."""
+        for check in STATE:
+            yield from check(self.scene, state)
+
+    def judge(self, last: State, tally: dict[str, Any]) -> Iterator[Check]:
+        """Checks of the last state."""
+        errors = self._errors(last, tally)
+        return checks_of(FiniteEnd(self.scene, last, tally, errors, self._refinement))
 
     def finer(self, tally: Mapping[str, Any], failure: NumericalError | None) -> FiniteStrain | None:
         """With more nodes where bodies touched, or with those of the run before a finer one that failed."""
@@ -133,7 +125,7 @@ class FiniteStrain(Analysis):
     def refinement(self) -> Mapping[str, Any]:
         """Zones of this run, and the passes before."""
         known = self._refinement
-        return asdict(known) if known.passes or known.failed else {}
+        return known.plain if known.passes or known.failed else {}
 
     def model_datasets(self) -> dict[str, Value]:
         """Bodies and contacts before loading."""
@@ -226,7 +218,7 @@ class FiniteStrain(Analysis):
             "force_balance": tally["balance"],
             **({"stability": stability} if np.isfinite(stability) else {}),
             "error_estimate": self._errors(state, tally),
-            "energy_error": _energy_error(tally),
+            "energy_error": work_error(tally),
             "finite_strain": {
                 "law": ", ".join(dict.fromkeys(body.law.kind for body in scene.bodies.values())),
                 **extremes(scene, state),
@@ -247,7 +239,7 @@ class FiniteStrain(Analysis):
         if self._missed is not None:
             with self.context.phase("estimate"), suppress(NumericalError, np.linalg.LinAlgError):
                 missing = missing_figures(self.scene, last, self._missed())
-        errors, forces = {"energy": _estimate(tally)} | missing, missing.get("contacts", {})
+        errors, forces = {"energy": energy_estimate(tally)} | missing, missing.get("contacts", {})
         for name, error in contact_errors(self._refinement, tally["touched"]).items():
             forces[name] = max(error, forces.get(name, 0.0))
         errors |= {"contacts": forces} if forces else {}
@@ -255,25 +247,6 @@ class FiniteStrain(Analysis):
         return errors
 
     def limits(self) -> dict[str, Any]:
-        """The limits of the checks; all but that of the balance only warn."""
+        """The limits of the checks."""
         names = () if self._scene is None else [one.name for one in self.scene.contacts.pairs]
-        estimates = {"energy": ESTIMATE_WARNING, "contacts": dict.fromkeys(names, ESTIMATE_WARNING)}
-        return {
-            "residual": self.case.solver.tolerance,
-            "force_balance": BALANCE_LIMIT,
-            "ellipticity": 0.0,
-            "error_estimate": ESTIMATE_WARNING,
-            "estimates": estimates,
-            **({"stability": CONTACT_LIMIT} if names else {}),
-        }
-
-
-def _estimate(tally: Mapping[str, Any]) -> float:
-    """Largest estimated error of the energy over the largest energy on the path."""
-    return float(tally["unaccounted"] / tally["energy"]) if tally["energy"] else 0.0
-
-
-def _energy_error(tally: Mapping[str, Any]) -> float:
-    """Internal less external work of the bodies over the largest energy."""
-    works = tally["missing"].values()
-    return sum(map(abs, works)) / (0.5 * tally["energy"]) if tally["energy"] else 0.0
+        return finite_limits(self.case, names)

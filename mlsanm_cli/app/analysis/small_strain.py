@@ -8,50 +8,24 @@ from typing import Any
 
 import numpy as np
 
+from mlsanm_cli.app.checks import end, states
+from mlsanm_cli.app.checks.balance import force_balance, force_mismatch, worst_of
+from mlsanm_cli.app.checks.check import Check, Verdicts
 from mlsanm_cli.app.checks.diagnosis import diagnose, node_fields, worst_nodes
-from mlsanm_cli.app.checks.end_state import (
-    check_held,
-    check_limit,
-    check_rolling,
-    end_warnings,
-    idle_note,
-    overlap_warnings,
-    tip_warnings,
-)
-from mlsanm_cli.app.checks.energy import energy_error
-from mlsanm_cli.app.checks.overlaps import check_overlaps, within_themselves
-from mlsanm_cli.app.checks.peaks import Peak, boundary_peaks, check_peaks
-from mlsanm_cli.app.checks.quality import assess, factor_notes, nodal_warnings
+from mlsanm_cli.app.checks.energy import EnergyErrors, energy_error
+from mlsanm_cli.app.checks.overlaps import overlaps, self_overlaps
+from mlsanm_cli.app.checks.peaks import Peak, boundary_peaks
+from mlsanm_cli.app.checks.quality import assess, factor_notes, nodal_contacts, refinement_pass
 from mlsanm_cli.app.checks.references import reference_profile
-from mlsanm_cli.app.checks.refinement import Adapted, Refinement, adapt, refine_again
-from mlsanm_cli.app.checks.verdicts import (
-    BALANCE_LIMIT,
-    ENERGY_LIMIT,
-    LARGE_ERROR,
-    LINEAR_LIMIT,
-    TRANSFER_LIMIT,
-    EnergyVerdict,
-    check_balance,
-    check_energy,
-    check_estimates,
-    check_linear,
-    check_open,
-    check_points,
-    check_spacing,
-    check_state,
-    check_transfer,
-    estimate_limits,
-    force_balance,
-    force_mismatch,
-    worst_of,
-)
+from mlsanm_cli.app.checks.refinement import Adapted, adapt
 from mlsanm_cli.app.context import RunContext
-from mlsanm_cli.app.output.analysis import Analysis, BodyFields, Ending, Warn
-from mlsanm_cli.app.output.lines import contact_lines, large_slides, obstacle_lines
+from mlsanm_cli.app.output.analysis import Analysis, BodyFields
+from mlsanm_cli.app.output.lines import contact_lines, obstacle_lines, sliding_distance
 from mlsanm_cli.app.output.parts import body_datasets, contact_datasets, contact_figures, vtu_states
 from mlsanm_cli.app.output.views import Views, shown_fields
 from mlsanm_cli.app.scene.assemble import SceneModel
-from mlsanm_cli.app.scene.causes import strain_warnings
+from mlsanm_cli.app.scene.refinement import Refinement
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.laws.limit_load import SlidingError
@@ -60,54 +34,51 @@ from mlsanm_cli.io.records import Quantities, place
 from mlsanm_cli.io.run_file import Value
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.memo import digest
-from mlsanm_cli.solve.coercivity import stability_limit
+from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import NO_STARTS, Fields, fields_of
 from mlsanm_cli.solve.functionals import cone_ratio, contact_values, plates_turned, quantities, slave_arc
 from mlsanm_cli.solve.limit_loads import at_limit
 from mlsanm_cli.solve.paths import path_of
-from mlsanm_cli.solve.state import Checkpoint, PathStep, State
-from mlsanm_cli.solve.stop_events import StoppedPath
+from mlsanm_cli.solve.state import Checkpoint, PathStep, State, output_positions
 
 WITH_STRESS = {"stress", "von_mises", "strain"}
 """Fields that need stresses."""
 
 
 def set_up(
-    case: Case, prepared: SceneModel, context: RunContext, warn: Warn, refinement: Refinement | None = None
+    case: Case,
+    prepared: SceneModel,
+    context: RunContext,
+    verdicts: Verdicts,
+    refinement: Refinement | None = None,
 ) -> Adapted:
     """Condenses the scene, refined as the case requires or by a ``refinement`` found before. Raises
     NumericalError for a scene that cannot be set up."""
-    if refinement is None:
-        adapted = adapt(case, prepared, context)
-    else:
-        adapted = refine_again(case, refinement, context)
+    adapted = adapt(case, prepared, context, refinement)
     nodal = [pairing for pairing in adapted.built.condensed.pairings if pairing.grid is None]
-    if adapted.refinement.failed:
-        warn(adapted.refinement.failed)
-    for warning in nodal_warnings(adapted.prepared, nodal, adapted.prepared.models):
-        warn(warning)
+    verdicts.judge(refinement_pass(adapted.refinement))
+    verdicts.judge(nodal_contacts(adapted.prepared, nodal, adapted.prepared.models))
     return adapted
 
 
 class SmallStrain(Analysis):
-    """The analysis at small strain; ``refinement`` is that of an earlier process."""
+    """The analysis at small strain; the clouds may be those of a ``refinement`` of an earlier process."""
 
     def __init__(
         self,
         case: Case,
         prepared: SceneModel,
         context: RunContext,
-        refinement: Mapping[str, Any] | None = None,
+        refinement: Refinement | None = None,
     ) -> None:
         super().__init__(case, prepared, context)
-        self._known = Refinement.read(refinement) if refinement else None
+        self._known = refinement
         self._adapted: Adapted | None = None
         self._views = Views({}, {})
-        self._path: StoppedPath | None = None
         self._first: State | None = None
         self._stressed: tuple[State, Mapping[str, Fields]] | None = None
-        self._energies: EnergyVerdict | None = None
+        self._energies: EnergyErrors | None = None
         self._peaks: Mapping[str, Peak] = {}
 
     @property
@@ -122,31 +93,29 @@ class SmallStrain(Analysis):
             return NO_STARTS
         return {name: body.solution for name, body in self._adapted.accuracy.bodies.items()}
 
-    def set_up(self, warn: Warn) -> None:
+    def set_up(self, verdicts: Verdicts) -> None:
         """Condenses and refines the scene."""
-        adapted = set_up(self.case, self.prepared, self.context, warn, self._known)
+        self.announce(verdicts)
+        adapted = set_up(self.case, self.prepared, self.context, verdicts, self._known)
         self._adapted, self.prepared = adapted, adapted.prepared
         if adapted.refined:
             self.quality = assess(self.case, adapted.prepared, self.context.memo)
-            for warning in self.quality.warnings:
-                warn(warning)
+            verdicts.judge(self.quality.checks)
         models = {name: body.model for name, body in adapted.built.scene.bodies.items()}
         self.quality = replace(self.quality, models=models)
 
-    def steps(self, start: Checkpoint | None, last: State | None, warn: Warn) -> Iterator[PathStep]:
+    def steps(self, start: Checkpoint | None, last: State | None, verdicts: Verdicts) -> Iterator[PathStep]:
         """The path up to a stop of the case, or its part after a checkpoint."""
         built = self._built
-        self._path = StoppedPath(built, start, last, path_of)
-        steps = self._path.steps()
+        steps = self.stopped(self._follow, start, last, FINE_ROUND_OFF)
         while True:
             try:
                 step = next(steps, None)
                 for state in (*step.saved, step.state) if step is not None else ():
-                    check_rolling(built, state)
+                    verdicts.judge(states.overturning(built, state))
             except NumericalError as error:
                 if last is not None and isinstance(error, SlidingError):
-                    for warning in filter(None, (check_limit(built, last),)):
-                        warn(warning)
+                    verdicts.judge(end.limit_load(built, last))
                 position = 0.0 if last is None else last.position
                 raise at_limit(built.scene, built.condensed, built.stages, position, error) from error
             if step is None:
@@ -155,73 +124,60 @@ class SmallStrain(Analysis):
             self._first = self._first or last
             yield step
 
-    def check(self, state: State) -> None:
-        """Raises NumericalError for a state that is not reliable."""
-        check_state(self._built, state)
+    def checks(self, state: State) -> Iterator[Check]:
+        """Residual, friction limits and nodes left out."""
+        return states.checks_of(self._built, state)
 
-    def ending(self, last: State | None) -> Ending:
-        """The end of the path, also by a stop of the case."""
-        reached = self._path.reached if self._path is not None else None
-        if reached is None or last is None:
-            return super().ending(last)
-        stop = reached.description
-        return Ending("done", f"{stop}, at position {last.position:.9g}", stopped_by=stop)
+    def _follow(self, start: Checkpoint | None, at: tuple[float, ...]) -> Iterator[PathStep]:
+        """The path, or its part after a checkpoint, with saved states also ``at`` further positions."""
+        built, output = self._built, self.case.output
+        if at:
+            output = output.model_copy(update={"at": tuple(sorted({*output_positions(built), *at}))})
+            built = replace(built, case=built.case.model_copy(update={"output": output}))
+        return path_of(built, start)
 
-    def judge(self, last: State, tally: dict[str, Any], warn: Warn) -> None:
-        """Checks the last state, and estimates its errors."""
+    def forces(self, state: State) -> Mapping[str, FloatArray]:
+        """Forces of loads, supports and contacts."""
+        condensed = self._built.condensed
+        maps = {**condensed.contact_forces, **condensed.forces}
+        return {name: force(*state.unknowns) for name, force in maps.items()}
+
+    @property
+    def weights(self) -> Mapping[str, FloatArray]:
+        """Lengths of the nodes of contacts."""
+        condensed = self._built.condensed
+        return {name: condensed.weight[span] for name, span in condensed.spans.items()}
+
+    def judge(self, last: State, tally: dict[str, Any]) -> Iterator[Check]:
+        """Checks of the last state, then of the estimates of its errors."""
         built, context = self._built, self.context
-        with context.phase("output"):
-            if "linear_residual" not in tally:
-                tally["linear_residual"] = self._linear_residual(last)
-        check_linear(tally["linear_residual"])
-        check_spacing(built, last)
+        if "linear_residual" not in tally:
+            with context.phase("output"):
+                unsaved, tally["linear_residual"] = fields_of(built, [last], False, self._starts)[0]
+            yield from self._overlaps(last, unsaved)
         with context.phase("output"):
             fields = self._stress_fields(last)
             self._energies = energy_error(built, last, fields)
             self._peaks = boundary_peaks(built, last, fields)
-        for warning in filter(None, self._warnings(last, tally)):
-            warn(warning)
-        if note := idle_note(built, last):
+        figures = tally["linear_residual"], self._energies, self._peaks
+        yield from end.checks_of(end.End(built, self._first, last, *figures))
+        if note := end.idle_note(built, last):
             context.console.note(note)
         self._adapted = self._estimated(last)
         known = self._adapted.accuracy
-        for warning in check_estimates(built, known.figures(built, last), known.missing):
-            warn(warning)
+        yield from end.estimates(built, known.figures(built, last), known.missing)
 
-    def _linear_residual(self, last: State) -> float:
-        """Error of the linear solver in the last state if no state was saved, which is then also checked for
-        overlaps."""
-        fields, residual = fields_of(self._built, [last], stress=False, starts=self._starts)[0]
+    def _overlaps(self, last: State, fields: Mapping[str, Fields]) -> Iterator[Check]:
+        """Overlaps of a path without saved states, at the nodes."""
         clouds = {name: body.model.cloud for name, body in self._built.scene.bodies.items()}
-        check_overlaps(self._built, last, clouds, {name: one.displacement for name, one in fields.items()})
-        return residual
+        moved = {name: one["displacement"] for name, one in fields.items()}
+        return overlaps(self._built, last, clouds, moved)
 
     def _stress_fields(self, state: State) -> Mapping[str, Fields]:
         """The fields of all bodies with stresses; recomputed unless the state was the last one saved."""
         if self._stressed is not None and self._stressed[0] is state:
             return self._stressed[1]
         return fields_of(self._built, [state], stress=True, starts=self._starts)[0][0]
-
-    def _warnings(self, last: State, tally: Mapping[str, Any]) -> Iterator[str]:
-        """Warnings about a completed path, "" for checks without findings. A check may raise NumericalError;
-        the warnings before it are kept."""
-        built, energies = self._built, self._energies
-        assert energies is not None
-        if self._first is not None:
-            yield from overlap_warnings(built, self._first, last)
-        yield from end_warnings(built, last)
-        yield from tip_warnings(built, last)
-        # First of the checks that fail for inconsistent units, so that the warning names the cause.
-        yield from strain_warnings(built.case, energies.strains)
-        yield from check_transfer(built, last)
-        yield check_balance(built.case, force_balance(built, last))
-        yield check_energy(built.case, energies)
-        yield from check_points(energies)
-        yield from check_peaks(built.case, self._peaks)
-        yield check_held(built)
-        yield check_rolling(built, last)
-        yield check_open(built)
-        yield from built.weak
 
     def _estimated(self, last: State) -> Adapted:
         """The scene with the error estimates of its last state."""
@@ -234,11 +190,14 @@ class SmallStrain(Analysis):
                 accuracy = with_friction(self._built, accuracy, last, self.context.memo)
         return replace(self._adapted, accuracy=accuracy.with_energies(self._energies))
 
+    def finer(self, tally: Mapping[str, Any], failure: NumericalError | None) -> None:
+        """None: clouds are refined before the path is followed."""
+
     @property
     def refinement(self) -> Mapping[str, Any]:
         """Zones and passes of refined clouds."""
         adapted = self._adapted
-        return asdict(adapted.refinement) if adapted is not None and adapted.refined else {}
+        return adapted.refinement.plain if adapted is not None and adapted.refined else {}
 
     def model_datasets(self) -> dict[str, Value]:
         """Bodies and contacts before loading, and the maps of bonds."""
@@ -288,18 +247,12 @@ class SmallStrain(Analysis):
             shown = shown_fields(self._built, self._views, state, fields, stress)
             yield shown, {"linear_residual": residual}
 
-    def faults(self, state: State, fields: BodyFields) -> Iterator[tuple[str, str]]:
-        """Bodies that overlap themselves, and surfaces that slide far. Raises NumericalError if bodies
-        overlap."""
-        moved = {name: one.displacement for name, one in fields.items()}
-        check_overlaps(self._built, state, self.clouds, moved)
-        yield from large_slides(self._built, state, self.clouds, moved)
-        for name, (x, y) in within_themselves(self.clouds, moved).items():
-            yield (
-                f"body {name} overlaps itself",
-                f" near ({x:.6g}, {y:.6g}) from position {state.position:.6g} on: self-contact is not "
-                "supported, and results beyond that position are invalid",
-            )
+    def field_checks(self, state: State, fields: BodyFields) -> Iterator[Check]:
+        """Overlaps, and surfaces that slide far."""
+        moved = {name: one["displacement"] for name, one in fields.items()}
+        yield from overlaps(self._built, state, self.clouds, moved)
+        yield from sliding_distance(self._built, state, self.clouds, moved)
+        yield from self_overlaps(state, self.clouds, moved)
 
     def lines(self, state: State, fields: BodyFields) -> tuple[Mapping[str, VtuPart], Mapping[str, VtuPart]]:
         """Slave surfaces and obstacles."""
@@ -362,7 +315,7 @@ class SmallStrain(Analysis):
         bodies = built.scene.bodies
         nodes = sum(len(body.model.cloud.points) for body in bodies.values())
         if self._adapted.refined:
-            sizes["adapt"] = [asdict(one) for one in self._adapted.passes]
+            sizes["adapt"] = self._adapted.refinement.passes
         return sizes | {
             "nodes": nodes,
             "unknowns": 2 * nodes,
@@ -397,21 +350,8 @@ class SmallStrain(Analysis):
         }
 
     def limits(self) -> dict[str, Any]:
-        """The limits beyond which a run fails: ``stability`` is a lower limit, ``error_estimate`` and
-        ``estimates`` only warn."""
-        limits: dict[str, Any] = {
-            "residual": self.case.solver.tolerance,
-            "linear_residual": LINEAR_LIMIT,
-            "force_balance": BALANCE_LIMIT,
-            "force_mismatch": TRANSFER_LIMIT,
-            "energy_error": ENERGY_LIMIT,
-            "error_estimate": LARGE_ERROR,
-        }
-        if self._adapted is None:
-            return limits
-        built = self._built
-        lowest = stability_limit(built.ends)
-        return limits | {"stability": lowest, "estimates": estimate_limits(built)}
+        """The limits of the checks."""
+        return end.limits(self.case, None if self._adapted is None else self._adapted.built)
 
 
 def _contact(built: CondensedScene, pairing: Pairing, state: State) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.checks.verdicts import EnergyVerdict
+from mlsanm_cli.app.checks.energy import EnergyErrors
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import finer_nodes
 from mlsanm_cli.contact.geometry.grid import l2
@@ -26,7 +26,6 @@ from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.response.bonds import Bonds
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.defect import Corrected, correct
-from mlsanm_cli.mechanics.scene import Platen
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
@@ -95,7 +94,7 @@ class Accuracy:
         size = max(moved, LEAST_MOVED * (self.largest or 0.0))
         return float(np.hypot(self.probes[probe] / size, self.deflection)) if size > 0.0 else 0.0
 
-    def with_energies(self, energies: EnergyVerdict | None) -> Accuracy:
+    def with_energies(self, energies: EnergyErrors | None) -> Accuracy:
         """Estimates that include the errors of displacements known from energies."""
         if self.displacement is None or energies is None:
             return self
@@ -233,12 +232,7 @@ def corrected_bodies(
 ) -> dict[str, Corrected]:
     """Bodies in a state f, q, p, t with the corrections of their displacements. Raises NumericalError."""
     condensed, scene = built.condensed, built.scene
-    plates = {
-        side
-        for constraint, _ in scene.unknown_motions
-        if isinstance(constraint, Platen)
-        for side in constraint.held
-    }
+    plates = {side for constraint, _ in scene.unknown_motions for side in constraint.held}
     found = {}
     for name, body in scene.bodies.items():
         moved, source = scene.floating_patterns(name) @ unknowns[1], condensed.source(name, *unknowns)

@@ -1,13 +1,15 @@
-"""Deformed outlines of bodies, and the errors of their positions."""
+"""Deformed outlines of bodies with the errors of their positions, and overlaps of two of them."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.membership import inside_polygon
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 MAX_CHORD_TURN = 0.02
@@ -19,6 +21,8 @@ SECOND_ORDER_FACTOR = 0.6
 end of a cantilever approaches its root by that."""
 DISPLACEMENT_ERROR = 0.01
 """Displacements below this part of those of a body are discretisation errors."""
+SPACING_SHARE = 0.5
+"""Part of the spacing to which surfaces are known between nodes at finite strain."""
 BLOCK_SIZE = 2**18
 """Pairs of a point and an edge that are processed together."""
 
@@ -27,7 +31,7 @@ BLOCK_SIZE = 2**18
 class DeformedOutline:
     """Deformed outline of a body: ``points`` (n, 2), their displacements ``moved`` (n, 2) and initial
     positions ``drawn`` (n, 2), outward normals (n, 2), the numbers ``surface`` (n,) of their surfaces, and
-    the position errors ``slack`` (n,) between nodes. ``chords`` (c, 2) are pairs of adjacent points,
+    the errors of their positions, ``uncertainty`` (n,). ``chords`` (c, 2) are pairs of adjacent points,
     ``names`` (s) and ``ends`` (s, 2) the names and the first and last points of the surfaces."""
 
     points: FloatArray
@@ -35,7 +39,7 @@ class DeformedOutline:
     drawn: FloatArray
     normal: FloatArray
     surface: IntArray
-    slack: FloatArray
+    uncertainty: FloatArray
     chords: IntArray
     names: tuple[str, ...]
     ends: IntArray
@@ -50,19 +54,10 @@ class DeformedOutline:
         """Longer side of the initial bounding box."""
         return float(np.ptp(self.drawn, axis=0).max())
 
-    @property
-    def tolerance(self) -> float:
-        """Error of the positions due to the small-displacement theory and the discretisation."""
-        apart = float(np.hypot(*np.ptp(self.moved, axis=0)))
-        return (
-            SECOND_ORDER_FACTOR * apart**2 / self.size
-            + DISPLACEMENT_ERROR * apart
-            + COARSE_ROUND_OFF * self.size
-        )
 
-
-def outline_of(cloud: Cloud, displacement: FloatArray) -> DeformedOutline:
-    """Deformed outline of a body with the nodal ``displacement`` (n, 2)."""
+def outline_of(cloud: Cloud, displacement: FloatArray, exact: bool = False) -> DeformedOutline:
+    """Deformed outline of a body with the nodal ``displacement`` (n, 2), which at small strain has errors of
+    second order; ``exact`` ones are known up to a part of the spacing, as surfaces between nodes are."""
     drawn, moved, normal, surface, slack, chords, ends = ([] for _ in range(7))
     count = 0
     for number, one in enumerate(cloud.surfaces.values()):
@@ -78,21 +73,24 @@ def outline_of(cloud: Cloud, displacement: FloatArray) -> DeformedOutline:
         drawn.append(one.curve.points(np.minimum(fine, one.curve.length)))
         normal.append(one.curve.normals(np.minimum(fine, one.curve.length)))
         moved.append(np.vstack([u[first] + share[:, None] * np.diff(u, axis=0)[first], u[-1:]]))
-        unknown = _between(s, u)
+        spacing = np.append(cloud.spacing[one.index], cloud.spacing[one.index[:1]])[: len(s)]
+        unknown = SPACING_SHARE * spacing if exact else _between(s, u)
         slack.append(np.append(np.maximum(unknown[:-1], unknown[1:])[first], unknown[-1]))
         surface.append(np.full(len(fine), number))
         own = count + np.arange(len(fine))
         chords.append(np.stack([own[:-1], own[1:]], axis=1))
         ends.append(own[[0, -1]])
         count += len(fine)
-    places, shifts = np.concatenate(drawn), np.concatenate(moved)
+    places, shifts, size = np.concatenate(drawn), np.concatenate(moved), np.ptp(cloud.points, axis=0).max()
+    apart = 0.0 if exact else float(np.hypot(*np.ptp(shifts, axis=0)))
+    whole = SECOND_ORDER_FACTOR * apart**2 / size + DISPLACEMENT_ERROR * apart + COARSE_ROUND_OFF * size
     return DeformedOutline(
         places + shifts,
         shifts,
         places,
         np.concatenate(normal),
         np.concatenate(surface),
-        np.concatenate(slack),
+        np.concatenate(slack) + whole,
         np.concatenate(chords),
         tuple(cloud.surfaces),
         np.array(ends),
@@ -122,3 +120,51 @@ def distances(points: FloatArray, edges: FloatArray) -> tuple[FloatArray, IntArr
         nearest[first : first + step] = squares.argmin(axis=1)
         distance[first : first + step] = np.sqrt(squares.min(axis=1))
     return distance, nearest
+
+
+@dataclass(frozen=True)
+class Overlap:
+    """A boundary inside another body or an obstacle, with the largest ``depth`` and its ``place``."""
+
+    depth: float
+    place: tuple[float, float]
+    boundary: str
+    other: str
+
+    @property
+    def owners(self) -> set[str]:
+        """The two bodies, or the body and the obstacle."""
+        other = self.other if self.other.startswith("the ") else self.other.partition(".")[0]
+        return {self.boundary.partition(".")[0], other}
+
+
+def inside(own: DeformedOutline, there: DeformedOutline) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
+    """Points (e,) of an outline inside another body, the points (e,) of that next to them, their depths (e,),
+    and the uncertainties (e,) of these."""
+    low, high = there.points.min(axis=0), there.points.max(axis=0)
+    near = np.flatnonzero(((own.points > low) & (own.points < high)).all(axis=1))
+    near = near[inside_polygon(there.edges, own.points[near])] if len(near) else near
+    if not len(near):
+        return near, near, np.zeros(0), np.zeros(0)
+    depth, chord = distances(own.points[near], there.edges)
+    facing = there.chords[chord, 0]
+    return near, facing, depth, own.uncertainty[near] + there.uncertainty[facing]
+
+
+def deepest(
+    own: DeformedOutline, at: IntArray, depth: FloatArray, body: str, others: Sequence[str]
+) -> Iterator[Overlap]:
+    """The deepest of the points ``at`` (e,) for each pair of boundaries."""
+    boundaries = [f"{body}.{label(own.names[number])}" for number in own.surface[at]]
+    pairs_found = set()
+    for worst in np.argsort(-depth, kind="stable"):
+        pair = boundaries[worst], others[worst]
+        if pair not in pairs_found:
+            pairs_found.add(pair)
+            x, y = own.points[at[worst]].tolist()
+            yield Overlap(float(depth[worst]), (x, y), *pair)
+
+
+def label(name: str) -> str:
+    """Name of the boundary of a surface in the case."""
+    return name.partition("/")[0]

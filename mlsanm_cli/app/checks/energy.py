@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from mlsanm_cli.app.checks.verdicts import ENERGY_WARNING, EnergyVerdict, largest_force, least_force
+from mlsanm_cli.app.checks.balance import largest_force, least_force
+from mlsanm_cli.app.checks.limits import level
 from mlsanm_cli.app.scene.assemble import single_nodes
 from mlsanm_cli.app.scene.causes import strain_of
 from mlsanm_cli.cloud.cloud import Cloud
@@ -37,21 +39,38 @@ MIN_BENDING_SHARE = 0.1
 """Not if contacts with contact grids do more than this part of the work by themselves."""
 
 
-def energy_error(built: CondensedScene, state: State, fields: Mapping[str, Fields]) -> EnergyVerdict:
+@dataclass(frozen=True)
+class EnergyErrors:
+    """By body the relative difference of twice the strain energy and the work, the strain, the relative
+    increase of the work at single supported nodes with half the spacing (``pointed``) and a description of
+    parts with too few nodes across (``thin``). ``deflection`` is the root mean square error of the
+    displacements, relative, as far as only the energies show it. ``name`` is the limit of the differences,
+    ``what`` the quantity compared with the work."""
+
+    bodies: Mapping[str, float]
+    strains: Mapping[str, float] = field(default_factory=dict)
+    pointed: Mapping[str, float] = field(default_factory=dict)
+    thin: Mapping[str, str] = field(default_factory=dict)
+    deflection: float = 0.0
+    name: str = "energy_error"
+    what: str = "twice the strain energy of"
+
+
+def energy_error(built: CondensedScene, state: State, fields: Mapping[str, Fields]) -> EnergyErrors:
     """Compare twice the strain energy of every body with the work done on it in a state with ``fields``."""
     energies, works, least, strains, pointed, thin, rests = {}, {}, {}, {}, {}, {}, {}
     near, squares = _near_work(built, state), _on_single_nodes(built, state)
     for name, body in built.scene.bodies.items():
         cloud, material, found = body.model.cloud, body.model.material, fields[name]
         single = single_nodes(built.case, name, cloud)
-        rests[name] = rest = found.rest[: len(cloud.points)], found.stress - found.near
-        moved = found.displacement - rest[0]
-        strains[name] = strain_of(cloud.points, found.displacement, found.von_mises, material.modulus)
+        rests[name] = rest = found["rest"][: len(cloud.points)], found["stress"] - found["near"]
+        moved = found["displacement"] - rest[0]
+        strains[name] = strain_of(cloud.points, found["displacement"], found["von_mises"], material.modulus)
         energies[name] = twice_strain_energy(cloud, material, rest[1])
         energies[name] += energy_at_tips(body.model, rest[0], rest[1])
         works[name] = work_on(built.scene, built.condensed, name, state.unknowns, *rest, moved, single)
         thin[name] = thin_part(cloud)
-        strain = COARSE_ROUND_OFF * np.abs(found.displacement).max() / np.ptp(cloud.points, axis=0).max()
+        strain = COARSE_ROUND_OFF * np.abs(found["displacement"]).max() / np.ptp(cloud.points, axis=0).max()
         degrees, free = built.scene.degrees(name, state.factors), material.expansion
         blocked = float(cloud.areas @ degrees**2) * float(free @ material.stiffness @ free)
         least[name] = (
@@ -68,7 +87,7 @@ def energy_error(built: CondensedScene, state: State, fields: Mapping[str, Field
         # Unlike the built-in max, np.max propagates nan.
         scale = float(np.max([abs(work), least_of_all, least[name]]))
         errors[name] = _relative(energies[name] - work, NODE_FORCE_ENERGY * squares[name], scale)
-        if abs(errors[name]) > ENERGY_WARNING:
+        if abs(errors[name]) > level("energy_error"):
             # Of two quadratures of the same energy the better one counts.
             more = energy_between_nodes(built.scene.bodies[name].model, *rests[name])
             other = _relative(energies[name] + more - work, NODE_FORCE_ENERGY * squares[name], scale)
@@ -79,7 +98,7 @@ def energy_error(built: CondensedScene, state: State, fields: Mapping[str, Field
         name: 0.0 if near[name] > MIN_BENDING_SHARE * abs(work) else errors[name]
         for name, work in works.items()
     }
-    return EnergyVerdict(errors, strains, pointed, thin, _deflection(built, bent, fields))
+    return EnergyErrors(errors, strains, pointed, thin, _deflection(built, bent, fields))
 
 
 def _relative(missing: float, unseen: float, scale: float) -> float:
@@ -94,7 +113,7 @@ def _deflection(built: CondensedScene, errors: Mapping[str, float], fields: Mapp
     frames at degree 4 they gave down to a thirtieth of the error, the energies two thirds or more. At lower
     degrees fits of the next degree are accurate, and quadratures of energies are not.
     """
-    squares = {name: float((one.displacement**2).sum()) for name, one in fields.items()}
+    squares = {name: float((one["displacement"] ** 2).sum()) for name, one in fields.items()}
     lost = 0.0
     for name, body in built.scene.bodies.items():
         if body.model.settings.degree >= MIN_ENERGY_DEGREE and any(map(all, body.restrained.values())):

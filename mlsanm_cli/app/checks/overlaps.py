@@ -7,20 +7,27 @@ overlaps are ignored, as are those next to a corner of a surface in contact, whi
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from itertools import permutations
 
 import numpy as np
 
-from mlsanm_cli.app.checks.deformed import DeformedOutline, distances, outline_of
+from mlsanm_cli.app.checks.check import Check
+from mlsanm_cli.app.checks.deformed import (
+    DeformedOutline,
+    Overlap,
+    deepest,
+    distances,
+    inside,
+    label,
+    outline_of,
+)
 from mlsanm_cli.app.scene.contact_pairs import profile_of, shape_of
-from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.membership import inside_polygon
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.mechanics.scene import Obstacle
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.functionals import platen_displacements
@@ -34,27 +41,11 @@ SLIDE_FACTOR = 4.0
 """Overlaps at corners in contact are ignored within this multiple of the sliding distance."""
 
 
-@dataclass(frozen=True)
-class Overlap:
-    """A boundary inside another body or an obstacle, with the largest ``depth`` and its ``place``."""
-
-    depth: float
-    place: tuple[float, float]
-    boundary: str
-    other: str
-
-    @property
-    def owners(self) -> set[str]:
-        """The two bodies, or the body and the obstacle."""
-        other = self.other if self.other.startswith("the ") else self.other.partition(".")[0]
-        return {self.boundary.partition(".")[0], other}
-
-
-def check_overlaps(
+def overlaps(
     built: CondensedScene, state: State, clouds: Mapping[str, Cloud], displacements: Mapping[str, FloatArray]
-) -> None:
-    """NumericalError if a boundary lies inside another body or an obstacle in a state with the
-    ``displacements`` (n, 2) of all bodies at the points of ``clouds``."""
+) -> Iterator[Check]:
+    """Boundaries inside another body or an obstacle in a state with the ``displacements`` (n, 2) of all
+    bodies at the points of ``clouds``."""
     outlines = {name: outline_of(clouds[name], values) for name, values in displacements.items()}
     pairings, given = built.condensed.reported, _given_gaps(built)
     found = [
@@ -63,15 +54,22 @@ def check_overlaps(
         for overlap in _of_bodies(one, other, outlines, pairings, max(given[one], given[other]))
     ]
     found += list(_with_obstacles(built, state, outlines, given))
+    yield overlap_check(found, state.position, partial(_hint, built))
+
+
+def overlap_check(
+    found: Sequence[Overlap], position: float, hint: Callable[[Overlap, Sequence[Overlap]], str]
+) -> Check:
+    """The check of overlaps, which names the deepest."""
     if not found:
-        return
+        return Check("overlap", 0.0, "")
     worst = max(found, key=lambda overlap: overlap.depth)
     x, y = worst.place
-    raise NumericalError(
+    message = (
         f"{worst.boundary} lies inside {worst.other} by {worst.depth:.3g} near ({x:.6g}, {y:.6g}) at "
-        f"position {state.position:.6g}, and no contact is defined there",
-        _hint(built, worst, found),
+        f"position {position:.6g}, and no contact is defined there"
     )
+    return Check("overlap", len(found), message, hint(worst, found))
 
 
 def _given_gaps(built: CondensedScene) -> dict[str, float]:
@@ -86,16 +84,15 @@ def _given_gaps(built: CondensedScene) -> dict[str, float]:
     return found
 
 
-def within_themselves(
-    clouds: Mapping[str, Cloud], displacements: Mapping[str, FloatArray]
-) -> dict[str, tuple[float, float]]:
-    """Places where boundaries lie inside their own body, by body, as where slits close."""
-    found = {}
+def self_overlaps(
+    state: State, clouds: Mapping[str, Cloud], displacements: Mapping[str, FloatArray]
+) -> Iterator[Check]:
+    """Boundaries inside their own body, as where slits close."""
     for name, values in displacements.items():
         own = outline_of(clouds[name], values)
         if _is_convex(own):
             continue
-        step = (own.tolerance + own.slack)[:, None] * own.normal
+        step = own.uncertainty[:, None] * own.normal
         inside = np.flatnonzero(inside_polygon(own.edges, own.points + step))
         # Next to a re-entrant corner the outward step crosses the other side.
         corners = own.points[own.ends.ravel()]
@@ -110,8 +107,13 @@ def within_themselves(
         if len(inside):
             depth, _ = distances(own.points[inside] + step[inside], own.edges)
             x, y = own.points[inside[int(np.argmax(depth))]].tolist()
-            found[name] = (x, y)
-    return found
+            yield Check(
+                "self_overlap",
+                len(inside),
+                f"body {name} overlaps itself near ({x:.6g}, {y:.6g}) from position {state.position:.6g} on: "
+                f"self-contact is not supported, and results beyond that position are invalid",
+                place=f"body {name}",
+            )
 
 
 def _is_convex(outline: DeformedOutline) -> bool:
@@ -129,17 +131,8 @@ def _of_bodies(
     """Overlaps of boundaries of ``one`` body with the ``other`` outside their contacts, deeper than a
     ``given`` gap."""
     own, there = outlines[one], outlines[other]
-    low, high = there.points.min(axis=0), there.points.max(axis=0)
-    near = np.flatnonzero(((own.points > low) & (own.points < high)).all(axis=1))
-    if not len(near):
-        return
-    near = near[inside_polygon(there.edges, own.points[near])]
-    if not len(near):
-        return
-    depth, chord = distances(own.points[near], there.edges)
-    facing = there.chords[chord, 0]
-    least = given + own.tolerance + there.tolerance + own.slack[near] + there.slack[facing]
-    deep = depth > least
+    near, facing, depth, uncertainty = inside(own, there)
+    deep = depth > given + uncertainty
     for pairing in pairings:
         if {one, other} == set(pairing.bodies):
             mine, theirs = _members(pairing, one, own), _members(pairing, other, there)
@@ -147,8 +140,8 @@ def _of_bodies(
             along = np.hypot(*(own.moved[near] - there.moved[facing]).T)
             for outline, chosen in ((own, mine), (there, theirs)):
                 deep &= ~_at_corners(own.points[near], along, outline, chosen)
-    others = [f"{other}.{_label(there.names[number])}" for number in there.surface[facing[deep]]]
-    yield from _deepest(own, near[deep], depth[deep], one, others)
+    others = [f"{other}.{label(there.names[number])}" for number in there.surface[facing[deep]]]
+    yield from deepest(own, near[deep], depth[deep], one, others)
 
 
 def _with_obstacles(
@@ -157,8 +150,8 @@ def _with_obstacles(
     """Overlaps of boundaries with the rigid obstacles of contacts, deeper than the gaps ``given``. A body
     without a contact with an obstacle that lies inside it initially is not checked against it."""
     moved = platen_displacements(built, state)
-    obstacles = [one for one in built.scene.rigid_constraints if isinstance(one, Obstacle)]
-    shifts = {one.contact: moved[built.scene.loads[one.loads[0]]] for one in obstacles}
+    obstacles = [one for one in built.scene.rigid_constraints if not one.bodies]
+    shifts = {one.name: moved[built.scene.loads[one.loads[0]]] for one in obstacles}
     pairings = {pairing.name: pairing for pairing in built.condensed.reported}
     for contact in built.case.contact:
         if contact.obstacle is None:
@@ -170,7 +163,7 @@ def _with_obstacles(
             away = own.points - shift - partner
             depth = -(away * normal).sum(axis=1)
             adjacent = np.abs(away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0])
-            deep = (depth > given[body] + own.tolerance + own.slack) & (
+            deep = (depth > given[body] + own.uncertainty) & (
                 adjacent <= COARSE_ROUND_OFF * own.size + 1e-3 * depth
             )
             deep &= ~_other_contacts(built, pairings, contact.name, body, own, partner + shift, depth, shifts)
@@ -188,7 +181,7 @@ def _with_obstacles(
             # At a corner of the body report the side that faces the obstacle.
             at = np.flatnonzero(deep)
             at = at[np.argsort((own.normal[at] * normal[at]).sum(axis=1), kind="stable")]
-            yield from _deepest(own, at, depth[at], body, [_obstacle(contact.name)] * len(at))
+            yield from deepest(own, at, depth[at], body, [_obstacle(contact.name)] * len(at))
 
 
 def _other_contacts(
@@ -239,25 +232,6 @@ def _at_corners(
     return found
 
 
-def _deepest(
-    own: DeformedOutline, at: IntArray, depth: FloatArray, body: str, others: Sequence[str]
-) -> Iterator[Overlap]:
-    """The deepest of the points ``at`` (e,) for each pair of boundaries."""
-    boundaries = [f"{body}.{_label(own.names[number])}" for number in own.surface[at]]
-    pairs_found = set()
-    for worst in np.argsort(-depth, kind="stable"):
-        pair = boundaries[worst], others[worst]
-        if pair not in pairs_found:
-            pairs_found.add(pair)
-            x, y = own.points[at[worst]].tolist()
-            yield Overlap(float(depth[worst]), (x, y), *pair)
-
-
-def _label(name: str) -> str:
-    """Name of the boundary of a surface in the case."""
-    return name.partition("/")[0]
-
-
 def _hint(built: CondensedScene, worst: Overlap, found: Sequence[Overlap]) -> str:
     """Hint: existing contacts of the two bodies to extend, or a new contact."""
     changes, meant = [], False
@@ -295,7 +269,7 @@ def _joins(built: CondensedScene, boundary: str, others: Sequence[str]) -> bool:
     ends: dict[str, set[int]] = {}
     for name, surface in built.scene.bodies[body].model.cloud.surfaces.items():
         if not surface.curve.closed:
-            ends.setdefault(f"{body}.{_label(name)}", set()).update(surface.index[[0, -1]].tolist())
+            ends.setdefault(f"{body}.{label(name)}", set()).update(surface.index[[0, -1]].tolist())
     return any(ends.get(boundary, set()) & ends.get(other, set()) for other in others)
 
 

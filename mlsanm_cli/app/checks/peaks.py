@@ -18,10 +18,10 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.app.scene.assemble import single_nodes
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.case import Case, finer_nodes
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.corners import reentrant_corners, thickness
@@ -31,7 +31,6 @@ from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import Fields
 from mlsanm_cli.solve.state import State
-from mlsanm_cli.startup import cKDTree
 
 NEIGHBORHOOD = 3.2
 """Nodes within so many spacings are in the neighbourhood of a node."""
@@ -43,8 +42,6 @@ RIGHT_ANGLE_COSINE = 0.2
 """Product of normals below which a face is at a right angle to a plane of symmetry."""
 STRAIGHT_COSINE = 0.999
 """Product of normals above which two surfaces continue each other."""
-PEAK_WARNING = 0.03
-"""Estimated error of peak stresses above which a run warns."""
 
 
 @dataclass(frozen=True)
@@ -62,21 +59,21 @@ def boundary_peaks(built: CondensedScene, state: State, fields: Mapping[str, Fie
     found = {}
     bodies = built.scene.bodies
     largest = max(  # stress scale of the displacements over the sizes of the bodies
-        float(body.model.material.modulus * np.abs(fields[name].displacement).max())
+        float(body.model.material.modulus * np.abs(fields[name]["displacement"]).max())
         / float(np.ptp(body.model.cloud.points, axis=0).max())
         for name, body in bodies.items()
     )
     for name, body in bodies.items():
         factors, *others = state.unknowns
         source = built.condensed.source(name, *state.unknowns).toarray()[:, 0]
-        missing = traction_error(body, fields[name].rest, source) * along_over_across(body)
+        missing = traction_error(body, fields[name]["rest"], source) * along_over_across(body)
         # The remainder of near fields of contacts on other sides is no load.
         alone = built.condensed.source(name, factors, *map(np.zeros_like, others)).toarray()[:, 0]
         applied = np.zeros(len(missing))
-        for surface, traction in _given(body, fields[name].displacement, alone).items():
+        for surface, traction in _given(body, fields[name]["displacement"], alone).items():
             np.maximum.at(applied, body.model.cloud.surfaces[surface].index, np.hypot(*traction.T))
         unbounded, touching = _left_out(built, state, name)
-        stress = fields[name].von_mises
+        stress = fields[name]["von_mises"]
         peak = _peak(body.model.cloud, stress, missing, applied > stress, unbounded, touching)
         if peak is not None and peak.stress > FINE_ROUND_OFF * largest:
             found[name] = peak
@@ -207,17 +204,3 @@ def _singular(body: ElasticBody) -> Iterator[int]:
                 max(held) == 2 or one.normal[-1] @ other.normal[0] > RIGHT_ANGLE_COSINE
             ):
                 yield int(other.index[0])
-
-
-def check_peaks(case: Case, peaks: Mapping[str, Peak]) -> Iterator[str]:
-    """Warnings of peak stresses with large estimated errors."""
-    for body in case.body:
-        peak = peaks.get(body.name)
-        if peak is None or not peak.error > PEAK_WARNING:
-            continue
-        x, y = peak.place
-        yield (
-            f"body {body.name}: the peak stress on its boundary, {peak.stress:.4g} (von Mises) near "
-            f"({x:.6g}, {y:.6g}), is estimated to be off by {100 * peak.error:.2g} %; "
-            f"{finer_nodes(case, [body.name], 'refine')} there"
-        )

@@ -21,10 +21,10 @@ from mlsanm_cli.app.checks.accuracy import Accuracy, assess_accuracy
 from mlsanm_cli.app.checks.residual import residual_zones
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.assemble import SceneModel
-from mlsanm_cli.app.scene.build import condense_scene, place
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.app.scene.build import place
+from mlsanm_cli.app.scene.condense import condense_scene
+from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.case import Case
-from mlsanm_cli.cloud.curves import Segment
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.contact.geometry.profile import Patch, contact_patches, half_width
 from mlsanm_cli.errors import NumericalError
@@ -56,36 +56,7 @@ MAX_EDGE_REFINEMENT = 8.0
 MIN_STICK_ZONE = 0.1
 """Least width of a stick zone, relative to its contact."""
 CHANGE_TOLERANCE = 2e-4
-"""Passes end when no figure of :class:`Pass` changed by more, relatively."""
-
-
-@dataclass(frozen=True)
-class Pass:
-    """Results of a pass; ``change`` is the largest relative change of peak pressure and half-width, or of the
-    largest displacement if there is no contact pressure."""
-
-    nodes: int
-    peak_pressure: float
-    half_width: float
-    largest_displacement: float | None
-    change: float | None
-    error_estimate: Mapping[str, Any]
-
-
-@dataclass(frozen=True)
-class Refinement:
-    """``zones`` (z, 5) of refined clouds (centre, spacing, radius, growth), the results of the passes, and
-    the message of a pass that ``failed``, if one did."""
-
-    zones: FloatArray
-    passes: tuple[Pass, ...]
-    failed: str = ""
-
-    @classmethod
-    def read(cls, plain: Mapping[str, Any]) -> Refinement:
-        """From plain values."""
-        zones = np.array(plain["zones"], dtype=np.float64).reshape(-1, 5)
-        return cls(zones, tuple(Pass(**one) for one in plain["passes"]), plain["failed"])
+"""Passes end when no figure changed by more, relatively."""
 
 
 @dataclass(frozen=True)
@@ -98,27 +69,17 @@ class Adapted:
     refinement: Refinement
 
     @property
-    def passes(self) -> tuple[Pass, ...]:
-        """Results of every solved scene."""
-        return self.refinement.passes
-
-    @property
     def refined(self) -> bool:
         """Whether the clouds differ from those of the case."""
-        return len(self.passes) > 1
+        return len(self.refinement.passes) > 1
 
 
-def refine_again(case: Case, found: Refinement, context: RunContext) -> Adapted:
-    """Rebuild the scene that an earlier process refined."""
-    zones = tuple(Zone.around((x, y), *more) for x, y, *more in found.zones.tolist())
-    prepared = place(case, context, zones)
-    return Adapted(prepared, *_solved(case, prepared, context), found)
-
-
-def adapt(case: Case, prepared: SceneModel, context: RunContext) -> Adapted:
+def adapt(case: Case, prepared: SceneModel, context: RunContext, known: Refinement | None = None) -> Adapted:
     """Solve the scene and refine it for the requested number of passes or until convergence. If a refined
-    scene cannot be solved, the one before it is kept."""
+    scene cannot be solved, the one before it is kept. ``prepared`` may be that of a ``known`` refinement."""
     built, accuracy = _solved(case, prepared, context)
+    if known is not None:
+        return Adapted(prepared, built, accuracy, known)
     history = [_figures(built, accuracy, None)]
     degree = min(model.settings.degree for model in prepared.models.values())
     rule = LOW_DEGREE_RULE if degree < 4 else HIGH_DEGREE_RULE
@@ -146,23 +107,13 @@ def adapt(case: Case, prepared: SceneModel, context: RunContext) -> Adapted:
         history.append(_figures(built, accuracy, history[-1]))
         now = history[-1]
         context.console.note(
-            f"pass {number}: {now.nodes} nodes, peak pressure {now.peak_pressure:.6g}, "
-            f"half-width {now.half_width:.6g}, largest displacement {now.largest_displacement:.6g}, "
-            f"change {now.change:.2g}"
+            f"pass {number}: {now['nodes']} nodes, peak pressure {now['peak_pressure']:.6g}, "
+            f"half-width {now['half_width']:.6g}, largest displacement {now['largest_displacement']:.6g}, "
+            f"change {now['change']:.2g}"
         )
-        if now.change is not None and now.change <= CHANGE_TOLERANCE:
+        if now["change"] <= CHANGE_TOLERANCE:
             break
-    return Adapted(prepared, built, accuracy, Refinement(_table(placed), tuple(history), failed))
-
-
-def _table(zones: tuple[Zone, ...]) -> FloatArray:
-    """Round zones, the only kind that passes create, as rows (z, 5)."""
-    rows = []
-    for zone in zones:
-        assert isinstance(zone.curve, Segment)
-        assert zone.curve.start == zone.curve.end
-        rows.append((*zone.curve.start, zone.spacing, zone.radius, zone.growth))
-    return np.array(rows, dtype=np.float64).reshape(-1, 5)
+    return Adapted(prepared, built, accuracy, Refinement(placed, tuple(history), failed))
 
 
 def _solved(
@@ -209,8 +160,9 @@ def _patch_zones(patch: Patch, rule: Rule) -> Iterator[Zone]:
         yield Zone.around((float(edge[0]), float(edge[1])), finest, radius, rule.growth)
 
 
-def _figures(built: CondensedScene, accuracy: Accuracy, before: Pass | None) -> Pass:
-    """Results of a pass, with the largest peak pressure and half-width of all contacts and stages."""
+def _figures(built: CondensedScene, accuracy: Accuracy, before: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Results of a pass, with the largest peak pressure and half-width of all contacts and stages; ``change``
+    is their largest relative change, or that of the largest displacement if there is no contact pressure."""
     peak = width = 0.0
     for state in built.ends:
         peak = max(peak, float(state.pressure.max(initial=0.0)))
@@ -220,8 +172,15 @@ def _figures(built: CondensedScene, accuracy: Accuracy, before: Pass | None) -> 
     nodes = sum(len(body.model.cloud.points) for body in built.scene.bodies.values())
     change = None
     if before is not None:
-        pairs = [(peak, before.peak_pressure), (width, before.half_width)]
+        pairs = [(peak, before["peak_pressure"]), (width, before["half_width"])]
         if peak == 0.0:
-            pairs = [(accuracy.largest or 0.0, before.largest_displacement or 0.0)]
+            pairs = [(accuracy.largest or 0.0, before["largest_displacement"] or 0.0)]
         change = max(abs(new - old) / old if old else float(new != old) for new, old in pairs)
-    return Pass(nodes, peak, width, accuracy.largest, change, accuracy.figures(built))
+    return {
+        "nodes": nodes,
+        "peak_pressure": peak,
+        "half_width": width,
+        "largest_displacement": accuracy.largest,
+        "change": change,
+        "error_estimate": accuracy.figures(built),
+    }

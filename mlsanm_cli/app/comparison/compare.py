@@ -3,17 +3,18 @@ docs/methods-compared.md."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from mlsanm_cli.app.analysis.small_strain import set_up
+from mlsanm_cli.app.checks.check import Check, Verdicts
+from mlsanm_cli.app.checks.end import End, balance, pressed_spacings, work
 from mlsanm_cli.app.checks.energy import energy_error
 from mlsanm_cli.app.checks.quality import announce, factor_notes
 from mlsanm_cli.app.checks.references import check_reference, reference_profile
-from mlsanm_cli.app.checks.verdicts import check_balance, check_energy, check_spacing, force_balance
 from mlsanm_cli.app.comparison.differences import (
     CONVERGENCE_RATIO,
     SOFTER,
@@ -36,6 +37,7 @@ from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.summary import write_json_atomic
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import fields_of
+from mlsanm_cli.solve.state import State
 
 SHARED_PHASES = ("cloud", "operators")
 CONDENSED_PHASES = ("factorization", "condensation")
@@ -133,13 +135,16 @@ def _compare(
     # All methods share the nodal pressures of the regularised law.
     shared, warnings = changed(*methods[0].changes), list[str]()
     prepared = build_scene(shared, context)
-    announce(shared.case, prepared, context, warnings.append)
-    built = replace(set_up(shared.case, prepared, context, warnings.append).built, case=loaded.case)
+    verdicts = Verdicts(lambda check: warnings.append(check.text))
+    announce(shared.case, prepared, context, verdicts)
+    built = replace(set_up(shared.case, prepared, context, verdicts).built, case=loaded.case)
     rows = []
     for method, case in zip(methods, cases, strict=True):
         context.console.phase(f"following the path: {method.name}")
         rows.append(measure(built, method, case, options.repeat))
-    warnings += [*factor_notes(built.scene), *_checked(built, rows[0])]
+    warnings += factor_notes(built.scene)
+    if rows[0].done:
+        verdicts.judge(_checked(built, rows[0].states[max(rows[0].states)]))
     result = _result(built, rows, options, context.clock, case_of)
     curves: Mapping[str, Any] = {}
     if options.picture and rows[0].done:
@@ -172,18 +177,12 @@ def _levels(case: Case, count: int) -> list[float]:
     return sorted(even | {position for position in case.output.at if position > 0.0})
 
 
-def _checked(built: CondensedScene, base: Measured) -> list[str]:
-    """Warnings about the last state of ANM. Raises NumericalError if it is not reliable."""
-    if not base.done:
-        return []
-    last = base.states[max(base.states)]
-    check_spacing(built, last)
+def _checked(built: CondensedScene, last: State) -> Iterator[Check]:
+    """Checks of the ``last`` state of ANM."""
     fields, _ = fields_of(built, [last], stress=True)[0]
-    texts = [
-        check_balance(built.case, force_balance(built, last)),
-        check_energy(built.case, energy_error(built, last, fields)),
-    ]
-    return [text for text in texts if text]
+    done = End(built, None, last, 0.0, energy_error(built, last, fields), {})
+    for check in (pressed_spacings, balance, work):
+        yield from check(done)
 
 
 def _result(

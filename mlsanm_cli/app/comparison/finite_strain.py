@@ -9,11 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from mlsanm_cli.app.checks.check import Verdicts
 from mlsanm_cli.app.comparison.differences import agreement, same_law_limit
 from mlsanm_cli.app.comparison.measure import ANM, NEWTON, Measured, Method, measure_path
 from mlsanm_cli.app.context import Clock, RunContext
 from mlsanm_cli.app.finite.path import finite_path
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
+from mlsanm_cli.app.finite.states import deformation
 from mlsanm_cli.app.scene.build import build_scene
 from mlsanm_cli.case import LoadedCase
 from mlsanm_cli.errors import RunError
@@ -70,13 +72,17 @@ def _followed(
     """The path by one method, with equations renewed at the given states, and the states where they were."""
     solver = scene.case.solver.model_copy(update={"method": method})
     chosen = replace(scene, case=scene.case.model_copy(update={"solver": solver}))
-    steps: list[PathStep] = []
+    steps, verdicts = list[PathStep](), Verdicts(lambda check: None)
+
+    def take(step: PathStep) -> None:
+        steps.append(step)
+        verdicts.judge(deformation(chosen, step.state))
 
     def path() -> Iterator[PathStep]:
         steps.clear()
         return finite_path(chosen, renewals=renewals)
 
-    found = measure_path(Method(method, ()), "finite strain", path, repeat, steps.append)
+    found = measure_path(Method(method, ()), "finite strain", path, repeat, take)
     return found, _renewals(steps)
 
 

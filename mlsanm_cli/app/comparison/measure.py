@@ -9,7 +9,8 @@ from dataclasses import dataclass, field, replace
 from statistics import median
 from typing import Any
 
-from mlsanm_cli.app.checks.verdicts import check_state
+from mlsanm_cli.app.checks.check import Verdicts
+from mlsanm_cli.app.checks.states import checks_of
 from mlsanm_cli.case import Case
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
@@ -99,11 +100,11 @@ class Measured:
 def measure(built: CondensedScene, method: Method, case: Case, repeat: int = 1) -> Measured:
     """Follows the path of ``built`` with the settings of ``case``, ``repeat`` times, with states saved at its
     ``output.at``."""
-    chosen = replace(built, case=case)
+    chosen, verdicts = replace(built, case=case), Verdicts(lambda check: None)
 
     def check(step: PathStep) -> None:
         for state in (step.state, *step.saved):
-            check_state(chosen, state)
+            verdicts.judge(checks_of(chosen, state))
 
     return measure_path(method, case.touching[0].regularization.law, lambda: path_of(chosen), repeat, check)
 

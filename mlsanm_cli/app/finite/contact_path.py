@@ -12,7 +12,7 @@ import numpy as np
 from mlsanm_cli.app.finite.accuracy import Missing, missed_in_contact
 from mlsanm_cli.app.finite.limits import motion_ratio, slip_ratio
 from mlsanm_cli.app.finite.scene import TOUCH_TOLERANCE, FiniteScene
-from mlsanm_cli.app.finite.verdict import check_deformation, check_overlaps, place_of
+from mlsanm_cli.app.finite.states import place_of
 from mlsanm_cli.app.scene.void import void_center
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.finite.answers import Correction, no_correction, side_correction
@@ -47,11 +47,13 @@ MAX_STRETCH = 1.6
 half a disk under a plate from 0.84 to -0.03."""
 
 
-def contact_path(scene: FiniteScene, checkpoint: Checkpoint | None = None) -> Iterator[PathStep]:
-    """All steps from the initial state on, or those after a ``checkpoint``. NumericalError if the path
-    cannot be continued."""
+def contact_path(
+    scene: FiniteScene, checkpoint: Checkpoint | None = None, at: tuple[float, ...] = ()
+) -> Iterator[PathStep]:
+    """All steps from the initial state on, or those after a ``checkpoint``; further positions ``at`` are
+    saved. NumericalError if the path cannot be continued."""
     path = _Path(scene)
-    wanted = sorted(set(scene.case.output.at)) or [float(len(scene.stages) - 1)]
+    wanted = sorted({*(scene.case.output.at or [float(len(scene.stages) - 1)]), *at})
     steps, size, position = 0, FIRST_INCREMENT, 0.0
     if checkpoint is None:
         path.start()
@@ -71,8 +73,6 @@ def contact_path(scene: FiniteScene, checkpoint: Checkpoint | None = None) -> It
                     f"the path stopped at position {reached:.6g}: max steps", "raise solver.max_steps"
                 )
             state = path.state(reached)
-            check_deformation(scene, reached, state.factors, state.displacement)
-            check_overlaps(scene, reached, state.driven, scene.shown(state))
             _check_stability(reached, path.now.stability)
             missed = path.missed(state)
             done = path.finished(state, reached - position, (state,) if reached in wanted else ())

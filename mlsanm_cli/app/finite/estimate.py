@@ -8,27 +8,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
-from mlsanm_cli.app.checks.energy import thin_part
 from mlsanm_cli.app.finite.accuracy import Missing
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import finer_nodes
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.mechanics.finite.estimate import energy, missing_work, unaccounted
 from mlsanm_cli.solve.state import State
-from mlsanm_cli.startup import cKDTree
 
-ESTIMATE_WARNING = 0.015
-"""Estimated error of the energy above which a run warns. Accurate scenes have 0.0001 to 0.01; blocks between
-bonded plates, compressed by 30 % with nu = 0.44, have 0.06 to 0.13 with even spacings and are 3 to 12 % too
-stiff, with automatic ones 0.017, and the block 2 x 1 is 2.8 % too stiff."""
-WORK_WARNING = 0.03
-"""Difference of internal and external work over the energy above which a run warns. Accurate scenes have up
-to 0.02, with few nodes in a contact up to 0.04; a ring with two spacings across, 9 % too stiff, has 0.04."""
-SERIES_WARNING = 0.01
-"""The same for paths by power series: accurate scenes have up to 0.004, a column with two spacings across,
-9 % too stiff, 0.02, as have blocks with even nodes at crushed corners."""
 PRESSED_DISTANCE = 1.5
 """Distance in spacings from pressed nodes within which the estimate is not evaluated: the near field of
 pressures is known in closed form, independent of the cloud. A sliding pad with chamfers had an estimate of
@@ -67,23 +55,21 @@ class EnergyError:
         """Estimated error."""
         return sum(float(one.sum()) for one in self.nodal.values())
 
-    def warning(self, scene: FiniteScene, estimate: float, kept: float) -> str:
-        """Warning of a relative ``estimate``, with the place of its largest contribution, or that most of it
-        is due to residuals ``kept`` by equations."""
+    def message(self, scene: FiniteScene, estimate: float, kept: float) -> tuple[str, str]:
+        """Message and hint for a relative ``estimate``, with the place of its largest contribution, or that
+        most of it is due to residuals ``kept`` by equations."""
+        message = f"estimated error of the energy: {100.0 * estimate:.2g} % (forces may be as far off), "
         if kept > 0.5 * estimate:
-            return (
-                f"estimated error of the energy: {100.0 * estimate:.2g} % (forces may be as far off), "
-                f"{100.0 * kept:.2g} % of it due to residuals that renewed equations keep next to crushed "
-                "corners: make the loads smaller, or round these corners"
-            )
+            message += f"{100.0 * kept:.2g} % of it due to residuals that renewed equations keep next to "
+            return f"{message}crushed corners", "make the loads smaller, or round these corners"
         name = max(self.nodal, key=lambda one: float(self.nodal[one].max()))
         cloud, node = scene.bodies[name].elastic.model.cloud, int(np.argmax(self.nodal[name]))
         x, y = np.round(cloud.points[node] / scene.size, 9) * scene.size + 0.0
         return (
-            f"estimated error of the energy: {100.0 * estimate:.2g} % (forces may be as far off), most of it "
-            f"at ({x:.6g}, {y:.6g}) of body {name}: refine there and at similar places, with slow "
-            f"growth, as in [[body.refine]] at = [{x:.6g}, {y:.6g}], "
-            f"spacing = {cloud.spacing[node] / RECOMMENDED_REFINEMENT:.2g}, radius = 0, growth = 0.1"
+            f"{message}most of it at ({x:.6g}, {y:.6g}) of body {name}",
+            f"refine there and at similar places, with slow growth, as in [[body.refine]] at = "
+            f"[{x:.6g}, {y:.6g}], spacing = {cloud.spacing[node] / RECOMMENDED_REFINEMENT:.2g}, radius = 0, "
+            f"growth = 0.1",
         )
 
 
@@ -107,19 +93,6 @@ def missing_works(scene: FiniteScene, before: State, now: State) -> dict[str, fl
             for one, acting, way in zip((then, at), factors, ways, strict=True)
         )
     return found
-
-
-def check_work(scene: FiniteScene, missing: Mapping[str, float], error: float) -> str:
-    """Warning if internal and external work differ too much, by ``error`` relative to the energy ("" if
-    not); ``missing`` is the difference by body."""
-    if not error > (SERIES_WARNING if scene.by_series else WORK_WARNING):
-        return ""
-    worst = max(missing, key=lambda name: abs(missing[name]))
-    thin = thin_part(scene.bodies[worst].elastic.model.cloud)
-    message = f"the work of stresses in body {worst} differs from that of its forces by {100.0 * error:.2g} %"
-    where = thin or "where it is held and where it touches"
-    hint = f"{finer_nodes(scene.case, [worst])}, above all {where}"
-    return f"{message}: forces may be as far off; {hint}"
 
 
 def missing_figures(scene: FiniteScene, state: State, missing: Missing) -> dict[str, Any]:
@@ -146,3 +119,14 @@ def missing_figures(scene: FiniteScene, state: State, missing: Missing) -> dict[
         "pressure": pressure,
         "contacts": {name: change / largest for name, (_, change) in force.items() if largest},
     }
+
+
+def energy_estimate(tally: Mapping[str, Any]) -> float:
+    """Largest estimated error of the energy over the largest energy on the path."""
+    return float(tally["unaccounted"] / tally["energy"]) if tally["energy"] else 0.0
+
+
+def work_error(tally: Mapping[str, Any]) -> float:
+    """Internal less external work of the bodies over the largest energy."""
+    works = tally["missing"].values()
+    return sum(map(abs, works)) / (0.5 * tally["energy"]) if tally["energy"] else 0.0

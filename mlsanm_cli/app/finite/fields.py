@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,44 +21,38 @@ from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.finite.forces import Forces
 from mlsanm_cli.mechanics.finite.law import Law, cauchy_stress, determinant, gradient_of, stretches
 from mlsanm_cli.operators.stencils import build_stencils
+from mlsanm_cli.solve.fields import Fields
 from mlsanm_cli.solve.state import State
 
 CONTACT_PREFIX = "contact "
 """Prefix of the names of contacts among the resultants of a run: the force on the obstacle."""
 
 
-@dataclass(frozen=True)
-class FiniteFields:
-    """Fields at n points: displacement (n, 2), Cauchy stress xx, yy, xy (n, 3) and zz (n,), von Mises stress
-    (n,), principal in-plane stretches (n, 2), the larger first, and volume ratio J = det F (n,), which
+def fields_at(law: Law, derivatives: FloatArray, stretch: FloatArray | None) -> dict[str, FloatArray]:
+    """Fields at n points from ``derivatives`` (n, 3 or more, 2) of the displacement (value, d/dx, d/dy) and
+    the thermal ``stretch`` (n,): displacement (n, 2), Cauchy stress xx, yy, xy (n, 3) and zz (n,), von Mises
+    stress (n,), principal in-plane stretches (n, 2), the larger first, and volume ratio J = det F (n,), which
     includes the stretch in z."""
-
-    displacement: FloatArray
-    stress: FloatArray
-    stress_zz: FloatArray
-    von_mises: FloatArray
-    stretch: FloatArray
-    volume_ratio: FloatArray
-
-    @classmethod
-    def of(cls, law: Law, derivatives: FloatArray, stretch: FloatArray | None) -> FiniteFields:
-        """From ``derivatives`` (n, 3 or more, 2) of the displacement (value, d/dx, d/dy) and the thermal
-        ``stretch`` (n,)."""
-        gradient = gradient_of(derivatives)
-        stress, across = cauchy_stress(law, gradient, stretch).T, law.stress_across(gradient, stretch)
-        volume = (1.0 + determinant(gradient)) * law.across(gradient, stretch)
-        mises = von_mises(stress, across)
-        return cls(derivatives[:, 0], stress, across, mises, stretches(gradient).T, volume)
+    gradient = gradient_of(derivatives)
+    stress, across = cauchy_stress(law, gradient, stretch).T, law.stress_across(gradient, stretch)
+    return {
+        "displacement": derivatives[:, 0],
+        "stress": stress,
+        "stress_zz": across,
+        "von_mises": von_mises(stress, across),
+        "stretch": stretches(gradient).T,
+        "volume_ratio": (1.0 + determinant(gradient)) * law.across(gradient, stretch),
+    }
 
 
-def fields_of(scene: FiniteScene, state: State) -> dict[str, FiniteFields]:
+def fields_of(scene: FiniteScene, state: State) -> dict[str, Fields]:
     """Fields at the nodes of every body."""
-    found, shown = {}, scene.parts(scene.shown(state))
+    found, shown = dict[str, Fields](), scene.parts(scene.shown(state))
     for name, own in scene.parts(state.displacement).items():
         body = scene.bodies[name]
         derivatives = body.elastic.model.stencils.derivatives(own.reshape(-1, 2))
-        fields = FiniteFields.of(body.law, derivatives, body.stretch(state.factors))
-        found[name] = replace(fields, displacement=shown[name].reshape(-1, 2))
+        fields = fields_at(body.law, derivatives, body.stretch(state.factors))
+        found[name] = fields | {"displacement": shown[name].reshape(-1, 2)}
     return found
 
 
@@ -80,12 +74,9 @@ def probe_values(scene: FiniteScene, state: State) -> dict[str, dict[str, Any]]:
         body, own = scene.bodies[probe.body], scene.parts(state.displacement)[probe.body]
         model, warm = body.elastic.model, body.stretch_at(probe.point, state.factors)
         stencils = build_stencils(model.nodes, model.tree, probe.point, 1, model.settings, model.cloud.sight)
-        seen = FiniteFields.of(body.law, stencils.derivatives(own.reshape(-1, 2)), warm)
-        values[probe.name] = {
-            "displacement": seen.displacement[0],
-            "stress": seen.stress[0],
-            "von_mises": float(seen.von_mises[0]),
-        }
+        seen = fields_at(body.law, stencils.derivatives(own.reshape(-1, 2)), warm)
+        vectors = {key: seen[key][0] for key in ("displacement", "stress")}
+        values[probe.name] = {**vectors, "von_mises": float(seen["von_mises"][0])}
     return values
 
 
@@ -238,8 +229,8 @@ def extremes(scene: FiniteScene, state: State) -> Mapping[str, float]:
         for name, own in scene.parts(state.displacement).items()
     ]
     return {
-        "least_stretch": min(float(one.stretch.min()) for one in every),
-        "largest_stretch": max(float(one.stretch.max()) for one in every),
-        "least_volume_ratio": min(float(one.volume_ratio.min()) for one in every),
+        "least_stretch": min(float(one["stretch"].min()) for one in every),
+        "largest_stretch": max(float(one["stretch"].max()) for one in every),
+        "least_volume_ratio": min(float(one["volume_ratio"].min()) for one in every),
         "ellipticity": min(waves),
     }

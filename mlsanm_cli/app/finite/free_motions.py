@@ -12,7 +12,6 @@ from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.case import Case
 from mlsanm_cli.contact.finite.free import DrivenObstacle, LooseMotions, Plate
 from mlsanm_cli.contact.finite.update import Contacts
-from mlsanm_cli.mechanics import scene as mechanics
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.loads import Loads, Turning
 from mlsanm_cli.mechanics.rigid import ROTATION, free_motions, pins
@@ -20,7 +19,7 @@ from mlsanm_cli.mechanics.rigid import ROTATION, free_motions, pins
 
 def unknown_motions(case: Case, prepared: SceneModel) -> Contacts:
     """Unknown rigid motions: of loose bodies in the order of all bodies, then obstacles, then plates."""
-    found = {one.body: one for one in prepared.rigid_constraints if isinstance(one, mechanics.FloatingBody)}
+    found = {one.name: one for one in prepared.rigid_constraints if one.floats}
     loose, number = list[LooseMotions](), 0
     for name in prepared.models:
         if name in found:
@@ -30,10 +29,10 @@ def unknown_motions(case: Case, prepared: SceneModel) -> Contacts:
     names = [pairing.name for pairing in prepared.pairings]
     driven: list[DrivenObstacle] = []
     for constraint in prepared.rigid_constraints:
-        if isinstance(constraint, mechanics.Obstacle):
+        if not constraint.bodies:
             for one in constraint.motions:
                 if one.prescribed is None:
-                    place = names.index(constraint.contact)
+                    place = names.index(constraint.name)
                     driven.append(DrivenObstacle(place, one.component, number, one.force))
                     number += 1
     return Contacts((), tuple(loose), tuple(driven), tuple(_plates(case, prepared, number)))
@@ -58,7 +57,7 @@ def _pinned(prepared: SceneModel, name: str, unknown: tuple[int, ...], number: i
 def _plates(case: Case, prepared: SceneModel, number: int) -> list[Plate]:
     """All plates; ``number`` is the index of their first unknown motion."""
     loads, found = len(case.moved), list[Plate]()
-    platens = [one for one in prepared.rigid_constraints if isinstance(one, mechanics.Platen)]
+    platens = [one for one in prepared.rigid_constraints if one.held]
     count = loads + number + sum(one.prescribed is None for platen in platens for one in platen.motions)
     for platen in platens:
         unknown = [one for one in platen.motions if one.prescribed is None]

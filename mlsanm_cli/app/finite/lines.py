@@ -22,7 +22,7 @@ def contact_lines(scene: FiniteScene, state: State, fields: Mapping[str, Any]) -
     lines = {}
     for contact, _, there in scene.contacts.each:
         record, side = records[contact.name], contact.slave
-        moved = fields[side.body].displacement[side.nodes]
+        moved = fields[side.body]["displacement"][side.nodes]
         turn, _ = side.turned(moved)
         sign = -1.0 if contact.exchanged else 1.0
         normal = -sign * as_real(as_complex(side.outward) * turn)

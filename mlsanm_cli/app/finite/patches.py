@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -28,14 +27,8 @@ MIN_FORCE_SHARE = 0.02
 """Patches with less than this part of the force of a contact are ignored."""
 
 
-@dataclass(frozen=True)
-class Patch:
-    """Consecutive closed nodes ``numbers`` (k,) of a slave, over a ``width``."""
-
-    numbers: IntArray
-    width: float
-
-
+Patch: TypeAlias = tuple[IntArray, float]
+"""Numbers (k,) of consecutive closed nodes of a slave, and their width."""
 Touched: TypeAlias = Mapping[str, Mapping[str, Any]]
 """Patches of a run so far, by contact, plain values: for each side the ``spacing`` (c,) required in the
 requested states, infinite where there is no patch, and the nodes near any patch (``swept``); the fewest nodes
@@ -80,23 +73,21 @@ def _add(
 ) -> None:
     """Adds a patch to what is known about a contact; ``asked`` are the nodes required across it in a
     requested state."""
-    sides = contact.sides
-    marks = [_widened(sides[0], patch.numbers)]
+    sides, (numbers, width) = contact.sides, patch
+    marks = [_widened(sides[0], numbers)]
     if isinstance(contact, BodyContact):
-        marks.append(_faced(sides[1], place[patch.numbers], patch.width))
+        marks.append(_faced(sides[1], place[numbers], width))
     for been, mark in zip(own["swept"], marks, strict=True):
         been |= mark
-    count = len(patch.numbers)
+    count = len(numbers)
     # A corner in contact has one node, whatever the spacing.
-    if asked is None or (count == 1 and int(patch.numbers[0]) in sides[0].corners):
+    if asked is None or (count == 1 and int(numbers[0]) in sides[0].corners):
         return
     own["across"] = count if own["across"] is None else min(own["across"], count)
     own["coarse"] = own["coarse"] or count < asked
-    finest = float(sides[0].weight[patch.numbers].min())
+    finest = float(sides[0].weight[numbers].min())
     for spacing, mark in zip(own["spacing"], marks, strict=True):
-        spacing[mark] = np.minimum(
-            spacing[mark], max(patch.width / (MARGIN * asked), finest / MAX_REFINEMENT)
-        )
+        spacing[mark] = np.minimum(spacing[mark], max(width / (MARGIN * asked), finest / MAX_REFINEMENT))
 
 
 def wanted_spacings(known: Mapping[str, Any]) -> Iterator[FloatArray]:
@@ -123,7 +114,7 @@ def patches(contact: AnyContact, state: State, here: slice) -> Iterator[Patch]:
     numbers = np.flatnonzero(closed)
     if not len(numbers) and between_nodes(slave, state, here):
         near = int(np.argmin(state.gap[here]))
-        yield Patch(np.array([near]), float(slave.weight[near]))
+        yield np.array([near]), float(slave.weight[near])
     if not load.sum():
         return
     # A single open node between closed ones does not divide a patch.
@@ -132,7 +123,7 @@ def patches(contact: AnyContact, state: State, here: slice) -> Iterator[Patch]:
         parts = [np.concatenate([parts[-1], parts[0]]), *parts[1:-1]]
     for part in parts:
         if load[part].sum() >= MIN_FORCE_SHARE * load.sum():
-            yield Patch(part, float(slave.weight[part].sum()))
+            yield part, float(slave.weight[part].sum())
 
 
 def between_nodes(side: ContactSide, state: State, here: slice) -> bool:

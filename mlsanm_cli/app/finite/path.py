@@ -10,7 +10,7 @@ import numpy as np
 
 from mlsanm_cli.app.finite.accuracy import missed_alone
 from mlsanm_cli.app.finite.scene import FiniteScene
-from mlsanm_cli.app.finite.verdict import check_deformation, path_failure
+from mlsanm_cli.app.finite.states import path_failure
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.continuation import AnmOptions, Branch, NewtonOptions, Step, correct, follow
 from mlsanm_cli.continuation.roots import root
@@ -36,13 +36,15 @@ def finite_path(
     scene: FiniteScene,
     checkpoint: Checkpoint | None = None,
     renewals: Sequence[State] | None = None,
+    at: tuple[float, ...] = (),
 ) -> Iterator[PathStep]:
     """All steps from the initial state on, or those after a ``checkpoint``. The equations are renewed
-    in the states ``renewals`` of another path (``renewals_of``), or where the deformation requires it.
+    in the states ``renewals`` of another path, or where the deformation requires it. Further positions ``at``
+    are saved.
 
     NumericalError if the path cannot be continued, if det F <= 0, or if the law has lost ellipticity."""
     stages, case = scene.stages, scene.case
-    wanted = sorted(set(case.output.at)) or [float(len(stages) - 1)]
+    wanted = sorted({*(case.output.at or [float(len(stages) - 1)]), *at})
     problem, x = _first_problem(scene), np.zeros(scene.unknowns)
     if checkpoint is None:
         first = State(0.0, stages[0], displacement=x)
@@ -56,7 +58,7 @@ def finite_path(
         levels = [position - stage for position in wanted if stage < position <= stage + 1]
         path = _Stage(scene, problem, stage, levels, renewals)
         if checkpoint is not None and stage == begun and checkpoint.heading.size:
-            path.take_up(checkpoint)
+            path.take_up(checkpoint, [position - stage for position in at if stage < position <= stage + 1])
         for step in path.steps(x):
             steps += 1
             if steps > case.solver.max_steps:
@@ -115,13 +117,13 @@ class _Stage:
         self._previous: Branch | None = None
         self._spent = 0
 
-    def take_up(self, checkpoint: Checkpoint) -> None:
-        """Continue from a checkpoint."""
+    def take_up(self, checkpoint: Checkpoint, more: list[float]) -> None:
+        """Continue from a checkpoint, with ``more`` levels."""
         history, heading = checkpoint.history, checkpoint.heading
         self.x, self._lam = checkpoint.state.displacement, float(history["lam"])
         x, lam = np.stack([self.x, heading[:-1]]), np.array([self._lam, heading[-1]])
         self._previous = Branch(x, lam, checkpoint.pace)
-        self._levels = history["levels"].tolist()
+        self._levels = sorted({*history["levels"].tolist(), *more})
         if history["renewed"]:
             self._renew()
 
@@ -142,8 +144,6 @@ class _Stage:
             moved = 0
             for step in follower.steps():
                 moved += 1
-                factors = self.problem.factors(step.lam)
-                check_deformation(self._scene, self._stage + step.lam, factors, step.x)
                 finished = self._finished(step)
                 self.x, self._lam, self._previous = step.x, step.lam, step.branch
                 if self._is_left(step.x, step.lam):

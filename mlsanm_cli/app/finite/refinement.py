@@ -8,8 +8,6 @@ times. Only contacts between bodies with automatic spacings are refined.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -20,10 +18,11 @@ from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.build import place
 from mlsanm_cli.app.scene.default_spacing import NODAL_BAND, NODAL_GROWTH
+from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.app.scene.symmetry import line_of
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
-from mlsanm_cli.cloud.curves import Segment
+from mlsanm_cli.cloud.curves import Curve, Segment
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.finite.update import AnyContact
@@ -37,48 +36,6 @@ forces of half a disk on a block are 0.85 % off with 5 nodes, 0.14 % with 11."""
 MAX_NODES, COARSENING = 5000, 1.5
 """Largest number of nodes of a refined scene, and the factor by which spacings are increased until it has no
 more."""
-NO_ZONES = np.zeros((0, 5))
-
-
-@dataclass(frozen=True)
-class Refinement:
-    """Segments with spacings, ``zones`` (z, 5), of this run and of the run ``before``; the message of a
-    refined run that ``failed``, and whether there are ``fewer`` nodes than required.
-
-    ``passes`` are the earlier runs: number of ``nodes``, by contact the fewest nodes ``across`` a patch and
-    the ``forces`` (2,) in the requested states by position, and whether the run was completed (``done``).
-    """
-
-    zones: FloatArray = field(default_factory=NO_ZONES.copy)
-    before: FloatArray = field(default_factory=NO_ZONES.copy)
-    passes: tuple[Mapping[str, Any], ...] = ()
-    failed: str = ""
-    fewer: bool = False
-
-    @classmethod
-    def read(cls, plain: Mapping[str, Any]) -> Refinement:
-        """From plain values."""
-        arrays = {name: np.array(plain[name]).reshape(-1, 5) for name in ("zones", "before")}
-        return cls(**{**plain, **arrays, "passes": tuple(plain["passes"])})
-
-    @property
-    def asked(self) -> tuple[Zone, ...]:
-        """The zones with prescribed spacings."""
-        return tuple(
-            Zone(Segment((a, b), (c, d)), fine, NODAL_BAND * fine, NODAL_GROWTH)
-            for a, b, c, d, fine in self.zones.tolist()
-        )
-
-    @property
-    def warnings(self) -> Iterator[str]:
-        """Warnings of a refinement that failed or is incomplete."""
-        if self.failed:
-            yield f"the results are from the run before the last refinement, which failed: {self.failed}"
-        if self.fewer:
-            yield (
-                f"contacts have fewer nodes than their accuracy requires: more than {MAX_NODES} nodes would "
-                "be needed; raise contact.accuracy, or refine where bodies touch with body.refine"
-            )
 
 
 def refined(
@@ -95,19 +52,19 @@ def refined(
         return None
     if failure and known.passes and known.passes[-1]["done"]:
         back = Refinement(known.before, passes=known.passes[:-1], failed=failure.message)
-        return back, place(case, context, back.asked)
+        return back, place(case, context, back.zones)
     if scene is None:
         return None
     nodes = scene.unknowns // 2
     figures = {key: {name: one[key] for name, one in touched.items()} for key in ("across", "forces")}
     now: dict[str, Any] = {"nodes": nodes, "done": failure is None, **figures}
     passes = (*known.passes, now)
-    zones = wanted_zones(scene, touched) if len(passes) <= MAX_RUNS else NO_ZONES
+    zones = wanted_zones(scene, touched) if len(passes) <= MAX_RUNS else ()
     fewer = False
-    while len(zones):
-        found = Refinement(zones, known.zones, passes, fewer=fewer)
+    while zones:
+        found = Refinement(zones, passes, before=known.zones, fewer=fewer)
         try:
-            finer = place(case, context, found.asked)
+            finer = place(case, context, zones)
         except (NumericalError, CaseError):
             return None
         count = sum(len(model.cloud.points) for model in finer.models.values())
@@ -118,16 +75,17 @@ def refined(
             return found, finer
         if fewer and nodes > MAX_NODES:
             return None
-        zones, fewer = zones * [1.0, 1.0, 1.0, 1.0, COARSENING], True
+        fewer = True
+        zones = tuple(_zone(one.curve, COARSENING * one.spacing) for one in zones)
     return None
 
 
-def wanted_zones(scene: FiniteScene, touched: Touched) -> FloatArray:
-    """Segments and spacings (z, 5) required by the contacts, empty if all have enough nodes."""
+def wanted_zones(scene: FiniteScene, touched: Touched) -> tuple[Zone, ...]:
+    """Zones required by the contacts, none if all have enough nodes."""
     own = [contact for contact in scene.contacts.pairs if is_automatic(scene.case, contact)]
     if not any(touched[contact.name]["coarse"] for contact in own if contact.name in touched):
-        return NO_ZONES
-    found = NO_ZONES
+        return ()
+    found = np.zeros((0, 5))
     for contact in own:
         for side, spacing in zip(contact.sides, wanted_spacings(touched[contact.name]), strict=True):
             found = np.vstack([found, _segments(side, spacing)])
@@ -135,7 +93,11 @@ def wanted_zones(scene: FiniteScene, touched: Touched) -> FloatArray:
     if line is not None:
         image = np.hstack([line.reflect(found[:, :2]), line.reflect(found[:, 2:4]), found[:, 4:]])
         found = np.vstack([found, image])
-    return found
+    return tuple(_zone(Segment((a, b), (c, d)), spacing) for a, b, c, d, spacing in found.tolist())
+
+
+def _zone(curve: Curve, spacing: float) -> Zone:
+    return Zone(curve, spacing, NODAL_BAND * spacing, NODAL_GROWTH)
 
 
 def is_automatic(case: Case, contact: AnyContact) -> bool:

@@ -21,12 +21,11 @@ from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.sides import ContactSide, with_more, with_sides
 from mlsanm_cli.contact.finite.update import AnyContact, Contacts
-from mlsanm_cli.mechanics import scene as mechanics
 from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.law import Law
-from mlsanm_cli.mechanics.finite.loads import FollowerPressure, Loads, Warming
+from mlsanm_cli.mechanics.finite.loads import FollowerPressure, Loads
 from mlsanm_cli.mechanics.finite.projector import NO_ROWS, Projector, weights_of
 from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.operators.linear.interface import LinearSolver
@@ -202,7 +201,7 @@ def _contact(case: Case, prepared: SceneModel, number: int, motions: Contacts) -
     for driven in (one for one in motions.driven if one.contact == number):
         motion[driven.component, count + driven.number] = 1.0
     for constraint in prepared.rigid_constraints:
-        if isinstance(constraint, mechanics.Obstacle) and constraint.contact == pairing.name:
+        if not constraint.bodies and constraint.name == pairing.name:
             for one in constraint.motions:
                 if one.prescribed is not None:
                     motion[one.component, :count] += one.prescribed
@@ -272,9 +271,6 @@ def _loads(case: Case, prepared: SceneModel, name: str, body: ElasticBody) -> Lo
             force[:, :, one.number] += one.values
         sources[: force[:, :, 0].size] -= force.transpose(1, 0, 2).reshape(-1, count)
     alpha = material_of(case, name).alpha
-    warming = tuple(
-        Warming(heat.number, alpha * heat.values, alpha, heat.field)
-        for heat in prepared.acting.heatings
-        if heat.body == name and isinstance(alpha, float)
-    )
-    return Loads(count, sources, tractions, force, tuple(pressing), warming=warming)
+    expansion = alpha if isinstance(alpha, float) else 0.0
+    warming = tuple(heat for heat in prepared.acting.heatings if heat.body == name and expansion)
+    return Loads(count, sources, tractions, force, tuple(pressing), warming=warming, expansion=expansion)

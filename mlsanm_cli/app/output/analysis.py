@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from mlsanm_cli.app.checks.check import Check, Verdicts
 from mlsanm_cli.app.checks.quality import Quality, announce
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.output.parts import model_bodies
 from mlsanm_cli.app.scene.assemble import SceneModel
-from mlsanm_cli.case import Case
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case import Case, Stop
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.errors import NumericalError, RunError
 from mlsanm_cli.io.records import Quantities
 from mlsanm_cli.io.run_file import Value
 from mlsanm_cli.io.vtu import VtuPart
+from mlsanm_cli.solve.fields import Fields
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State
+from mlsanm_cli.solve.stop_events import Follow, StoppedPath, measured
 
-Warn = Callable[[str], None]
-BodyFields = Mapping[str, Any]
+BodyFields = Mapping[str, Fields]
 """Fields of a state by body."""
 
 
@@ -39,8 +42,8 @@ class Ending:
 class Analysis(ABC):
     """The scene of a ``case`` on the clouds ``prepared``, its path, and the results of its states.
 
-    A run calls `set_up`, follows `steps`, calls `check` with every state, and `judge` at the end. ``tally``
-    are the totals of the path so far, plain values that a checkpoint keeps; ``warn`` issues a warning.
+    A run calls `set_up`, follows `steps`, and judges the `checks` of every state and those of `judge` at the
+    end. ``tally`` are the totals of the path so far, plain values that a checkpoint keeps.
     """
 
     clouds: Mapping[str, Cloud]
@@ -48,34 +51,65 @@ class Analysis(ABC):
 
     def __init__(self, case: Case, prepared: SceneModel, context: RunContext) -> None:
         self.case, self.prepared, self.context = case, prepared, context
-        self.quality: Quality
+        self.quality = Quality(case, prepared, {}, {}, {})
+        self._reached: Stop | None = None
 
-    def announce(self, warn: Warn) -> None:
-        """Assesses the clouds, prints notes and issues warnings."""
-        self.quality = announce(self.case, self.prepared, self.context, warn)
-
-    @abstractmethod
-    def set_up(self, warn: Warn) -> None:
-        """Assembles the scene. Raises NumericalError for one that cannot be set up."""
+    def announce(self, verdicts: Verdicts) -> None:
+        """Assesses the clouds, prints notes and judges the model."""
+        self.quality = announce(self.case, self.prepared, self.context, verdicts)
 
     @abstractmethod
-    def steps(self, start: Checkpoint | None, last: State | None, warn: Warn) -> Iterator[PathStep]:
+    def set_up(self, verdicts: Verdicts) -> None:
+        """Announces and assembles the scene. Raises NumericalError for one that cannot be set up."""
+
+    @abstractmethod
+    def steps(self, start: Checkpoint | None, last: State | None, verdicts: Verdicts) -> Iterator[PathStep]:
         """The path, or its part after a checkpoint, whose row was ``last``. Raises NumericalError."""
 
-    def check(self, state: State) -> None:  # noqa: B027
-        """Raises NumericalError for a state that is not reliable."""
-
-    def ending(self, last: State | None) -> Ending:
-        """The end of a completed path."""
-        return Ending("done", "end of the last stage")
+    def checks(self, state: State) -> Iterator[Check]:
+        """Checks of every state."""
+        yield from ()
 
     @abstractmethod
-    def judge(self, last: State, tally: dict[str, Any], warn: Warn) -> None:
-        """Checks a completed path by its last state. Raises NumericalError if it is not reliable."""
+    def forces(self, state: State) -> Mapping[str, FloatArray]:
+        """Forces (2,) of loads, supports and contacts in a state by name."""
 
+    @property
+    @abstractmethod
+    def weights(self) -> Mapping[str, FloatArray]:
+        """Lengths (m,) of the nodes of contacts."""
+
+    def stopped(
+        self, follow: Follow, start: Checkpoint | None, last: State | None, tolerance: float
+    ) -> Iterator[PathStep]:
+        """The path that ``follow`` returns, up to a ``[[stop]]`` of the case reached within a ``tolerance``.
+        Raises RunError for a stop by an unknown force."""
+        path = StoppedPath(self.case.stop, follow, self._measure, last, tolerance)
+        yield from path.steps(start)
+        self._reached = path.reached
+
+    def _measure(self, stop: Stop, state: State) -> float:
+        """The value of the quantity of a stop."""
+        forces = self.forces(state)
+        if stop.what == "force" and stop.of not in forces:
+            known = f"there are: {', '.join(forces)}"
+            raise RunError(f"[[stop]]: the force of {stop.of} is not known", known)
+        return measured(stop, self.quantities(state), forces, self.weights)
+
+    def ending(self, last: State | None) -> Ending:
+        """The end of a completed path, also by a stop of the case."""
+        if self._reached is None or last is None:
+            return Ending("done", "end of the last stage")
+        stop = self._reached.description
+        return Ending("done", f"{stop}, at position {last.position:.9g}", stopped_by=stop)
+
+    @abstractmethod
+    def judge(self, last: State, tally: dict[str, Any]) -> Iterator[Check]:
+        """Checks of a completed path by its last state."""
+
+    @abstractmethod
     def finer(self, tally: Mapping[str, Any], failure: NumericalError | None) -> Analysis | None:
         """The analysis on finer clouds by which the run is repeated; None if its results are final."""
-        return None
 
     @property
     @abstractmethod
@@ -113,8 +147,8 @@ class Analysis(ABC):
         """The fields of saved states at the points written, and figures of their accuracy. Raises
         NumericalError for states that are not admissible."""
 
-    def faults(self, state: State, fields: BodyFields) -> Iterator[tuple[str, str]]:
-        """Warnings of a saved state, each in two parts, the first of which is the same in all states."""
+    def field_checks(self, state: State, fields: BodyFields) -> Iterator[Check]:
+        """Checks of a saved state with its fields."""
         yield from ()
 
     @abstractmethod

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from typing import Any, TypeVar
 
 import numpy as np
 
+from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_file import Value
 from mlsanm_cli.io.run_reader import RunData
@@ -23,14 +24,14 @@ Record = TypeVar("Record", State, Checkpoint)
 class EarlierRun:
     """An interrupted run: the rows of its path, the seconds that they took, and the ``figures`` counted so
     far; if there are any rows, the state of the ``last`` one and the checkpoint from which the path
-    continues; the ``refinement`` of its clouds as plain values, if that was complete."""
+    continues; the ``refinement`` of its clouds, if that was complete."""
 
     rows: int
     seconds: float
     figures: Mapping[str, Any]
     last: State | None
     checkpoint: Checkpoint | None
-    refinement: Mapping[str, Any] | None
+    refinement: Refinement | None
 
 
 def plain_checkpoint(
@@ -56,7 +57,7 @@ def interrupted_run(origin: RunData) -> EarlierRun:
             checkpoint=restored(Checkpoint, {**path, "state": restored(State, path["state"])})
             if started
             else None,
-            refinement=json.loads(stored["refinement"]) if "refinement" in stored else None,
+            refinement=Refinement.read(json.loads(stored["refinement"])) if "refinement" in stored else None,
         )
     except (KeyError, TypeError, ValueError) as error:
         raise RunError(
@@ -72,7 +73,7 @@ def as_text(value: Any) -> str:
 
 
 def _plain(value: Any) -> Any:
-    return value.tolist() if isinstance(value, np.ndarray | np.generic) else asdict(value)
+    return value.tolist()
 
 
 def flattened(name: str, value: Any) -> dict[str, Value]:

@@ -9,7 +9,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
+from mlsanm_cli.app.checks.check import Check
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import AnyObstacle, Case, DiskObstacle, ObstacleMotion, PlaneObstacle
 from mlsanm_cli.cloud.cloud import Cloud
@@ -20,7 +22,6 @@ from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import Fields
 from mlsanm_cli.solve.functionals import contact_values, platen_displacements, slave_arc
 from mlsanm_cli.solve.state import State
-from mlsanm_cli.startup import cKDTree
 
 MAX_NEIGHBOR_DISTANCE = 3.0
 """Contact nodes are neighbours up to this distance, relative to the mean of their weights (lengths)."""
@@ -76,7 +77,7 @@ def _contact(
     normal, tangent = pairing.normal[chosen], pairing.tangent[chosen]
     data = contact_data(record, slave_arc(pairing), pairing.name in built.condensed.tangential)
     load = record["pressure"][:, None] * normal + record["traction"][:, None] * tangent
-    moved = along_boundary(cloud, shown[pairing.slave_body].displacement, points)
+    moved = along_boundary(cloud, shown[pairing.slave_body]["displacement"], points)
     data |= {"displacement": moved, "normal": normal, "contact_stress": load}
     return VtuPart(points, _neighbours(pairing), data)
 
@@ -144,16 +145,11 @@ def _drawn(obstacle: AnyObstacle, low: FloatArray, high: FloatArray) -> tuple[Fl
     return points, np.stack([numbers[:-1], numbers[1:]], axis=1)
 
 
-MAX_SLIDE = 0.25
-"""Sliding distance over the contact's width above which there is a warning: the pressure of a half-cylinder
-dragged by half of the contact's half-width is displaced by as much."""
-
-
-def large_slides(
+def sliding_distance(
     built: CondensedScene, state: State, clouds: Mapping[str, Cloud], displacements: Mapping[str, FloatArray]
-) -> Iterator[tuple[str, str]]:
-    """A warning for every contact whose sides slide too far in a state, as the fault and its further text;
-    ``displacements`` (n, 2) are those of all bodies at the points of ``clouds``."""
+) -> Iterator[Check]:
+    """Sliding distance of every contact in a state, over its width; ``displacements`` (n, 2) are those of all
+    bodies at the points of ``clouds``."""
     obstacles = {contact.name: contact.obstacle for contact in built.case.contact}
     moved = platen_displacements(built, state)
     for pairing in built.condensed.pairings:
@@ -172,15 +168,15 @@ def large_slides(
             other = _at(partner, pairing.master_body, clouds, displacements)
         slid = float(np.abs(((own - other) * pairing.tangent[chosen][closed]).sum(axis=1)).max())
         width = float(pairing.weight[chosen][closed].sum())
-        if slid > MAX_SLIDE * width:
-            yield (
-                f"the surfaces of contact {pairing.name} slide",
-                f" along each other by {slid:.3g} at position "
-                f"{state.position:.6g}, but the contact is only {width:.3g} wide: at small strain pressures "
-                f"act on the points that faced each other initially, an error of this distance on one side; "
-                f'set model.strain = "finite" (material law "saint-venant-kirchhoff" extends the same '
-                f"elasticity)",
-            )
+        yield Check(
+            "sliding_distance",
+            slid / width,
+            f"the surfaces of contact {pairing.name} slide along each other by {slid:.3g} at position "
+            f"{state.position:.6g}, but the contact is only {width:.3g} wide: at small strain pressures act "
+            f"on the points that faced each other initially, an error of this distance on one side",
+            'set model.strain = "finite" (material law "saint-venant-kirchhoff" extends the same elasticity)',
+            f"contact {pairing.name}",
+        )
 
 
 def _at(

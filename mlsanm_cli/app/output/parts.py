@@ -17,6 +17,7 @@ from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
 from mlsanm_cli.io.records import place
 from mlsanm_cli.io.run_file import Value
 from mlsanm_cli.io.vtu import VtuPart
+from mlsanm_cli.solve.fields import Fields
 
 
 def body_datasets(name: str, cloud: Cloud, degree: int) -> dict[str, Value]:
@@ -57,32 +58,32 @@ def contact_figures(
     }
 
 
-def stored_fields(number: int, fields: Mapping[str, Any], wanted: Sequence[str]) -> dict[str, Value]:
+def stored_fields(number: int, fields: Mapping[str, Fields], wanted: Sequence[str]) -> dict[str, Value]:
     """The requested fields of the saved state with this number, as datasets."""
     return {
-        place("fields", str(number), body, name): np.ascontiguousarray(getattr(values, name))
+        place("fields", str(number), body, name): np.ascontiguousarray(values[name])
         for body, values in fields.items()
         for name in wanted
     }
 
 
 def vtu_states(
-    clouds: Mapping[str, Cloud], fields: Mapping[str, Any], wanted: Sequence[str]
+    clouds: Mapping[str, Cloud], fields: Mapping[str, Fields], wanted: Sequence[str]
 ) -> dict[str, VtuPart]:
     """The requested fields at the points of ``clouds``, for VTU files."""
     return {name: body_part(clouds[name], vtu_data(values, wanted)) for name, values in fields.items()}
 
 
-def vtu_data(fields: Any, wanted: Sequence[str]) -> dict[str, NDArray[Any]]:
+def vtu_data(fields: Fields, wanted: Sequence[str]) -> dict[str, NDArray[Any]]:
     """The requested fields by name, with the out-of-plane component of stresses, and principal stretches by
     number."""
     data: dict[str, NDArray[Any]] = {}
     for name in wanted:
-        values = getattr(fields, name)
+        values = fields[name]
         if name == "stretch":
             data |= {"stretch_1": values[:, 0], "stretch_2": values[:, 1]}
             continue
-        data[name] = np.column_stack([values, fields.stress_zz]) if name == "stress" else values
+        data[name] = np.column_stack([values, fields["stress_zz"]]) if name == "stress" else values
     return data
 
 

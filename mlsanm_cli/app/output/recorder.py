@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from mlsanm_cli.app.checks.check import Check, Verdicts
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.output.analysis import Analysis, BodyFields
 from mlsanm_cli.app.output.checkpoint import REFINEMENT, EarlierRun, as_text, plain_checkpoint
@@ -60,6 +61,7 @@ class Recorder(Closing):
         self._started = time.monotonic() - (earlier.seconds if earlier else 0.0)
         self._pace: tuple[float, float] | None = None
         self.warnings: list[str] = []
+        self.verdicts = Verdicts(self._warn)
         self.last: State | None = None
         self.checked: State | None = None
         self.tally: dict[str, Any] = {
@@ -85,13 +87,11 @@ class Recorder(Closing):
             self._file.close()
             raise
 
-    def warn(self, message: str) -> None:
-        """Issues a warning on the console, in the events and in the summary, once."""
-        if message in self.warnings:
-            return
-        self.warnings.append(message)
-        self._events.write_once("warning", message=message)
-        self._console.warning(message)
+    def _warn(self, check: Check) -> None:
+        """Issues the warning of a check on the console, in the events and in the summary."""
+        self.warnings.append(check.text)
+        self._events.write_once("warning", check=check.name, message=check.text)
+        self._console.warning(f"{check.text} [{check.name}]")
 
     def start(self, analysis: Analysis) -> Checkpoint | None:
         """Stores the model; returns the checkpoint from which the path continues, None for a new path."""
@@ -108,7 +108,7 @@ class Recorder(Closing):
         if before.last is None:
             return None
         figures = dict(before.figures)
-        self.warnings += [text for text in figures.pop("warnings") if text not in self.warnings]
+        self.warnings += self.verdicts.take_up(figures.pop("checks"))
         self.last, self.tally, self._rows = before.last, figures, before.rows
         positions = self._file.saved_positions()
         self._saved = len(positions)
@@ -142,7 +142,7 @@ class Recorder(Closing):
             # Before the rows: a resumed run drops the events of steps that are not in its file.
             event = {"index": self._rows - 1, "position": state.position, "residual": state.residual}
             self._events.write("step", **event, length=step.length)
-            totals = {**self.tally, "warnings": list(self.warnings)}
+            totals = {**self.tally, "checks": self.verdicts.plain}
             self._file.add(
                 rows, datasets, attributes, partial(plain_checkpoint, state, step.checkpoint, totals)
             )
@@ -172,9 +172,7 @@ class Recorder(Closing):
         for name, figure in figures.items():
             # numpy's maximum, unlike max, propagates nan.
             self.tally[name] = float(np.maximum(self.tally.get(name, 0.0), figure))
-        for fault, where in analysis.faults(state, fields):
-            if not any(text.startswith(fault) for text in self.warnings):
-                self.warn(fault + where)
+        self.verdicts.judge(analysis.field_checks(state, fields))
         if self._case.output.vtu:
             parts = vtu_states(analysis.clouds, fields, analysis.fields_written)
             self._states.write(state.position, parts)
@@ -193,7 +191,8 @@ class Recorder(Closing):
         self.tally |= analysis.tallied(self.tally, self.last, step)
         self.last = step.state
         if step.warning:
-            self.warn(step.warning)
+            where = f"position {step.state.position:.6g}"
+            self.verdicts.judge([Check("snap", 1.0, step.warning, place=where)])
 
     def _progress(self, position: float) -> list[str]:
         """Progress of the path, elapsed and estimated remaining time; empty during the first seconds."""

@@ -45,5 +45,6 @@ def summarise(analysis: Analysis, ending: Ending, recorder: Recorder) -> dict[st
         "wall_seconds": context.clock.wall_seconds,
         "peak_memory_mb": peak_memory_mb(),
         "warnings": recorder.warnings,
+        "checks": recorder.verdicts.rows,
         "cache": context.memo.figures,
     }

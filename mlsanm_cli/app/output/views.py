@@ -121,12 +121,17 @@ def shown_fields(
 def _shown(built: CondensedScene, view: View, state: State, fields: Fields, stress: bool) -> Fields:
     name, material = view.model.name, view.model.material
     moved, stressed = built.condensed.contact_fields(built.scene, name, state.unknowns, view.cloud.points)
-    seen = (view.rows @ fields.rest.ravel()).reshape(5, -1).T
+    seen = (view.rows @ fields["rest"].ravel()).reshape(5, -1).T
     sigma, degrees = np.zeros((0, 3)), np.zeros(0)
     if stress:
         degrees = built.scene.degrees(name, state.factors, view.cloud.points)
         sigma = seen[:, 2:] + stressed - degrees[:, None] * stress_of_expansion(material)
     across = material.out_of_plane_stress(sigma, degrees)
     strain = material.strain(sigma, degrees)
-    shown = seen[:, :2] + moved, sigma, across, von_mises(sigma, across), strain
-    return Fields(*shown, fields.rest, stressed)
+    return {
+        "displacement": seen[:, :2] + moved,
+        "stress": sigma,
+        "stress_zz": across,
+        "von_mises": von_mises(sigma, across),
+        "strain": strain,
+    }

@@ -28,11 +28,12 @@ MAX_DETAIL = 0.5
 def bodies_picture(run: RunData, case: Case, state: SavedState, field: str | None) -> BodyPicture:
     """All bodies in a saved state, coloured by a field, with displacements enlarged to be seen, and the
     contact with the highest pressure as a detail. Raises RunError if the field was not saved."""
-    bodies, label = [], ""
+    bodies, label, rest = [], "", 0.0
     for name, body in run.bodies.items():
         quantities = nodal(run, case, state, name)
         chosen = field or default_scalar(quantities)
         label = case.units.label(SCALARS[chosen].label, SCALARS[chosen].unit)
+        rest = SCALARS[chosen].rest
         values, moved = scalar(quantities, chosen), quantities["displacement"]
         bodies.append(CloudBody(body.points, moved, values, triangles_of(body)))
     scale = automatic_scale(run, bodies)
@@ -44,6 +45,7 @@ def bodies_picture(run: RunData, case: Case, state: SavedState, field: str | Non
         marks_at(run, case, state, scale),
         case.units.length,
         contact_window(run, state.position, bodies, scale),
+        rest,
     )
 
 

@@ -1,4 +1,4 @@
-"""Which pictures of runs are drawn; without numpy, for the options of the command."""
+"""Which results of runs are shown; without numpy, for the options of commands."""
 
 from __future__ import annotations
 
@@ -13,6 +13,13 @@ KINDS = ("pressure", "traction", "loop", "hysteresis", "force", "peak", "bodies"
 OF_CONTACT = frozenset({"pressure", "traction", "loop", "hysteresis"})
 FIELDS = tuple(sorted(schema.scalars(schema.FIELDS), key=lambda name: name != "von_mises"))
 """The scalars by which bodies are coloured and that are drawn along lines."""
+
+QUANTITIES = tuple(
+    one.name for one in schema.CONTACT_HISTORY if one.dimensions[-1] == "contact_node" and one.unit
+)
+"""Quantities of contacts that can be probed: pressure, traction, gap, slip."""
+POINT_FIELDS = tuple(schema.members(schema.PROBES))
+"""Quantities at points: displacement, stress, von_mises."""
 
 
 class Choice(NamedTuple):

@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.app.results.path_lookup import Level, displacement_at
 from mlsanm_cli.app.scene.assemble import mls_settings
@@ -28,7 +29,6 @@ from mlsanm_cli.mechanics.probes import point_rows, stress_of_expansion
 from mlsanm_cli.operators.stencil_weights import Stencils
 from mlsanm_cli.operators.stencils import build_stencils
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
-from mlsanm_cli.startup import cKDTree
 
 SCALARS = schema.scalars(schema.FIELDS)
 Quantities = Mapping[str, FloatArray]
@@ -86,13 +86,13 @@ def fields_at(
     saved = [displacement_at(run, level, body) for level in levels]
     stencils = _stencils_at(run, case, body, points)
     if run.is_finite:
-        from mlsanm_cli.app.finite.fields import FiniteFields
+        from mlsanm_cli.app.finite.fields import fields_at
         from mlsanm_cli.app.finite.scene import law_of, material_of
 
         law, alpha = law_of(case, body), material_of(case, body).alpha
         for level, (displacement, how) in zip(levels, saved, strict=True):
             warm = 1.0 + alpha * _degrees(case, body, level, points) if isinstance(alpha, float) else None
-            yield vars(FiniteFields.of(law, stencils.derivatives(displacement), warm)), how
+            yield fields_at(law, stencils.derivatives(displacement), warm), how
         return
     of_nodes = partial(_stencils_at, run, case, body, run.bodies[body].points)
     rows = point_rows(stencils, _material(case, body), of_nodes)

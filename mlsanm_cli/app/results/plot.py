@@ -68,9 +68,16 @@ def plot(
     for kind, subject, make in wanted:
         places = [run.directory / run_dir.picture_name(kind, suffix, subject) for suffix in formats]
         files |= dict.fromkeys(places if choice.out is None else [choice.out], make())
-    for file, made in files.items():
-        plot_bodies(file, made) if isinstance(made, BodyPicture) else draw(file, made)
-    return list(files)
+    return [write(file, made) for file, made in files.items()]
+
+
+def write(file: Path, made: Picture | BodyPicture) -> Path:
+    """Draws a picture; returns its file. Raises RunError if it cannot be written."""
+    if isinstance(made, BodyPicture):
+        plot_bodies(file, made)
+    else:
+        draw(file, made)
+    return file
 
 
 def pictures(run: RunData, case: Case, choice: Choice) -> Iterator[tuple[str, str, Make]]:

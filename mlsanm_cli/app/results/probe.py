@@ -8,20 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from mlsanm_cli.app.results.choice import POINT_FIELDS, QUANTITIES
 from mlsanm_cli.app.results.fields import SCALARS, Quantities, fields_at, scalar, with_mises
 from mlsanm_cli.app.results.path_lookup import Level, checked_error, level_at, pressing_force, refuse_unknown
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, stored_case
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io import schema
 from mlsanm_cli.io.run_reader import RunData, read_run
 
 TANGENTIAL = ("traction", "slip")
-QUANTITIES = tuple(
-    one.name for one in schema.CONTACT_HISTORY if one.dimensions[-1] == "contact_node" and one.unit
-)
-"""Quantities of contacts: pressure, traction, gap, slip."""
-POINT_FIELDS = schema.members(schema.PROBES)
 Row = dict[str, Any]
 
 

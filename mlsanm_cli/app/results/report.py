@@ -7,13 +7,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from mlsanm_cli.app.results.choice import Choice
+from mlsanm_cli.app.results.choice import OF_CONTACT, Choice
 from mlsanm_cli.app.results.collect import collect
 from mlsanm_cli.app.results.info import info
-from mlsanm_cli.app.results.plot import plot
+from mlsanm_cli.app.results.plot import pictures, write
 from mlsanm_cli.case import Case, Displacement, stored_case
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io import html, run_dir
+from mlsanm_cli.io import html, run_dir, schema
 from mlsanm_cli.io.plots.figures import resolution
 from mlsanm_cli.io.run_reader import RunData, read_run
 from mlsanm_cli.roundoff import ROUND_OFF
@@ -24,30 +24,20 @@ MAX_VARIED_KEYS = 15
 """Largest number of differing keys that are compared."""
 MAX_CONTACTS = 4
 """Largest number of contacts that are drawn, those with the largest pressures."""
-ESTIMATES = {
-    "pressure": "pressures of {}",
-    "force": "force of {}",
-    "contacts": "force of {}",
-    "probes": "displacement at {}",
-}
-"""Error estimates of contacts and probes in words."""
 COMPARED = ("status", "position", "steps", "nodes", "warnings")
-CHECKS = {
-    "residual": ("equations of contact", "below"),
-    "linear_residual": ("linear systems", "below"),
-    "force_balance": ("balance of the forces on every body", "below"),
-    "energy_error": ("strain energy against work of the loads", "within"),
-    "stability": ("stability of the discretisation", "above"),
-}
+OF_CONTACTS = ("peak_pressure", "half_width", "force", "closed_nodes")
+SIZES = ("position", "steps", "nodes", "contact_unknowns", "wall_seconds", "peak_memory_mb")
+OUTCOMES = {"passed": html.GOOD + "passes", "warned": html.BAD + "warns", "failed": html.BAD + "fails"}
 ORIGINS = {"git": "commit", "argv": "command", "cpu": "processor"}
 CAPTIONS = {
+    "bodies": "The deformed bodies, with supports, loads and obstacles",
     "pressure": "Contact pressure along {subject}",
     "traction": "Tangential traction along {subject}, between its friction limits",
     "loop": "Tangential force over displacement, {subject}",
     "force": "Forces along the load path",
     "peak": "Peak pressure along the load path",
-    "bodies": "The deformed bodies, with supports, loads and obstacles",
 }
+"""The pictures of a report, in order."""
 
 
 def report(rundirs: Sequence[Path], out: Path | None = None) -> Path:
@@ -85,11 +75,12 @@ def _one(run: RunData, case: Case) -> Iterator[str]:
         yield html.listing(warnings)
     yield html.heading(3, "Figures")
     yield from _figures(summary, case)
-    yield html.heading(3, "Error estimates and checks")
-    yield _checks(summary)
+    if summary.get("checks"):
+        yield html.heading(3, "Error estimates and checks")
+        yield _checks(summary["checks"])
     if run.rows:
         yield html.heading(3, "Pictures")
-        yield from _pictures(run)
+        yield from _pictures(run, case)
     yield html.heading(3, "The case")
     yield html.source(run.case_raw or run.case_resolved, f"case file of {run.directory.name}")
     yield html.heading(3, "Provenance")
@@ -97,46 +88,52 @@ def _one(run: RunData, case: Case) -> Iterator[str]:
 
 
 def _figures(summary: Mapping[str, Any], case: Case) -> Iterator[str]:
-    units = case.units
     contacts: Mapping[str, Any] = summary.get("contacts") or {}
     if contacts:
-        columns = [
-            "contact",
-            units.label("peak pressure", "stress"),
-            units.label("half-width", "length"),
-            units.label("force on the slave, x", "force"),
-            units.label("force on the slave, y", "force"),
-            "closed nodes",
-            "analytical solution",
-        ]
-        rows = [[name, *_contact(figures)] for name, figures in contacts.items()]
-        yield html.table("Contacts at the end", columns, rows)
+        of_contacts = [one for one in schema.CONTACT_FIGURES if one.path.rpartition("}.")[2] in OF_CONTACTS]
+        formulas = {name: _formula(figures) for name, figures in contacts.items()}
+        yield _table("Contacts at the end", "contact", contacts, of_contacts, case, formulas)
     forces = _joined_forces(summary.get("forces") or {}, case)
     if forces:
-        columns = ["load or support", units.label("force x", "force"), units.label("force y", "force")]
-        yield html.table("Forces on the bodies", columns, [[name, *force] for name, force in forces])
-    probes: Mapping[str, Any] = summary.get("probes") or {}
-    if probes:
-        names = ("ux", "uy", "stress xx", "stress yy", "stress xy", "von Mises stress")
-        kinds = ("length", "length", "stress", "stress", "stress", "stress")
-        columns = ["probe", *(units.label(name, kind) for name, kind in zip(names, kinds, strict=True))]
-        rows = [
-            [name, *map(_number, (*one["displacement"], *one["stress"], one["von_mises"]))]
-            for name, one in probes.items()
-        ]
-        yield html.table("Probes at the end", columns, rows)
-    sizes = [
-        ("position on the path", summary.get("position")),
-        ("steps", summary.get("steps")),
-        ("nodes", summary.get("nodes")),
-        ("contact unknowns", summary.get("contact_unknowns")),
-        ("CPU time in s", _rounded((summary.get("seconds") or {}).get("total"), 1)),
-        ("elapsed time in s", _rounded(summary.get("wall_seconds"), 1)),
-        ("memory in MB", _rounded(summary.get("peak_memory_mb"), 0)),
-    ]
-    yield html.table(
-        "Size and cost", [], [[name, _number(value)] for name, value in sizes if value is not None]
-    )
+        columns = [case.units.label(f"force {axis}", "force") for axis in "xy"]
+        rows = [[name, *force] for name, force in forces]
+        yield html.table("Forces on the bodies", ["load or support", *columns], rows)
+    if summary.get("probes"):
+        yield _table("Probes at the end", "probe", summary["probes"], schema.PROBES, case)
+    sizes = [(one.description, summary.get(one.name)) for one in schema.SUMMARY if one.path in SIZES]
+    sizes.append(("CPU seconds", (summary.get("seconds") or {}).get("total")))
+    rows = [[name, _number(value)] for name, value in sizes if value is not None]
+    yield html.table("Size and cost", [], rows)
+
+
+def _table(
+    title: str,
+    first: str,
+    items: Mapping[str, Any],
+    quantities: Sequence[schema.Quantity],
+    case: Case,
+    more: Mapping[str, str] | None = None,
+) -> str:
+    """A table with a row per item and a column per component of the quantities, and ``more`` in the last."""
+    columns, rows = [first], {name: [name] for name in items}
+    for one in quantities:
+        parts = next((schema.COMPONENTS[axis] for axis in one.dimensions if axis in schema.COMPONENTS), ("",))
+        columns += [case.units.label(f"{one.description} {part}".rstrip(), one.unit) for part in parts]
+        for name, figures in items.items():
+            value = figures.get(one.name)
+            values = value if isinstance(value, list) else [value] * len(parts)
+            singular = one.name == "peak_pressure" and figures.get("singular_ends")
+            rows[name] += [_number(part) + (" (singular end)" if singular else "") for part in values]
+    if more:
+        columns.append("closed formula")
+        rows = {name: [*row, more[name]] for name, row in rows.items()}
+    return html.table(title, columns, list(rows.values()))
+
+
+def _formula(figures: Mapping[str, Any]) -> str:
+    reference = figures.get("reference") or {}
+    error = reference.get("pressure_error_l2")
+    return "none" if error is None else f"{reference['solution']}: error {100.0 * float(error):.2g} %"
 
 
 def _joined_forces(forces: Mapping[str, Any], case: Case) -> list[tuple[str, list[str]]]:
@@ -152,72 +149,37 @@ def _joined_forces(forces: Mapping[str, Any], case: Case) -> list[tuple[str, lis
     return [(", ".join(names), shown) for names, shown in joined.values()]
 
 
-def _contact(figures: Mapping[str, Any]) -> list[str]:
-    force = figures.get("force") or (None, None)
-    known = "none"
-    reference = figures.get("reference")
-    if reference and reference.get("pressure_error_l2") is not None:
-        known = f"{reference['solution']}: error {100.0 * float(reference['pressure_error_l2']):.2g} %"
-    peak = _number(figures.get("peak_pressure"))
-    peak += " (singular end)" if figures.get("singular_ends") else ""
-    values = (figures.get("half_width"), *force, figures.get("closed_nodes"))
-    return [peak, *map(_number, values), known]
+def _checks(checks: Sequence[Mapping[str, Any]]) -> str:
+    """All checks, those that did not pass first."""
+    ordered = sorted(checks, key=lambda one: list(OUTCOMES)[::-1].index(one["outcome"]))
+    rows = [
+        [one["name"].replace("_", " "), one["place"], _number(one["value"]), _number(one["limit"]),
+         OUTCOMES[one["outcome"]]]
+        for one in ordered
+    ]  # fmt: skip
+    return html.table("Checks", ["check", "of", "value", "limit", "outcome"], rows)
 
 
-def _checks(summary: Mapping[str, Any]) -> str:
-    rows = []
-    limits: Mapping[str, Any] = summary.get("limits") or {}
-    for key, (what, word) in CHECKS.items():
-        value, limit = summary.get(key), limits.get(key)
-        if value is None:
-            continue
-        passes = limit is None or (float(value) >= limit if word == "above" else abs(float(value)) <= limit)
-        limit_text = "" if limit is None else f"{word} {_number(limit)}"
-        rows.append(
-            [what, _number(value), limit_text, html.GOOD + "passes" if passes else html.BAD + "fails"]
-        )
-    estimates, warned = _estimates(summary.get("error_estimate")), _estimates(limits.get("estimates"))
-    for what, value in estimates.items():
-        limit = warned.get(what)
-        limit_text = "" if limit is None else f"below {100.0 * limit:g} %"
-        if value is None:
-            rows.append([f"error estimate, {what}", "not available", limit_text, ""])
-            continue
-        verdict = html.BAD + "large" if limit is not None and value > limit else html.GOOD + "passes"
-        size = f"{100.0 * value:.2g} %"
-        rows.append([f"error estimate, {what}", size, limit_text, "" if limit is None else verdict])
-    return html.table("Checks", ["check", "value", "limit", "verdict"], rows)
-
-
-def _estimates(tables: Mapping[str, Any] | None) -> dict[str, float | None]:
-    """Error estimates, or their limits, by what they are of."""
-    found = dict[str, float | None]()
-    for key, value in (tables or {}).items():
-        if isinstance(value, Mapping):
-            found |= {ESTIMATES[key].format(name): one for name, one in value.items()}
-        else:
-            found[key] = value
-    return found
-
-
-def _pictures(run: RunData) -> Iterator[str]:
+def _pictures(run: RunData, case: Case) -> Iterator[str]:
     peaks = {name: float(contact.pressure.max(initial=0.0)) for name, contact in run.contacts.items()}
     drawn = sorted(peaks, key=lambda name: -peaks[name])[:MAX_CONTACTS]
     if len(drawn) < len(peaks):
         yield html.paragraph(
             f"{len(drawn)} of {len(peaks)} contacts are drawn, those with the largest pressures."
         )
+    order = list(CAPTIONS)
+    wanted = [one for one in pictures(run, case, Choice()) if one[0] in order]
     with tempfile.TemporaryDirectory() as place, resolution(DPI):
-        for kind in ("bodies", "pressure", "traction", "loop", "force", "peak"):
-            for subject in drawn if kind in ("pressure", "traction", "loop") else [""]:
-                file = Path(place) / f"{kind}.png"
-                try:
-                    plot(run.directory, choice=Choice(what=(kind,), contact=subject or None, out=file))
-                except RunError:
-                    # Not available in this run: without friction, contact or fields.
-                    continue
-                caption = CAPTIONS[kind].format(subject=subject)
-                yield html.image(file.read_bytes(), _described(run, kind, subject), caption)
+        for kind, subject, make in sorted(wanted, key=lambda one: order.index(one[0])):
+            if kind in OF_CONTACT and subject not in drawn:
+                continue
+            try:
+                file = write(Path(place) / f"{kind}.png", make())
+            except RunError:
+                # Not available in this run, as a force without loads.
+                continue
+            caption = CAPTIONS[kind].format(subject=subject)
+            yield html.image(file.read_bytes(), _described(run, kind, subject), caption)
 
 
 def _described(run: RunData, kind: str, subject: str) -> str:
@@ -264,10 +226,6 @@ def _origin(summary: Mapping[str, Any]) -> str:
         for key, value in summary.get("provenance", {}).items()
     ]
     return html.table("Program, machine and files", [], rows)
-
-
-def _rounded(value: float | None, digits: int) -> str | None:
-    return None if value is None else f"{value:.{digits}f}"
 
 
 def _number(value: Any) -> str:

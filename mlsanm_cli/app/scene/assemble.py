@@ -15,7 +15,7 @@ from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.conflicts import refuse_conflicts
 from mlsanm_cli.app.scene.contact_pairs import pair
 from mlsanm_cli.app.scene.contact_ranges import contact_ranges, directed
-from mlsanm_cli.app.scene.free_motions import WeakMotion, constrain_free_rigid_modes
+from mlsanm_cli.app.scene.free_motions import constrain_free_rigid_modes
 from mlsanm_cli.app.scene.loads import Acting, acting
 from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.app.scene.rigid_constraints import components, rigid_constraints
@@ -33,7 +33,6 @@ from mlsanm_cli.mechanics.body_model import BodyModel, model_key
 from mlsanm_cli.mechanics.defect import DEGREES, next_degree
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.probes import Probe
-from mlsanm_cli.mechanics.shared_factors import is_translated_copy, with_shared_factors
 from mlsanm_cli.mechanics.springs import restrained, restraining
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.operators.linear.interface import LinearSolver
@@ -60,7 +59,7 @@ class SceneModel:
     the fixed (node, component) pairs of single nodes, ``acting`` the loads, ``rigid_constraints`` platens,
     obstacles and floating bodies, ``probes`` the observed points, ``notes`` messages to the user, ``ranges``
     the contacts that may have contact grids. ``held_motions`` are the free rigid modes fixed at zero,
-    ``loose_motions`` those of floating bodies only, and ``weak`` those with very little resistance.
+    ``loose_motions`` those of floating bodies only, ``weak`` warnings about hardly resisted ones.
     """
 
     boundaries: Boundaries
@@ -75,7 +74,7 @@ class SceneModel:
     ranges: Mapping[str, ContactRange] = field(default_factory=dict)
     held_motions: tuple[Mapping[str, FloatArray], ...] = ()
     loose_motions: tuple[Mapping[str, FloatArray], ...] = ()
-    weak: tuple[WeakMotion, ...] = ()
+    weak: tuple[str, ...] = ()
 
 
 def mls_settings(case: Case, low: bool = False) -> MlsSettings:
@@ -219,8 +218,8 @@ def assemble_bodies(
     memo: Memo = NO_CACHE,
     before: Mapping[str, ElasticBody] = NOTHING,
 ) -> mechanics.Scene:
-    """Assembles the system of every body, once for translated copies; it is factorised within ``timed()``
-    on first use. Bodies ``before``, of the same case, are reused if their models are the same."""
+    """Assembles the system of every body; it is factorised within ``timed()`` on first use. Bodies
+    ``before``, of the same case, are reused if their models are the same."""
     bodies: dict[str, ElasticBody] = {}
     conditions = {
         name: (prepared.held[name], prepared.held_nodes[name], prepared.acting.springs[name], touching)
@@ -232,15 +231,6 @@ def assemble_bodies(
             bodies[name] = known
             continue
         held, held_nodes, springs, touching = conditions[name]
-        copies = (
-            body
-            for other, body in bodies.items()
-            if conditions[other] == conditions[name] and is_translated_copy(model, body.model)
-        )
-        translated = next(copies, None)
-        if translated is not None:
-            bodies[name] = with_shared_factors(translated, model)
-            continue
         bodies[name] = memo.value(
             "body",
             digest(model.content, *conditions[name], solver),

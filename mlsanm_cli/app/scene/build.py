@@ -1,58 +1,24 @@
-"""The condensed problem of a case, phase by phase."""
+"""The scene of a case on its clouds: kernels, nodes, operators, pairs and conditions."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
-from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 
-import numpy as np
-
 from mlsanm_cli.app.context import RunContext
-from mlsanm_cli.app.scene.assemble import NOTHING, SceneModel, assemble_bodies, prepare
-from mlsanm_cli.app.scene.causes import pull_hint
+from mlsanm_cli.app.scene.assemble import NOTHING, SceneModel, prepare
 from mlsanm_cli.app.scene.clouds import clouds
 from mlsanm_cli.app.scene.contact_pairs import refuse_overlap
-from mlsanm_cli.app.scene.free_motions import MOTIONS, held_at_zero
 from mlsanm_cli.app.scene.size_estimate import refuse_too_large, refuse_too_many_contacts
 from mlsanm_cli.app.scene.symmetry import line_of
-from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, LoadedCase, resolved_mapping
 from mlsanm_cli.cloud.spacing import Zone
-from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.laws.active_set import ExactState
-from mlsanm_cli.contact.laws.set_search import (
-    EndlessError,
-    NoStateError,
-    UnbalancedError,
-    UnresistedError,
-)
-from mlsanm_cli.contact.response.condensation import condense
-from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.errors import CaseError, NumericalError
+from mlsanm_cli.errors import CaseError
 from mlsanm_cli.kernels.aot.jit import Loaded, is_warm, load
-from mlsanm_cli.mechanics.rigid import ROTATION
-from mlsanm_cli.mechanics.scene import FloatingBody, Scene
 from mlsanm_cli.memo import digest
-from mlsanm_cli.solve.coercivity import check_candidates_coercivity, check_coercivity
-from mlsanm_cli.solve.condensed_scene import CondensedScene, stage_factors
-from mlsanm_cli.solve.contact_grids import find_grids
-from mlsanm_cli.solve.limit_loads import beyond_limit
-from mlsanm_cli.solve.stage_ends import exact_ends, reach_error, searched_ends, touched_nodes
 
-MAX_SINGLE_TRIALS = 6
-"""Largest number of motions that are fixed one at a time."""
-MAX_CARRIED = 1e-3
-"""Largest force of a fixed motion relative to the contact force; it is not 0, as clouds are not exactly
-symmetric."""
-Idle = Mapping[tuple[str, int], Mapping[str, FloatArray]]
-"""Motions to be fixed: by body and component that are fixed, the velocities (3,) of every body in the
-motion."""
 ANNOUNCED_NODES = 50_000
 """Scenes with more nodes are announced: they take long, and may be due to a typing error."""
-REACH_GROWTH = 1.5
-MAX_ENLARGEMENTS = 6
 _SECTIONS_WITHOUT_SIZE = {"load", "stage", "output"}
 _CONTACT_KEYS_WITHOUT_SIZE = {"friction", "regularization"}
 """Sections of a case and keys of its contacts that do not affect its size."""
@@ -71,9 +37,9 @@ def load_kernels(context: RunContext) -> Loaded:
     return loaded
 
 
-def build_scene(loaded: LoadedCase, context: RunContext) -> SceneModel:
-    """The scene on its initial clouds, with all checks that precede solving. Raises CaseError for a scene
-    that exceeds the memory, and for invalid contacts and platens."""
+def build_scene(loaded: LoadedCase, context: RunContext, zones: tuple[Zone, ...] = ()) -> SceneModel:
+    """The scene on its clouds, refined in ``zones``, with all checks that precede solving. Raises CaseError
+    for a scene that exceeds the memory, and for invalid contacts and platens."""
     load_kernels(context)
     try:
         with context.phase("cloud"):
@@ -81,7 +47,7 @@ def build_scene(loaded: LoadedCase, context: RunContext) -> SceneModel:
         if sum(size.nodes.values()) > ANNOUNCED_NODES:
             nodes, memory = sum(size.nodes.values()), size.memory_mb / 1024
             context.console.note(f"about {nodes:.2g} nodes, which need about {memory:.2g} GB of memory")
-        prepared = place(loaded.case, context)
+        prepared = place(loaded.case, context, zones)
         refuse_too_many_contacts(loaded.case, prepared.pairings)
         refuse_overlap(prepared.pairings)
     except CaseError as error:
@@ -89,7 +55,7 @@ def build_scene(loaded: LoadedCase, context: RunContext) -> SceneModel:
     return prepared
 
 
-def _placing_key(case: Case) -> str:
+def placing_key(case: Case) -> str:
     """A key that is equal for cases that differ only in output and in positive coefficients of friction."""
     content = {key: part for key, part in resolved_mapping(case).items() if key not in _OUTPUT_SECTIONS}
     contacts = zip(content.pop("contact", []), case.contact, strict=True)
@@ -114,7 +80,7 @@ def place(
     equal to those ``before`` are reused. Cases that differ in coefficients of friction share them."""
     if zones or before is not None:
         return _placed(case, context, zones, before)
-    kept = context.memo.value("placed", _placing_key(case), partial(_placed, case, context))
+    kept = context.memo.value("placed", placing_key(case), partial(_placed, case, context))
     friction = {contact.name: contact.coefficient for contact in case.contact}
     pairings = (replace(one, friction=friction[one.name]) for one in kept.pairings)
     return replace(kept, pairings=tuple(pairings))
@@ -127,167 +93,3 @@ def _placed(
         placed = clouds(case, zones, context.memo, line_of(case))
     with context.phase("operators", "building operators"):
         return prepare(case, placed, context.memo, before.models if before is not None else NOTHING)
-
-
-def condense_scene(
-    case: Case, prepared: SceneModel, context: RunContext, before: Scene | None = None
-) -> CondensedScene:
-    """Assembles the systems of the bodies, condenses, and determines the reach of every contact. Bodies with
-    the same model as in the scene ``before`` keep their systems."""
-    idle = {weak.idle: weak.motion for weak in prepared.weak if weak.idle is not None}
-    if idle:
-        driven = tuple(weak for weak in prepared.weak if weak.idle is None)
-        built = _with_fixed_motions(case, replace(prepared, weak=driven), idle, context, before)
-        if built is not None:
-            return built
-    try:
-        return _condensed_scene(case, prepared, context, before)
-    except (UnbalancedError, NoStateError) as error:
-        for group in () if isinstance(error, UnresistedError) else _idle_translations(prepared):
-            built = _with_fixed_motions(case, prepared, group, context, before)
-            if built is not None:
-                return built
-        hint = pull_hint(case, prepared.pairings)
-        if not hint:
-            raise
-        raise NumericalError(error.message, hint) from error
-
-
-def _idle_translations(prepared: SceneModel) -> Iterator[Idle]:
-    """Translations of floating bodies without a load in their direction, one at a time, then all of one
-    direction. Surfaces may resist a motion where they are curved, and yet touch only where they are flat: the
-    motion is then undetermined, and zero by symmetry. Friction resists it, or the body is idle."""
-    frictional = {body for pairing in prepared.pairings if pairing.friction for body in pairing.bodies}
-    idle = [
-        (constraint.body, motion.component)
-        for constraint in prepared.rigid_constraints
-        if isinstance(constraint, FloatingBody) and constraint.body not in frictional
-        for motion in constraint.motions
-        if motion.prescribed is None and motion.component != ROTATION and not motion.force.any()
-    ]
-    groups = [[one] for one in idle[:MAX_SINGLE_TRIALS]]
-    groups += [[one for one in idle if one[1] == component] for component in range(ROTATION)]
-    for group in filter(None, groups):
-        yield {(body, component): {body: np.eye(3)[component]} for body, component in group}
-
-
-def _with_fixed_motions(
-    case: Case, prepared: SceneModel, idle: Idle, context: RunContext, before: Scene | None
-) -> CondensedScene | None:
-    """The scene with ``idle`` motions fixed at zero; None if it has no state, or if forces are needed to fix
-    them."""
-    constraints = tuple(
-        held_at_zero(one, _velocities(one, idle)) if isinstance(one, FloatingBody) else one
-        for one in prepared.rigid_constraints
-    )
-    motions = (*prepared.held_motions, *idle.values())
-    held = replace(prepared, rigid_constraints=constraints, held_motions=motions)
-    with suppress(UnbalancedError, NoStateError):
-        built = _condensed_scene(case, held, context, before)
-        if _carry_nothing(built, idle):
-            names = ", ".join(f"body {body}: {MOTIONS[component]}" for body, component in idle)
-            context.console.note(f"{names} is fixed at 0 (no load and no stiffness in this direction)")
-            return built
-    return None
-
-
-def _velocities(body: FloatingBody, idle: Idle) -> dict[int, FloatArray]:
-    """Velocity (2,) of a body's centre in its ``idle`` motions, by component."""
-    found, (x, y) = {}, body.center
-    for (name, component), motion in idle.items():
-        if name == body.body:
-            along_x, along_y, turn = motion[name]
-            found[component] = np.array([along_x - turn * y, along_y + turn * x])
-    return found
-
-
-def _carry_nothing(built: CondensedScene, held: Collection[tuple[str, int]]) -> bool:
-    """Whether no force is needed to fix the motions ``held`` at the end of any stage: a body that its loads
-    push out of its contacts is not in equilibrium."""
-    for state in built.ends:
-        pressed = float(built.condensed.weight @ state.pressure)
-        for body, component in held:
-            carried = built.condensed.holding[body, component](*state.unknowns)[0]
-            if component == ROTATION:
-                carried /= np.ptp(built.scene.bodies[body].model.cloud.points, axis=0).max()
-            if abs(carried) > MAX_CARRIED * pressed:
-                return False
-    return not built.ends_early
-
-
-def _condensed_scene(
-    case: Case, prepared: SceneModel, context: RunContext, before: Scene | None
-) -> CondensedScene:
-    @contextmanager
-    def factorising() -> Iterator[None]:
-        with context.phase("factorization", "factorising"):
-            yield
-
-    with context.phase("operators"):
-        bodies = before.bodies if before is not None else NOTHING
-        scene = assemble_bodies(case, prepared, case.solver.linear, factorising, context.memo, bodies)
-    stages = stage_factors(case)
-    if prepared.ranges:
-        with context.phase("condensation", "refining contact grids"):
-            search = partial(searched_ends, case, scene, stages)
-            key = digest(_placing_key(case), scene)
-            found = find_grids(case, scene, prepared.pairings, prepared.ranges, search, context.memo, key)
-        if found is None:
-            return _condensed_scene(case, _without_grids(case, prepared, context), context, None)
-        condensed, ends = found
-    else:
-        condensed, ends = _condense(case, scene, prepared.pairings, stages, context)
-    with context.phase("condensation"):
-        stability = check_coercivity(case, scene, condensed, ends, context.memo)
-    weak = tuple(motion.warning for motion in prepared.weak if motion.idle is not None)
-    return CondensedScene(case, scene, condensed, stages, ends, stability, weak)
-
-
-def _without_grids(case: Case, prepared: SceneModel, context: RunContext) -> SceneModel:
-    """A scene whose contact grids do not converge, at the low degree, which may help; if it has that, with
-    nodal pressures."""
-    placed = {name: model.cloud for name, model in prepared.models.items()}
-    with context.phase("operators"):
-        low = prepare(case, placed, context.memo, prepared.models, low=True)
-        if any(model is not prepared.models[name] for name, model in low.models.items()):
-            return low
-        return prepare(case, placed, context.memo, prepared.models, grids=False)
-
-
-def _condense(
-    case: Case, scene: Scene, pairings: tuple[Pairing, ...], stages: FloatArray, context: RunContext
-) -> tuple[Condensed, tuple[ExactState, ...]]:
-    """Condenses; an automatic reach of a contact is enlarged until no excluded node touches."""
-    fixed = {contact.name: contact.reach for contact in case.contact}
-    for _ in range(MAX_ENLARGEMENTS):
-        with context.phase(
-            "condensation", f"condensing on {sum(int(p.candidate.sum()) for p in pairings)} contact nodes"
-        ):
-            condensed = condense(scene, pairings, context.memo)
-            if not condensed.pairings:
-                return condensed, ()
-            try:
-                ends = exact_ends(scene, condensed, stages)
-            except EndlessError:
-                check_candidates_coercivity(case, scene, condensed, context.memo)
-                raise
-            except UnbalancedError as error:
-                raise beyond_limit(scene, condensed, stages, error) from error
-            touched = touched_nodes(condensed, ends)
-        if not any(mask.any() for mask in touched.values()):
-            return condensed, ends
-        for pairing in condensed.pairings:
-            if touched[pairing.name].any() and fixed[pairing.name] != "auto":
-                raise reach_error(pairing.name, float(pairing.gap[touched[pairing.name]].max()))
-        pairings = tuple(
-            pairing
-            if pairing.bonded
-            else pairing.with_reach(
-                REACH_GROWTH * float(pairing.gap[touched[pairing.name] | pairing.candidate].max())
-            )
-            for pairing in pairings
-        )
-    raise NumericalError(
-        f"the contact zone was still growing after {MAX_ENLARGEMENTS} enlargements",
-        "refine the surfaces over the whole contact zone, or set contact.NAME.reach",
-    )

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Contact, Platen, Traction
-from mlsanm_cli.case.model.obstacles import PolylineObstacle
+from mlsanm_cli.case.model.contacts import PolylineObstacle
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.startup import cKDTree
 
-MAX_INITIAL_GAP = 0.25
-"""Initial gap over the size of the smaller body above which there is a warning."""
-MAX_LINEAR_STRAIN = 0.1
-"""Strain above which there is a warning: the error of a linear model is of the same order."""
 STRAIN_QUANTILE = 0.99
 """Larger strains are those at corners, where they are unbounded."""
 
@@ -55,18 +51,6 @@ def _direction(way: FloatArray) -> str:
     return " and ".join(words)
 
 
-def distance_warnings(pairings: tuple[Pairing, ...], clouds: Mapping[str, Cloud]) -> Iterator[str]:
-    """Warnings of contacts with a large initial gap."""
-    for pairing in pairings:
-        size = min(float(np.ptp(clouds[body].points, axis=0).max()) for body in pairing.bodies)
-        gap = float(pairing.gap.min()) + pairing.closed_by
-        if gap > MAX_INITIAL_GAP * size:
-            yield (
-                f"contact {pairing.name}: the initial gap of {gap:.3g} is {gap / size:.2g} times the size of "
-                "the smaller body: move the bodies together, unless they are meant to move so far"
-            )
-
-
 def pull_hint(case: Case, pairings: tuple[Pairing, ...]) -> str:
     """A hint on forces that pull bodies away from their contacts, "" if there are none."""
     found = []
@@ -98,15 +82,3 @@ def strain_of(points: FloatArray, displacement: FloatArray, von_mises: FloatArra
     stresses (n,) over its stiffness, whichever is larger."""
     apart = float(np.ptp(displacement, axis=0).max()) / float(np.ptp(points, axis=0).max())
     return max(apart, float(np.quantile(von_mises, STRAIN_QUANTILE)) / modulus)
-
-
-def strain_warnings(case: Case, strains: Mapping[str, float]) -> Iterator[str]:
-    """Warnings of bodies strained beyond the validity of a linear model."""
-    materials = {body.name: body.material for body in case.body}
-    for body, strain in strains.items():
-        if strain > MAX_LINEAR_STRAIN:
-            yield (
-                f"body {body} is strained or rotated by {100.0 * strain:.3g} %, but the linear model is "
-                f"valid for a few percent only; check the units of material.{materials[body]} against those "
-                "of the loads"
-            )

@@ -27,7 +27,7 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics.rigid import ROTATION, independent_rows, rigid_pattern
-from mlsanm_cli.mechanics.scene import FloatingBody, Obstacle, Platen, RigidConstraint
+from mlsanm_cli.mechanics.scene import RigidConstraint
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import stage_factors
 
@@ -43,26 +43,16 @@ MOTIONS = ("ux", "uy", "rotation")
 
 
 @dataclass(frozen=True)
-class WeakMotion:
-    """A weakly resisted motion: the ``warning``, the body and component by which it can be fixed (``idle``,
-    None if a load drives it or no floating body moves), and the velocities (3,) of all bodies in it."""
-
-    warning: str
-    idle: tuple[str, int] | None
-    motion: Mapping[str, FloatArray]
-
-
-@dataclass(frozen=True)
 class Restrained:
     """The rigid constraints, ``notes`` on fixed motions, and these motions: for each the velocities (3,) of
     every body in it, in x, y and rotation about the origin. ``loose`` are those of floating bodies only,
-    ``weak`` the weakly resisted ones."""
+    ``weak`` warnings about weakly resisted ones."""
 
     rigid_constraints: tuple[RigidConstraint, ...]
     notes: tuple[str, ...]
     held: tuple[Mapping[str, FloatArray], ...]
     loose: tuple[Mapping[str, FloatArray], ...] = ()
-    weak: tuple[WeakMotion, ...] = ()
+    weak: tuple[str, ...] = ()
 
 
 def constrain_free_rigid_modes(
@@ -101,24 +91,24 @@ def constrain_free_rigid_modes(
             notes.append(_note(kept, pivot, direction, along))
             held.setdefault(id(owner), {})[component] = along
             unresisted.append(_of_bodies(kept, direction))
-            if all(isinstance(one.constraint, FloatingBody) for one in _moving(kept, direction)):
+            if all(one.constraint.floats for one in _moving(kept, direction)):
                 loose.append(unresisted[-1])
             found.append(kept[pivot])
         kept = [one for one in kept if one not in found]
     if problems:
         raise CaseError(tuple(dict.fromkeys(problems)))
-    result = [held_at_zero(one, held.get(id(one), {})) for one in rigid_constraints]
+    result = [_held_at_zero(one, held.get(id(one), {})) for one in rigid_constraints]
     weak = free_motions(sliding_resistance(kept, pairings, clouds, at_once=True), WEAK_RESISTANCE)
     return Restrained(
         tuple(result),
         tuple(notes),
         tuple(one for one in unresisted if one),
         tuple(loose),
-        tuple(_weakly_resisted(case, kept, pivot, direction) for pivot, direction in weak),
+        tuple(_weakly_resisted(kept, pivot, direction) for pivot, direction in weak),
     )
 
 
-def held_at_zero(constraint: RigidConstraint, held: Mapping[int, FloatArray]) -> RigidConstraint:
+def _held_at_zero(constraint: RigidConstraint, held: Mapping[int, FloatArray]) -> RigidConstraint:
     """The ``constraint`` with the components that ``held`` names prescribed at zero: those by which motions
     are fixed that move its centre along ``held[component]`` (2,). Of a motion oblique to x and y its own
     direction is fixed: with x or y alone, displacements would depend on the axes."""
@@ -204,18 +194,13 @@ def _note(unknown: Sequence[UnknownMotion], pivot: int, direction: FloatArray, a
     return f"{_owner(one)}: {way} is fixed at 0 (no load and no stiffness in this direction)"
 
 
-def _weakly_resisted(
-    case: Case, unknown: Sequence[UnknownMotion], pivot: int, direction: FloatArray
-) -> WeakMotion:
+def _weakly_resisted(unknown: Sequence[UnknownMotion], pivot: int, direction: FloatArray) -> str:
+    """Warning about a weakly resisted motion."""
     one, together = unknown[pivot], _together(unknown, pivot, direction)
-    driven = case.model.strain == "finite" or any(_driven(case, unknown, pivot, direction))
-    body = one.constraint.body if isinstance(one.constraint, FloatingBody) else None
-    return WeakMotion(
+    return (
         f"{_owner(one)}: {_way(one)}{f', which moves {together} with it,' if together else ''} is hardly "
         f"resisted, because it follows the surfaces in contact: results depend on the exact positions of "
-        f"supported nodes and on the contact width; fix it with a [[support]]{_prescribe_hint(one)}",
-        None if body is None or driven else (body, one.motion.component),
-        _of_bodies(unknown, direction),
+        f"supported nodes and on the contact width; fix it with a [[support]]{_prescribe_hint(one)}"
     )
 
 
@@ -256,11 +241,8 @@ def _of_bodies(unknown: Sequence[UnknownMotion], direction: FloatArray) -> dict[
 
 
 def _owner(one: UnknownMotion) -> str:
-    if isinstance(one.constraint, Platen):
-        return f"platen on {one.constraint.name}"
-    if isinstance(one.constraint, Obstacle):
-        return f"the obstacle of contact {one.constraint.contact}"
-    return f"body {one.constraint.body}"
+    kind = "body" if one.constraint.floats else "platen on" if one.bodies else "the obstacle of contact"
+    return f"{kind} {one.constraint.name}"
 
 
 def _way(one: UnknownMotion) -> str:
@@ -268,6 +250,6 @@ def _way(one: UnknownMotion) -> str:
 
 
 def _prescribe_hint(one: UnknownMotion) -> str:
-    if isinstance(one.constraint, FloatingBody) or one.motion.component == ROTATION:
+    if one.constraint.floats or one.motion.component == ROTATION:
         return ""
     return f", or prescribe {_way(one)} of the {'platen' if one.bodies else 'obstacle'}"

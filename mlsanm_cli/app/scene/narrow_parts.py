@@ -12,6 +12,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.app.scene.default_spacing import GROWTH, TOUCHING, joints
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
@@ -20,7 +21,6 @@ from mlsanm_cli.cloud.joined import part_of
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.contact.geometry.obstacles import Shape
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
-from mlsanm_cli.startup import cKDTree
 
 SAMPLES_PER_SPACING, MIN_SAMPLES = 2.0, 8
 """Samples of the outline per coarse spacing, and of every curve at least."""

@@ -62,8 +62,8 @@ def drawn(shape: AnyShape) -> Outline:
     if isinstance(shape, Polygon):
         outer = drawing.polygon(shape.points, shape.names, shape.rounding, shape.corners)
         return drawing.with_holes(outer, holes, "points")
-    named = zip(side_names(shape), shape.sides, strict=True)
-    outer = drawing.closed_chain([drawing.Side(name, side.to, side.points) for name, side in named])
+    targets, curves = [side.to for side in shape.sides], [side.points for side in shape.sides]
+    outer = drawing.closed_chain(side_names(shape), targets, curves)
     return drawing.with_holes(outer, holes, "sides")
 
 

@@ -48,7 +48,7 @@ def _platens(
     clouds: Mapping[str, Cloud],
     held: HeldSurfaces,
     held_nodes: HeldNodes,
-) -> Iterator[mechanics.Platen]:
+) -> Iterator[mechanics.RigidConstraint]:
     """Platens, one per boundary or list of boundaries of platen loads."""
     groups: dict[str, list[tuple[int, Platen]]] = {}
     for number, load in enumerate(case.load):
@@ -76,8 +76,9 @@ def _platens(
             motions.append(_motion(len(case.moved), ROTATION, turns, alone))
         numbers = tuple(number for number, _ in loads)
         at = first.hinge or _middle(clouds, parts)
-        (body, names), others = parts[0], tuple(parts[1:])
-        yield mechanics.Platen(body, names, at, tuple(motions), numbers, label, others)
+        bodies = tuple(dict.fromkeys(body for body, _ in parts))
+        sides = tuple((body, name) for body, names in parts for name in names)
+        yield mechanics.RigidConstraint(label, bodies, at, tuple(motions), numbers, sides)
 
 
 def _middle(clouds: Mapping[str, Cloud], parts: Sequence[tuple[str, tuple[str, ...]]]) -> tuple[float, float]:
@@ -88,7 +89,7 @@ def _middle(clouds: Mapping[str, Cloud], parts: Sequence[tuple[str, tuple[str, .
     return float(x), float(y)
 
 
-def _obstacles(case: Case) -> Iterator[mechanics.Obstacle]:
+def _obstacles(case: Case) -> Iterator[mechanics.RigidConstraint]:
     """Obstacles with a prescribed motion."""
     groups: dict[str, list[tuple[int, ObstacleMotion]]] = {}
     for number, load in enumerate(case.load):
@@ -100,7 +101,8 @@ def _obstacles(case: Case) -> Iterator[mechanics.Obstacle]:
             for component, controls in _controls(loads).items()
         )
         if motions:
-            yield mechanics.Obstacle(contact, (0.0, 0.0), motions, tuple(number for number, _ in loads))
+            numbers = tuple(number for number, _ in loads)
+            yield mechanics.RigidConstraint(contact, (), (0.0, 0.0), motions, numbers)
 
 
 def _floating(
@@ -109,7 +111,7 @@ def _floating(
     held: HeldSurfaces,
     held_nodes: HeldNodes,
     springs: Mapping[str, Springs],
-) -> Iterator[mechanics.FloatingBody]:
+) -> Iterator[mechanics.RigidConstraint]:
     """Bodies whose supports leave rigid motions. Raises CaseError if the scheme does not support them."""
     for body in case.body:
         free = free_motions(clouds[body.name], held[body.name], held_nodes[body.name], springs[body.name])
@@ -121,7 +123,7 @@ def _floating(
             raise CaseError((CaseProblem("contact.regularization.law", message, hint=hint),))
         still = np.zeros(len(case.moved))
         motions = tuple(mechanics.RigidMotion(component, None, still) for component in free.components)
-        yield mechanics.FloatingBody(body.name, free.center, motions)
+        yield mechanics.RigidConstraint(body.name, (body.name,), free.center, motions)
 
 
 def _controls(

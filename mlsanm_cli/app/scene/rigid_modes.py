@@ -16,7 +16,7 @@ from mlsanm_cli.contact.geometry.facing import turned
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.functionals import resultant
 from mlsanm_cli.mechanics.rigid import ROTATION, rigid_pattern
-from mlsanm_cli.mechanics.scene import Obstacle, RigidConstraint, RigidMotion
+from mlsanm_cli.mechanics.scene import RigidConstraint, RigidMotion
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 MIN_NORMAL_COMPONENT = 0.2
@@ -46,12 +46,12 @@ class UnknownMotion:
     @property
     def bodies(self) -> tuple[str, ...]:
         """The bodies that it moves as a whole; none for obstacles."""
-        return () if isinstance(self.constraint, Obstacle) else self.constraint.bodies
+        return self.constraint.bodies
 
     def side(self, pairing: Pairing) -> float:
         """1 if it moves the slave of a contact, -1 for the master, else 0."""
-        if isinstance(self.constraint, Obstacle):
-            return -1.0 if self.constraint.contact == pairing.name else 0.0
+        if not self.bodies:
+            return -1.0 if self.constraint.name == pairing.name else 0.0
         if self.elastic:
             return 0.0
         return float(pairing.slave_body in self.bodies) - float(pairing.master_body in self.bodies)
@@ -71,7 +71,7 @@ def unknown_motion(
     """The motion with its forces: its own, and tractions and body forces on the bodies that move."""
     force, size = motion.force.copy(), np.abs(motion.force)
     elastic = not motion.alone
-    if not isinstance(constraint, Obstacle) and not elastic:
+    if not elastic:
         springs = [k for body in constraint.bodies for k in loads.springs[body].values()]
         elastic = any(any(k) if motion.component == ROTATION else k[motion.component] for k in springs)
         for number, forces, points in [

@@ -14,13 +14,12 @@ from mlsanm_cli.case import Body, Case, Mesh, Points
 from mlsanm_cli.cloud.spacing import Spacing, estimate_nodes
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
-from mlsanm_cli.operators.linear.scratch import MAPPED_SIZE
 from mlsanm_cli.system import physical_memory_mb
 
 COUNT_LIMIT = 2e8
 PROCESS_MB = 150.0
 """Memory of a process before its first body."""
-CHOLESKY, SUPERLU = 64.0, 217.0
+CHOLESKY, SUPERLU = 96.0, 217.0
 """Bytes of a factor per node, node of its stencil and level of nested dissection: of the built-in Cholesky
 factorisation, and of SuperLU, with both factors."""
 DENSE = 8.0
@@ -55,11 +54,7 @@ def _memory_mb(nodes: Mapping[str, float], stencil: int, solver: str) -> float:
     if solver == "superlu":
         factors = sum(SUPERLU * count * stencil * _levels(count, 7.2) for count in counts)
     else:
-        ours = [CHOLESKY * count * stencil * _levels(count, 8.6) for count in counts]
-        # Only one large factor at a time is in memory.
-        factors = sum(size for size in ours if size < MAPPED_SIZE) + max(
-            (size for size in ours if size >= MAPPED_SIZE), default=0.0
-        )
+        factors = sum(CHOLESKY * count * stencil * _levels(count, 8.0) for count in counts)
     made = (115.0 * stencil + 1400.0) * max(counts)
     return PROCESS_MB + (kept + factors + made) / 1e6
 

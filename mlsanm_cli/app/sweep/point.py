@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from mlsanm_cli.app.run import run
 from mlsanm_cli.errors import MlsanmError
@@ -17,8 +16,7 @@ _ONE_AT_A_TIME = threading.Lock()
 """Workers of a cluster may have several threads; CPU times and signals belong to the process."""
 
 
-@dataclass(frozen=True)
-class SweepPoint:
+class SweepPoint(NamedTuple):
     """A run to be made: the case, its changes, directory and options; ``memory`` is the number of results
     that its process keeps, and ``done`` points are skipped."""
 

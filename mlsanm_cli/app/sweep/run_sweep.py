@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -30,38 +30,33 @@ MAX_NAME_LENGTH = 120
 """Longest name of a run directory, made of the values; longer ones end with a digest."""
 
 
-@dataclass(frozen=True)
-class SweepOptions:
-    """Options of a sweep: ``jobs`` local processes, or the Dask cluster at ``scheduler``; ``force`` repeats
-    completed points."""
-
-    jobs: int = 1
-    threads: int = 1
-    scheduler: str | None = None
-    force: bool = False
-
-
 def sweep(
     case_path: Path,
     varied: Sequence[str],
-    options: SweepOptions,
     *,
     overrides: tuple[str, ...] = (),
     out: Path | None = None,
+    jobs: int = 1,
+    threads: int = 1,
+    scheduler: str | None = None,
+    force: bool = False,
     console: Console,
     argv: tuple[str, ...] = (),
 ) -> Mapping[str, Any]:
     """Solve every point that is not completed yet, and write ``sweep.csv`` with a row for each.
 
-    ``varied`` are KEY=VALUES texts. Returns the numbers of points completed, skipped because completed
-    before, failed, and stopped or not begun, and a row for each point that did not end well. CaseError or
-    RunError, before any run, if a point is invalid, or if a directory holds a run of another case and
-    ``force`` is not set.
+    ``varied`` are KEY=VALUES texts; points are solved by ``jobs`` local processes, or by the Dask cluster at
+    ``scheduler``; ``force`` repeats completed points. Returns the numbers of points completed, skipped as
+    completed before, failed, and stopped or not begun, and a row for each point that did not end well.
+    Raises CaseError or RunError, before any run, if a point is invalid, or if a directory holds a run of
+    another case and ``force`` is not set.
     """
     if not varied:
         raise RunError("nothing varies", "name a key and its values, as in --vary solver.order=10,20")
     directory = (out or RESULTS / f"{case_path.stem}-sweep").absolute()
-    planned = _plan(case_path.absolute(), varied, options, overrides, directory, argv)
+    planned = _plan(
+        case_path.absolute(), varied, overrides, directory, force=force, threads=threads, argv=argv
+    )
     todo = [point for group in planned for point in group if not point.done]
     total = sum(map(len, planned))
     if len(todo) < total:
@@ -69,7 +64,7 @@ def sweep(
     rows: list[Mapping[str, Any]] = []
     if todo:
         try:
-            for row in solve_points(todo, options.jobs, options.scheduler):
+            for row in solve_points(todo, jobs, scheduler):
                 rows.append(row)
                 count = row["warnings"]
                 warned = f", {count} warning{'s' if count > 1 else ''}" if count else ""
@@ -97,9 +92,11 @@ def sweep(
 def _plan(
     case_path: Path,
     varied: Sequence[str],
-    options: SweepOptions,
     overrides: tuple[str, ...],
     directory: Path,
+    *,
+    force: bool,
+    threads: int,
     argv: tuple[str, ...],
 ) -> list[list[SweepPoint]]:
     """All points, checked, in groups of one geometry each."""
@@ -113,15 +110,15 @@ def _plan(
             problems |= {str(problem): problem for problem in named}
             continue
         place = directory / point_name(values)
-        done = not options.force and finished(place, loaded.case_hash) is not None
-        if not done and not options.force:
+        done = not force and finished(place, loaded.case_hash) is not None
+        if not done and not force:
             _refuse_other(place, loaded.case_hash)
         point = SweepPoint(
             case=case_path,
             overrides=(*overrides, *values),
             directory=place,
             name=place.name,
-            threads=options.threads,
+            threads=threads,
             # Clouds, operators and responses of two geometries.
             memory=2 * RESULTS_PER_BODY * (1 + len(loaded.case.body)),
             argv=argv,

@@ -34,8 +34,7 @@ class Refine(Section):
         return (self.along or "").removeprefix(f"{body}.")
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
-        if (self.at is None) == (self.along is None):
-            yield Fault((), 'needs exactly one of "at" (a point) and "along" (a boundary)')
+        yield from self.exclusive("at", "along")
 
 
 class Body(Section):

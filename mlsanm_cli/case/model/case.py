@@ -13,11 +13,9 @@ from mlsanm_cli.case.model.contacts import Contact
 from mlsanm_cli.case.model.defaults import with_defaults
 from mlsanm_cli.case.model.fields import Name
 from mlsanm_cli.case.model.materials import Material
-from mlsanm_cli.case.model.model import Model
 from mlsanm_cli.case.model.motions import AnyLoad
-from mlsanm_cli.case.model.output import Output, Probe, Reference, Units
 from mlsanm_cli.case.model.section import Scope, Section
-from mlsanm_cli.case.model.solver import Adapt, Mls, Solver
+from mlsanm_cli.case.model.solver import Adapt, Mls, Output, Probe, Reference, Solver, Units
 from mlsanm_cli.case.model.stop import Stop
 from mlsanm_cli.case.model.supports import Support
 from mlsanm_cli.case.report import suggestion
@@ -29,6 +27,21 @@ def _no_bool(value: Any) -> Any:
     if isinstance(value, bool):
         raise PydanticKnownError("literal_error", {"expected": "1"})
     return value
+
+
+class Model(Section):
+    """Plane strain or plane stress, small or finite strain."""
+
+    plane: Literal["strain", "stress"]
+    """Plane strain (no displacement out of the plane) or plane stress (thin sheet)."""
+    strain: Literal["small", "finite"] = "small"
+    """Linear elasticity (small strains and rotations), or equilibrium of the deformed body (finite), which
+    needs a hyperelastic `law` of the material."""
+
+    @property
+    def confined(self) -> bool:
+        """Whether strains out of the plane are prescribed, so that constants in that direction count."""
+        return self.plane != "stress"
 
 
 class Case(Section):

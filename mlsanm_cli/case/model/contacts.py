@@ -2,17 +2,83 @@
 
 import math
 from collections.abc import Iterator
-from itertools import takewhile
+from itertools import pairwise, takewhile
 from typing import Annotated, Literal
 
 from pydantic import Field
 
-from mlsanm_cli.case.model.fields import LENGTH, NUMBER, Amount, AutoLength, Coefficient, Name, Positive
-from mlsanm_cli.case.model.model import UNSUPPORTED
-from mlsanm_cli.case.model.obstacles import Obstacle
+from mlsanm_cli.case.model.fields import (
+    LENGTH,
+    NUMBER,
+    Amount,
+    AutoLength,
+    Coefficient,
+    Name,
+    Positive,
+    Vector,
+)
 from mlsanm_cli.case.model.places import Boundaries, BoundaryPart, Place, listed
 from mlsanm_cli.case.model.section import Scope, Section
 from mlsanm_cli.errors import Fault
+
+
+class _Obstacle(Section):
+    kind: str
+    """Kind of obstacle."""
+
+    @property
+    def curvature(self) -> float:
+        """Positive where the obstacle is convex; 0 of straight sides."""
+        return 0.0
+
+
+class PlaneObstacle(_Obstacle):
+    """A rigid half-plane, bounded by a straight line."""
+
+    kind: Literal["plane"]
+    point: Annotated[Vector, LENGTH]
+    """A point on its boundary."""
+    normal: Annotated[Vector, NUMBER]
+    """Outward normal, of any length."""
+
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        if self.normal == (0.0, 0.0):
+            hint = "it points out of the obstacle, as in [0.0, 1.0]"
+            yield Fault(("normal",), "has no direction", hint)
+
+
+class DiskObstacle(_Obstacle):
+    """A rigid disk, or with ``inside`` the wall of a circular hole."""
+
+    kind: Literal["disk"]
+    center: Annotated[Vector, LENGTH]
+    """Centre."""
+    radius: Annotated[Positive, LENGTH]
+    """Radius."""
+    inside: bool = False
+    """Whether the rigid region is outside the circle."""
+
+    @property
+    def curvature(self) -> float:
+        return (-1.0 if self.inside else 1.0) / self.radius
+
+
+class PolylineObstacle(_Obstacle):
+    """A rigid region bounded by straight sides, or by a smooth curve where points sample one."""
+
+    kind: Literal["polyline"]
+    points: Annotated[tuple[Vector, ...], Field(min_length=2), LENGTH]
+    """Points along its boundary, with the obstacle on the left. Three or more consecutive turns of at most 15
+    degrees that change gradually are treated as a smooth curve."""
+
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        for index, (a, b) in enumerate(pairwise(self.points), start=1):
+            if math.dist(a, b) == 0.0:
+                yield Fault(("points", index), "repeats the previous point")
+
+
+AnyObstacle = PlaneObstacle | DiskObstacle | PolylineObstacle
+Obstacle = Annotated[AnyObstacle, Field(discriminator="kind")]
 
 
 class Regularization(Section):
@@ -86,20 +152,17 @@ class Contact(BoundaryPart):
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
         yield from super().faults(scope)
-        if (self.master is None) == (self.obstacle is None):
-            hint = "a boundary of another body, or a rigid obstacle"
-            yield Fault((), "needs exactly one of master and obstacle", hint)
-        elif self.master is None and self.bonded:
+        yield from self.exclusive("master", "obstacle")
+        if self.obstacle is not None and self.bonded:
             hint = "fix the boundary with a [[support]], or move it with a platen"
             yield Fault(("friction",), "bonding to a rigid obstacle is not possible", hint)
-        elif self.master is not None:
+        elif self.master is not None and self.obstacle is None:
             yield from self._pair_faults(scope)
         if self.interference is not None and self.name in scope.names["load"]:
             message = f'a load is called "{self.name}" too, which is ambiguous in stages'
             yield Fault(("name",), message)
         yield from self._law_faults(scope)
-        if scope.strain == "finite":
-            yield from self._finite_faults()
+        yield from self._finite_faults(scope)
 
     def _pair_faults(self, scope: Scope) -> Iterator[Fault]:
         slave, master = (side.boundaries for side in self.sides)
@@ -138,21 +201,15 @@ class Contact(BoundaryPart):
         for bond in [contact.name for contact in scope.case.contact if contact.bonded]:
             yield Fault((key, "law"), f"bonds (contact {bond}) need the exact law", 'law = "exact"')
 
-    def _finite_faults(self) -> Iterator[Fault]:
-        if self.master is not None and self.sides[0].body == self.sides[1].body:
-            message = f"contact of a body with itself {UNSUPPORTED}"
-            yield Fault(("master",), message, "another body's boundary")
-        if self.bonded:
-            yield Fault(("friction",), f"bonded surfaces {UNSUPPORTED}", "a coefficient")
-        if self.gap:
-            hint = "include it in the shape or position of the body"
-            yield Fault(("gap",), f"an additional gap {UNSUPPORTED}", hint)
-        if self.interference is not None:
-            yield Fault(("interference",), f"an interference {UNSUPPORTED}", "move the obstacle")
-        if self.regularization.law != "exact":
-            message = f'the "{self.regularization.law}" contact law {UNSUPPORTED}'
-            yield Fault(("regularization", "law"), message, 'law = "exact"')
+    def _finite_faults(self, scope: Scope) -> Iterator[Fault]:
+        law = self.regularization.law
+        hint = "include it in the shape or position of the body"
+        yield from scope.refused(self.bonded, ("friction",), "bonded surfaces", "a coefficient")
+        yield from scope.refused(self.gap, ("gap",), "an additional gap", hint)
+        yield from scope.refused(self.interference, ("interference",), "an interference", "move the obstacle")
+        key = ("regularization", "law")
+        yield from scope.refused(law != "exact", key, f'the "{law}" contact law', 'law = "exact"')
         # resolved.toml has all keys, so the default is allowed.
-        if self.reach != "auto":
+        if scope.strain == "finite" and self.reach != "auto":
             message = "does not apply at finite strain: all nodes of the slave are candidates"
             yield Fault(("reach",), message, "remove it")

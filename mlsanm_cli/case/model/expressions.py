@@ -20,25 +20,17 @@ MAX_DEPTH = 100
 Value = Callable[[float, float], float]
 Operation = Callable[..., float]
 
-FUNCTIONS: Mapping[str, tuple[Operation, int, int]] = {
+_UNARY = ("acos", "asin", "atan", "cos", "cosh", "exp", "log", "sin", "sinh", "sqrt", "tan", "tanh")
+_OTHERS = {
     "abs": (math.fabs, 1, 1),
-    "acos": (math.acos, 1, 1),
-    "asin": (math.asin, 1, 1),
-    "atan": (math.atan, 1, 1),
     "atan2": (math.atan2, 2, 2),
-    "cos": (math.cos, 1, 1),
-    "cosh": (math.cosh, 1, 1),
-    "exp": (math.exp, 1, 1),
     "hypot": (math.hypot, 2, 2),
-    "log": (math.log, 1, 1),
     "max": (max, 2, 20),
     "min": (min, 2, 20),
-    "sin": (math.sin, 1, 1),
-    "sinh": (math.sinh, 1, 1),
-    "sqrt": (math.sqrt, 1, 1),
-    "tan": (math.tan, 1, 1),
-    "tanh": (math.tanh, 1, 1),
 }
+FUNCTIONS: Mapping[str, tuple[Operation, int, int]] = dict(
+    sorted({**{name: (getattr(math, name), 1, 1) for name in _UNARY}, **_OTHERS}.items())
+)
 """Functions with their smallest and largest number of arguments."""
 NAMES: Mapping[str, Value] = {"x": lambda x, y: x, "y": lambda x, y: y, "pi": lambda x, y: math.pi}
 _BINARY: Mapping[type[ast.operator], Operation] = {

@@ -16,7 +16,6 @@ from mlsanm_cli.case.model.fields import (
     Name,
     split_boundary,
 )
-from mlsanm_cli.case.model.model import NEEDS_FINITE, UNSUPPORTED
 from mlsanm_cli.case.model.places import Boundaries, BoundaryPart, Place, listed
 from mlsanm_cli.case.model.section import Point, Scope, Section
 from mlsanm_cli.case.model.tables import INCREASING, from_file
@@ -70,14 +69,6 @@ class OnBoundary(BoundaryPart, Load):
         return self.places[0]
 
 
-def _value_faults(kind: str, value: object, table: object) -> Iterator[Fault]:
-    """A load over a boundary is given by a value, under the key of its kind, or by a table."""
-    if value is None and table is None:
-        yield Fault((kind,), "missing (required)", f'give "{kind}" or "table"')
-    elif value is not None and table is not None:
-        yield Fault(("table",), f'"{kind}" is given too', "give one of the two")
-
-
 class Traction(OnBoundary):
     """Traction on a boundary: constant, an expression in x and y, or a table over the arc length."""
 
@@ -97,7 +88,7 @@ class Traction(OnBoundary):
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
         yield from super().faults(scope)
-        yield from _value_faults("traction", self.traction, self.table)
+        yield from self.exclusive("traction", "table")
 
 
 class Pressure(OnBoundary):
@@ -122,11 +113,10 @@ class Pressure(OnBoundary):
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
         yield from super().faults(scope)
-        yield from _value_faults("pressure", self.pressure, self.table)
-        if self.follows and scope.strain == "small":
-            yield Fault(("follows",), "follower loads need finite strain", NEEDS_FINITE)
-        if self.follows and scope.strain == "finite" and not scope.confined:
-            yield Fault(("follows",), f"a follower pressure in plane stress {UNSUPPORTED}", "follows = false")
+        yield from self.exclusive("pressure", "table")
+        yield from scope.finite_only(self.follows, ("follows",), "a follower load")
+        thin = self.follows and not scope.confined
+        yield from scope.refused(thin, ("follows",), "a follower pressure in plane stress", "follows = false")
 
 
 class Displacement(OnBoundary):
@@ -152,13 +142,7 @@ class Displacement(OnBoundary):
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
         yield from super().faults(scope)
-        single = self.given("ux", "uy")
-        if self.displacement is not None and single:
-            message = '"displacement" gives both components already'
-            yield Fault((single[0],), message, "give displacement, or ux, or uy")
-        elif self.displacement is None and not single:
-            hint = "give displacement, or ux or uy alone"
-            yield Fault(("displacement",), "missing (required)", hint)
+        yield from self.exclusive("displacement", *(self.given("ux", "uy")[:1] or ("ux", "uy")))
 
 
 class _InBody(Load):

@@ -8,7 +8,6 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from mlsanm_cli.case.model.fields import ANGLE, EXPANSION, NUMBER, STRESS, Positive, expecting
-from mlsanm_cli.case.model.model import NEEDS_FINITE, UNSUPPORTED
 from mlsanm_cli.case.model.section import Scope, Section
 from mlsanm_cli.errors import Fault
 from mlsanm_cli.roundoff import FINE_ROUND_OFF, ROUND_OFF
@@ -103,8 +102,7 @@ class Material(Section):
 
     def _law_faults(self, scope: Scope) -> Iterator[Fault]:
         form = FINITE_LAWS.get(self.law)
-        if scope.strain == "small" and form is not None:
-            yield Fault(("law",), f'"{self.law}" needs finite strain', NEEDS_FINITE)
+        yield from scope.finite_only(form is not None, ("law",), f'"{self.law}"')
         if scope.strain != "finite":
             return
         if form is None:
@@ -112,11 +110,12 @@ class Material(Section):
             yield Fault(("law",), '"linear" elasticity is not valid at finite strain', hint)
         elif self.form != form:
             yield Fault(("law",), f'"{self.law}" needs an isotropic material', "give E and nu")
-        elif self.nu is not None and scope.confined and self.nu > MAX_PLANE_STRAIN_NU:
-            message = f"{self.nu:g}: a nearly incompressible material {UNSUPPORTED}"
-            yield Fault(("nu",), message, f"at most {MAX_PLANE_STRAIN_NU:.3f} in plane strain")
-        elif self.nu == 0.5:
-            yield Fault(("nu",), f"{self.nu:g}: an incompressible material {UNSUPPORTED}", "below 0.5")
+        elif self.nu is not None and scope.confined:
+            hint = f"at most {MAX_PLANE_STRAIN_NU:.3f} in plane strain"
+            stiff, what = self.nu > MAX_PLANE_STRAIN_NU, f"{self.nu:g}: a nearly incompressible material"
+            yield from scope.refused(stiff, ("nu",), what, hint)
+        else:
+            yield from scope.refused(self.nu == 0.5, ("nu",), "0.5: an incompressible material", "below 0.5")
 
     def _stiffness_faults(self, confined: bool) -> Iterator[Fault]:
         if self.stiffness is not None:

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import model_validator
 
 from mlsanm_cli.case.model.conditions import Kind
+from mlsanm_cli.case.model.contacts import AnyObstacle, DiskObstacle
 from mlsanm_cli.case.model.fields import FORCE, LENGTH, MOMENT, RADIANS, Rotation, Vector
 from mlsanm_cli.case.model.loads import (
     BodyForce,
@@ -17,8 +18,6 @@ from mlsanm_cli.case.model.loads import (
     Temperature,
     Traction,
 )
-from mlsanm_cli.case.model.model import NEEDS_FINITE
-from mlsanm_cli.case.model.obstacles import AnyObstacle, DiskObstacle
 from mlsanm_cli.case.model.places import PlateBoundaries
 from mlsanm_cli.case.model.section import Point, Scope
 from mlsanm_cli.case.report import suggestion
@@ -64,15 +63,11 @@ class _RigidMotion(Load):
     def faults(self, scope: Scope) -> Iterator[Fault]:
         yield from super().faults(scope)
         single, both = self.given("ux", "uy", "fx", "fy"), self.given("force", "displacement")
-        if len(both) > 1:
-            hint = "give one quantity per direction: ux or fx, uy or fy"
-            yield Fault((), "has both force and displacement", hint)
-        elif both and single:
+        for pair in (("force", "displacement"), ("ux", "fx"), ("uy", "fy")):
+            yield from self.exclusive(*pair, required=False)
+        if both and single:
             message = f'"{both[0]}" gives both components already'
             yield Fault((single[0],), message, "ux or fx, and uy or fy instead")
-        for u, f in (("ux", "fx"), ("uy", "fy")):
-            if u in single and f in single:
-                yield Fault((f,), f"{u} is given for this direction too", "give one of the two")
 
 
 class Platen(OnBoundary, _RigidMotion):
@@ -164,8 +159,7 @@ class ObstacleMotion(_RigidMotion):
         if not self.control and not self.rotation:
             hint = "give force, displacement, or ux/uy/fx/fy"
             yield Fault((), "the motion of an obstacle needs a direction", hint)
-        if self.rotation and scope.strain == "small":
-            yield Fault(("rotation",), "an obstacle that turns needs finite strain", NEEDS_FINITE)
+        yield from scope.finite_only(self.rotation, ("rotation",), "an obstacle that turns")
         obstacles = {one.name: one.obstacle for one in scope.case.contact}
         obstacle = obstacles.get(self.obstacle)
         if self.obstacle not in scope.names["contact"]:

@@ -70,6 +70,17 @@ class Scope:
         """Whether all items of the sections are valid, so that something missing there is missing."""
         return self.incomplete.isdisjoint(sections)
 
+    def refused(self, given: object, key: KeyPath, what: str, hint: str) -> Iterator[Fault]:
+        """A fault if something is ``given`` that finite strain does not support."""
+        if given and self.strain == "finite":
+            yield Fault(key, f"{what} with finite strain is not supported yet", hint)
+
+    def finite_only(self, given: object, key: KeyPath, what: str) -> Iterator[Fault]:
+        """A fault if something is ``given`` that only finite strain supports."""
+        if given and self.strain == "small":
+            hint = 'write strain = "finite" in [model], or remove the key'
+            yield Fault(key, f"{what} needs finite strain", hint)
+
 
 class Section(BaseModel):
     """A table of the case file: frozen, no unknown keys, no nan or inf, no conversion between types. The
@@ -94,6 +105,14 @@ class Section(BaseModel):
     def given(self, *keys: str) -> list[str]:
         """Those of the keys that have a value."""
         return [key for key in keys if getattr(self, key) is not None]
+
+    def exclusive(self, *keys: str, required: bool = True) -> Iterator[Fault]:
+        """A fault if more than one of the keys is given, or none although one is ``required``."""
+        given, names = self.given(*keys), ", ".join(f'"{key}"' for key in keys)
+        if required and not given:
+            yield Fault((), f"needs one of {names}")
+        if len(given) > 1:
+            yield Fault((given[1],), f'"{given[0]}" is given too', f"only one of {names}")
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
         """Relations between keys of this table, and with other tables in ``scope``, that do not hold; paths

@@ -209,9 +209,7 @@ class OutlineSide(Section):
     _read = model_validator(mode="before")(with_points)
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
-        given = [key for key in ("to", "points", "file") if getattr(self, key) is not None]
-        if len(given) > 1:
-            yield Fault((given[1],), f'"{given[0]}" is given too', "one of to, points and file")
+        yield from self.exclusive("to", "points", "file", required=False)
 
 
 class OutlineShape(_Shape):

@@ -38,13 +38,11 @@ class Stop(Section):
         return f"{self.what.replace('_', ' ')} of {self.of}{along} {side} {value:g}"
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
-        given = [key for key in ("above", "below") if getattr(self, key) is not None]
         if self.what == "fold":
-            for key in (*given, *(("of",) if self.of else ())):
+            for key in (*self.given("above", "below"), *(("of",) if self.of else ())):
                 yield Fault((key,), "does not apply to a fold", "remove it")
             return
-        if len(given) != 1:
-            yield Fault((), "needs exactly one of above and below", "as in above = 100.0")
+        yield from self.exclusive("above", "below")
         if self.component != "size" and self.what not in VECTORS:
             yield Fault(("component",), f"{self.what} has no components", "remove it")
         what, sections, known = self._named(scope)

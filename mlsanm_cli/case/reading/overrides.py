@@ -11,10 +11,11 @@ from typing import Any
 from mlsanm_cli.case.limits import text_problem
 from mlsanm_cli.case.lines import MAX_KEY_PARTS, KeyPath
 from mlsanm_cli.case.report import suggestion
-from mlsanm_cli.errors import CaseProblem
+from mlsanm_cli.errors import CaseProblem, RunError
 
 SOURCE = "--set"
-_PART = re.compile(r"""\s*(?:"([^"]*)"|'([^']*)'|([^."'\s]+))\s*(\.|$)""")
+_PART = r"""\s*(?:"([^"]*)"|'([^']*)'|([^."'\s]+))\s*"""
+_KEY = re.compile(rf"{_PART}(?:\.{_PART})*")
 WILDCARD = "*"
 """Wildcard in a key for all items of a list, or all tables of a table like ``material``."""
 _WORD = re.compile(r"[^\W\d][^\n\"'\[\]{}#=,]*|[./~][^\n\"'\[\]{}#=,]*[^\W\d][^\n\"'\[\]{}#=,]*")
@@ -29,11 +30,15 @@ def is_word(text: str) -> bool:
     return _WORD.fullmatch(text) is not None
 
 
-class _BadOverride(Exception):
-    def __init__(self, message: str, hint: str = "") -> None:
-        super().__init__()
-        self.message = message
-        self.hint = hint
+def parsed_value(text: str) -> Any:
+    """The value that TOML text describes. Raises ValueError."""
+    try:
+        content = tomllib.loads(f"value = {text}")
+    except RecursionError as error:
+        raise ValueError("lists are nested too deeply") from error
+    if content.keys() != {"value"}:
+        raise ValueError("more than one value")
+    return content["value"]
 
 
 def apply_overrides(
@@ -47,10 +52,10 @@ def apply_overrides(
         key, sign, value = text.partition("=")
         try:
             if not sign:
-                raise _BadOverride("expected KEY=VALUE", "as in --set solver.order=15")
+                raise RunError("expected KEY=VALUE", "as in --set solver.order=15")
             parts, new = _parts(key), _value(key.strip(), value)
             changed.update(_assign(content, parts, new))
-        except _BadOverride as bad:
+        except RunError as bad:
             name = key.strip() or text
             problems.append(CaseProblem(name, bad.message, 0, SOURCE, bad.hint))
     return content, frozenset(changed), tuple(problems)
@@ -70,42 +75,32 @@ def key_path(content: dict[str, Any], key: str) -> KeyPath:
             step = _step(table, part, parts[:position])
             path = (*path, step)
             table = table[step]
-        except (_BadOverride, KeyError):
+        except (RunError, KeyError):
             break
     return path
 
 
 def _parts(key: str) -> list[str]:
-    parts: list[str] = []
-    at = 0
-    more = True
-    while more:
-        if len(parts) == MAX_KEY_PARTS:
-            raise _BadOverride(f"is a key of {MAX_KEY_PARTS} or more parts")
-        found = _PART.match(key, at)
-        if found is None:
-            raise _BadOverride("is not a dotted key", "as in contact.interface.reach or body.0.spacing")
-        parts.append(next(group for group in found.groups()[:3] if group is not None))
-        at = found.end()
-        more = found.group(4) == "."
+    if not _KEY.fullmatch(key):
+        raise RunError("is not a dotted key", "as in contact.interface.reach or body.0.spacing")
+    parts = ["".join(part) for part in re.findall(rf"{_PART}(?:\.|$)", key)]
+    if len(parts) > MAX_KEY_PARTS:
+        raise RunError(f"is a key of {MAX_KEY_PARTS} or more parts")
     return parts
 
 
 def _value(key: str, text: str) -> Any:
     _, problem = text_problem(text)
     if problem:
-        raise _BadOverride(f"the value has {problem}")
-    try:
-        parsed = tomllib.loads(f"value = {text}")
-    except (ValueError, RecursionError):
-        parsed = {}
+        raise RunError(f"the value has {problem}")
     word = text.strip()
-    if parsed.keys() != {"value"} and is_word(word):
-        return word
-    if parsed.keys() != {"value"}:
+    try:
+        return parsed_value(text)
+    except ValueError as error:
+        if is_word(word):
+            return word
         hint = f"""text needs quotes: --set '{key}="{word}"'""" if word and '"' not in word else ""
-        raise _BadOverride(f"the value {word or '(empty)'} is not TOML", hint)
-    return parsed["value"]
+        raise RunError(f"the value {word or '(empty)'} is not TOML", hint) from error
 
 
 def _assign(table: Any, parts: list[str], value: Any, at: int = 0) -> list[KeyPath]:
@@ -127,13 +122,13 @@ def _assign(table: Any, parts: list[str], value: Any, at: int = 0) -> list[KeyPa
         if rest[0] == WILDCARD:
             raise _no_match(here)
         if rest[0].isdecimal():
-            raise _BadOverride(f'"{part}" has no items', f"the case file has no {here}")
+            raise RunError(f'"{part}" has no items', f"the case file has no {here}")
         table[step] = {}
     return [(step, *path) for path in _assign(table[step], parts, value, at + 1)]
 
 
-def _no_match(where: str) -> _BadOverride:
-    return _BadOverride(f'"{where}.*" matches nothing', "as in contact.*.friction=0.3")
+def _no_match(where: str) -> RunError:
+    return RunError(f'"{where}.*" matches nothing', "as in contact.*.friction=0.3")
 
 
 def _step(table: Any, part: str, before: list[str]) -> str | int:
@@ -142,7 +137,7 @@ def _step(table: Any, part: str, before: list[str]) -> str | int:
     if isinstance(table, dict):
         return part
     if not isinstance(table, list):
-        raise _BadOverride(f'"{where}" is a single value without keys')
+        raise RunError(f'"{where}" is a single value without keys')
     names = [item.get("name") if isinstance(item, dict) else None for item in table]
     if part in names:
         return names.index(part)
@@ -151,5 +146,5 @@ def _step(table: Any, part: str, before: list[str]) -> str | int:
     known = [name for name in names if isinstance(name, str)]
     if part.isdecimal() or not known:
         count = f"it has {len(table)} item{'' if len(table) == 1 else 's'}, counted from 0"
-        raise _BadOverride(f'"{where}" has no item {part}', count)
-    raise _BadOverride(f'"{where}" has no item named "{part}"', suggestion(part, known))
+        raise RunError(f'"{where}" has no item {part}', count)
+    raise RunError(f'"{where}" has no item named "{part}"', suggestion(part, known))

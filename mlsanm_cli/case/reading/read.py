@@ -7,12 +7,12 @@ import io
 import json
 import re
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from mlsanm_cli.case.limits import number_problems, size_problems, text_problem
+from mlsanm_cli.case.limits import number_faults, size_faults, text_problem
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.case import Case
 from mlsanm_cli.case.model.section import Geometry, GeometryInspector, Scope, all_faults
@@ -45,8 +45,7 @@ class LoadedCase:
         """The problems with file and line, found by their keys (list items by name)."""
         content, changed, _ = apply_overrides(tomllib.loads(self.raw), self.overrides)
         report = Report(content, self.raw, str(self.path), changed)
-        for problem in error.problems:
-            report.add(key_path(content, problem.key), problem.message, problem.hint)
+        report.add(Fault(key_path(content, one.key), one.message, one.hint) for one in error.problems)
         return CaseError(report.problems)
 
 
@@ -101,53 +100,47 @@ def parse_case(
         _refuse_sizes(content, Report(content, text, source, changed))
     data = {key: _frozen(value) for key, value in content.items()}
     report = Report(data, text, source, changed)
-    for key, message, hint in number_problems(data):
-        report.add(key, message, hint)
+    report.add(number_faults(data))
     part = valid_part(data, path.parent, report)
-    scope = _check_relations(data, part, inspector, report)
+    geometries = _check_relations(data, part, inspector, report)
     problems = report.problems + bad_overrides
     if problems:
         raise CaseError(problems)
-    case = _with_digests(scope)
+    case = _with_digests(part.case, geometries)
     return LoadedCase(case, text, path, tuple(overrides), case_hash(case))
 
 
 def _check_relations(
     data: dict[str, Any], part: ValidPart, inspector: GeometryInspector | None, report: Report
-) -> Scope:
-    """Adds every relation that does not hold between the valid tables, which are returned with the geometries
-    of the bodies. Without ``inspector`` nothing that depends on geometry is checked."""
+) -> dict[str, Geometry]:
+    """Adds every relation between the valid tables that does not hold; returns the geometries of the bodies.
+    Without ``inspector`` nothing that depends on geometry is checked."""
 
-    def add(fault: Fault) -> None:
-        report.add(part.in_file(fault.key), fault.message, fault.hint)
+    def located(faults: Iterable[Fault]) -> Iterator[Fault]:
+        return (replace(fault, key=part.in_file(fault.key)) for fault in faults)
 
     scope = Scope(part.case, declared_names(data), part.incomplete, {})
     if data.get("body") == ():
-        report.add(("body",), "the list is empty, at least one item is required", "add [[body]]")
+        report.add([Fault(("body",), "the list is empty, at least one item is required", "add [[body]]")])
     geometries: dict[str, Geometry] = {}
     for index, body in enumerate(part.case.body):
         key: KeyPath = ("body", index, "shape")
-        place = part.in_file(key)
-        faulty = any(path[:3] == place for path in report.paths) or any(all_faults(body.shape, scope))
-        if inspector is None or faulty:
+        faulty = any(path[:3] == part.in_file(key) for path in report.paths)
+        if inspector is None or faulty or any(all_faults(body.shape, scope)):
             continue
         try:
             geometries.setdefault(body.name, inspector.geometry(body.shape))
         except OutlineError as error:
-            for fault in error.faults:
-                add(replace(fault, key=(*key, *fault.key)))
+            report.add(located(replace(fault, key=(*key, *fault.key)) for fault in error.faults))
         except GeometryError as error:
-            add(Fault((*key, "file"), error.message, error.hint))
+            report.add(located([Fault((*key, "file"), error.message, error.hint)]))
     scope = replace(scope, geometries=geometries)
-    for fault in name_faults(data, scope):
-        report.add(fault.key, fault.message, fault.hint)
-    for fault in all_faults(part.case, scope):
-        add(fault)
+    report.add(name_faults(data, scope))
+    report.add(located(all_faults(part.case, scope)))
     # Otherwise a fault in a support would be reported again as a body that can move.
     if inspector is not None and not {path[0] for path in report.paths}.intersection(RESTRAINING_SECTIONS):
-        for fault in inspector.floating(part.case):
-            add(fault)
-    return scope
+        report.add(located(inspector.floating(part.case)))
+    return geometries
 
 
 def stored_case(text: str) -> Case:
@@ -159,16 +152,14 @@ def stored_case(text: str) -> Case:
         raise RunError("the case stored in the run is damaged or from another version") from error
 
 
-def _with_digests(scope: Scope) -> Case:
+def _with_digests(case: Case, geometries: Mapping[str, Geometry]) -> Case:
     """The case with the SHA-256 of its files."""
     bodies = []
-    for body in scope.case.body:
-        geometry = scope.geometries.get(body.name)
-        if geometry is not None and geometry.digest:
-            shape = body.shape.model_copy(update={"sha256": geometry.digest})
-            body = body.model_copy(update={"shape": shape})
-        bodies.append(body)
-    return scope.case.model_copy(update={"body": tuple(bodies)})
+    for body in case.body:
+        digest = geometries[body.name].digest if body.name in geometries else ""
+        shape = body.shape.model_copy(update={"sha256": digest} if digest else {})
+        bodies.append(body.model_copy(update={"shape": shape}))
+    return case.model_copy(update={"body": tuple(bodies)})
 
 
 def resolved_mapping(case: Case) -> dict[str, Any]:
@@ -193,8 +184,7 @@ NESTED = {"shape": "body.shape", "refine": "body.refine", "regularization": "con
 
 
 def _refuse_sizes(content: dict[str, Any], report: Report) -> None:
-    for key, message, hint in size_problems(content):
-        report.add(key, message, hint)
+    report.add(size_faults(content))
     if report.problems:
         raise CaseError(report.problems)
 

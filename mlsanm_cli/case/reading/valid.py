@@ -12,7 +12,6 @@ from pydantic import ValidationError
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.case import Case
 from mlsanm_cli.case.report import Report
-from mlsanm_cli.case.schema_errors import UNKNOWN_KEY, findings, report_finding
 
 LISTS = ("body", "support", "load", "contact", "stage", "stop", "probe")
 BODY_KEYS = ("name", "material", "spacing", "seed", "refine")
@@ -45,14 +44,15 @@ def valid_part(data: Mapping[str, Any], folder: Path, report: Report) -> ValidPa
     try:
         return ValidPart(Case.model_validate(data, context=folder), numbers, frozenset())
     except ValidationError as error:
+        from mlsanm_cli.case.schema_errors import UNKNOWN_KEY, fault_of, findings
+
         found = list(findings(data, error))
     reported = report.paths
-    for path, detail in found:
-        if not any(path[: len(known)] == known for known in reported):
-            report_finding(report, path, detail)
+    new = [item for item in found if not any(item[0][: len(known)] == known for known in reported)]
+    report.add(fault_of(data, path, detail) for path, detail in new)
     removed = {_removable(path, detail["type"] == UNKNOWN_KEY) for path, detail in found}
     numbers = {
-        section: tuple(k for k in all_ if (section, k) not in removed) for section, all_ in numbers.items()
+        section: tuple(k for k in numbers[section] if (section, k) not in removed) for section in LISTS
     }
     incomplete = {str(path[0]) for path, detail in found if detail["type"] != UNKNOWN_KEY}
     rest = REQUIRED | _without(data, removed)

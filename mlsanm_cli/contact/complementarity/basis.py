@@ -8,6 +8,8 @@ of status is then the entry or exit of one unknown with its row, a rank-one chan
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg.blas import dger
+from scipy.linalg.lapack import dgecon, dgetrf, dgetrs
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.complementarity.problem import (
@@ -18,7 +20,6 @@ from mlsanm_cli.contact.complementarity.problem import (
     ContactStatus,
     Problem,
 )
-from mlsanm_cli.startup import dgecon, dger, dgetrf, dgetrs
 
 ROOM, MAX_UPDATES = 64, 60
 """Unknowns that a stored inverse can take up before it is copied; updates after which it is computed anew."""

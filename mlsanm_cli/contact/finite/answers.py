@@ -21,6 +21,7 @@ from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse as sparse
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.search import nearest
@@ -32,7 +33,6 @@ from mlsanm_cli.mechanics.finite.projector import Projector
 from mlsanm_cli.mechanics.finite.tangent import load_columns
 from mlsanm_cli.mechanics.near_field import ComplexArray
 from mlsanm_cli.mechanics.rigid import free_motions
-from mlsanm_cli.startup import cKDTree
 
 CORNER_NODES = 2
 """Up to this many nodes from corners without near field no correction is made, from twice as many on the full

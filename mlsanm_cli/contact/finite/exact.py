@@ -118,7 +118,7 @@ class ExactContact(ContactSystem):
             traction = traction + part * done.traction
             # At light touch the status of nodes is decided by round-off and may be ignored.
             still = max(float(np.abs(one).max(initial=0.0)) for one in (done.dp, done.dq)) <= self.nothing
-            settled = count > 1 and done.settled and (still or done.sets.same(sets))
+            settled = count > 1 and (still or done.sets.same(sets))
             sets = done.sets
             last = float(np.abs(done.du).max()) / self.length
             if not part * last <= MAX_UPDATE or _stalls(updates, last):

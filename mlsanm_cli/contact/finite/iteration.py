@@ -9,12 +9,12 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.contact.complementarity.problem import OPEN, SLIP, STICK
 from mlsanm_cli.contact.finite.answers import Closer
 from mlsanm_cli.contact.finite.free import DrivenObstacle
 from mlsanm_cli.contact.finite.meeting import Meeting
-from mlsanm_cli.contact.finite.sets import Linearised, NodeSets
+from mlsanm_cli.contact.finite.sets import NodeSets, settled
 from mlsanm_cli.contact.finite.update import ContactSystem, Done, Responses
-from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP, STICK
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.projector import Factorised
 from mlsanm_cli.mechanics.finite.tangent import derivative_pieces, load_columns
@@ -69,7 +69,7 @@ class Iteration:
         if not len(chosen) and not contacts.free:
             none, nothing = np.zeros(len(p)), np.zeros((0, 0))
             sets = NodeSets(none.astype(np.int8), none)
-            counts = (len(factorised), True, Responses(factorised, touched))
+            counts = (len(factorised), Responses(factorised, touched))
             return Done(z, -p, -q, np.zeros(0), -traction, sets, chosen, nothing, nothing, *counts)
         responses = self.known
         if responses is None or not responses.moved or not np.array_equal(responses.touched, touched):
@@ -212,25 +212,17 @@ class Iteration:
         unbalanced, (by_traction, by_motion) = imbalance[0], np.split(imbalance[1], [count], axis=1)
         by_balance = by_traction @ loads
         by_balance[:, 2 * len(chosen) :] += by_motion
-        linear = Linearised(
-            mu,
-            p[chosen],
-            q[chosen],
-            gap + d_gap @ surface,
-            slip + d_slip @ surface,
-            d_gap @ by_all,
-            d_slip @ by_all,
-            unbalanced + by_traction @ follow,
-            by_balance,
-            pressing.nothing,
-        )
+        matrix = np.concatenate([d_gap @ by_all, d_slip @ by_all, by_balance])
+        gap_after, slip_after = gap + d_gap @ surface, slip + d_slip @ surface
+        step = np.concatenate([gap_after, slip_after, unbalanced + by_traction @ follow])
+        now = np.concatenate([p[chosen], q[chosen], np.zeros(contacts.free)])
         guess = NodeSets(sets.status[chosen], sets.slip_sign[chosen])
         if first:
             closed = p[chosen] > pressing.stiffness * gap
             held = np.where(mu > 0.0, STICK, SLIP)
             status = np.where(closed, np.where(guess.closed, guess.status, held), OPEN).astype(np.int8)
             guess = NodeSets(status, np.where(status == SLIP, guess.slip_sign, 0.0))
-        change, found, settled = linear.settled(guess)
+        change, found = settled(matrix, step, now, mu, guess)
         dp, dq, free = np.split(change, [len(chosen), 2 * len(chosen)])
         tractions = follow + loads @ change
         du, moving = z.copy(), jump.copy()
@@ -249,7 +241,7 @@ class Iteration:
             slips, held = d_slip[stuck] @ (seen @ push), seen @ friction_slope[:, stuck]
             compliance = compliance - d_gap @ held @ np.linalg.solve(d_slip[stuck] @ held, slips)
         on_bodies = by_traction[: sum(one.count for one in contacts.loose)] @ push
-        args = (chosen, compliance, on_bodies, len(responses.columns) + count, settled, responses)
+        args = (chosen, compliance, on_bodies, len(responses.columns) + count, responses)
         return Done(du, whole_p, whole_q, free, moving, NodeSets(status, slip_sign), *args)
 
 

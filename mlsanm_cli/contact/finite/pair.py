@@ -16,8 +16,10 @@ Equations (23) and (24) of docs/method.md.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse as sparse
@@ -28,6 +30,7 @@ from mlsanm_cli.contact.finite.node_curve import NodeCurve, wrapped
 from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.geometry.facing import turned
 from mlsanm_cli.contact.geometry.pairing import MAX_FACING_COSINE
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
 MAX_DEPTH = 3.0
 """Nodes deeper inside the master than this many of its spacings are ignored."""
@@ -100,15 +103,19 @@ class BodyContact:
         spacing = np.diff(master.curve.knots)[master.curve.interval(place)]
         deep = gap < -MAX_DEPTH * spacing * length
         facing = inside & faced & ~deep
-        moves = _Moves(rows, along, normal, apart, first, second)
-        d_place = moves.kept(moves.place, facing)
-        bend = moves.turned_by(normal, d_place)
+        d_place = _place_moved(rows, apart, first, second, facing)
+
+        def turned_by(direction: FloatArray) -> sparse.csr_array:
+            """Rows (c, 2s) of the total derivative of y' along ``direction`` (c, 2)."""
+            along_place = sparse.diags_array((second * direction).sum(axis=1)) @ d_place
+            return sparse.csr_array(_slope_moved(rows[1], direction) + along_place)
+
         slip, d_slip = np.zeros(count), -sign * (sparse.diags_array(length) @ d_place)
         if before is not None:
             past = wrapped(place - before, master.around)
             slip = -sign * length * past
-            d_slip = d_slip - sparse.diags_array(sign * past) @ moves.turned_by(along, d_place)
-        transfer = Transfer.of(slave, master, master.curve, place, facing)
+            d_slip = d_slip - sparse.diags_array(sign * past) @ turned_by(along)
+        carried, carried_moved = transfer(slave, master, place, facing)
         return Meeting(
             facing,
             np.where(facing, gap, NO_GAP),
@@ -116,110 +123,83 @@ class BodyContact:
             turned(normal),
             place,
             np.where(facing, slip, 0.0),
-            moves.kept(moves.apart(normal), facing),
-            moves.kept(sparse.csr_array(d_slip), facing),
-            moves.kept(sparse.csr_array(sparse.diags_array(sign / length) @ bend), facing),
-            transfer.carried,
-            lambda traction: transfer.carried_moved(traction, d_place),
+            _kept(_apart_moved(rows[0], normal), facing),
+            _kept(d_slip, facing),
+            _kept(sparse.diags_array(sign / length) @ turned_by(normal), facing),
+            carried,
+            lambda traction: carried_moved(traction, d_place),
         )
 
 
-@dataclass(frozen=True)
-class _Moves:
-    """Derivatives of places and directions: ``rows`` of the curve's value and derivatives, unit tangents and
-    normals (c, 2), vectors ``between`` the sides (c, 2), ``first`` and ``second`` derivative of the curve (c,
-    2)."""
+def _apart_moved(values: sparse.csr_array, direction: FloatArray) -> sparse.csr_array:
+    """Rows (c, 2s) of x - y(xi), xi fixed, along ``direction`` (c, 2); ``values`` (c, m) are those of y."""
+    on_slave = by_component(sparse.eye_array(len(direction), format="csr"), direction)
+    return sparse.csr_array(sparse.hstack([on_slave, -by_component(values, direction)], format="csr"))
 
-    rows: tuple[sparse.csr_array, sparse.csr_array, sparse.csr_array]
-    along: FloatArray
-    normal: FloatArray
-    between: FloatArray
-    first: FloatArray
-    second: FloatArray
 
-    def apart(self, direction: FloatArray) -> sparse.csr_array:
-        """Rows (c, 2s) of x - y(xi), xi fixed, along ``direction`` (c, 2)."""
-        own = by_component(sparse.eye_array(len(direction), format="csr"), direction)
-        return sparse.csr_array(sparse.hstack([own, -by_component(self.rows[0], direction)], format="csr"))
+def _slope_moved(slopes: sparse.csr_array, direction: FloatArray) -> sparse.csr_array:
+    """Rows (c, 2s) of y'(xi), xi fixed, along ``direction`` (c, 2); ``slopes`` (c, m) are those of y'."""
+    on_slave = sparse.csr_array((len(direction), 2 * len(direction)))
+    return sparse.csr_array(sparse.hstack([on_slave, by_component(slopes, direction)], format="csr"))
 
-    def slope(self, direction: FloatArray) -> sparse.csr_array:
-        """Rows (c, 2s) of y'(xi), xi fixed, along ``direction`` (c, 2)."""
-        none = sparse.csr_array((len(direction), 2 * len(direction)))
-        return sparse.csr_array(sparse.hstack([none, by_component(self.rows[1], direction)], format="csr"))
 
-    @cached_property
-    def place(self) -> sparse.csr_array:
-        """Rows (c, 2s) of xi, from (x - y) . y' = 0."""
-        bent = (self.first**2).sum(axis=1) - (self.between * self.second).sum(axis=1)
-        tiny = 1e-6 * (self.first**2).sum(axis=1)
-        bent = np.where(np.abs(bent) > tiny, bent, tiny)
-        moved = self.apart(self.first) + self.slope(self.between)
-        return sparse.csr_array(sparse.diags_array(1.0 / bent) @ moved)
+def _place_moved(
+    rows: Sequence[sparse.csr_array],
+    apart: FloatArray,
+    first: FloatArray,
+    second: FloatArray,
+    facing: BoolArray,
+) -> sparse.csr_array:
+    """Rows (c, 2s) of xi, from (x - y) . y' = 0, for ``facing`` nodes (c,); ``apart`` is x - y, ``first`` and
+    ``second`` are derivatives of y (c, 2)."""
+    size = (first**2).sum(axis=1)
+    bent = size - (apart * second).sum(axis=1)
+    bent = np.where(np.abs(bent) > COARSE_ROUND_OFF * size, bent, COARSE_ROUND_OFF * size)
+    moved = _apart_moved(rows[0], first) + _slope_moved(rows[1], apart)
+    return _kept(sparse.diags_array(1.0 / bent) @ moved, facing)
 
-    def turned_by(self, direction: FloatArray, d_place: sparse.csr_array) -> sparse.csr_array:
-        """Rows (c, 2s) of the total derivative of y' along ``direction`` (c, 2)."""
-        along = sparse.diags_array((self.second * direction).sum(axis=1)) @ d_place
-        return sparse.csr_array(self.slope(direction) + along)
 
-    def kept(self, rows: sparse.csr_array, chosen: BoolArray) -> sparse.csr_array:
-        """The ``rows`` (c, 2s) of the ``chosen`` (c,), zero for others."""
-        return sparse.csr_array(sparse.diags_array(chosen.astype(float)) @ rows)
+def _kept(rows: sparse.csr_array, chosen: BoolArray) -> sparse.csr_array:
+    """The ``rows`` (c, 2s) of the ``chosen`` (c,), zero for others."""
+    return sparse.csr_array(sparse.diags_array(chosen.astype(float)) @ rows)
 
 
 SIMPSON = np.array([1.0, 4.0, 1.0]) / 6.0
 
 
-@dataclass(frozen=True)
-class Transfer:
-    """At the quadrature points (g): weights ``length`` (g,), hat functions ``slave`` (g, c) and ``master``
-    (g, m) of both sides, derivatives ``moved`` (g, m) of the latter along the master; ``spread`` (m, m) are
-    the master's tractions of nodal forces."""
+Moved: TypeAlias = Callable[[FloatArray, sparse.csr_array], sparse.csr_array]
+"""Derivative (2m, s) of a transferred traction (c, 2), given that of the places (c, s)."""
 
-    length: FloatArray
-    slave: sparse.csr_array
-    master: sparse.csr_array
-    moved: sparse.csr_array
-    spread: sparse.csr_array
 
-    @classmethod
-    def of(
-        cls, slave: ContactSide, master: ContactSide, curve: NodeCurve, place: FloatArray, facing: BoolArray
-    ) -> Transfer:
-        """Transfer for the places (c,) of the slave's nodes on the master; only intervals next to ``facing``
-        (c,) nodes count."""
-        first, second, step = _stretches(slave)
-        chosen = np.flatnonzero(facing[first] | facing[second])
-        first, second, step = first[chosen], second[chosen], step[chosen]
-        start = place[first]
-        end = start + wrapped(place[second] - start, curve.around)
-        stretch, low, high = _pieces(curve, start, end)
-        # The three points of Simpson's rule on every piece.
-        part = np.stack([low, 0.5 * (low + high), high], axis=1)
-        at = start[stretch, None] + part * (end - start)[stretch, None]
-        length = ((high - low) * step[stretch])[:, None] * SIMPSON
-        count, number = part.size, np.arange(part.size)
-        columns = np.repeat(np.concatenate([first[stretch], second[stretch]]), 3)
-        share = np.concatenate([(1.0 - part).ravel(), part.ravel()])
-        hats = sparse.csr_array((share, (np.tile(number, 2), columns)), shape=(count, slave.count))
-        own, moved = _hats(curve, at, master.count)
-        return cls(length.ravel(), hats, own, moved, _spread(master))
+def transfer(
+    slave: ContactSide, master: ContactSide, place: FloatArray, facing: BoolArray
+) -> tuple[sparse.csr_array, Moved]:
+    """Matrix (m, c) from tractions at the slave's nodes, at places (c,) of the master, to those at the
+    master's, and its derivative; only intervals next to ``facing`` (c,) nodes count."""
+    curve, (first, second, step) = master.curve, _stretches(slave)
+    chosen = np.flatnonzero(facing[first] | facing[second])
+    first, second, step = first[chosen], second[chosen], step[chosen]
+    start = place[first]
+    end = start + wrapped(place[second] - start, curve.around)
+    stretch, low, high = _pieces(curve, start, end)
+    # The three points of Simpson's rule on every piece.
+    part = np.stack([low, 0.5 * (low + high), high], axis=1)
+    at = start[stretch, None] + part * (end - start)[stretch, None]
+    length = sparse.diags_array((((high - low) * step[stretch])[:, None] * SIMPSON).ravel())
+    columns = np.repeat(np.concatenate([first[stretch], second[stretch]]), 3)
+    share = np.concatenate([(1.0 - part).ravel(), part.ravel()])
+    entries = (share, (np.tile(np.arange(part.size), 2), columns))
+    on_slave = sparse.csr_array(entries, shape=(part.size, slave.count))
+    on_master, rise = _hats(curve, at, master.count)
+    spread = _spread(master)
 
-    @property
-    def carried(self) -> sparse.csr_array:
-        """Matrix (m, c) from tractions at the slave's nodes to those at the master's."""
-        onto = self.spread @ self.master.T @ sparse.diags_array(self.length)
-        return sparse.csr_array(onto @ self.slave)
-
-    def carried_moved(self, traction: FloatArray, d_place: sparse.csr_array) -> sparse.csr_array:
-        """Derivative (2m, s) of the transferred ``traction`` (c, 2), given that of the places (c, s)."""
-        onto = self.spread @ self.moved.T @ sparse.diags_array(self.length)
-        parts = [
-            onto @ sparse.diags_array(self.slave @ traction[:, component]) @ self.slave @ d_place
-            for component in (0, 1)
-        ]
-        count = self.spread.shape[0]
+    def moved(traction: FloatArray, d_place: sparse.csr_array) -> sparse.csr_array:
+        onto = spread @ rise.T @ length
+        parts = [onto @ sparse.diags_array(on_slave @ one) @ on_slave @ d_place for one in traction.T]
         both = sparse.vstack(parts, format="csr")
-        return sparse.csr_array(both[np.arange(2 * count).reshape(2, count).T.ravel()])
+        return sparse.csr_array(both[np.arange(2 * master.count).reshape(2, -1).T.ravel()])
+
+    return sparse.csr_array(spread @ on_master.T @ length @ on_slave), moved
 
 
 def _spread(side: ContactSide) -> sparse.csr_array:
@@ -280,7 +260,7 @@ def _hats(curve: NodeCurve, at: FloatArray, count: int) -> tuple[sparse.csr_arra
     whole = (place - knots[low]) / step
     part = np.clip(whole, 0.0, 1.0)
     # Beyond the ends the last node receives everything.
-    inner = np.abs(whole - part) <= 1e-9
+    inner = np.abs(whole - part) <= ROUND_OFF
     number, high = np.arange(len(place)), (low + 1) % count
     at_both = (np.tile(number, 2), np.concatenate([low, high]))
     values = sparse.csr_array((np.concatenate([1.0 - part, part]), at_both), shape=(len(place), count))

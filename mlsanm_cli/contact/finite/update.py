@@ -169,7 +169,6 @@ class Done:
     compliance: FloatArray
     unbalanced: FloatArray
     solves: int
-    settled: bool
     responses: Responses
 
     def stability(self, pressing: ContactSystem, met: Sequence[Meeting]) -> float:

@@ -10,13 +10,13 @@ from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Arc, Curve
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
 from mlsanm_cli.roundoff import ROUND_OFF
-from mlsanm_cli.startup import cKDTree
 
 CORNER_ANGLE = np.deg2rad(15.0)
 """Corners of a polyline sharper than this are intended."""

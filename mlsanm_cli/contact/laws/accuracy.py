@@ -21,7 +21,7 @@ from mlsanm_cli.contact.response.functionals import changes
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.defect import Corrected
-from mlsanm_cli.mechanics.scene import Platen, Scene
+from mlsanm_cli.mechanics.scene import Scene
 
 MAX_CHANGES = 30
 """Largest number of active-set changes, one per round."""
@@ -77,7 +77,7 @@ def changes_of(condensed: Condensed, scene: Scene, bodies: Mapping[str, Correcte
     bonds = bonds.opened(*opened)
     imbalance = np.zeros(len(condensed.balance.constant))
     for row, (constraint, motion) in enumerate(scene.unknown_motions):
-        if isinstance(constraint, Platen) and not motion.alone:
+        if constraint.held and not motion.alone:
             for owner, surface in constraint.held:
                 body, corrected = scene.bodies[owner], bodies[owner]
                 carried = body.reaction_rows(surface, constraint.center) @ corrected.change

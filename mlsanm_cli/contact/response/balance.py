@@ -14,7 +14,7 @@ from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.linear_map import Columns, LinearMap, stack
 from mlsanm_cli.mechanics.rigid import ROTATION
-from mlsanm_cli.mechanics.scene import FloatingBody, Obstacle, Platen, RigidConstraint, RigidMotion, Scene
+from mlsanm_cli.mechanics.scene import RigidConstraint, RigidMotion, Scene
 
 Held = tuple[str, str]
 
@@ -86,7 +86,7 @@ class CondensedForces:
             found[load.body][:, load.number] += body.resultants() @ load.source(body)
         return found
 
-    def others(self, constraint: Platen | FloatingBody) -> LinearMap:
+    def others(self, constraint: RigidConstraint) -> LinearMap:
         """Sum of all forces except those of held surfaces on a constraint's bodies, moments about its
         centre."""
         total = self.columns.zeros(3)
@@ -100,10 +100,10 @@ class CondensedForces:
     def constraint(self, constraint: RigidConstraint, motion: RigidMotion) -> LinearMap:
         """Force (1 row) that the constraint must exert in the direction of one motion."""
         along = motion.direction[None, :]
-        if isinstance(constraint, Obstacle):
-            pairing = next(p for p in self.pairings if p.name == constraint.contact)
+        if not constraint.bodies:
+            pairing = next(p for p in self.pairings if p.name == constraint.name)
             return self.contact(pairing, pairing.slave_body, constraint.center).combined(along)
-        if isinstance(constraint, FloatingBody) or motion.alone:
+        if constraint.floats or motion.alone:
             return -self.others(constraint).combined(along)
         parts = [self.measured[held].combined(along) for held in constraint.held]
         return sum(parts[1:], parts[0])
@@ -175,9 +175,9 @@ def reported_forces(forces: CondensedForces) -> dict[str, LinearMap]:
 def holding_forces(forces: CondensedForces) -> dict[tuple[str, int], LinearMap]:
     """Reaction (1 row) of a floating body's held motions, by body and component."""
     return {
-        (body.body, motion.component): forces.constraint(body, motion)
+        (body.name, motion.component): forces.constraint(body, motion)
         for body in forces.scene.rigid_constraints
-        if isinstance(body, FloatingBody)
+        if body.floats
         for motion in body.motions
         if motion.prescribed is not None
     }

@@ -8,9 +8,9 @@ from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
+from scipy.linalg.lapack import dgecon, dgetrf, dgetrs
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.startup import dgecon, dgetrf, dgetrs
 
 SINGULAR, NULL_TOLERANCE = 1e-15, 1e-9
 """Reciprocal condition number of a singular matrix, and singular values that are zero."""

@@ -10,13 +10,13 @@ from functools import cache
 
 import numpy as np
 import scipy.sparse as sparse
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import AnyArray, FloatArray, IntArray
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.grid import RULE
 from mlsanm_cli.contact.geometry.panels import chebyshev, lagrange
 from mlsanm_cli.mechanics.near_field import BATCH_SIZE, ComplexArray, PointForceField, SurfaceForces, as_real
-from mlsanm_cli.startup import cKDTree
 
 GAUSS_POINTS = ((0.0, 32), (0.05, 12), (0.5, 6))
 """Distance in interval lengths, and number of Gauss points from there on, for nearby intervals."""

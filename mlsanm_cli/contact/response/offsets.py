@@ -9,7 +9,7 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.linear_map import Columns
-from mlsanm_cli.mechanics.scene import Obstacle, Scene
+from mlsanm_cli.mechanics.scene import Scene
 
 
 def of_obstacles(
@@ -22,8 +22,8 @@ def of_obstacles(
     unknown = 0
     for constraint in scene.rigid_constraints:
         for motion in constraint.motions:
-            if isinstance(constraint, Obstacle) and constraint.contact in rows:
-                pairing, own = rows[constraint.contact]
+            if not constraint.bodies and constraint.name in rows:
+                pairing, own = rows[constraint.name]
                 direction = pairing.normal if along == "normal" else pairing.tangent
                 change = direction @ motion.direction[:2]
                 if motion.prescribed is None:

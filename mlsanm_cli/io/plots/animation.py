@@ -67,7 +67,7 @@ def animate_pressure(
 def animate_bodies(path: Path, states: Sequence[BodyPicture]) -> None:
     """Writes a GIF or MP4 of the deformed bodies in several states, with common colours and limits of the
     axes. Raises RunError if the file cannot be written."""
-    limits = range_of([body for state in states for body in state.bodies])
+    limits = range_of([body for state in states for body in state.bodies], states[0].rest)
     x0, x1, y0, y1 = np.array([state.window for state in states]).T
     window = (float(x0.min()), float(x1.max()), float(y0.min()), float(y1.max()))
 

@@ -63,9 +63,9 @@ class ColourRange(NamedTuple):
 
 
 class BodyPicture(NamedTuple):
-    """Deformed bodies coloured by a scalar called ``label``. ``scale`` multiplies the displacements and is
-    shown in the title; ``marks`` are supports, loads and obstacles; ``unit`` is that of lengths; ``detail``
-    (x0, x1, y0, y1) is shown in a second panel."""
+    """Deformed bodies coloured by a scalar called ``label``, which is ``rest`` without loads. ``scale``
+    multiplies the displacements and is shown in the title; ``marks`` are supports, loads and obstacles;
+    ``unit`` is that of lengths; ``detail`` (x0, x1, y0, y1) is shown in a second panel."""
 
     bodies: Sequence[CloudBody]
     label: str
@@ -74,6 +74,7 @@ class BodyPicture(NamedTuple):
     marks: ConditionMarks = ConditionMarks()
     unit: str = ""
     detail: Window | None = None
+    rest: float = 0.0
 
     @property
     def window(self) -> Window:
@@ -92,7 +93,7 @@ def plot_bodies(path: Path, wanted: BodyPicture) -> None:
     the undeformed outlines. Raises RunError if ``path`` cannot be written."""
     views = [wanted.window] if wanted.detail is None else [wanted.window, wanted.detail]
     with picture(path, *_size(list(map(_width, views)))) as figure:
-        draw_bodies(figure, wanted, views, range_of(wanted.bodies))
+        draw_bodies(figure, wanted, views, range_of(wanted.bodies, wanted.rest))
 
 
 def draw_bodies(figure: Figure, wanted: BodyPicture, views: Sequence[Window], limits: ColourRange) -> None:
@@ -185,10 +186,10 @@ def _finish(axes: Axes, view: Window, unit: str) -> None:
     axes.set_ylabel(f"y [{unit}]" if unit else "y")
 
 
-def range_of(bodies: Sequence[CloudBody]) -> ColourRange:
-    """Range of the colours, which contains zero and all values but singular ones."""
-    values = np.concatenate([np.zeros(1), *(body.scalar for body in bodies)])
-    low, high = -_usual_peak(-values), _usual_peak(values)
+def range_of(bodies: Sequence[CloudBody], rest: float = 0.0) -> ColourRange:
+    """Range of the colours, which contains the value at ``rest`` and all values but singular ones."""
+    values = np.concatenate([[rest], *(body.scalar for body in bodies)])
+    low, high = rest - _usual_peak(rest - values), rest + _usual_peak(values - rest)
     return ColourRange(low, high if high > low else low + 1.0, float(values.min()), float(values.max()))
 
 

@@ -48,9 +48,9 @@ class UnloadableError(Exception):
 class _Owner:
     """Memory of an array returned by a kernel, released with the last view of it."""
 
-    def __init__(self, owner: int, release: Callable[[int], None], interface: Mapping[str, Any]) -> None:
-        self._owner, self._release = owner, release
+    def __init__(self, interface: Mapping[str, Any], owner: int, release: Callable[[int], None]) -> None:
         self.__array_interface__ = interface
+        self._owner, self._release = owner, release
 
     def __del__(self) -> None:
         self._release(self._owner)
@@ -127,30 +127,25 @@ class Machine:
 
     def _result(self, result: Value, words: Any, at: int) -> Any:
         if result.ndim == 0:
-            if result.dtype.kind == "f":
-                return ctypes.c_double.from_buffer(words, 8 * at).value
-            return words[at]
-        owner, address, shape = words[at], words[at + 4], at + 5
+            return ctypes.c_double.from_buffer(words, 8 * at).value if result.kinds == "d" else words[at]
+        owner, ends = words[at], at + 5 + result.ndim
         interface = {
             "version": 3,
             "typestr": result.dtype.str,
-            "data": (address, False),
-            "shape": tuple(words[shape : shape + result.ndim]),
-            "strides": tuple(words[shape + result.ndim : shape + 2 * result.ndim]),
+            "data": (words[at + 4], False),
+            "shape": tuple(words[at + 5 : ends]),
         }
         if not owner:
             # A view of an argument: copied, as the argument may be freed before it.
-            return np.array(_Owner(owner, lambda _: None, interface))
-        return np.asarray(_Owner(owner, self._release, interface))
+            return np.array(_Owner(interface, owner, lambda _: None))
+        return np.asarray(_Owner(interface, owner, self._release))
 
 
 def _exception(name: str, status: int, address: int | None) -> Exception:
-    """The exception raised by a kernel."""
+    """The exception raised by a kernel, from numba's description: address and size of its pickled class,
+    arguments and location, then addresses of arguments that are known at run time only."""
     if status < 1 or address is None:
         return SystemError(f"{name} ended with status {status}")
-    # Numba's description of an exception: address and size of the pickled class, arguments and location, then
-    # addresses of arguments that are known at run time only.
     pickled, size, _, _, dynamic = struct.unpack("PiPPi", ctypes.string_at(address, struct.calcsize("PiPPi")))
     kind, arguments, _ = pickle.loads(ctypes.string_at(pickled, size))
-    found: Exception = RuntimeError(f"{name}: {kind.__name__}") if dynamic else kind(*arguments)
-    return found
+    return RuntimeError(f"{name}: {kind.__name__}") if dynamic else kind(*arguments)

@@ -8,6 +8,7 @@ compiler and the check of every argument before a call.
 
 from __future__ import annotations
 
+import numbers
 import operator
 import re
 from collections.abc import Callable, Iterator
@@ -39,7 +40,6 @@ DTYPES: dict[str, np.dtype[Any]] = {
     "Int": np.dtype(np.int64),
     "Bool": np.dtype(np.bool_),
 }
-WORD = 2**63
 
 
 @dataclass(frozen=True)
@@ -56,17 +56,27 @@ class Value:
         """Parse an ``annotation``. Raises TypeError for unsupported types."""
         if annotation in ("float", "int"):
             return cls(name, DTYPES[annotation.capitalize()])
-        found = ARRAY.fullmatch(annotation)
-        if found is None:
+        parts = ARRAY.fullmatch(annotation)
+        if parts is None:
             raise TypeError(f"{name}: {annotation!r} is not a type that a kernel can take or return")
-        return cls(name, DTYPES[found[1]], int(found[3]), found[2] is not None)
+        return cls(name, DTYPES[parts[1]], int(parts[3]), parts[2] is not None)
+
+    @property
+    def kinds(self) -> str:
+        """Kinds of the words passed to machine code: p for pointers, i for integers, d for doubles."""
+        if self.ndim == 0:
+            return "d" if self.dtype.kind == "f" else "i"
+        return "ppiip" + 2 * self.ndim * "i"
 
     def words(self, value: Any) -> tuple[Any, ...]:
-        """The words passed to machine code: a number, or an array's descriptor. Raises TypeError for a value
-        of another type than the kernel was compiled for, OverflowError for an integer of more than 64
-        bits."""
-        if self.ndim == 0:
-            return (self._scalar(value),)
+        """The words of a number or an array. Raises TypeError for a value of another type than the kernel was
+        compiled for, OverflowError for an integer of more than 64 bits."""
+        if self.kinds == "d":
+            if not isinstance(value, numbers.Real):
+                raise TypeError(f"{self.name} must be a number, not {type(value).__name__}")
+            return (float(value),)
+        if self.kinds == "i":
+            return (int(np.int64(operator.index(value))),)
         if (
             not isinstance(value, np.ndarray)
             or value.dtype != self.dtype
@@ -79,31 +89,14 @@ class Value:
         # No owner: arguments are Python objects that outlive the call.
         return (None, None, value.size, value.itemsize, address, *value.shape, *value.strides)
 
-    def _scalar(self, value: Any) -> float | int:
-        if self.dtype.kind == "f":
-            if not isinstance(value, (float, int, np.floating, np.integer)):
-                raise TypeError(f"{self.name} must be a number, not {type(value).__name__}")
-            return float(value)
-        number = operator.index(value)
-        if not -WORD <= number < WORD:
-            raise OverflowError(f"{self.name} does not fit into 64 bits")
-        return number
-
     def _refusal(self, value: Any) -> str:
-        wanted = f"a C-contiguous{', writable' if self.written else ''} {self.dtype} array"
         given = type(value).__name__
         if isinstance(value, np.ndarray):
             order = "C-contiguous" if value.flags.c_contiguous else "not C-contiguous"
             writable = "" if value.flags.writeable else ", read-only"
             given = f"{value.dtype} of {value.ndim} dimensions, {order}{writable}"
-        return f"{self.name} must be {wanted} of {self.ndim} dimensions, not {given}"
-
-    @property
-    def kinds(self) -> str:
-        """Kinds of its words: p for pointers, i for integers, d for doubles."""
-        if self.ndim == 0:
-            return "d" if self.dtype.kind == "f" else "i"
-        return "ppiip" + 2 * self.ndim * "i"
+        required = f"a C-contiguous{', writable' if self.written else ''} {self.dtype} array"
+        return f"{self.name} must be {required} of {self.ndim} dimensions, not {given}"
 
 
 @dataclass(frozen=True)
@@ -120,15 +113,12 @@ class Signature:
         types."""
         annotations = dict(function.__annotations__)
         result = annotations.pop("return")
-        if not all(isinstance(annotation, str) for annotation in (result, *annotations.values())):
-            raise TypeError(f"{name}: its module must begin with 'from __future__ import annotations'")
-        parts = result[6:-1].split(", ") if result.startswith("tuple[") else [result]
+        single = not result.startswith("tuple[")
+        parts = [] if result == "None" else [result] if single else result[6:-1].split(", ")
         return cls(
-            tuple(
-                Value.of(f"{name}: {argument}", annotation) for argument, annotation in annotations.items()
-            ),
-            () if result == "None" else tuple(Value.of(f"{name}: its result", part) for part in parts),
-            not result.startswith("tuple["),
+            tuple(Value.of(f"{name}: {argument}", kind) for argument, kind in annotations.items()),
+            tuple(Value.of(f"{name}: its result", kind) for kind in parts),
+            single,
         )
 
     def words(self, name: str, values: tuple[Any, ...]) -> Iterator[Any]:

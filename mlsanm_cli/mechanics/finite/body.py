@@ -123,7 +123,7 @@ class FiniteBody:
     @cached_property
     def _face_expansion(self) -> list[FloatArray]:
         places = np.concatenate([one.places.reshape(-1, 2) for one in self.points[:2]])
-        return [one.at(places) for one in self.loads.warming]
+        return [self.loads.expansion * heating.field.at(places) for heating in self.loads.warming]
 
     def stretch(self, factors: FloatArray) -> FloatArray | None:
         """Thermal stretches (n,) at the nodes at load ``factors`` (L,); None for bodies without temperature
@@ -135,14 +135,15 @@ class FiniteBody:
         """Thermal stretches (e,) at ``points`` (e, 2)."""
         if not self.loads.warming:
             return None
-        return np.asarray(1.0 + sum(factors[one.number] * one.at(points) for one in self.loads.warming))
+        degrees = sum(factors[one.number] * one.field.at(points) for one in self.loads.warming)
+        return np.asarray(1.0 + self.loads.expansion * degrees)
 
     def stretch_jets(self, factors: FloatArray, order: int) -> FloatArray | None:
         """Coefficient of ``order`` of the thermal stretches, a jet (3, n), from that of the factors (L,)."""
         if not self.loads.warming:
             return None
         stencils = self.elastic.model.stencils
-        nodal = sum(factors[one.number] * one.nodal for one in self.loads.warming)
+        nodal = self.loads.expansion * sum(factors[one.number] * one.values for one in self.loads.warming)
         found = stencils.derivatives(np.asarray(nodal)[:, None])[:, :3, 0].T.copy()
         found[0] = nodal + (not order)
         return np.asarray(found)

@@ -13,7 +13,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.faces import FacePoints, outline_points
-from mlsanm_cli.mechanics.heat import Field
+from mlsanm_cli.mechanics.heat import Heating
 from mlsanm_cli.mechanics.springs import FREE
 
 
@@ -26,21 +26,6 @@ class FollowerPressure:
     surface: str
     nodal: FloatArray
     between: FloatArray
-
-
-@dataclass(frozen=True)
-class Warming:
-    """Thermal stretch beyond 1 for load ``number`` at factor 1, the ``expansion`` coefficient times a
-    temperature ``field``: ``nodal`` (n,) at the cloud's points."""
-
-    number: int
-    nodal: FloatArray
-    expansion: float
-    field: Field
-
-    def at(self, points: FloatArray) -> FloatArray:
-        """The same (e,) at ``points`` (e, 2)."""
-        return np.asarray(self.expansion * self.field.at(points))
 
 
 @dataclass(frozen=True)
@@ -67,8 +52,8 @@ class Loads:
     ``sources`` (r, L) are right-hand sides of the nodes' rows: displacements, tractions, minus forces per
     volume. ``tractions[surface]`` (g, 2, L) are dead ones at the FINE points of a surface, ``force`` (n, 2,
     L) is per volume, linear between nodes unless its force and moment on the undeformed pieces are ``known``
-    (3k, L); ``pressing`` are follower pressures, ``warming`` thermal stretches, ``turning`` plates with
-    finite rotation.
+    (3k, L); ``pressing`` are follower pressures, ``turning`` plates with finite rotation. Temperature changes
+    ``warming`` stretch the body by ``expansion`` per degree.
     """
 
     count: int
@@ -77,7 +62,8 @@ class Loads:
     force: FloatArray | None = None
     pressing: Sequence[FollowerPressure] = ()
     known: FloatArray | None = None
-    warming: Sequence[Warming] = ()
+    warming: Sequence[Heating] = ()
+    expansion: float = 0.0
     turning: Sequence[Turning] = ()
 
 

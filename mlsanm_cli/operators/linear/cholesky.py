@@ -10,19 +10,12 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.kernels.domains import count_links, domains, fill_links
-from mlsanm_cli.kernels.multifrontal import BLOCK_COLUMNS, borders, factorise
-from mlsanm_cli.kernels.substitution import Links, Tree, products, solve
+from mlsanm_cli.kernels.multifrontal import borders, factorise
+from mlsanm_cli.kernels.substitution import Tree, products, solve
 from mlsanm_cli.operators.linear.dissection import nested_dissection, with_multipliers
 from mlsanm_cli.operators.linear.interface import Factor, LinearSolver, Matrix, backward_error
-from mlsanm_cli.operators.linear.progress import watched
-from mlsanm_cli.operators.linear.scratch import MappedArray
 from mlsanm_cli.operators.linear.superlu import factor_quasi_definite
 from mlsanm_cli.operators.structure import structure
-
-DOMAIN_NODES = 512
-"""Largest number of nodes of a domain. With 66k nodes domains make the factor 25 % smaller and solutions no
-slower; with twice this size it is 29 %, and blocks of solutions take 5 % longer."""
 
 
 @dataclass(frozen=True)
@@ -31,9 +24,8 @@ class Fronts:
 
     ``order`` (n,) of the nodes, ``place`` (n,) its inverse; ``start`` (f + 1,) of the fronts, the number
     ``negative`` (f,) of their last nodes with negative pivots, their ``parent`` (f,); ``begin`` (f + 1,)
-    offsets of their borders in ``border``, of which the first ``kept`` (f,) nodes are stored; ``panel`` (f +
-    1,) offsets in the factor; ``waiting``, peak size of pending updates; ``unit`` (u + 1,) offsets of the
-    domains and of the fronts above them.
+    offsets of their borders in ``border``; ``panel`` (f + 1,) offsets in the factor; ``waiting``, peak size
+    of pending updates.
     """
 
     order: IntArray
@@ -43,10 +35,8 @@ class Fronts:
     parent: IntArray
     begin: IntArray
     border: IntArray
-    kept: IntArray
     panel: IntArray
     waiting: int
-    unit: IntArray
 
     @classmethod
     def of(cls, points: FloatArray, graph: sparse.bsr_array, negative: int = 0) -> Fronts:
@@ -63,53 +53,25 @@ class Fronts:
         order, place = tree.order, np.empty_like(tree.order)
         place[order] = np.arange(len(points))
         begin, border, waiting = borders(tree.start, tree.parent, *structure(graph), order, place)
-        kept, unit = domains(tree.start, tree.parent, begin, border, DOMAIN_NODES)
-        pivots, height = 2 * np.diff(tree.start), 2 * np.diff(tree.start) + 2 * kept
-        whole = pivots // BLOCK_COLUMNS
-        rest = pivots - BLOCK_COLUMNS * whole
-        size = BLOCK_COLUMNS * (whole * height - BLOCK_COLUMNS * (whole * (whole - 1) // 2)) + rest * (
-            height - BLOCK_COLUMNS * whole
-        )
-        panel = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(size)])
-        return cls(order, place, tree.start, of_front, tree.parent, begin, border, kept, panel, waiting, unit)
-
-    def links(self, blocks: sparse.bsr_array) -> Links:
-        """Links between domains and their borders: offsets (n + 1,) per node, target nodes (m,), and the
-        ``blocks`` (m, 2, 2) of the matrix."""
-        count = len(self.order)
-        # Fronts above the domains store all rows and have no links.
-        root, last = self.unit[1:] - 1, self.start[self.unit[1:]]
-        bare = self.kept[root] < np.diff(self.begin)[root]
-        end = np.repeat(np.where(bare, last, count), np.diff(self.start[self.unit]))
-        first = np.empty(count + 1, dtype=np.int64)
-        graph = structure(blocks)
-        count_links(*graph, self.order, self.place, end, first)
-        other, between = np.empty(first[-1], dtype=np.int64), np.empty((first[-1], 2, 2))
-        fill_links(*graph, np.ascontiguousarray(blocks.data), self.order, self.place, end, other, between)
-        return first, other, between
+        pivots, height = 2 * np.diff(tree.start), 2 * np.diff(tree.start) + 2 * np.diff(begin)
+        panel = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(pivots * height)])
+        return cls(order, place, tree.start, of_front, tree.parent, begin, border, panel, waiting)
 
 
 @dataclass(frozen=True)
 class CholeskyFactor:
-    """``panels`` of the factor, elimination ``order`` (2n,), and ``links`` of the domains."""
+    """Panels of the factor, one after the other in ``values``, and the elimination ``order`` (2n,)."""
 
     fronts: Fronts
     order: IntArray
-    panels: MappedArray
-    links: Links
+    values: FloatArray
     note: str = ""
 
     @property
-    def values(self) -> FloatArray:
-        """All panels, one after the other."""
-        return self.panels.values
-
-    @property
-    def arrays(self) -> tuple[*Tree, IntArray, *Links]:
+    def arrays(self) -> Tree:
         """Leading arguments of both substitution kernels."""
         shape = self.fronts
-        tree = (shape.start, shape.negative, shape.begin, shape.border, shape.kept, shape.panel)
-        return (*tree, self.values, shape.unit, *self.links)
+        return (shape.start, shape.negative, shape.begin, shape.border, shape.panel, self.values)
 
     def solve(self, rhs: FloatArray, transposed: bool = False) -> FloatArray:
         """Solution for (n,) or (n, c) right-hand sides; the matrix is symmetric. Raises ValueError for
@@ -143,18 +105,16 @@ def factor_definite(
         return factor_quasi_definite(matrix, points)
     blocks = sparse.bsr_array(matrix, blocksize=(2, 2))
     fronts = Fronts.of(points, blocks, negative)
-    panels = MappedArray(int(fronts.panel[-1]))
-    pivots = 2 * np.diff(fronts.start)
-    with watched(pivots, pivots + 2 * np.diff(fronts.begin)) as done:
-        failed = factorise(
-            *(fronts.start, fronts.negative, fronts.parent, fronts.begin, fronts.border, fronts.kept),
-            *(fronts.panel, fronts.waiting, *structure(blocks), np.ascontiguousarray(blocks.data)),
-            *(fronts.order, fronts.place, panels.values, done),
-        )
+    values = np.empty(int(fronts.panel[-1]))
+    failed = factorise(
+        *(fronts.start, fronts.negative, fronts.parent, fronts.begin, fronts.border, fronts.panel),
+        *(fronts.waiting, *structure(blocks), np.ascontiguousarray(blocks.data)),
+        *(fronts.order, fronts.place, values),
+    )
     factor = None
     if failed < 0:
         order = np.stack([2 * fronts.order, 2 * fronts.order + 1], axis=1).ravel()
-        factor = CholeskyFactor(fronts, order, panels, fronts.links(blocks))
+        factor = CholeskyFactor(fronts, order, values)
     return verified_or_superlu(factor, matrix, points)
 
 

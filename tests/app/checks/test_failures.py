@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.analysis import small_strain
-from mlsanm_cli.app.checks import verdicts as judge
+from mlsanm_cli.app.checks import end
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.io.summary import read_json
@@ -150,7 +150,7 @@ def test_a_linear_residual_of_one_body(tmp_path: Path, afterwards: pytest.Monkey
 @pytest.mark.usefixtures("by_nodes")
 @pytest.mark.parametrize("bad", [9.0, float("nan")])
 def test_a_ratio_of_spacings(bad: float, tmp_path: Path, afterwards: pytest.MonkeyPatch) -> None:
-    afterwards.setattr(judge, "spacing_ratio", lambda *arguments: bad)
+    afterwards.setattr(end, "spacing_ratio", lambda *arguments: bad)
     assert_failed(solve(PATCH, tmp_path / "run"), "spacings")
 
 
@@ -167,7 +167,7 @@ def test_slave_and_master_feel_the_same(tmp_path: Path, text: str) -> None:
 def test_a_contact_that_loses_force_is_told(
     tmp_path: Path, afterwards: pytest.MonkeyPatch, lost: float, status: str, warned: int
 ) -> None:
-    afterwards.setattr(judge, "force_mismatch", lambda built, state: {"interface": lost})
+    afterwards.setattr(end, "force_mismatch", lambda built, state: {"interface": lost})
     summary = solve(hertz(), tmp_path / "run", EXACT_LAW, FAST)
     message = f"the forces on slave and master differ by {100.0 * lost:.2g} %"
     assert summary["status"] == status

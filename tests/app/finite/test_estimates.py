@@ -37,8 +37,7 @@ def test_crushed_corners_that_are_not_resolved_are_told(tmp_path: Path) -> None:
     error = -summary["forces"]["press"][1] / CRUSHED - 1.0
     estimate = summary["error_estimate"]["energy"]
     assert 0.03 <= error <= 3.0 * estimate <= 9.0 * error
-    (warning,) = summary["warnings"]
-    assert "estimated error of the energy" in warning
+    (warning,) = [one for one in summary["warnings"] if "estimated error of the energy" in one]
     assert any(f"at = [{x}, {y}]" in warning for x in (0, 2) for y in (0, 1))
 
 

@@ -15,23 +15,9 @@ from mlsanm_cli.app.run import run
 from mlsanm_cli.case import load_case
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.memo import Memo
-from tests.app.runs import assert_same_results, stored, summary_of, undeclared
+from tests.app.runs import assert_same_results, events_of, stored, summary_of, undeclared
 from tests.app.scenes import BAR, FAST, NODAL, Quiet, done, hertz, solve
 from tests.case_text import pin
-
-SUMMARY_KEYS = {
-    "status", "stop_reason", "position", "steps", "factorizations", "solves", "nodes", "unknowns",
-    "contact_unknowns", "seconds", "contacts", "residual", "force_balance", "stability", "peak_memory_mb",
-    "warnings", "quality",
-}  # fmt: skip
-CONTACT_KEYS = {
-    "peak_pressure", "half_width", "force", "stick_nodes", "slip_nodes", "min_gap", "max_cone_ratio",
-    "force_mismatch",
-}  # fmt: skip
-SECONDS_KEYS = {
-    "total", "jit", "cloud", "operators", "factorization", "condensation", "continuation", "output",
-}  # fmt: skip
-PATH = {"position", "step_length", "residual", "order", "factorizations", "solves", "seconds"}
 
 
 def numbers(directory: Path) -> dict[str, np.ndarray]:
@@ -39,14 +25,16 @@ def numbers(directory: Path) -> dict[str, np.ndarray]:
     return {name: one for name, one in stored(directory).items() if np.asarray(one).dtype.kind in "fiu"}
 
 
+@pytest.mark.parametrize("fixture", ["hertz_run", "punches_run", "bar_run"])
+def test_everything_written_is_in_the_schema(fixture: str, request: pytest.FixtureRequest) -> None:
+    assert not undeclared(request.getfixturevalue(fixture))
+
+
 def test_summary(hertz_run: Path) -> None:
     summary = summary_of(hertz_run)
-    assert summary.keys() >= SUMMARY_KEYS
-    assert summary["seconds"].keys() >= SECONDS_KEYS
     assert summary["status"] == "done"
     assert summary["position"] == 1.0
     contact = summary["contacts"]["interface"]
-    assert contact.keys() >= CONTACT_KEYS
     assert contact["force"] == pytest.approx([0.0, 226.0], abs=226.0 * 1e-9)
     assert contact["peak_pressure"] == pytest.approx(contact["reference"]["peak_pressure"], rel=0.01)
     assert 0.0 < summary["residual"] <= 1e-8
@@ -60,8 +48,6 @@ def test_summary(hertz_run: Path) -> None:
 
 
 def test_layout_of_the_run_file(hertz_run: Path) -> None:
-    assert not undeclared(hertz_run)
-    summary = summary_of(hertz_run)
     with h5py.File(hertz_run / "run.h5", "r") as file:
         assert file.attrs["format"] == 1
         assert file.attrs["status"] == "done"
@@ -70,31 +56,10 @@ def test_layout_of_the_run_file(hertz_run: Path) -> None:
         assert file.attrs["case_hash"] == load_case(hertz_run / "resolved.toml").case_hash
         assert file["case/resolved"].asstr()[()] == (hertz_run / "resolved.toml").read_text()
         assert "Half-disk" in file["case/raw"].asstr()[()]
-        rows = summary["steps"] + 1
-        assert set(file["path"]) == PATH | {"factors", "resultants", "displacements"}
-        assert all(file["path"][name].shape == (rows,) for name in PATH)
-        assert file["path/factors/press"].shape == (rows,)
         assert set(file["path/resultants"]) == {"press", "block.bottom"}
-        assert file["path/resultants/press"].shape == (rows, 2)
-        m = summary["contact_unknowns"]
-        contact = file["contacts/interface"]
-        assert contact["points"].shape == contact["normal"].shape == (m, 2)
-        assert contact["arc_length"].shape == contact["weight"].shape == (m,)
-        assert (np.diff(contact["arc_length"][...]) > 0.0).all()
-        for name in ("pressure", "traction", "gap", "slip", "status"):
-            assert contact[name].shape == (rows, m)
-        assert contact["status"].dtype == np.int8
-        assert {item.dtype.str for item in numbers(hertz_run).values()} == {"<f8", "<i8", "|i1"}
-        assert set(file["series"]) == {str(k) for k in range(1, rows)}
+        assert (np.diff(file["contacts/interface/arc_length"][...]) > 0.0).all()
+        assert set(file["series"]) == {str(step) for step in range(1, summary_of(hertz_run)["steps"] + 1)}
         assert file["fields/position"][...].tolist() == [0.3, 0.7, 1.0]
-        body = file["bodies/block"]
-        n, b = len(body["points"]), len(body["boundary/index"])
-        assert body["boundary/normal"].shape == (b, 2)
-        assert body["boundary/name"].shape == (b,)
-        stored = file["fields/2/block"]
-        assert stored["displacement"].shape == (n, 2)
-        assert stored["stress"].shape == (n, 3)
-        assert stored["von_mises"].shape == (n,)
 
 
 def test_path_of_the_run_file(hertz_run: Path) -> None:
@@ -249,7 +214,10 @@ def test_console_is_told(tmp_path: Path) -> None:
     assert console.steps[0] == 0.0
     assert console.steps[-1] == 1.0
     assert any("ux is fixed at 0" in note for note in console.notes)
-    assert console.warnings == summary["warnings"]
+    assert [text.partition(" [")[0] for text in console.warnings] == summary["warnings"]
+    assert [one["check"] for one in events_of(tmp_path / "run", "warning")] == [
+        text.rpartition(" [")[2].rstrip("]") for text in console.warnings
+    ]
     assert "grows by 0.31" in console.warnings[0]
 
 

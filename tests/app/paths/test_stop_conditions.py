@@ -29,7 +29,7 @@ from tests.app.scenes import (
     refused,
     solve,
 )
-from tests.case_text import item, load, pin
+from tests.case_text import body, box, contact, head, item, load, material, pin, pushed, support
 
 HERTZ_STOP = item("stop", what="pressure", of="interface", above=1500.0)
 
@@ -173,8 +173,8 @@ def test_a_stopped_path_is_resumed_to_the_same_end(steps: int | None, tmp_path: 
     ("stop", "key", "message"),
     [
         ({"what": "force", "of": "pres", "above": 1.0}, "stop.0.of", "no load or contact or support"),
-        ({"what": "force", "of": "press"}, "stop.0", "exactly one of above and below"),
-        ({"what": "force", "of": "press", "above": 1.0, "below": 2.0}, "stop.0", "exactly one"),
+        ({"what": "force", "of": "press"}, "stop.0", 'one of "above", "below"'),
+        ({"what": "force", "of": "press", "above": 1.0, "below": 2.0}, "stop.0.below", "is given too"),
         ({"what": "slip", "of": "interface", "above": 1.0}, "stop.0.of", "frictionless"),
         (
             {"what": "area", "of": "interface", "above": 1.0, "component": "x"},
@@ -211,3 +211,42 @@ def test_the_summary_of_a_patch_test_names_its_stop(tmp_path: Path) -> None:
     position = stopped(summary, "displacement of press in y below -0.0001")
     assert position == pytest.approx(1e-4 * 210e3 / (0.91 * 200.0), rel=1e-6)
     assert summary_of(tmp_path / "run")["stopped_at"] == position
+
+
+RUBBER = (
+    head("strain", strain="finite")
+    + material("rubber", E=2.6, nu=0.3, law="neo-hookean")
+    + body("block", "rubber", 0.25, box([0.0, 2.0], [0.0, 1.0]))
+    + support("block.bottom", ux=0.0, uy=0.0)
+)
+PUSHED = pushed("press", "c", uy=-0.2) + contact(
+    "c", "block.top", obstacle={"kind": "disk", "center": [1.0, 2.0], "radius": 1.0}
+)
+PULLED = load("press", "block.top", "traction", traction=[0.0, -0.5]) + item(
+    "probe", name="top", body="block", point=[1.0, 1.0]
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "stop"),
+    [
+        (PUSHED, {"what": "force", "of": "c", "component": "y", "below": -0.05}),
+        (PUSHED, {"what": "displacement", "of": "press", "component": "y", "below": -0.07}),
+        (PULLED, {"what": "displacement", "of": "top", "component": "y", "below": -0.05}),
+        (PULLED, {"what": "von_mises", "of": "top", "above": 0.1}),
+    ],
+)
+def test_stops_at_finite_strain(text: str, stop: dict[str, Any], tmp_path: Path) -> None:
+    """In contact and by power series; they had been ignored."""
+    summary = solve(RUBBER + text + item("stop", **stop), tmp_path / "run")
+    assert 0.0 < stopped(summary, summary["stopped_by"]) < 1.0
+    run = read_run(tmp_path / "run")
+    assert [state.position for state in run.states] == [summary["position"]]
+    if stop["what"] == "force":
+        value = summary["contacts"]["c"]["force"][1]
+    elif stop["of"] == "press":
+        value = run.path.displacements["press"][-1, 1]
+    else:
+        probe = summary["probes"]["top"]
+        value = probe["von_mises"] if stop["what"] == "von_mises" else probe["displacement"][1]
+    assert value == pytest.approx(stop.get("above", stop.get("below")), rel=1e-6)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.results import probe
+from mlsanm_cli.app.results.choice import QUANTITIES
 from mlsanm_cli.app.results.path_lookup import SERIES, level_at
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_reader import read_run
@@ -128,7 +129,7 @@ def test_series_lead_to_the_stored_rows(scene: str, request: pytest.FixtureReque
         (near,) = probe.probe_contact(directory, [before], "interface")
         assert near["how"] == SERIES
         contact = run.contacts["interface"]
-        for quantity in set(probe.QUANTITIES) & set(near):
+        for quantity in set(QUANTITIES) & set(near):
             stored = getattr(contact, quantity)
             assert np.abs(near[quantity] - stored[row]).max() <= 1e-6 * np.abs(stored).max()
         for name in run.probes:

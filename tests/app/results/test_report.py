@@ -89,7 +89,7 @@ def test_two_runs_in_one_small_file(punches_run: Path, bar_run: Path, tmp_path: 
         data = base64.b64decode((image["src"] or "").partition(",")[2])
         assert data.startswith(b"\x89PNG")
     text = " ".join(page.text)
-    provenance = ("side by side", "Provenance", "under-left: peak pressure", "strain energy", "passes")
+    provenance = ("side by side", "Provenance", "under-left: peak pressure", "energy error", "passes")
     for words in ("2 runs", "[[load]]", *provenance):
         assert words in text
 

@@ -17,7 +17,7 @@ from mlsanm_cli.app.results.collect import collect
 from mlsanm_cli.app.run import run
 from mlsanm_cli.app.sweep import engines, point
 from mlsanm_cli.app.sweep.point import SweepPoint
-from mlsanm_cli.app.sweep.run_sweep import SweepOptions, geometry, point_name, sweep
+from mlsanm_cli.app.sweep.run_sweep import geometry, point_name, sweep
 from mlsanm_cli.case import load_case
 from mlsanm_cli.case.vary import parse_vary, points
 from mlsanm_cli.cli import main
@@ -58,7 +58,7 @@ def case(tmp_path: Path) -> Path:
 
 def swept(case: Path, out: Path, *varied: str, console: Quiet | None = None, **wishes: Any) -> Any:
     """What a sweep returns."""
-    return sweep(case, varied, SweepOptions(**wishes), out=out, console=console or Quiet())
+    return sweep(case, varied, **wishes, out=out, console=console or Quiet())
 
 
 def assert_same_points(directory: Path, result: Mapping[str, Any]) -> None:

@@ -1,4 +1,4 @@
-"""What a case file may say, its defaults, and what a wrong one is told."""
+"""Reading of case files: defaults, syntax, files, tables, and what a resolved case keeps."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ import tomli_w
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mlsanm_cli.case import Case, Platen, load_case, resolved_mapping
+from mlsanm_cli.case import Case, Platen, Pressure, Traction, load_case, parse_case, resolved_mapping
 from mlsanm_cli.errors import CaseError, CaseProblem, RunError
-from tests.case.scenes import CLAMP, HERTZ, SQUARE, only, parse, problems
+from tests.case.scenes import CLAMP, HERTZ, PULL, SQUARE, only, parse
 
 RUBS = "contact.interface.friction=0.3"
 ROLLER = """
@@ -67,126 +67,6 @@ def test_platen_control(keys: str, control: object) -> None:
     assert isinstance(load, Platen)
     assert load.control == control
     assert load.rotation == "fixed"
-
-
-@pytest.mark.parametrize(
-    ("change", "key", "line", "words"),
-    [
-        (("spacing = 4.0", "spacign = 4.0"), "body.cylinder.spacign", 14, 'did you mean "spacing"'),
-        (("spacing = 4.0", "h = 4.0"), "body.cylinder.h", 14, 'did you mean "spacing"'),
-        (("spacing = 4.0", "spacing = -4.0"), "body.cylinder.spacing", 14, "a number above 0"),
-        (("spacing = 4.0", "spacing = true"), "body.cylinder.spacing", 14, "a number above 0"),
-        (("spacing = 4.0", "spacing = nan"), "body.cylinder.spacing", 14, "nan and inf"),
-        (("spacing = 4.0", "spacing = 4.0\nseed = 1.0"), "body.cylinder.seed", 15, "whole number"),
-        (("E = 210e3", "E = 0"), "material.steel.E", 8, "greater than 0"),
-        (("E = 210e3\n", ""), "material.steel.E", 7, "missing"),
-        (('plane = "strain"', 'plane = "strian"'), "model.plane", 5, 'did you mean "strain"'),
-        (('kind = "half-disk"', 'kind = "half_disc"'), "body.cylinder.shape.kind", 16, '"half-disk"'),
-        (('kind = "half-disk"\n', ""), "body.cylinder.shape.kind", 15, "missing"),
-        (('kind = "platen"', 'kind = "platten"'), "load.press.kind", 46, 'did you mean "platen"'),
-        (("force = [0.0, -350.0]", "force = [0.0]"), "load.press.force", 47, "two numbers"),
-        (("force = [0.0, -350.0]", "force = [0.0, nan]"), "load.press.force.1", 47, "nan and inf"),
-        (("radius = 50.0", "radius = -50.0"), "body.cylinder.shape.radius", 18, "greater than 0"),
-        (("[[support]]", "[support]"), "support", 38, "write [[support]]"),
-        (("[model]", "[[model]]"), "model", 4, "single brackets"),
-        (("format = 1", "format = 3"), "format", 1, "not a valid value"),
-        (("format = 1\n", ""), "format", 1, "write format = 1"),
-        (('name = "block"', 'name = "my.block"'), "body.my.block.name", 26, "letters, digits"),
-    ],
-)
-def test_wrong_schema(change: tuple[str, str], key: str, line: int, words: str) -> None:
-    text = HERTZ.replace(*change, 1)
-    assert text != HERTZ
-    found = {problem.key: problem for problem in problems(text)}
-    assert key in found, found
-    assert found[key].line == line
-    assert found[key].source == "case.toml"
-    assert words in str(found[key])
-
-
-@pytest.mark.parametrize(
-    ("setting", "words"),
-    [
-        ("solver.order=1", "at least 2"),
-        ("solver.tolerance=0.0", "greater than 0"),
-        ("solver.tolerance=1.0", "less than 1"),
-        ("mls.degree=7", "from 1 to 6"),
-        ("mls.neighbors=0", "whole number above 0"),
-        ("contact.interface.reach=0", "number above 0"),
-        ("contact.interface.regularization.eta=-1e-4", "greater than 0"),
-        ("contact.interface.friction=-0.1", "at least 0"),
-        ("solver.pade=1", "true or false"),
-        ('output.fields=["stres"]', 'did you mean "stress"'),
-        ('reference.solution="hertz"', 'did you mean "hertz-line"'),
-    ],
-)
-def test_values_out_of_range(setting: str, words: str) -> None:
-    problem = only(HERTZ, [setting])
-    assert problem.source == "--set"
-    assert words in str(problem)
-
-
-def test_all_problems_at_once_in_the_order_of_the_file() -> None:
-    text = (
-        HERTZ.replace('plane = "strain"', 'plane = "strains"')
-        .replace("nu = 0.3", "nu = 0.7")
-        .replace('material = "steel"', 'material = "stele"', 1)
-        .replace("radius = 50.0", "radius = 0")
-        .replace('"block.bottom"', '"block.botom"')
-        .replace("force = ", "forse = ")
-        .replace('"block.top"', '"blok.top"')
-    )
-    found = problems(text, ["solver.order=1"])
-    assert [problem.key for problem in found] == [
-        "model.plane",
-        "material.steel.nu",
-        "body.cylinder.material",
-        "body.cylinder.shape.radius",
-        "support.0.boundary",
-        "load.press",
-        "load.press.forse",
-        "contact.interface.master",
-        "solver.order",
-    ]
-    lines = [problem.line for problem in found[:-1]]
-    assert lines == sorted(lines)
-
-
-@pytest.mark.parametrize(
-    ("change", "key"),
-    [
-        (("radius = 1.0", 'radius = 1.0\nradios = 2.0\nalong = "arc"'), "body.cylinder.refine.0"),
-        (("y = [-100.0, 0.0]", "y = [-100.0, 0.0]\nz = 0\n"), "support.0.boundary"),
-        (("uy = 0.0", "uy = 0.0\nuz = 0.0\nnear = [0, 0]"), "support.0"),
-        (("force = [", "mass = 1.0\nux = 1.0\nforce = ["), "load.press.ux"),
-        (("friction = 0.0", "frictoin = 1\nregularization = {lw = 1, law = 'exact'}"), "solver.method"),
-    ],
-)
-def test_an_unknown_key_hides_no_other_fault(change: tuple[str, str], key: str) -> None:
-    text = (HERTZ + 'friction = 0.0\n[solver]\nmethod = "anm"\n').replace(*change, 1)
-    changes = ['support.0.boundary="block.tp"'] if key.endswith("boundary") else []
-    found = problems(text, changes)
-    assert "unknown key" in [problem.message for problem in found]
-    assert key in [problem.key for problem in found]
-
-
-@pytest.mark.parametrize(
-    ("setting", "words"),
-    [
-        ("body.0.shape=3", "body.cylinder.shape: expected a table"),
-        ("load.0=3", "load.0: expected a table"),
-        ("body.0.shape={kind=3}", 'unknown kind "3"'),
-        ("body=[]", "body: the list is empty"),
-        ("body.0.name=3", "letters, digits"),
-        ('body.0.name=""', "body.0.name: a name"),
-        ('body.0.refine.0.spacing="4"', 'without quotes: "4" is text'),
-        ("model.plane=true", "true is not a valid value"),
-        ('model.plane="shell"', "valid: strain, stress"),
-        ("contact.0.master=7", '"<body>.<boundary>"'),
-    ],
-)
-def test_wrong_types(setting: str, words: str) -> None:
-    assert words in "\n".join(str(problem) for problem in problems(HERTZ, [setting]))
 
 
 JUNK = st.one_of(
@@ -259,24 +139,10 @@ def test_syntax_errors_have_their_line(text: str, line: int) -> None:
         ("title = “half”\n", 'write straight quotes: "'),
         ("a = 1\na = 2\n", "the key is defined twice"),
         ("a = " + "[" * 20_000 + "]" * 20_000, "nested"),
-        (HERTZ.replace("E = 210e3", 'E = "210 GPa"'), "numbers have no units"),
-        (HERTZ.replace("force = [0.0, -350.0]", "fy = '-350 N'"), "no units"),
-        (HERTZ.replace("format = 1", "format = 1\nfriction = 0.2"), "did you mean contact.friction?"),
     ],
 )
-def test_hints(text: str, words: str) -> None:
+def test_hints_on_syntax(text: str, words: str) -> None:
     assert words in str(only(text))
-
-
-@pytest.mark.parametrize("text", ["", "body = 1\n", "body = []\n"])
-def test_missing_bodies_are_told_once(text: str) -> None:
-    found, _ = outcome(f'format = 1\n{text}[model]\nplane = "strain"\n')
-    assert len([problem for problem in found if problem.key == "body"]) == 1
-
-
-def test_a_bad_modulus_hides_no_bad_ratio() -> None:
-    found, _ = outcome(HERTZ.replace("E = 210e3", "E = -1.0").replace("nu = 0.3", "nu = 0.6"))
-    assert [problem.key for problem in found] == ["material.steel.E", "material.steel.nu"]
 
 
 def test_unreadable_files(tmp_path: Path) -> None:
@@ -357,3 +223,44 @@ def test_a_case_that_is_not_there_gets_the_nearest(tmp_path: Path) -> None:
         with pytest.raises(RunError, match="there is no case file") as caught:
             load_case(tmp_path / name)
         assert re.search(hint, caught.value.hint)
+
+
+LOAD = '[[load]]\nname = "more"\nboundary = "square.top"\nkind = "{}"\ntable = "push.csv"\n'
+
+
+def with_table(tmp_path: Path, content: str | bytes, kind: str = "pressure") -> str:
+    (tmp_path / "push.csv").write_bytes(content.encode() if isinstance(content, str) else content)
+    return SQUARE + CLAMP + PULL + LOAD.format(kind)
+
+
+def test_a_table_becomes_part_of_the_case(tmp_path: Path) -> None:
+    text = with_table(tmp_path, "\ufeffs , pressure\n0, 1\n\n0.5, -2.5\n1, 3e1\n")
+    case = parse_case(text, tmp_path / "case.toml").case
+    pressure = case.load[1]
+    assert isinstance(pressure, Pressure)
+    assert pressure.table == ((0.0, 1.0), (0.5, -2.5), (1.0, 30.0))
+    assert resolved_mapping(case)["load"][1]["table"] == [[0.0, 1.0], [0.5, -2.5], [1.0, 30.0]]
+    text = with_table(tmp_path, "s,tx,ty\n0,1,2\n1,3,4\n", "traction")
+    traction = parse_case(text, tmp_path / "case.toml").case.load[1]
+    assert isinstance(traction, Traction)
+    assert traction.table == ((0.0, 1.0, 2.0), (1.0, 3.0, 4.0))
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("", "must begin with the line s,pressure"),
+        ("s,tx,ty\n0,1,2\n1,3,4\n", "must begin"),
+        ("s,pressure\n0,1\n1\n", "line 3: 1 columns instead of 2"),
+        ("s,pressure\n0,1\n1,high\n", 'line 3: "high" is not a number'),
+        ("s,pressure\n0,1\n1,nan\n", "line 3: nan"),
+        ("s,pressure\n1,1\n0,1\n", "row 2 has 0 after 1"),
+        (b"s,pressure\n\xff\xfe,1\n", "CSV text"),
+    ],
+)
+def test_wrong_tables(content: str | bytes, words: str, tmp_path: Path) -> None:
+    with pytest.raises(CaseError) as caught:
+        parse_case(with_table(tmp_path, content), tmp_path / "case.toml")
+    (problem,) = caught.value.problems
+    assert (problem.key, problem.line) == ("load.more.table", 25)
+    assert words in str(problem)

@@ -1,8 +1,9 @@
-"""Polygons: their boundaries, and everything that can be wrong with them, told with its key."""
+"""Polygons and outlines: their boundaries, and faults that only their geometry shows."""
 
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,26 +11,13 @@ import pytest
 
 from mlsanm_cli.app.scene.imported import geometry_of
 from mlsanm_cli.app.scene.outlines import drawn
+from mlsanm_cli.case import case_hash, load_case, parse_case, resolved_mapping
 from mlsanm_cli.cloud.curves import Arc, Outline
 from mlsanm_cli.cloud.membership import signed_area
-from tests.case.scenes import only, parse, problems
-from tests.case_text import body, head, item, load, material, support, table
+from mlsanm_cli.errors import CaseError
+from mlsanm_cli.io.summary import toml_text
+from tests.case.scenes import PLATE, WAVY, only, parse, problems
 
-PLATE = (
-    head("stress")
-    + material("m", E=1.0, nu=0.3)
-    + body("plate", "m", 0.2)
-    + table(
-        "body.shape",
-        kind="polygon",
-        points=[[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [2.0, 2.0], [2.0, 4.0], [0.0, 4.0]],
-        names=["bottom", "tip", "arm", "shank", "top", "left"],
-        rounding=[0.0, 0.0, 0.3, 0.5, 0.0, 0.0],
-    )
-    + item("body.shape.holes", name="bolt", center=[1.0, 1.0], radius=0.4)
-    + support("plate.left", ux=0.0, uy=0.0)
-    + load("pull", "plate.tip", "traction", traction=[1.0, 0.0])
-)
 CORNERS = ((0.0, 0.0), (4.0, 0.0), (4.0, 2.0), (2.0, 2.0), (2.0, 4.0), (0.0, 4.0))
 
 
@@ -110,31 +98,6 @@ def test_ring() -> None:
 
 
 @pytest.mark.parametrize(
-    ("setting", "key", "words"),
-    [
-        ("points=[[0.0, 0.0], [1.0, 0.0]]", "points", "at least 3"),
-        ("names=['a', 'b']", "names", "2 items for 6 points"),
-        ("rounding=[0.1]", "rounding", "1 items for 6 points"),
-        ("rounding=[0.0, 0.0, -1.0, 0.0, 0.0, 0.0]", "rounding.2", "at least 0"),
-        ("rounding=[0.0, 0.0, 0.0, 2.5, 0.0, 0.0]", "rounding.3", "at most 2"),
-        ("rounding=[0.0, 0.0, 1.2, 1.0, 0.0, 0.0]", "rounding.2", "has 1 left"),
-        ("names=['bolt', 'tip', 'a', 'b', 'c', 'bolt']", "names.0", "two boundaries"),
-        ("corners=['', '']", "corners", "2 items for 6 points"),
-        ("names=['x', 'tip', 'corner3', 'b', 'c', 'left']", "names.2", "two boundaries"),
-        ("holes.bolt.name='left'", "names.5", "two boundaries"),
-        ("holes.bolt.radius=1.1", "holes.bolt.radius", "cuts the boundary"),
-        ("holes.bolt.center=[3.0, 3.0]", "holes.bolt.center", "outside"),
-        ("holes.bolt.center=[2.0, 2.0]", "holes.bolt.radius", '"corner4"'),
-        ("holes.bolt.radiu=1.0", "holes.bolt.radiu", 'did you mean "radius"'),
-    ],
-)
-def test_what_can_be_wrong(setting: str, key: str, words: str) -> None:
-    found = problems(PLATE, [f"body.plate.shape.{setting}"])
-    told = {problem.key: str(problem) for problem in found}
-    assert words in told[f"body.plate.shape.{key}"]
-
-
-@pytest.mark.parametrize(
     ("points", "key", "words"),
     [
         # A bow tie, a repeated point, a spike, a side that touches another, points on a line.
@@ -186,3 +149,55 @@ def test_thin_slits_are_legal() -> None:
     start, end = PLATE.index("points"), PLATE.index("[[support]]")
     text = PLATE[:start] + f"points = [{points}]\n" + PLATE[end:].replace("left", "side7")
     parse(text.replace("tip", "side2"))
+
+
+def test_sides_in_either_direction_are_the_same_outline() -> None:
+    shape = parse(WAVY).case.body[0].shape
+    geometry = geometry_of(shape)
+    assert set(geometry.normals) == {"top", "right", "bottom", "left"}
+    assert (geometry.size, geometry.normals["right"], geometry.normals["top"]) == (4.0, (1.0, 0.0), None)
+    outline = drawn(shape)
+    assert outline.names == ("left", "bottom", "right", "top")
+    ends = [curve.points(np.array([0.0, curve.length])) for curve in outline.curves]
+    for one, other in zip(ends, [*ends[1:], ends[0]], strict=True):
+        assert np.abs(one[1] - other[0]).max() < 1e-12
+    text = WAVY.replace("[0.0, 0.0], [1.0, 0.1], [2.0, 0.0], [3.0, 0.1], [4.0, 0.0]", "POINTS")
+    text = text.replace("POINTS", "[4.0, 0.0], [3.0, 0.1], [2.0, 0.0], [1.0, 0.1], [0.0, 0.0]")
+    text = text.replace("to = [4.0, -1.0]", "to = [0.0, -1.0]", 1)
+    text = text.replace('"bottom"\nto = [0.0, -1.0]', '"bottom"\nto = [4.0, -1.0]')
+    turned = drawn(parse(text).case.body[0].shape)
+    s = np.linspace(0.0, outline.curves[3].length, 11)
+    top = turned.curves[turned.names.index("top")]
+    assert np.abs(top.points(s) - outline.curves[3].points(s)).max() < 1e-12
+
+
+def test_points_of_a_file_stand_in_the_resolved_case(tmp_path: Path) -> None:
+    inline = parse(WAVY).case
+    points = "points = [[0.0, 0.0], [1.0, 0.1], [2.0, 0.0], [3.0, 0.1], [4.0, 0.0]]"
+    text = WAVY.replace(points, 'file = "profile.csv"')
+    (tmp_path / "profile.csv").write_text("x,y\n0,0\n1,0.1\n2,0\n3,0.1\n4,0\n")
+    (tmp_path / "case.toml").write_text(text)
+    loaded = load_case(tmp_path / "case.toml")
+    assert case_hash(loaded.case) == case_hash(inline)
+    again = parse_case(toml_text(resolved_mapping(loaded.case)), Path("elsewhere.toml"))
+    assert again.case == loaded.case
+    (tmp_path / "profile.csv").write_text("a,b\n0,0\n")
+    with pytest.raises(CaseError, match="must begin with the line x,y"):
+        load_case(tmp_path / "case.toml")
+    (tmp_path / "profile.csv").unlink()
+    with pytest.raises(CaseError) as caught:
+        load_case(tmp_path / "case.toml")
+    assert [problem.key for problem in caught.value.problems] == ["body.block.shape.sides.top.file"]
+
+
+def test_sides_and_arcs_of_one_name_are_one_boundary() -> None:
+    text = WAVY[: WAVY.index("kind")] + (
+        'kind = "polygon"\npoints = [[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [0.0, 2.0]]\n'
+        'names = ["foot", "foot", "top", "left"]\nrounding = [0.2, 0.3, 0.4, 0.0]\n'
+        'corners = ["foot", "", "", ""]\n'
+    )
+    text += WAVY[WAVY.index("[[support]]") :].replace("block.bottom", "block.foot")
+    shape = parse(text).case.body[0].shape
+    outline = drawn(shape)
+    assert outline.names == ("foot/1", "foot/2", "foot/3", "foot/4", "corner3", "top", "left")
+    assert only(text, ["body.block.shape.names=['foot', 'corner3', 'top', 'left']"]).key.endswith("names.1")

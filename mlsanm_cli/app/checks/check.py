@@ -1,0 +1,115 @@
+"""Checks of a run: a value and its limit, with the message and hint if it is exceeded, and one loop that
+warns, fails and keeps them for ``summary.json``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from mlsanm_cli.app.checks.limits import LIMITS
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
+
+Outcome = Literal["passed", "warned", "failed"]
+OUTCOMES: Sequence[Outcome] = ("passed", "warned", "failed")
+
+
+@dataclass(frozen=True)
+class Check:
+    """A ``value`` to be compared with the limit ``name``. ``message`` and ``hint`` are shown if it is
+    exceeded; ``place`` is the body, contact or load with the value, "" for the whole scene. Two checks of the
+    same name and place are of the same quantity. ``warns`` and ``fails`` replace the levels of the limit."""
+
+    name: str
+    value: float
+    message: str
+    hint: str = ""
+    place: str = ""
+    warns: float | None = None
+    fails: float | None = None
+
+    @property
+    def text(self) -> str:
+        """Message and hint."""
+        return f"{self.message}; {self.hint}" if self.hint else self.message
+
+    @property
+    def outcome(self) -> Outcome:
+        """The outcome; a value that is nan exceeds every level."""
+        warns, fails = self._levels
+        return "failed" if self._exceeds(fails) else "warned" if self._exceeds(warns) else "passed"
+
+    @property
+    def limit(self) -> float | None:
+        """The level that decides the outcome: the one exceeded, or else the first one."""
+        warns, fails = self._levels
+        return fails if warns is None or self.outcome == "failed" else warns
+
+    @property
+    def severity(self) -> tuple[int, float]:
+        """Order of checks of the same quantity."""
+        sign = -1.0 if LIMITS[self.name].lower else 1.0
+        return OUTCOMES.index(self.outcome), float(np.nan_to_num(sign * self.value, nan=np.inf))
+
+    @property
+    def row(self) -> dict[str, Any]:
+        """Entry of ``summary.checks``."""
+        keys = ("name", "place", "value", "limit", "outcome")
+        return {key: getattr(self, key) for key in keys}
+
+    @property
+    def _levels(self) -> tuple[float | None, float | None]:
+        known = LIMITS[self.name]
+        warns, fails = self.warns, self.fails
+        return known.warns if warns is None else warns, known.fails if fails is None else fails
+
+    def _exceeds(self, level: float | None) -> bool:
+        if level is None:
+            return False
+        slack = COARSE_ROUND_OFF * abs(level)
+        return not (self.value >= level - slack if LIMITS[self.name].lower else self.value <= level + slack)
+
+
+class Verdicts:
+    """The worst check of every quantity so far; ``warn`` is called with the first of each that warns."""
+
+    def __init__(self, warn: Callable[[Check], None]) -> None:
+        self._warn = warn
+        self._worst: dict[tuple[str, str], Check] = {}
+
+    def judge(self, checks: Iterable[Check]) -> None:
+        """Keep the ``checks`` and warn. Raises NumericalError at the first that fails."""
+        for check in checks:
+            key = check.name, check.place
+            before = self._worst.get(key)
+            if before is None or check.severity > before.severity:
+                self._worst[key] = check
+            if check.outcome == "failed":
+                raise NumericalError(check.message, check.hint)
+            if check.outcome == "warned" and (before is None or before.outcome == "passed"):
+                self._warn(check)
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """Content of ``summary.checks``."""
+        return [check.row for check in self._worst.values()]
+
+    @property
+    def plain(self) -> list[dict[str, Any]]:
+        """The kept checks as plain values, for checkpoints."""
+        return [vars(check) for check in self._worst.values()]
+
+    def take_up(self, plain: Iterable[Mapping[str, Any]]) -> list[str]:
+        """Continue with the checks kept by an earlier process; returns its warnings that are new to this
+        one."""
+        checks = [Check(**stored) for stored in plain]
+        known = set(self._worst)
+        self._worst = {(check.name, check.place): check for check in checks} | self._worst
+        return [
+            check.text
+            for check in checks
+            if (check.name, check.place) not in known and check.outcome == "warned"
+        ]

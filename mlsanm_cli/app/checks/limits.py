@@ -1,0 +1,107 @@
+"""Limits of the checks of a run, by name. ``docs/troubleshooting.md`` shows this table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from mlsanm_cli.solve.direction_updates import INSTABILITY_RATIO
+
+
+class Limit(NamedTuple):
+    """Levels of a check: a run warns above ``warns`` and fails above ``fails`` (with ``lower``, below them),
+    never for None. ``meaning`` defines the value that is compared."""
+
+    warns: float | None
+    fails: float | None
+    meaning: str
+    lower: bool = False
+
+    @property
+    def first(self) -> float | None:
+        """The level that is reached first."""
+        return self.fails if self.warns is None else self.warns
+
+
+ANY = 0.0
+"""Level of checks whose value is a number of places."""
+
+MODEL: Mapping[str, Limit] = {
+    "node_distance": Limit(0.5, None, "smallest distance of two nodes over the local spacing", lower=True),
+    "node_hole": Limit(1.6, None, "radius of the largest circle without nodes over the local spacing"),
+    "spacing_growth": Limit(0.3, None, "growth of the spacing per unit length"),
+    "mesh_growth": Limit(0.6, None, "growth of the spacing per unit length between nodes of a file"),
+    "facing_spacings": Limit(2.0, None, "ratio of the spacings of facing surfaces with nodal pressures"),
+    "slave_stiffness": Limit(3.0, None, "stiffness of a slave with nodal pressures over that of its master"),
+    "contact_corner": Limit(ANY, None, "corners inside a contact surface, where contact grids end"),
+    "crack_tip": Limit(ANY, None, "ends of a contact at which a bond of the same bodies begins"),
+    "bonded_curve": Limit(0.22, None, "rotation of a bonded surface from node to node (radian)"),
+    "degree": Limit(2.0, None, "lowest `mls.degree`", lower=True),
+    "initial_gap": Limit(0.25, None, "initial gap of a contact over the size of the smaller body"),
+    "load_resolution": Limit(0.08, None, "error of a load interpolated between nodes over its largest value"),
+    "loaded_length": Limit(0.01, None, "relative error of the length of a loaded part, with nodes of a file"),
+    "weak_motion": Limit(ANY, None, "motions along the surfaces in contact that are hardly resisted"),
+    "reentrant_corners": Limit(ANY, None, "sharp corners that point into the material of a body"),
+    "plane_stiffness": Limit(ANY, None, "materials whose stress out of the plane is not known"),
+    "friction_coefficient": Limit(4.0, None, "coefficient of friction; that of rubber is up to 4"),
+    "refinement_pass": Limit(ANY, None, "passes of a refinement that failed; results are those before it"),
+}
+"""Checks of the model, before the path."""
+
+STATE: Mapping[str, Limit] = {
+    "residual": Limit(None, None, "residual of the contact problem; a run fails above `solver.tolerance`"),
+    "finite": Limit(None, ANY, "states with numbers that are not finite"),
+    "friction_limit": Limit(None, 1e-8, "tractions beyond the friction limit over the peak pressure"),
+    "contact_reach": Limit(None, ANY, "nodes left out of a contact that have come into contact"),
+    "overlap": Limit(None, ANY, "boundaries inside a body or an obstacle without a contact there"),
+    "self_overlap": Limit(ANY, None, "points of a boundary inside its own body; fails at finite strain"),
+    "sliding_distance": Limit(0.25, None, "sliding at small strain over the width of the contact"),
+    "snap": Limit(ANY, None, "jumps of a contact with friction, whose path is not continuous"),
+    "body_rotation": Limit(
+        0.03, INSTABILITY_RATIO, "moment of forces by the rotation of a body over the moment that resists it"
+    ),
+    "volume_ratio": Limit(None, 0.0, "least determinant of the deformation gradient", lower=True),
+    "ellipticity": Limit(
+        0.1, 0.0, "least eigenvalue of the acoustic tensor over the shear modulus", lower=True
+    ),
+}
+"""Checks of every state of the path."""
+
+END: Mapping[str, Limit] = {
+    "linear_residual": Limit(None, 1e-6, "change of an elastic solution by one more iterative refinement"),
+    "pressed_spacings": Limit(None, 4.0, "ratio of the spacings of surfaces pressed on each other by nodes"),
+    "initial_overlap": Limit(0.01, None, "pressures before any load over those at the end of the path"),
+    "contact_end": Limit(0.2, None, "pressure where a surface continues smoothly, over the mean pressure"),
+    "peak_pressure": Limit(0.5, None, "peak pressure off the ends of a contact over the contact modulus"),
+    "strain": Limit(0.1, None, "strain or rotation of a body at small strain"),
+    "force_mismatch": Limit(0.03, 0.1, "difference of the forces on slave and master over their size"),
+    "force_balance": Limit(0.03, 0.1, "sum of all forces on a body over the largest of them"),
+    "energy_error": Limit(0.03, 0.1, "twice the strain energy of a body over the work done on it, minus 1"),
+    "series_energy_error": Limit(0.01, 0.1, "the same of a path by power series at finite strain"),
+    "single_nodes": Limit(0.03, None, "growth of displacements at single held nodes with half the spacing"),
+    "peak_stress": Limit(0.03, None, "estimated error of the largest stress on a free boundary"),
+    "held_motion": Limit(0.01, None, "part of a contact force along a motion that is fixed at 0"),
+    "limit_load": Limit(0.01, None, "part of a limit load from contacts that do not move as they should"),
+    "no_pressure": Limit(ANY, None, "scenes without contact pressure at the end of any stage"),
+    "missing_estimates": Limit(ANY, None, "missing error estimates"),
+    "displacement_error": Limit(0.02, None, "estimated error of displacements, of the whole or at a probe"),
+    "force_error": Limit(0.005, None, "estimated error of a contact force over the sum of its pressures"),
+    "pressure_error": Limit(0.02, None, "estimated error of frictionless pressures on contact grids (L2)"),
+    "rough_pressure_error": Limit(0.05, None, "estimated error of pressures with friction or on nodes (L2)"),
+    "energy_estimate": Limit(0.015, None, "estimated error of the energy at finite strain"),
+    "finite_force_error": Limit(0.015, None, "estimated error of a contact force over the largest force"),
+    "few_contact_nodes": Limit(4.0, None, "nodes in a contact; at least 6 next to open ones", lower=True),
+    "contact_between_nodes": Limit(ANY, None, "places that press, or may touch, between nodes"),
+    "contact_nodes": Limit(ANY, None, "contacts with fewer nodes than their `accuracy` requires"),
+}
+"""Checks of a completed path. Reactions are computed from stresses, independently of the applied forces;
+errors of the energy are those of the deflection of beams."""
+
+LIMITS: Mapping[str, Limit] = {**MODEL, **STATE, **END}
+
+
+def level(name: str) -> float:
+    """The first level of a check that has one."""
+    found = LIMITS[name].first
+    assert found is not None
+    return found

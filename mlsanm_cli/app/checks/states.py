@@ -1,0 +1,108 @@
+"""Checks of every state of a path at small strain."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from mlsanm_cli.app.checks.check import Check
+from mlsanm_cli.app.checks.limits import level
+from mlsanm_cli.contact.laws.contact_status import STICK, ContactStatus
+from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.direction_updates import turned_by_loads
+from mlsanm_cli.solve.stage_ends import passing_error, reach_error
+from mlsanm_cli.solve.state import State
+
+
+def residual(built: CondensedScene, state: State) -> Iterator[Check]:
+    """The residual of the contact problem."""
+    yield Check(
+        "residual",
+        state.residual,
+        f"the residual {state.residual:.3g} at position {state.position:.6g} is above the tolerance",
+        "raise solver.tolerance only if that residual is small enough for your purpose",
+        fails=built.case.solver.tolerance,
+    )
+
+
+def finite(built: CondensedScene, state: State) -> Iterator[Check]:
+    """Numbers that are nan or infinite."""
+    message = f"the state at position {state.position:.6g} is not finite"
+    yield Check("finite", float(not state.is_finite), message)
+
+
+def friction_limit(built: CondensedScene, state: State) -> Iterator[Check]:
+    """Tractions beyond the friction limit; regularised laws may exceed it by mu eta."""
+    condensed = built.condensed
+    if not len(condensed.friction_nodes):
+        return
+    limit = condensed.friction * np.maximum(state.pressure[condensed.friction_nodes], 0.0)
+    beyond = float((np.abs(state.traction) - limit).max())
+    peak = max(float(end.pressure.max()) for end in built.ends)
+    rough = [contact for contact in built.case.touching if contact.regularization.law != "exact"]
+    smooth = max((contact.coefficient * contact.regularization.eta for contact in rough), default=0.0)
+    yield Check(
+        "friction_limit",
+        max(beyond / peak, 0.0) if peak > 0.0 else beyond,
+        f"a traction is beyond the friction limit at position {state.position:.6g}",
+        'lower solver.tolerance, or use contact.regularization.law = "exact"',
+        fails=max(level("friction_limit"), smooth),
+    )
+
+
+def contact_reach(built: CondensedScene, state: State) -> Iterator[Check]:
+    """Nodes that are no candidates of their contact but touch the other surface."""
+    reaches = {contact.name: contact.reach for contact in built.case.contact}
+    touched = built.condensed.touched(*state.unknowns)
+    for pairing in built.condensed.pairings:
+        name, gaps = pairing.name, pairing.gap[touched[pairing.name]]
+        message, hint = "", ""
+        if len(gaps):
+            gap = float(gaps.max())
+            found = passing_error(name, gap, state.position)
+            error = found if reaches[name] == "auto" else reach_error(name, gap)
+            message, hint = error.message, error.hint
+        yield Check("contact_reach", len(gaps), message, hint, f"contact {name}")
+
+
+def body_rotation(built: CondensedScene, state: State) -> Iterator[Check]:
+    """The body that would rotate much farther, or without resistance, by forces at their displaced
+    positions."""
+    nodes = built.condensed.friction_nodes
+    stuck = state.status[nodes] == STICK
+    sign = np.where(state.closed[nodes] & ~stuck, np.sign(state.traction), 0.0)
+    sets = ContactStatus(state.closed, stuck, sign)
+    turned = turned_by_loads(built.scene, built.condensed, state.unknowns[1:], sets)
+    if turned is not None and turned.error:
+        # Where all nodes slip, as in a disk that settles in a groove, nothing resists a rotation further.
+        turned = turned_by_loads(built.scene, built.condensed, state.unknowns[1:], sets.resting(nodes))
+    if turned is None:
+        return
+    message = (
+        turned.error.message
+        if turned.error
+        else f"{turned.names} rotates by {np.degrees(turned.angle):.2g} degrees, and would rotate "
+        f"{1.0 / (1.0 - turned.share):.3g} times as far with forces at their displaced positions"
+    )
+    yield Check("body_rotation", turned.share, message, turned.hint, turned.names)
+
+
+def overturning(built: CondensedScene, state: State) -> Iterator[Check]:
+    """A body that loads rotate without resistance; others are judged at the end of the path."""
+    return (check for check in body_rotation(built, state) if check.outcome == "failed")
+
+
+STATE: tuple[Callable[[CondensedScene, State], Iterator[Check]], ...] = (
+    residual,
+    finite,
+    friction_limit,
+    contact_reach,
+)
+"""Checks of every state."""
+
+
+def checks_of(built: CondensedScene, state: State) -> Iterator[Check]:
+    """All checks of a state."""
+    for check in STATE:
+        yield from check(built, state)

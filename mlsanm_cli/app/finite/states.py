@@ -1,0 +1,157 @@
+"""Checks of every state at finite strain: deformations, and boundaries inside bodies and obstacles that no
+contact prevents; the error of a path that cannot be continued."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from itertools import permutations
+
+import numpy as np
+
+from mlsanm_cli.app.checks.check import Check
+from mlsanm_cli.app.checks.deformed import DeformedOutline, Overlap, deepest, inside, label, outline_of
+from mlsanm_cli.app.checks.limits import ANY, level
+from mlsanm_cli.app.checks.overlaps import overlap_check
+from mlsanm_cli.app.finite.scene import FiniteScene
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.finite.rigid import RigidContact
+from mlsanm_cli.continuation import Outcome
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.mechanics.finite.law import determinant
+from mlsanm_cli.solve.state import State
+
+_LAWS = 'use law = "neo-hookean", which admits any compression, or smaller loads'
+
+
+def deformation(scene: FiniteScene, state: State) -> Iterator[Check]:
+    """Volume ratio and ellipticity of every body."""
+    for name, own in scene.parts(state.displacement).items():
+        volume, place = _least_volume(scene, name, own)
+        yield Check(
+            "volume_ratio",
+            volume,
+            f"{place}: the deformation is not invertible at position {state.position:.6g} "
+            f"(det F = {volume:.3g})",
+            "use smaller loads, or finer nodes there",
+            f"body {name}",
+        )
+        waves, law = scene.bodies[name].ellipticity(own, state.factors), scene.bodies[name].law.kind
+        node = int(np.argmin(waves))
+        lost = "has lost ellipticity" if waves[node] <= 0.0 else "is close to losing ellipticity"
+        yield Check(
+            "ellipticity",
+            float(waves[node]),
+            f"{place_of(scene, name, node)}: {law} {lost} at position {state.position:.6g} (acoustic tensor "
+            f"{waves[node]:.3g} of the shear modulus), where states are not unique",
+            _LAWS,
+            f"body {name}",
+        )
+
+
+def overlap(scene: FiniteScene, state: State) -> Iterator[Check]:
+    """Boundaries inside their own body, another one or an obstacle."""
+    if not scene.in_increments:
+        return
+    outlines = {}
+    for name, own in scene.parts(scene.shown(state)).items():
+        cloud = scene.bodies[name].elastic.model.cloud
+        outlines[name] = outline_of(cloud, own.reshape(-1, 2), exact=True)
+        place = _crossing(outlines[name])
+        near = "" if place is None else f"near ({place[0]:.6g}, {place[1]:.6g}) "
+        yield Check(
+            "self_overlap",
+            float(place is not None),
+            f"body {name} touches itself {near}at position {state.position:.6g}: self-contact is not "
+            f"supported",
+            "use smaller loads, or model it as two bodies",
+            f"body {name}",
+            fails=ANY,
+        )
+    found = [*_between_bodies(outlines), *_with_obstacles(scene, outlines, state.driven)]
+    hint = "add a [[contact]] between them, or use finer nodes there"
+    yield overlap_check(found, state.position, lambda *_: hint)
+
+
+STATE: Sequence[Callable[[FiniteScene, State], Iterator[Check]]] = (deformation, overlap)
+"""Checks of every state."""
+
+
+def _between_bodies(outlines: dict[str, DeformedOutline]) -> Iterator[Overlap]:
+    """Overlaps of bodies."""
+    for one, other in permutations(outlines, 2):
+        own, there = outlines[one], outlines[other]
+        near, facing, depth, uncertainty = inside(own, there)
+        deep = depth > uncertainty
+        others = [f"{other}.{label(there.names[number])}" for number in there.surface[facing[deep]]]
+        yield from deepest(own, near[deep], depth[deep], one, others)
+
+
+def _with_obstacles(
+    scene: FiniteScene, outlines: dict[str, DeformedOutline], factors: FloatArray
+) -> Iterator[Overlap]:
+    """Overlaps with rigid obstacles of surfaces that have no contact with one, at load ``factors``."""
+    rigid = [one for one in scene.contacts.pairs if isinstance(one, RigidContact)]
+    taken = {(one.slave.body, name) for one in rigid for name, _ in one.slave.members}
+    for contact in rigid:
+        body = contact.slave.body
+        own = outlines[body]
+        free = ~np.array([(body, name) in taken for name in own.names])[own.surface]
+        depth = -contact.seen(own.points, own.normal, factors)[0]
+        deep = np.flatnonzero(free & (depth > own.uncertainty))
+        others = [f"the obstacle of contact {contact.name}"] * len(deep)
+        yield from deepest(own, deep, depth[deep], body, others)
+
+
+def _crossing(outline: DeformedOutline) -> tuple[float, float] | None:
+    """Intersection of two chords of an outline that are not adjacent, if there is one."""
+    start, way = outline.edges[:, :2], outline.edges[:, 2:] - outline.edges[:, :2]
+    low, high = np.minimum(start, start + way), np.maximum(start, start + way)
+    one, other = np.nonzero(((low[:, None] < high[None]) & (high[:, None] > low[None])).all(axis=2))
+    kept = one < other
+    one, other = one[kept], other[kept]
+    between = start[other] - start[one]
+    across = way[one, 0] * way[other, 1] - way[one, 1] * way[other, 0]
+    length = np.hypot(*way.T)
+    slanted = np.abs(across) > 1e-9 * length[one] * length[other]
+    one, other, between, across = one[slanted], other[slanted], between[slanted], across[slanted]
+    mine = (between[:, 0] * way[other, 1] - between[:, 1] * way[other, 0]) / across
+    theirs = (between[:, 0] * way[one, 1] - between[:, 1] * way[one, 0]) / across
+    # Adjacent chords share an end.
+    inner = (np.minimum(mine, theirs) > 1e-6) & (np.maximum(mine, theirs) < 1.0 - 1e-6)
+    if not inner.any():
+        return None
+    first = int(np.flatnonzero(inner)[0])
+    x, y = (start[one[first]] + mine[first] * way[one[first]]).tolist()
+    return x, y
+
+
+def _least_volume(scene: FiniteScene, name: str, displacement: FloatArray) -> tuple[float, str]:
+    """Smallest det F at the nodes of a body, and its place."""
+    volume = 1.0 + determinant(scene.bodies[name].gradient(displacement))
+    node = int(np.argmin(volume))
+    return float(volume[node]), place_of(scene, name, node)
+
+
+def path_failure(
+    scene: FiniteScene, position: float, factors: FloatArray, displacement: FloatArray, outcome: Outcome
+) -> NumericalError:
+    """Error of a path of one body that cannot be continued from its last state."""
+    name, body = scene.alone
+    waves = body.ellipticity(displacement, factors)
+    soft = int(np.argmin(waves))
+    where = f"the path stopped at position {position:.6g}: {outcome.reason.value} ({outcome.message})"
+    if waves[soft] < level("ellipticity"):
+        place = place_of(scene, name, soft)
+        close = f"{place} is close to losing ellipticity (acoustic tensor {waves[soft]:.2g})"
+        return NumericalError(f"{where}; {close}", _LAWS)
+    volume, place = _least_volume(scene, name, displacement)
+    return NumericalError(
+        f"{where}; the smallest det F is {volume:.3g}, at {place}",
+        "use smaller loads, finer nodes, or raise solver.tolerance",
+    )
+
+
+def place_of(scene: FiniteScene, name: str, node: int) -> str:
+    """A node of a body, in messages."""
+    x, y = scene.bodies[name].elastic.model.cloud.points[node]
+    return f"body {name}, node {node} at ({x:.6g}, {y:.6g})"

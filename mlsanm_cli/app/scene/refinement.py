@@ -1,0 +1,48 @@
+"""Refinement of the clouds of a scene, with plain values that a checkpoint keeps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from mlsanm_cli.cloud.curves import Segment
+from mlsanm_cli.cloud.spacing import Zone
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """Refined clouds: ``zones`` around segments in addition to those of the case, the results of the
+    ``passes`` so far, and the message of a pass that ``failed``, if one did.
+
+    At finite strain also the zones of the pass ``before``, and whether there are ``fewer`` nodes than
+    required.
+    """
+
+    zones: tuple[Zone, ...] = ()
+    passes: tuple[Mapping[str, Any], ...] = ()
+    failed: str = ""
+    before: tuple[Zone, ...] = ()
+    fewer: bool = False
+
+    @classmethod
+    def read(cls, plain: Mapping[str, Any]) -> Refinement:
+        """From its plain values."""
+        zones = {name: tuple(_zones(plain[name])) for name in ("zones", "before")}
+        return cls(**{**plain, **zones, "passes": tuple(plain["passes"])})
+
+    @property
+    def plain(self) -> dict[str, Any]:
+        """Plain values; a zone is a row of start, end, spacing, radius and growth."""
+        rows = {name: [_row(zone) for zone in getattr(self, name)] for name in ("zones", "before")}
+        return {**vars(self), **rows}
+
+
+def _row(zone: Zone) -> list[float]:
+    assert isinstance(zone.curve, Segment)
+    return [*zone.curve.start, *zone.curve.end, zone.spacing, zone.radius, zone.growth]
+
+
+def _zones(rows: Sequence[Sequence[float]]) -> Iterator[Zone]:
+    for a, b, c, d, spacing, radius, growth in rows:
+        yield Zone(Segment((a, b), (c, d)), spacing, radius, growth)

@@ -1,0 +1,167 @@
+"""Conditions on boundaries: which exclude each other, which hold a body, and which surfaces touch."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.case.scenes import CLAMP, HERTZ, PULL, SQUARE, only, parse
+
+POINT = '[[support]]\nbody = "square"\nnear = [{}, {}]\n{} = 0\n'
+
+
+def load(name: str, boundary: str, kind: str, keys: str) -> str:
+    return f'[[load]]\nname = "{name}"\nboundary = "square.{boundary}"\nkind = "{kind}"\n{keys}\n'
+
+
+def held(boundary: str, keys: str) -> str:
+    return f'[[support]]\nboundary = "square.{boundary}"\n{keys}\n'
+
+
+def platen(keys: str) -> str:
+    return load("plate", "top", "platen", keys)
+
+
+HEAT = '[[load]]\nname = "heat"\nbody = "square"\nkind = "temperature"\ntemperature = 3\n'
+PAIRS = [
+    ("traction", "traction = [1, 0]", "traction", "traction = [2, 0]", ""),
+    ("traction", "traction = [1, 0]", "pressure", "pressure = 1", ""),
+    ("traction", "traction = [1, 0]", "displacement", "displacement = [1, 0]", "load.b"),
+    ("pressure", "pressure = 1", "platen", "ux = 1", "load.b"),
+    ("pressure", "pressure = 1", "platen", "uy = 1", ""),
+    ("platen", "force = [1, 0]", "platen", "force = [0, 1]", ""),
+    ("platen", "ux = 1", "platen", "ux = 2", ""),
+    ("platen", "ux = 1", "platen", "fy = 2", ""),
+    ("platen", "ux = 1", "platen", "fx = 2", "load.b"),
+    ("platen", "ux = 1", "platen", 'ux = 1\nrotation = "free"', ""),
+    ("platen", 'ux = 1\nrotation = "fixed"', "platen", "ux = 1\nmoment = 1", "load.b.rotation"),
+    ("platen", "ux = 1", "platen", "ux = 1\nhinge = [1, 2]\nrotation = 0.1", ""),
+    ("displacement", "displacement = [1, 0]", "platen", "ux = 1", "load.b"),
+    ("displacement", "displacement = [1, 0]", "displacement", "displacement = [0, 1]", ""),
+]
+FIXED = CLAMP + held("bottom", "uy = 0")
+PULLED = CLAMP + PULL
+SPRUNG = held("left", "spring = [1, 1]")
+CONDITIONS = [
+    *(
+        (CLAMP + load("a", "right", one, keys) + load("b", "right", other, more), key, "")
+        for one, keys, other, more, key in PAIRS
+    ),
+    (FIXED + load("a", "left", "traction", "traction = [1, 0]"), "load.a", "both act on"),
+    (FIXED + load("a", "left", "displacement", "displacement = [1, 0]"), "load.a", "both act on"),
+    (FIXED + load("a", "left", "platen", "uy = 1"), "load.a", "both act on"),
+    (FIXED + load("a", "left", "pressure", "pressure = 1"), "load.a", "both act on"),
+    (FIXED + load("a", "bottom", "pressure", "pressure = 1"), "load.a", "both act on"),
+    (FIXED + load("a", "bottom", "traction", "traction = [1, 0]"), "", ""),
+    (FIXED + load("a", "bottom", "traction", "traction = [0, 1]"), "load.a", "both act on"),
+    (FIXED + load("a", "bottom", "platen", "fx = 1"), "", ""),
+    (PULLED + POINT.format(1, 0, "uy"), "", ""),
+    (PULLED + POINT.format(1, 0, "uy") + POINT.format(1, 0, "ux"), "", ""),
+    (PULLED + 2 * POINT.format(1, 0, "uy"), "support.2", "already"),
+    (PULL + held("right", "spring = [1, 1]"), "", ""),
+    (PULL + SPRUNG + held("left", "spring = [1, 0]"), "support.1", "both act on square.left in x"),
+    (PULL + platen("uy = 1") + held("top", "spring = [1, 1]"), "load.plate", "both act on square.top in y"),
+    (
+        PULLED + load("more", "right", "pressure", "pressure = 1") + "[[stage]]\npull = 1",
+        "load.more",
+        "no stage",
+    ),
+    (
+        PULLED + '[[load]]\nname = "h"\nbody = "square"\nkind = "temperature"\ntemperature = 3',
+        "load.h",
+        "alpha",
+    ),
+]
+FREE = [
+    ("", "translation in x and translation in y and rotation"),
+    (held("left", "ux = 0"), "translation in y"),
+    (held("bottom", "uy = 0"), "translation in x"),
+    (held("left", "uy = 0"), "translation in x and rotation"),
+    (held("left", "ux = 0") + POINT.format(0, 0, "uy"), ""),
+    (held("left", "ux = 0") + held("bottom", "uy = 0"), ""),
+    (POINT.format(0, 0, "ux") + POINT.format(0, 0, "uy"), "rotation about (0, 0)"),
+    (POINT.format(0, 0, "ux") + POINT.format(0, 0, "uy") + POINT.format(1, 0, "uy"), ""),
+    (POINT.format(0, 0, "ux") + POINT.format(0, 0, "uy") + POINT.format(1, 0, "ux"), "(0, 0)"),
+    (platen("displacement = [0, 1]"), ""),
+    (platen('displacement = [0, 1]\nrotation = "free"'), "rotation about (0.5, 1)"),
+    (platen("force = [0, 1]"), "translation in x and translation in y"),
+    (platen("uy = 1"), "translation in x"),
+    (platen("ux = 1"), "translation in y and rotation"),
+    (platen("uy = 1") + POINT.format(0, 0, "ux"), ""),
+    (platen("fy = 1") + held("bottom", "uy = 0"), "translation in x"),
+    (held("bottom", "spring = [1, 1]"), ""),
+    (held("bottom", "spring = [0, 1]"), "translation in x"),
+    (held("bottom", "spring = [1, 0]"), "translation in y and rotation"),
+    (load("hold", "left", "displacement", "ux = 0"), "translation in y"),
+    (load("hold", "left", "displacement", "ux = 0\nuy = 0"), ""),
+]
+
+
+@pytest.mark.parametrize(("conditions", "key", "words"), CONDITIONS)
+def test_conditions_that_exclude_each_other(conditions: str, key: str, words: str) -> None:
+    if key:
+        problem = only(SQUARE + conditions)
+        assert problem.key == key
+        assert words in str(problem)
+    else:
+        parse(SQUARE + conditions)
+
+
+@pytest.mark.parametrize(("conditions", "free"), FREE)
+def test_a_body_alone(conditions: str, free: str) -> None:
+    if not free:
+        parse(SQUARE + PULL + conditions)
+        return
+    problem = only(SQUARE + PULL + conditions)
+    assert (problem.key, problem.line) == ("body.square", 7)
+    assert free in problem.message
+    assert ("x and" in problem.message) == ("x and" in free)
+    assert "add a [[support]]" in problem.hint
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        'kind="platen", force=[0.0, -1.0]',
+        'kind="platen", force=[0.0, -1.0], rotation="free"',
+        'kind="platen", ux=0.0, fy=-1.0',
+        'kind="traction", traction=[0.0, -1.0]',
+    ],
+)
+def test_contact_and_platens_may_hold_a_body(keys: str) -> None:
+    parse(HERTZ, [f'load.press={{name="press", boundary="cylinder.flat", {keys}}}'])
+
+
+CONTACT = '[[contact]]\nname = "{}"\nslave = "{}"\nmaster = "{}"\n'
+THIRD = """[[body]]
+name = "third"
+material = "steel"
+spacing = 4.0
+shape = {kind = "rectangle", x = [-1, 1], y = [0, 5]}
+[[support]]
+boundary = "third.top"
+ux = 0.0
+uy = 0.0
+"""
+
+
+def test_boundaries_in_two_contacts() -> None:
+    text = HERTZ + THIRD
+    parse(text + CONTACT.format("second", "third.bottom", "block.top"))
+    parse(text + CONTACT.format("second", "cylinder.arc", "third.bottom"))
+    mirrored = only(text + CONTACT.format("second", "block.top", "cylinder.arc"))
+    assert mirrored.key == "contact.second"
+    mixed = CONTACT.format("second", "third.bottom", "block.top") + 'regularization.law = "exact"\n'
+    eta = "contact.interface.regularization.eta=1e-5"
+    assert only(text + mixed, (eta,)).key == "contact.second.regularization.law"
+
+
+@pytest.mark.parametrize("law", ["exact", "hyperbolic"])
+def test_methods_and_formulations_fit_the_contact_law(law: str) -> None:
+    chosen = f"contact.interface.regularization.law={law}"
+    fits = {"method=auto": True, "method=active-set": law == "exact"}
+    fits |= dict.fromkeys(["method=anm", "method=newton", "formulation=monolithic"], law == "hyperbolic")
+    for setting, accepted in fits.items():
+        if accepted:
+            parse(HERTZ, [chosen, f"solver.{setting}"])
+        else:
+            assert only(HERTZ, [chosen, f"solver.{setting}"]).key == f"solver.{setting.partition('=')[0]}"
