@@ -61,7 +61,7 @@ SMOOTH = (
     ANM,
     "solver.increments=4",
     "contact.interface.regularization.eta=1e-2",
-    "contact.interface.regularization.stick=1e-2",
+    "contact.interface.regularization.stick=1e-3",
 )
 """The regularised law by power series, soft and on nodes that the contact of ``hertz()`` needs."""
 

@@ -33,7 +33,7 @@ SCENES = {
         (*SMOOTH, "stage=[{press=0.6}, {press=0.6}, {press=1.0}]", "output.at=[0.3, 2.5, 3.0]"),
     ),
     "newton": (hertz(), (*SMOOTH, NEWTON, INSIDE)),
-    "friction": (SHEARED, (*SMOOTH, *SHORT)),
+    "friction": (SHEARED, (*SMOOTH, *SHORT, "solver.tolerance=1e-10")),
     "exact friction": (SHEARED, (EXACT_LAW, *SHORT)),
 }
 SAME = 1e-8
