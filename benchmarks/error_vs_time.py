@@ -83,7 +83,7 @@ def measure(settings: list[str], repeat: int) -> dict[str, Any]:
         command = [
             sys.executable,
             "-m",
-            "mlsanm_cli.cli",
+            "mlsanm_cli",
             "run",
             str(ROOT / "cases" / "hertz.toml"),
             "--quiet",

@@ -66,7 +66,7 @@ def _entry(file: Path) -> Entry | None:
 
 def _solved(file: Path, entry: Entry, directory: Path) -> dict[str, Any]:
     """Run and draw a case, put its picture into docs, and return its figures."""
-    command = [sys.executable, "-m", "mlsanm_cli.cli"]
+    command = [sys.executable, "-m", "mlsanm_cli"]
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     for arguments in (
         ["run", str(file), "--out", str(directory), "--force", "--quiet"],

@@ -5,8 +5,9 @@
     python benchmarks/golden.py --accept NAME ... --reason TEXT --evidence TEXT
 
 The table (``results/golden.json``) holds, for every run, its exit code, all figures of ``summary.json`` but
-times and memory, and its warnings without their numbers. Figures agree if they differ by at most 1e-6 of the
-largest of their group (components of a force: of all forces of the run). NAME is a part of a name.
+times and memory, the checks that warned or failed, and its warnings without their numbers. Figures agree if
+they differ by at most 1e-6 of the largest of their group (components of a force: of all forces of the run).
+NAME is a part of a name.
 ``--quick`` reruns the runs that took at most 3 CPU seconds when recorded. ``--accept`` replaces the entries
 of runs whose figures were meant to change and writes each change, with its reason and evidence, into the
 table.
@@ -81,11 +82,12 @@ def ran(name: str, scene: Scene, folder: Path) -> tuple[str, Figures]:
     """Entry of the table of one run."""
     done = run_case(scene, scene.case, folder / name, lambda points: points)
     summary = {key: value for key, value in done.summary.items() if key not in VOLATILE}
-    warnings = summary.pop("warnings", [])
+    warnings, checks = summary.pop("warnings", []), done.summary.get("checks", [])
     entry = {
         "exit": done.code,
         "cpu": round((done.summary.get("seconds") or {}).get("total", 0.0), 1),
         "warnings": sorted({words(text) for text in warnings}),
+        "checks": sorted({one["name"] for one in checks if one["outcome"] != "passed"}),
         "figures": {
             key: float(f"{value:.12g}") if isinstance(value, float) else value for key, value in flat(summary)
         },
@@ -107,8 +109,8 @@ def group(key: str) -> str:
 
 def differences(old: Figures, new: Figures) -> Iterator[str]:
     """What differs between two entries, a line each; keys of the new one only are additions."""
-    for key in ("exit", "warnings", "message"):
-        if old.get(key) != new.get(key):
+    for key in ("exit", "checks", "warnings", "message"):
+        if old.get(key, new.get(key) if key == "checks" else None) != new.get(key):
             yield f"{key}: {old.get(key)} -> {new.get(key)}"
     scales: dict[str, float] = {}
     for key, value in (*old["figures"].items(), *new["figures"].items()):

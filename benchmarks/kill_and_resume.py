@@ -1,11 +1,11 @@
 """Runs killed at random moments and resumed: every one must be readable, and end as if it had not been.
 
-Five cases: no contact, power series without friction, friction with memory that is reversed by the smooth
-and by the exact law, and refined clouds. Each is run once to its end; then it is killed by SIGKILL at moments
-drawn evenly from the time between its first file and its end, every second time once more while it is
-resumed, and compared with the first: saved states and the last row agree within the solver's tolerance. Files
-are written every 0.3 s and not every half a minute, which is longer than these runs. A run that was over
-before its moment came, or not begun, is not counted as killed.
+No contact, power series without friction, friction with memory that is reversed by the smooth and by the
+exact law, refined clouds, and finite strain in contact and by power series. Each is run once to its end; then
+it is killed by SIGKILL at moments drawn evenly from the time between its first file and its end, every second
+time once more while it is resumed, and compared with the first: saved states and the last row agree within
+the solver's tolerance. Files are written every 0.3 s and not every half a minute, which is longer than these
+runs. A run that was over before its moment came, or not begun, is not counted as killed.
 Writes kill_and_resume.json next to the other results.
 
     python benchmarks/kill_and_resume.py [kills per case] [seed]
@@ -57,6 +57,8 @@ SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
         (*COARSE, EXACT, f"output.at={[k / 5 for k in range(1, 21)]}"),
     ),
     "adapted": ("hertz", (*COARSE, "adapt.passes=1", f"output.at={[k / 20 for k in range(1, 21)]}")),
+    "finite strain, contact": ("squeezed_ring", (f"output.at={[k / 10 for k in range(1, 11)]}",)),
+    "finite strain, series": ("snap_through", (f"output.at={[k / 10 for k in range(1, 11)]}",)),
 }
 QUIET = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 

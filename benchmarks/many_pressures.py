@@ -41,7 +41,7 @@ def solved(case: dict[str, Any], folder: Path) -> tuple[dict[str, Any], Array, A
     """What a run took, and its pressures and their places."""
     case["contact"][0]["regularization"] = {"law": "exact"}
     (folder / "case.toml").write_text(tomli_w.dumps(case))
-    command = [sys.executable, "-m", "mlsanm_cli.cli", "run", str(folder / "case.toml"), "--json", "--force"]
+    command = [sys.executable, "-m", "mlsanm_cli", "run", str(folder / "case.toml"), "--json", "--force"]
     environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     ran = subprocess.run(

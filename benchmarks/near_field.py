@@ -157,7 +157,7 @@ def loop(folder: Path) -> None:
 def levels(folder: Path) -> None:
     taken = []
     for at in ("4.0", ",".join(f"{k / 15.0:.6g}" for k in range(1, 61))):
-        command = [sys.executable, "-m", "mlsanm_cli.cli", "run", str(CATTANEO), "--set", f"output.at=[{at}]"]
+        command = [sys.executable, "-m", "mlsanm_cli", "run", str(CATTANEO), "--set", f"output.at=[{at}]"]
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         subprocess.run([*command, "--force", "--quiet", "--out", str(folder / "run")], check=True)
         after = resource.getrusage(resource.RUSAGE_CHILDREN)

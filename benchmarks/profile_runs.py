@@ -41,7 +41,7 @@ def record(case: Path, settings: list[str], scale: float, form: str, out: Path) 
     with tempfile.TemporaryDirectory() as directory:
         results = Path(directory) / "run"
         command = ["py-spy", "record", "--rate", str(RATE), "--format", form, "--output", str(out), "--"]
-        command += [sys.executable, "-m", "mlsanm_cli.cli", "run", str(case), "--quiet"]
+        command += [sys.executable, "-m", "mlsanm_cli", "run", str(case), "--quiet"]
         command += ["--out", str(results), *finer(case, scale), *given(settings)]
         subprocess.run(command, check=True, env=environment, cwd=ROOT, capture_output=True)
         return dict(json.loads((results / "summary.json").read_text()))
@@ -83,7 +83,7 @@ def main() -> None:
     wishes = parser.parse_args()
     if shutil.which("py-spy") is None:
         sys.exit("no py-spy on the path: pip install py-spy")
-    subprocess.run([sys.executable, "-m", "mlsanm_cli.cli", "warmup"], check=True, cwd=ROOT)
+    subprocess.run([sys.executable, "-m", "mlsanm_cli", "warmup"], check=True, cwd=ROOT)
     wishes.out.mkdir(parents=True, exist_ok=True)
     if wishes.flame:
         wishes.flame.mkdir(parents=True, exist_ok=True)

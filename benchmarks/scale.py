@@ -49,7 +49,7 @@ def measure(case: Path, settings: list[str], scale: float) -> dict[str, Any]:
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     with tempfile.TemporaryDirectory() as directory:
         out = Path(directory) / "run"
-        command = [sys.executable, "-m", "mlsanm_cli.cli", "run", str(case), "--quiet"]
+        command = [sys.executable, "-m", "mlsanm_cli", "run", str(case), "--quiet"]
         command += ["--out", str(out), *finer(case, scale), *given(settings)]
         subprocess.run(command, check=True, env=environment, cwd=ROOT)
         summary = json.loads((out / "summary.json").read_text())
@@ -78,7 +78,7 @@ def main() -> None:
     parser.add_argument("--scale", type=float, nargs="+", default=[1.0, 0.36, 0.147, 0.104])
     parser.add_argument("--out", type=Path, default=ROOT / "benchmarks" / "results")
     wishes = parser.parse_args()
-    subprocess.run([sys.executable, "-m", "mlsanm_cli.cli", "warmup"], check=True, cwd=ROOT)
+    subprocess.run([sys.executable, "-m", "mlsanm_cli", "warmup"], check=True, cwd=ROOT)
     path = wishes.out / "scale.json"
     kept = json.loads(path.read_text()) if path.exists() else []
     here = (wishes.case, wishes.settings)

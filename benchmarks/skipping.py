@@ -170,7 +170,7 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", choices=[line.name for line in LINES])
     parser.add_argument("--out", type=Path, default=ROOT / "benchmarks" / "results")
     wishes = parser.parse_args()
-    subprocess.run([sys.executable, "-m", "mlsanm_cli.cli", "warmup"], check=True, cwd=ROOT)
+    subprocess.run([sys.executable, "-m", "mlsanm_cli", "warmup"], check=True, cwd=ROOT)
     wishes.out.mkdir(parents=True, exist_ok=True)
     path = wishes.out / "skipping.json"
     kept = {one["name"]: one for one in json.loads(path.read_text())} if path.exists() else {}

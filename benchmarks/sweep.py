@@ -56,7 +56,7 @@ def cpu_of(arguments: list[str], cache: Path) -> float:
     environment.pop("PYTHONDONTWRITEBYTECODE", None)
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     subprocess.run(
-        [sys.executable, "-m", "mlsanm_cli.cli", *arguments],
+        [sys.executable, "-m", "mlsanm_cli", *arguments],
         check=True,
         env=environment,
         stdout=subprocess.DEVNULL,

@@ -162,7 +162,7 @@ def collect(runs: Sequence[Place | Run]) -> list[dict[str, Any]]:
     """One row per run: directory, status, the keys that differ between the cases, and results."""
     with _numerics(1):
         from mlsanm_cli.app.results.collect import collect as collect_runs
-    return collect_runs([one.directory if isinstance(one, Run) else Path(one) for one in runs])
+    return collect_runs([place.directory if isinstance(place, Run) else Path(place) for place in runs])
 
 
 def overrides(changes: Changes | None) -> tuple[str, ...]:

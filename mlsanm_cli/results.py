@@ -135,8 +135,8 @@ class Run:
         from mlsanm_cli.app.results.path_lookup import refuse_unknown
 
         if name is None and len(self.contacts) != 1:
-            there = f"there are: {', '.join(self.contacts)}" if self.contacts else "there is none"
-            raise RunError("the run does not have one contact", there)
+            known = f"there are: {', '.join(self.contacts)}" if self.contacts else "there is none"
+            raise RunError("the run does not have one contact", known)
         name = self.contacts[0] if name is None else name
         refuse_unknown(name, self.contacts, "contact")
         return Contact(self, name)
@@ -171,8 +171,8 @@ class Run:
         from mlsanm_cli.app.results.path_lookup import refuse_unknown
 
         refuse_unknown(body, self.bodies, "body")
-        state, own = saved_state(self.data, at), self.data.bodies[body]
-        return {"points": own.points, "triangles": triangles_of(own), **state.bodies[body]}
+        state, nodes = saved_state(self.data, at), self.data.bodies[body]
+        return {"points": nodes.points, "triangles": triangles_of(nodes), **state.bodies[body]}
 
     def plot(
         self,

@@ -17,7 +17,7 @@ def mlsanm(label: str, case: str, *settings: str) -> Entry:
 
     def prepare(stem: Path) -> Job:
         given = ["output.vtu=false", 'contact.interface.regularization.law="exact"', *settings]
-        command = [sys.executable, "-m", "mlsanm_cli.cli", "run", str(CASES / f"{case}.toml"), "--quiet"]
+        command = [sys.executable, "-m", "mlsanm_cli", "run", str(CASES / f"{case}.toml"), "--quiet"]
         command += ["--force", "--threads", "1", "--out", str(stem)]
         command += [part for text in given for part in ("--set", text)]
         summary = stem / "summary.json"

@@ -133,7 +133,7 @@ def main() -> None:
     page = PAGE if arguments.out.resolve() == RESULTS else arguments.out / "peers.md"
     results = json.loads(store.read_text()) if store.exists() else {}
     if arguments.only:  # kernels are compiled once, which is no part of a run
-        subprocess.run([sys.executable, "-m", "mlsanm_cli.cli", "warmup"], check=True)
+        subprocess.run([sys.executable, "-m", "mlsanm_cli", "warmup"], check=True)
     for part in arguments.only:
         entries = [entry for entry in PARTS[part] if entry.needs not in absent]
         results[part] = measure(part, entries, arguments.repeat)

@@ -71,7 +71,7 @@ def run_case(scene: Scene, given: Table, folder: Path, move: Move, patience: flo
     for name, write in scene.files.items():
         write(folder / name, move)
     (folder / "case.toml").write_text(tomli_w.dumps(given))
-    command = [sys.executable, "-m", "mlsanm_cli.cli", "run", "case.toml", "--out", "run", "--force"]
+    command = [sys.executable, "-m", "mlsanm_cli", "run", "case.toml", "--out", "run", "--force"]
     environment = dict(os.environ, OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
     limit = f"ulimit -t {patience:.0f}; exec " + shlex.join([*command, "-q"])
     done = subprocess.run(

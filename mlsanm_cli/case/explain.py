@@ -68,13 +68,13 @@ def explain(key: str = "") -> tuple[Explanation, ...]:
         return (_kind(path, found),)
     groups: dict[str, Explanation] = {}
     for table, node in found:
-        one = _explain(path, table, node)
-        same = json.dumps([one.meaning, one.type, one.allowed, one.unit, one.default, sorted(one.keys)])
-        before = groups.get(same, one)
-        kinds = tuple(dict.fromkeys([*before.kinds, *one.kinds]))
-        groups[same] = replace(before, kinds=kinds, required=one.required and before.required)
+        new = _explain(path, table, node)
+        same = json.dumps([new.meaning, new.type, new.allowed, new.unit, new.default, sorted(new.keys)])
+        before = groups.get(same, new)
+        kinds = tuple(dict.fromkeys([*before.kinds, *new.kinds]))
+        groups[same] = replace(before, kinds=kinds, required=new.required and before.required)
     everywhere = len(groups) == 1 and len(found) == len(tables_at(path[:-1]))
-    return tuple(replace(one, kinds=() if everywhere else one.kinds) for one in groups.values())
+    return tuple(replace(new, kinds=() if everywhere else new.kinds) for new in groups.values())
 
 
 def _find(parts: list[str]) -> tuple[list[tuple[Node, Node]], tuple[str, ...]]:
@@ -132,7 +132,7 @@ def _meaning(node: Node, inner: tuple[Node, ...]) -> str:
 def _variants(inner: tuple[Node, ...]) -> dict[str, str]:
     if len(inner) < 2:
         return {}
-    return {one["properties"]["kind"]["const"]: one["description"] for one in inner}
+    return {table["properties"]["kind"]["const"]: table["description"] for table in inner}
 
 
 def _keys(inner: tuple[Node, ...]) -> dict[str, str]:
@@ -152,7 +152,7 @@ def _table_type(node: Node) -> str:
 
 def _type(node: Node) -> str:
     if "anyOf" in node:
-        return " or ".join(_type(one) for one in node["anyOf"])
+        return " or ".join(map(_type, node["anyOf"]))
     if "const" in node:
         return toml_value(node["const"])
     if "enum" in node:
@@ -222,9 +222,9 @@ def value_keys() -> list[str]:
 
 def all_explanations() -> list[Explanation]:
     """The explanations of all tables and keys, tables before their keys, in the order of the schema."""
-    explanations = [one for key in dict.fromkeys(key for key, _ in walk()) for one in explain(key)]
-    places = list(dict.fromkeys(["the top of the file", *(one.place for one in explanations)]))
-    return sorted(explanations, key=lambda one: (places.index(one.place), not one.keys))
+    explanations = [entry for key in dict.fromkeys(key for key, _ in walk()) for entry in explain(key)]
+    places = list(dict.fromkeys(["the top of the file", *(entry.place for entry in explanations)]))
+    return sorted(explanations, key=lambda entry: (places.index(entry.place), not entry.keys))
 
 
 def markdown(explanations: Sequence[Explanation]) -> str:
@@ -236,25 +236,25 @@ def sections(explanations: Sequence[Explanation], level: str) -> str:
     """The reference as Markdown: a section per table, headed by ``level`` ("##" or the like)."""
     lines: list[str] = []
     place = ""
-    for one in explanations:
-        if one.place != place:
-            place = one.place
+    for entry in explanations:
+        if entry.place != place:
+            place = entry.place
             title = f"`{place}`" if place.startswith("[") else place.capitalize()
             lines += ["", f"{level} {title}"]
-            if one.variants:
-                lines += ["", *(f"- `{kind}`: {meaning}" for kind, meaning in one.variants.items())]
-            elif one.keys:
-                lines += ["", one.meaning]
+            if entry.variants:
+                lines += ["", *(f"- `{kind}`: {meaning}" for kind, meaning in entry.variants.items())]
+            elif entry.keys:
+                lines += ["", entry.meaning]
             lines += ["", "| key | meaning | value | default |", "|---|---|---|---|"]
-        if one.keys:
+        if entry.keys:
             continue
         # A list of allowed values implies the type.
-        kind = "" if one.type in (one.allowed, "one of the allowed values") else one.type
-        value = ", ".join(filter(None, (kind, one.unit, one.allowed)))
-        default = "required" if one.required else f"`{one.default}`" if one.default else ""
-        kinds = f" (of {', '.join(one.kinds)})" if one.kinds else ""
-        name = one.key.rpartition(".")[2]
-        lines.append(f"| `{name}`{kinds} | {_cell(one.meaning)} | {_cell(value)} | {_cell(default)} |")
+        kind = "" if entry.type in (entry.allowed, "one of the allowed values") else entry.type
+        value = ", ".join(filter(None, (kind, entry.unit, entry.allowed)))
+        default = "required" if entry.required else f"`{entry.default}`" if entry.default else ""
+        kinds = f" (of {', '.join(entry.kinds)})" if entry.kinds else ""
+        name = entry.key.rpartition(".")[2]
+        lines.append(f"| `{name}`{kinds} | {_cell(entry.meaning)} | {_cell(value)} | {_cell(default)} |")
     return "\n".join(lines)
 
 

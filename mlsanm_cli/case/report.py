@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -46,6 +44,8 @@ def nearest(word: object, valid: Iterable[str]) -> str:
     synonym = SYNONYMS.get(wanted, "").lower()
     if synonym in options:
         return options[synonym]
+    import difflib
+
     found = difflib.get_close_matches(wanted, options, n=1, cutoff=0.6)
     if found:
         return options[found[0]]
@@ -91,16 +91,15 @@ def child(value: Any, step: str | int) -> Any:
     return None
 
 
-@dataclass
 class Report:
     """Problems found so far in the ``data`` of a case, read from the TOML ``text`` of the file ``source``;
     ``changed`` are the paths set on the command line."""
 
-    data: Mapping[str, Any]
-    text: str
-    source: str
-    changed: frozenset[KeyPath] = frozenset()
-    _found: dict[tuple[KeyPath, str], CaseProblem] = field(default_factory=dict)
+    def __init__(
+        self, data: Mapping[str, Any], text: str, source: str, changed: frozenset[KeyPath] = frozenset()
+    ) -> None:
+        self.data, self.text, self.source, self.changed = data, text, source, changed
+        self._found: dict[tuple[KeyPath, str], CaseProblem] = {}
 
     @cached_property
     def lines(self) -> Mapping[KeyPath, int]:

@@ -63,24 +63,18 @@ def points(varied: Sequence[Vary]) -> list[tuple[str, ...]]:
     ]
 
 
-def flat(content: Mapping[str, Any]) -> dict[str, Any]:
+def flat(content: Any, key: str = "") -> dict[str, Any]:
     """The content of a case by dotted keys as for ``--set``: list items by name or number.
 
     >>> flat({"body": [{"name": "a", "seed": 1}], "mls": {"degree": 2}})
     {'body.a.name': 'a', 'body.a.seed': 1, 'mls.degree': 2}
     """
-    return dict(_leaves("", content))
-
-
-def _leaves(key: str, value: Any) -> list[tuple[str, Any]]:
-    items: list[tuple[str, Any]] = []
-    if isinstance(value, Mapping):
-        items = [(str(name), inner) for name, inner in value.items()]
-    elif isinstance(value, list | tuple) and value and all(isinstance(item, Mapping) for item in value):
-        items = [(str(item.get("name", number)), item) for number, item in enumerate(value)]
-    else:
-        return [(key, value)]
-    return [leaf for name, inner in items for leaf in _leaves(f"{key}.{name}" if key else name, inner)]
+    if isinstance(content, list | tuple) and content and all(isinstance(item, Mapping) for item in content):
+        content = {item.get("name", number): item for number, item in enumerate(content)}
+    if not isinstance(content, Mapping):
+        return {key: content}
+    tables = [flat(item, f"{key}.{name}" if key else str(name)) for name, item in content.items()]
+    return {name: value for table in tables for name, value in table.items()}
 
 
 def _even(start: Any, stop: Any, count: Any) -> tuple[str, ...]:

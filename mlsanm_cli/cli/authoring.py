@@ -87,26 +87,34 @@ def explain(settings: Settings, key: str, all_keys: bool) -> int:
         if key:
             raise RunError("--all explains every key", f"omit {key} or --all")
         explanations = all_explanations()
-        print_result(settings, {"explanations": [vars(one) for one in explanations]}, markdown(explanations))
+        print_result(
+            settings,
+            {"explanations": [vars(entry) for entry in explanations]},
+            markdown(explanations),
+        )
         return 0
     from mlsanm_cli.case.explain import explain as explain_key
 
-    found = [vars(one) for one in explain_key(key)]
+    described = [vars(entry) for entry in explain_key(key)]
     color = settings.paints(sys.stdout)
-    print_result(settings, {"explanations": found}, "\n\n".join(_explanation(one, color) for one in found))
+    print_result(
+        settings,
+        {"explanations": described},
+        "\n\n".join(_explanation(entry, color) for entry in described),
+    )
     return 0
 
 
-def _explanation(one: dict[str, Any], color: bool) -> str:
+def _explanation(entry: dict[str, Any], color: bool) -> str:
     width = min(shutil.get_terminal_size((100, 24)).columns, 100)
-    title = one["place"] if one["keys"] else f"{one['key']}, under {one['place']}"
-    kinds = f" ({', '.join(one['kinds'])})" if one["kinds"] else ""
-    lines = [paint(title, BOLD, color) + kinds, *_wrapped(one["meaning"], width, 2)]
-    rows = [(name, one[name]) for name in ("type", "unit", "allowed", "default", "example") if one[name]]
-    if one["key"]:
-        rows.append(("required", "yes" if one["required"] else "no"))
+    title = entry["place"] if entry["keys"] else f"{entry['key']}, under {entry['place']}"
+    kinds = f" ({', '.join(entry['kinds'])})" if entry["kinds"] else ""
+    lines = [paint(title, BOLD, color) + kinds, *_wrapped(entry["meaning"], width, 2)]
+    rows = [(name, entry[name]) for name in ("type", "unit", "allowed", "default", "example") if entry[name]]
+    if entry["key"]:
+        rows.append(("required", "yes" if entry["required"] else "no"))
         lines.append(table("", rows))
-    for heading, listed in (("kinds", one["variants"]), ("keys", one["keys"])):
+    for heading, listed in (("kinds", entry["variants"]), ("keys", entry["keys"])):
         if listed:
             lines.append(f"  {heading}")
             indent = max(map(len, listed)) + 6

@@ -53,7 +53,11 @@ class Commands(click.Group):
             shown = [(name, commands[name]) for name in names]
             with formatter.section(title):
                 formatter.write_dl(
-                    [(name, one.get_short_help_str(room)) for name, one in shown if one is not None]
+                    [
+                        (name, command.get_short_help_str(room))
+                        for name, command in shown
+                        if command is not None
+                    ]
                 )
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
@@ -153,8 +157,10 @@ def info(settings: Settings, rundir: Path) -> int:
     """Show the summary of the run in RUNDIR."""
     result = of_app("results.info.info")(rundir)
     contacts = {
-        name: {key: value for key, value in one.items() if key not in FRICTION_KEYS or has_friction(one)}
-        for name, one in result.get("contacts", {}).items()
+        name: {
+            key: value for key, value in figures.items() if key not in FRICTION_KEYS or has_friction(figures)
+        }
+        for name, figures in result.get("contacts", {}).items()
     }
     print_result(settings, result, pretty_result(settings, {**result, "contacts": contacts}))
     return 0

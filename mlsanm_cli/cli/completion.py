@@ -22,8 +22,8 @@ def keys(context: click.Context, parameter: click.Parameter, incomplete: str) ->
     from mlsanm_cli.case.explain import value_keys
 
     case = _content(next(iter(_given(context, "case")), None))
-    found = [f"{name}=" for key in value_keys() for name in _with_names(key, case)]
-    return _matching(found, incomplete)
+    candidates = [f"{name}=" for key in value_keys() for name in _with_names(key, case)]
+    return _matching(candidates, incomplete)
 
 
 def plain_keys(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
@@ -44,12 +44,12 @@ def names(*tables: str) -> Complete:
     """A function that completes names of items of tables in the case of a run; for supports, boundaries."""
 
     def complete(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
-        found: list[Any] = []
+        known: list[Any] = []
         for place in _given(context, "rundirs", "rundir"):
             case = _content(place / "resolved.toml")
             for table in tables:
-                found += [item.get("name", item.get("boundary")) for item in _items(case, table)]
-        return _matching([name for name in dict.fromkeys(found) if isinstance(name, str)], incomplete)
+                known += [item.get("name", item.get("boundary")) for item in _items(case, table)]
+        return _matching([name for name in dict.fromkeys(known) if isinstance(name, str)], incomplete)
 
     return complete
 
@@ -69,12 +69,12 @@ def _with_names(key: str, case: Mapping[str, Any]) -> Iterator[str]:
 
 def _items(case: Mapping[str, Any], table: str) -> list[Mapping[str, Any]]:
     """The items of a list of tables that are tables."""
-    found = case.get(table)
-    return [item for item in found if isinstance(item, Mapping)] if isinstance(found, list) else []
+    items = case.get(table)
+    return [item for item in items if isinstance(item, Mapping)] if isinstance(items, list) else []
 
 
-def _matching(found: list[str], incomplete: str) -> list[str]:
-    return [one for one in found if one.startswith(incomplete)]
+def _matching(candidates: list[str], incomplete: str) -> list[str]:
+    return [name for name in candidates if name.startswith(incomplete)]
 
 
 def _given(context: click.Context, *names: str) -> list[Path]:
@@ -83,8 +83,8 @@ def _given(context: click.Context, *names: str) -> list[Path]:
     for name in names:
         given = context.params.get(name)
         if given:
-            return [Path(one) for one in (given if isinstance(given, tuple) else (given,))]
-    return [Path(one) for one in context.args if not one.startswith("-")]
+            return [Path(place) for place in (given if isinstance(given, tuple) else (given,))]
+    return [Path(place) for place in context.args if not place.startswith("-")]
 
 
 def _content(path: Any) -> Mapping[str, Any]:

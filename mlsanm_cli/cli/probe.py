@@ -106,8 +106,8 @@ def probe(
         if wrong:
             raise RunError(message, hint)
     if not targets:
-        found = of_app("results.probe.contents")(rundir)
-        print_result(settings, found, pretty_result(settings, found))
+        contents = of_app("results.probe.contents")(rundir)
+        print_result(settings, contents, pretty_result(settings, contents))
         return 0
     ((kind, name),) = targets.items()
     title = f"{kind} {name}"

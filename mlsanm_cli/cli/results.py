@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from mlsanm_cli.cli.text import grid, label, number, table
@@ -112,29 +112,25 @@ def _worst(method: Mapping[str, Any]) -> str:
 
 
 def _headline(summary: Mapping[str, Any]) -> str:
-    status = str(summary.get("status", "unknown"))
-    reason = summary.get("stop_reason")
-    if reason and str(reason).startswith(status):
-        return str(reason)
-    return f"{status}: {reason}" if reason else status
+    status, reason = str(summary.get("status", "unknown")), str(summary.get("stop_reason") or "")
+    return reason if reason.startswith(status) else f"{status}: {reason}" if reason else status
 
 
 def _outcome(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    rows = [("position", number(summary.get("position")))]
-    counts = [
-        f"{number(summary[key])} {key}" for key in ("steps", "factorizations", "solves") if key in summary
-    ]
-    if counts:
-        rows.append(("path", ", ".join(counts)))
-    if "directory" in summary:
-        rows.append(("directory", str(summary["directory"])))
-    return rows
+    counts = _listed(summary, ("steps", "factorizations", "solves"))
+    rows = [("position", number(summary.get("position"))), ("path", counts)]
+    rows.append(("directory", str(summary.get("directory", ""))))
+    return [row for row in rows if row[1]]
+
+
+def _listed(summary: Mapping[str, Any], keys: Sequence[str]) -> str:
+    """Counts with their names."""
+    return ", ".join(f"{number(summary[key])} {label(key)}" for key in keys if summary.get(key) is not None)
 
 
 def _with_limit(key: str, summary: Mapping[str, Any]) -> str:
     """A quantity with the limit at which a run fails."""
-    limit = summary.get("limits", {}).get(key)
-    shown = number(summary[key])
+    limit, shown = summary.get("limits", {}).get(key), number(summary[key])
     if limit is None or shown == "-":
         return shown
     words = {"stability": "fails below", "energy_error": "fails beyond"}.get(key, "fails above")
@@ -142,39 +138,29 @@ def _with_limit(key: str, summary: Mapping[str, Any]) -> str:
 
 
 def _quality(summary: Mapping[str, Any], width: int) -> list[tuple[str, str]]:
-    rows = []
     estimates = summary.get("error_estimate") or {}
-    if "displacement" in estimates:
-        rows.append(("error estimate", _percent(estimates["displacement"], "of the displacements")))
-    if "energy" in estimates:
-        rows.append(("error estimate", _percent(estimates["energy"], "of the energy")))
+    rows = [
+        ("error estimate", _percent(estimates[key], f"of the {words}"))
+        for key, words in (("displacement", "displacements"), ("energy", "energy"))
+        if key in estimates
+    ]
     peaks = summary.get("peak_stress") or {}
     if peaks:
-        body, peak = max(peaks.items(), key=lambda one: float(one[1]["error"]))
-        x, y = (number(value) for value in peak["place"])
+        body, peak = max(peaks.items(), key=lambda item: float(item[1]["error"]))
+        x, y = map(number, peak["place"])
         error = _percent(peak["error"], "error")
         rows.append(("peak stress", f"{number(peak['stress'])} on {body} at ({x}, {y}), {error}"))
     rows += [(label(key), _with_limit(key, summary)) for key in _QUALITY if key in summary]
-    sizes = [
-        f"{number(summary[key])} {label(key)}"
-        for key in ("nodes", "unknowns", "contact_unknowns")
-        if summary.get(key) is not None
-    ]
-    if sizes:
-        rows.append(("size", ", ".join(sizes)))
+    sizes = _listed(summary, ("nodes", "unknowns", "contact_unknowns"))
+    rows += [("size", sizes)] if sizes else []
     seconds = summary.get("seconds")
-    if isinstance(seconds, Mapping):
-        total = seconds.get("total")
-        split = [
-            f"{key} {float(value):.2f}"
-            for key, value in seconds.items()
-            if key != "total" and isinstance(value, int | float) and value >= 0.005
-        ]
-        text = f"{float(total):.2f}" if isinstance(total, int | float) else "-"
-        if isinstance(summary.get("wall_seconds"), int | float):
-            rows.append(("wall seconds", f"{float(summary['wall_seconds']):.2f}"))
-        whole = f"{text} ({', '.join(split)})" if split else text
-        indent = max((len(name) for name, _ in rows), default=0) + 4
-        first, *more = textwrap.wrap(whole, max(width - indent - 1, 20))
-        rows += [("CPU seconds", first), *(("", line) for line in more)]
-    return rows
+    if not seconds:
+        return rows
+    if summary.get("wall_seconds") is not None:
+        rows.append(("wall seconds", f"{summary['wall_seconds']:.2f}"))
+    phases = {key: value for key, value in seconds.items() if key != "total" and value >= 0.005}
+    split = ", ".join(f"{key} {value:.2f}" for key, value in phases.items())
+    whole = f"{seconds['total']:.2f}" + (f" ({split})" if split else "")
+    indent = max((len(name) for name, _ in rows), default=0) + 4
+    first, *more = textwrap.wrap(whole, max(width - indent - 1, 20))
+    return [*rows, ("CPU seconds", first), *(("", line) for line in more)]

@@ -18,8 +18,8 @@ def of_app(function: str, threads: int = 1) -> Callable[..., Any]:
     the console is open, as that takes a second or more."""
     module, _, name = function.rpartition(".")
     with numerics(threads):
-        found: Callable[..., Any] = getattr(importlib.import_module(f"mlsanm_cli.app.{module}"), name)
-    return found
+        loaded: Callable[..., Any] = getattr(importlib.import_module(f"mlsanm_cli.app.{module}"), name)
+    return loaded
 
 
 def console_for(settings: Settings, doing: str = "starting") -> TerminalConsole:

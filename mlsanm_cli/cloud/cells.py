@@ -30,6 +30,8 @@ GAUSS: dict[int, Rule] = {count: _gauss(count) for count in range(1, 5)}
 """Gauss-Legendre rules by number of points."""
 FINE = GAUSS[4]
 """The rule for integrands of unknown smoothness."""
+TRIANGLE_POINTS = np.array([[4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0]]) / 6.0
+"""Points of a triangle (barycentric) whose mean is exact for quadratics."""
 MAX_REPEATS = 16
 CLOSURE_TOLERANCE = 1e-4
 """Closure tolerance of a cell: sum of its normals, relative to its perimeter."""
@@ -134,7 +136,6 @@ def cell_quadrature(
     triangle's nodes (e, 3), the owner of the cell first, the point (e, 2), its area weight (e,) and the
     nodes' linear shape functions there (e, 3).
     """
-    inner = np.array([[4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0]]) / 6.0
     nodes, shares = [], []
     for turn in range(3):
         for flip in (False, True):
@@ -142,7 +143,7 @@ def cell_quadrature(
             part = np.array([[1.0, 0.0, 0.0], [0.5, 0.5, 0.0], [1.0 / 3.0] * 3])
             corners = corners[:, [0, 2, 1]] if flip else corners
             nodes.append(np.repeat(corners, 3, axis=0))
-            shares.append(np.tile(inner @ part, (len(triangles), 1)))
+            shares.append(np.tile(TRIANGLE_POINTS @ part, (len(triangles), 1)))
     node, share = np.concatenate(nodes), np.concatenate(shares)
     a, b, c = (points[node[:, corner]] for corner in range(3))
     twice = np.abs((b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0]))

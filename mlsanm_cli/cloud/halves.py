@@ -16,7 +16,7 @@ from mlsanm_cli.cloud.spacing import Spacing
 SNAP_DISTANCE = 0.3
 """Nodes closer to the line than this fraction of the spacing are moved onto it."""
 HOLE_RADIUS = 0.85
-"""A point of the line farther than this many spacings from all nodes gets a node: better than equal steps."""
+"""A point of the line farther than this many spacings from all nodes gets a node."""
 HOLE_STEP = 0.1
 """Step of the search for such points, in spacings."""
 

@@ -10,12 +10,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.cloud.search import MAX_PAIRS
 from mlsanm_cli.roundoff import ROUND_OFF
 
 SAGITTA_FACTOR = 1.1
 """Factor on the sagitta of an arc through two nodes: allowance for curves that are not arcs."""
-BATCH_SIZE = 2**18
-"""Point-edge pairs processed at once: large for speed, small for memory."""
 
 
 def boundary_chords(index: IntArray, names: Sequence[str]) -> IntArray:
@@ -62,7 +61,7 @@ def inside_body(
     low, high = start.min(axis=0) - near.max(), start.max(axis=0) + near.max()
     around = ((targets >= low) & (targets <= high)).all(axis=1)
     asked = np.flatnonzero(around & ~inside)
-    for some in np.array_split(asked, 1 + len(asked) * len(start) // BATCH_SIZE):
+    for some in np.array_split(asked, 1 + len(asked) * len(start) // MAX_PAIRS):
         offset = targets[some, None] - start
         share = np.clip((offset * along).sum(axis=2) / length**2, 0.0, 1.0)
         away = offset - share[:, :, None] * along
@@ -74,7 +73,7 @@ def inside_polygon(edges: FloatArray, points: FloatArray) -> BoolArray:
     """Mask (n,) of ``points`` (n, 2) inside closed loops of ``edges`` (e, 4), by the even-odd rule."""
     x0, y0, x1, y1 = edges[edges[:, 1] != edges[:, 3]].T
     inside = np.zeros(len(points), dtype=bool)
-    step = max(1, BATCH_SIZE // max(1, len(x0)))
+    step = max(1, MAX_PAIRS // max(1, len(x0)))
     for first in range(0, len(points), step):
         x, y = points[first : first + step].T
         # Few edges cross the level of a point: only for these is the intersection computed.

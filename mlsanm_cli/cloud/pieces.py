@@ -19,15 +19,10 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.roundoff import ROUND_OFF
 
-WIDTH_OVER_DEPTH = 1.0
-"""Largest width of a piece over its depth inside the body: in thin bodies large pieces lose force and bending
-stiffness, deep inside they are as accurate and cheaper. Errors are the same with 0.7 to 1.5."""
 MAX_NODES = 400.0
 """Largest number of nodes of a piece."""
 WIDTH_OVER_ROOM, MIN_NODES = 0.4, 2.0
-"""Largest width of a piece over the distance to a hollow plus its radius, and its least number of nodes.
-Without it portal frames with fillets lost up to 6 % of their stiffness; with 0.7 peak stresses at holes lost
-two to three times as much."""
+"""Largest width of a piece over the distance to a hollow plus its radius, and its least number of nodes."""
 CLEARANCE = 3.5
 """Distance of pairs from supports and corners, in spacings."""
 MERGE_FRACTION = 0.25
@@ -42,7 +37,8 @@ def divide(cloud: Cloud, size: int) -> IntArray:
     pairs = np.concatenate([along, *(cloud.triangles[:, [i, j]] for i, j in ((0, 1), (1, 2), (2, 0)))])
     mirror = cloud.mirror
     depth = nearest(cKDTree(cloud.points[cloud.boundary_nodes]), cloud.points)[0] / cloud.spacing
-    wanted = np.clip((WIDTH_OVER_DEPTH * depth) ** 2, size, MAX_NODES)
+    # In thin bodies large pieces lose force and bending stiffness, deep inside they are as accurate.
+    wanted = np.clip(depth**2, size, MAX_NODES)
     wanted = np.minimum(wanted, np.maximum((WIDTH_OVER_ROOM * cloud.room / cloud.spacing) ** 2, MIN_NODES))
     if mirror is None:
         return _divided(cloud.points, pairs, wanted)

@@ -15,6 +15,8 @@ Result = TypeVar("Result")
 
 BATCH_SIZE = 8192
 """Points per batch: a few hundredths of a second."""
+MAX_PAIRS = 2**18
+"""Pairs processed at once: large for speed, small for memory."""
 POLL_SECONDS = 0.1
 """Polling interval of a waiting thread, s, on systems where signals do not wake it."""
 

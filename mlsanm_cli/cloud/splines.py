@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.curves import chord_zones
+from mlsanm_cli.roundoff import LAST_DIGITS
 
 GAUSS = 6
 """Gauss points per interval for arc lengths."""
@@ -21,7 +22,6 @@ WRAPPED = 60
 SAMPLES = 4
 """Samples per interval for the initial guess of the closest point."""
 MAX_ITERATIONS = 60
-ROOT_TOLERANCE = 4.0 * np.finfo(float).eps
 NEWTON_TOLERANCE = 5e-8
 """A Newton step below this fraction of the curve is the last one: convergence is quadratic."""
 
@@ -187,7 +187,7 @@ class SplinePart:
             newton = t - slope / np.where(growth > 0.0, growth, np.inf)
             inside = (growth > 0.0) & (newton >= low) & (newton <= high)
             following = np.where(inside, newton, 0.5 * (low + high))
-            done = np.abs(following - t) <= ROOT_TOLERANCE * self.spline.knots[-1]
+            done = np.abs(following - t) <= LAST_DIGITS * self.spline.knots[-1]
             t = following
             if done.all():
                 break

@@ -25,11 +25,8 @@ from mlsanm_cli.continuation.problem import FloatArray, NewtonOptions, SingularT
 from mlsanm_cli.continuation.series import Branch
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
-# A failed step is repeated with half its length; many iterations shorten the next step by no more than that.
-_HALF = 0.5
-# With arc-length control the direction may turn by an angle of at least this cosine within a step, and the
-# end lies no further from its prediction than this multiple of the step length.
-_MIN_COSINE, _MAX_DEVIATION = 0.3, 1.0
+# With arc-length control the direction may turn by an angle of at least this cosine within a step.
+_MIN_COSINE = 0.3
 # Events are located on a cubic whose residual midway is below this. The residual grows as the fourth power of
 # the step, which is shortened by no more than this factor at once.
 _CUBIC_RESIDUAL, _MAX_SHORTENING = 1e-4, 0.2
@@ -40,7 +37,6 @@ _EVENT_CONVERGED, _EVENT_RATE = 1e-10, 0.5
 _MAX_EVENT_ITERATIONS = 20
 # Events are searched on the cubic beyond its end, to this multiple of its length.
 _EXTRAPOLATION = 1.25
-# So near the start, as a part of the step, the first cubic is exact to round-off.
 # After an event at some part of a step, the next step is at most this multiple of that part.
 _GROWTH_AFTER_EVENT = 2.0
 
@@ -122,7 +118,7 @@ class NewtonFollower(Follower):
             try:
                 return self._attempt(here, along, length, level)
             except _Failed as failure:
-                length, level = _HALF * length, None
+                length, level = 0.5 * length, None
                 self._step_length = length
                 if length < shortest:
                     place = f"at load factor {here.lam:.9g}"
@@ -137,7 +133,7 @@ class NewtonFollower(Follower):
         self._effort.updates += 1
         leg = self._solved(here, along, straight, length, level)
         ease = np.sqrt(self._options.wanted / (self._effort.updates - before))
-        pace = length * float(np.clip(ease, _HALF, self._options.growth))
+        pace = length * float(np.clip(ease, 0.5, self._options.growth))
         self._step_length = max(self._step_length, pace) if ease >= 1.0 else pace
         if not self._load_control:
             leg = self._at_level(here, along, leg)
@@ -175,7 +171,7 @@ class NewtonFollower(Follower):
             ahead = self._expansion_point(point.x, point.lam, self._effort)
         except SingularTangentError:
             raise _Failed(StopReason.SINGULAR_TANGENT, f"the tangent is singular {place}") from None
-        if not self._load_control and self._metric.norm(point.x - x, point.lam - lam) > _MAX_DEVIATION * a:
+        if not self._load_control and self._metric.norm(point.x - x, point.lam - lam) > a:
             raise _Failed(StopReason.CORRECTION_FAILED, f"iterations lead to another branch {place}")
         return _Step(self._cubic(here, along, ahead), point, ahead)
 
@@ -212,7 +208,7 @@ class NewtonFollower(Follower):
             if error <= _CUBIC_RESIDUAL:
                 return leg
             part = (
-                max(_MAX_SHORTENING, min(_HALF, (0.5 * _CUBIC_RESIDUAL / error) ** 0.25))
+                max(_MAX_SHORTENING, min(0.5, (0.5 * _CUBIC_RESIDUAL / error) ** 0.25))
                 if np.isfinite(error)
                 else _MAX_SHORTENING
             )

@@ -20,8 +20,7 @@ from mlsanm_cli.continuation.problem import AnmOptions, FloatArray, Problem
 from mlsanm_cli.continuation.series import Branch, denominator, nearest_pole
 
 # A length is accepted if the residual there lies between the first and the last of these parts of the
-# tolerance (it grows as the power N + 1 of the length, so that steps are some 3 % shorter than the longest
-# possible), or if its bounds differ by less than this ratio.
+# tolerance (it grows as the power N + 1 of the length), or if its bounds differ by less than this ratio.
 _ENOUGH, _AIM, _LIMIT = 0.4, 0.7, 0.9
 _BOUND_RATIO = 1.03
 _MAX_TRIALS = 30

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import copysign
 
-import numpy as np
+from mlsanm_cli.roundoff import LAST_DIGITS
 
-PRECISION = 4.0 * float(np.finfo(np.float64).eps)
 MAX_ITERATIONS = 200
 
 
@@ -25,7 +24,7 @@ def root(function: Callable[[float], float], low: float, high: float, least: flo
     c, f_c, share = a, f_a, 0.5
     for _ in range(MAX_ITERATIONS):
         best, value = (a, f_a) if abs(f_a) < abs(f_b) else (b, f_b)
-        near = (PRECISION * abs(best) + least) / abs(b - a) if b != a else 1.0
+        near = (LAST_DIGITS * abs(best) + least) / abs(b - a) if b != a else 1.0
         if value == 0.0 or near >= 1.0:
             break
         x = a + min(max(share, 0.5 * near), 1.0 - 0.5 * near) * (b - a)

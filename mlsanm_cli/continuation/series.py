@@ -173,8 +173,7 @@ class Branch:
 
 # A pole this close to the real axis, relative to its distance from the start, counts as real.
 _NEAR_REAL = 0.05
-# The denominator minimises the coefficients of so many last orders; measured on contact problems, three give
-# steps some 25 % longer than the last one alone.
+# The denominator minimises the coefficients of so many last orders.
 _LAST_ORDERS = 3
 # The orders are compared at this multiple of the range of the power series, so that the last ones count most.
 _RADIUS_FACTOR = 2.0

@@ -36,7 +36,7 @@ class Dataset(Mapping[str, Any]):
     """
 
     def __init__(self, members: Mapping[str, Any], attributes: Mapping[str, Any] | None = None) -> None:
-        self._members = {name: _as_dataset(one) for name, one in members.items()}
+        self._members = {name: _as_dataset(member) for name, member in members.items()}
         self.attributes = dict(attributes or {})
 
     def __getitem__(self, path: str) -> Any:
@@ -192,19 +192,19 @@ def _head(root: Any, file: Path) -> dict[str, str | int | float]:
 def _completed(members: dict[str, Any]) -> dict[str, Any]:
     """Members with the groups and, without rows, the histories that runs without a first state lack. Raises
     KeyError if others are missing."""
-    for one in (*schema.NAMED_PATH, *schema.MAPS):
-        group, kind, _ = one.path.split("/")
+    for entry in (*schema.NAMED_PATH, *schema.MAPS):
+        group, kind, _ = entry.path.split("/")
         if group in members:
             members[group].setdefault(kind, {})
     path = members.get("path", {})
     if not any(isinstance(column, np.ndarray) for column in path.values()):
-        path |= {one.name: np.empty(0, one.dtype) for one in schema.PATH}
+        path |= {entry.name: np.empty(0, entry.dtype) for entry in schema.PATH}
     for contact in members.get("contacts", {}).values():
         sizes = {"step": 0, "contact_node": len(contact["points"])}
-        for one in schema.CONTACT_HISTORY:
-            contact.setdefault(one.name, np.empty(one.shape(sizes), one.dtype))
-    for one in (*schema.BODIES, *schema.CONTACT_GEOMETRY, *schema.PROBES):
-        kind, _, name = re.split(r"/(\{\w+\})/", one.path)
+        for entry in schema.CONTACT_HISTORY:
+            contact.setdefault(entry.name, np.empty(entry.shape(sizes), entry.dtype))
+    for entry in (*schema.BODIES, *schema.CONTACT_GEOMETRY, *schema.PROBES):
+        kind, _, name = re.split(r"/(\{\w+\})/", entry.path)
         for group in members.get(kind, {}).values():
             Dataset(group)[name]
     return members

@@ -41,7 +41,7 @@ class Quantity(NamedTuple):
 
     def shape(self, sizes: Mapping[str, int]) -> tuple[int, ...]:
         """The shape for the ``sizes`` of the dimensions; those of `COMPONENTS` are known."""
-        return tuple(sizes[one] if one in sizes else len(COMPONENTS[one]) for one in self.dimensions)
+        return tuple(sizes[axis] if axis in sizes else len(COMPONENTS[axis]) for axis in self.dimensions)
 
 
 Table = tuple[Quantity, ...]
@@ -291,20 +291,22 @@ def scalars(table: Table) -> dict[str, Scalar]:
     Scalar(quantity='displacement', component=1, label='displacement in y', unit='length', rest=0.0)
     """
     chosen: dict[str, Scalar] = {}
-    for one in table:
-        axis = one.dimensions[-1]
+    for entry in table:
+        axis = entry.dimensions[-1]
         word = " in " if axis == "xy" else " "
         for number, part in enumerate(COMPONENTS.get(axis, ())):
-            name = PREFIXES.get(one.name, f"{one.name}_") + part
-            chosen[name] = Scalar(one.name, number, f"{one.description}{word}{part}", one.unit, one.rest)
+            name = PREFIXES.get(entry.name, f"{entry.name}_") + part
+            chosen[name] = Scalar(
+                entry.name, number, f"{entry.description}{word}{part}", entry.unit, entry.rest
+            )
         if axis == "xy" or axis not in COMPONENTS:
-            chosen[one.name] = Scalar(one.name, None, one.description, one.unit, one.rest)
+            chosen[entry.name] = Scalar(entry.name, None, entry.description, entry.unit, entry.rest)
     return chosen
 
 
 def members(table: Table) -> dict[str, Quantity]:
     """The quantities of a table by name."""
-    return {one.name: one for one in table}
+    return {entry.name: entry for entry in table}
 
 
 def quantity(table: Table, path: str) -> Quantity | None:
@@ -313,7 +315,7 @@ def quantity(table: Table, path: str) -> Quantity | None:
     >>> quantity(RUN_FILE, "contacts/left rail/gap").description
     'gap'
     """
-    return next((one for one in table if _pattern(one).fullmatch(path)), None)
+    return next((entry for entry in table if _pattern(entry).fullmatch(path)), None)
 
 
 def _pattern(entry: Quantity) -> re.Pattern[str]:

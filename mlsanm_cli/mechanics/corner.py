@@ -10,7 +10,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.mechanics.corner_faces import LOG_STEP, Face, FaceForces, smooth_step
-from mlsanm_cli.mechanics.near_field import ComplexArray, SurfaceForces, summed, traction
+from mlsanm_cli.mechanics.near_field import SURFACE_INSET, ComplexArray, SurfaceForces, summed, traction
 from mlsanm_cli.mechanics.wedge import Wedge, interpolated
 from mlsanm_cli.roundoff import FINE_ROUND_OFF, ROUND_OFF
 
@@ -19,8 +19,6 @@ RANGE_BELOW, RANGE_ABOVE = 9.0, 16.0
 the farthest; forces beyond are lumped at the ends."""
 FADE_LENGTH = 2.0
 """Logarithmic length over which forces along faces of limited span fade out."""
-MIN_TIP_DISTANCE = 1e-3
-"""Tractions on curved faces are evaluated no closer to the tip than this fraction of the span."""
 NORMAL_TOLERANCE = 1e-2
 """Points at the tip belong to the face whose normal agrees to this tolerance on 1 - cos."""
 
@@ -94,7 +92,7 @@ class Corner:
 
     def off_tip(self, z: ComplexArray, normal: ComplexArray) -> ComplexArray:
         """Points (e,) with outward normals, those at the tip shifted along their curved face."""
-        least = MIN_TIP_DISTANCE * self.span
+        least = SURFACE_INSET * self.span
         for face in self.curved or ():
             place, inward = face.places(np.array([least]))
             at = (np.abs(z - self.tip) < least) & (

@@ -30,17 +30,14 @@ from mlsanm_cli.operators.settings import MlsSettings
 
 POWER = 1.5
 """Exponent of the weights; above 0.3 weighted second derivatives of the singular displacements are
-square-integrable. The tip of a clamped beam of 8 x 1 deflects by 0.16 of the exact value without weights,
-0.82 with exponent 1, 0.93 with 1.5; with 2 the stress at the clamped side becomes useless."""
+square-integrable."""
 
 WEIGHT_REACH = 0.5
-"""Distance from such corners, in thicknesses, at which the weights reach 1: clamped beams are then within
-0.8 %, a portal frame with small fillets within 1.6 %; with 1 the portal loses 3 %."""
+"""Distance from such corners, in thicknesses, at which the weights reach 1."""
 
 ONE_SIDED_WEIGHT = 0.2
 """Factor on equilibrium rows at boundary nodes of narrow stencils, away from such corners: second derivatives
-of one-sided fits miss 30 times as much of the next degree as those inside. With lower weights bending is lost
-at fillets; below degree 4 rings and coarse holes need the rows."""
+of one-sided fits miss more of the next degree than those inside."""
 
 MIN_DISTANCE = 0.5
 """Lower bound of distances, in spacings."""
@@ -77,7 +74,7 @@ def corner_weight(
 def one_sided_weight(cloud: Cloud, corner: FloatArray, settings: MlsSettings) -> FloatArray:
     """Factor (n,) on equilibrium rows: less at boundary nodes, but not where fields may be singular, near
     sharp corners and as far as ``corner`` (n,), the factor of :func:`corner_weight`, decreases: there fits
-    inside miss as much. At a foot of 78 degrees on a plane pressures were 3 % off without convex corners."""
+    inside miss as much."""
     factor = np.ones(len(cloud.points))
     if settings.narrows:
         nodes = cloud.boundary_nodes
@@ -95,9 +92,8 @@ def singular_changes(
 ) -> IntArray:
     """Nodes (k,) where supports change along the boundary and stresses are singular: corners between a fully
     held and a free surface, and others where the boundary turns by less than about a right angle. There
-    springs count as supports: without, the reaction of a block on springs along a part of its side was up to
-    16 % too small. Surfaces ``touching`` with nodal pressures are exempt, as their compliance needs these
-    rows: a block that rolls on a part of its side and touches with the rest had a stability of 0.02."""
+    springs count as supports. Surfaces ``touching`` with nodal pressures are exempt, as their compliance
+    needs these rows."""
     held = {
         name: (x or springs.get(name, NO_SPRING)[0] > 0.0, y or springs.get(name, NO_SPRING)[1] > 0.0)
         for name, (x, y) in ((name, restraints.get(name, FREE)) for name in cloud.surfaces)
@@ -120,9 +116,7 @@ def reentrant_weight(cloud: Cloud, corners: IntArray) -> FloatArray:
     """Factor (n,) on equilibrium and traction rows: min(1, (distance + radius) / thickness)^POWER.
 
     The distance is that to the nearest of the ``corners`` (c,), of radius 0, or concave part of the outline:
-    fillet, notch or hole. Enriched corners need no weights: with them an eye with a shank, a mesh of eight
-    nodes across, was 8 % too stiff at degree 2, and 25 % at degree 4. A portal frame with fillets of two
-    spacings is 1.3 and 2.9 % too stiff without weights (degrees 2 and 4), 0.8 and 1.4 % with them.
+    fillet, notch or hole. Enriched corners need no weights.
     """
     size = cloud.room
     if len(corners):

@@ -36,23 +36,20 @@ from mlsanm_cli.roundoff import FINE_ROUND_OFF
 MAX_KEPT_NODES = 2000
 """Number of nodes of a body up to which its fits are kept: 10 MB of weights."""
 DEGREES = (2, 3, 4)
-"""Degrees whose error estimates were validated. At degree 1 the estimate was up to 300 times too large, from
-5 on up to 10 times."""
+"""Degrees whose error estimates are validated."""
 
 SINGULAR_REACH = 4.0
 """Distance in spacings from ends of clamped sides within which a defect is uncertain."""
 SINGULAR_SHARE = 0.5
 """Part of the change by these rows alone, without those of pieces, that is uncertain: stresses are singular
-there, fits of the next degree are as wrong as others, and the errors that they see all but cancel. In blocks
-pressed and pushed aside the change by all rows was 0.2 to 1.4 of the error; the root of the sum of squares
-with half of this is 0.4 to 1.7 (3.4 once)."""
+there, fits of the next degree are as wrong as others, and the errors that they see all but cancel."""
 
 CORRECTION_TOLERANCE = 1e-3
 """Accepted relative error of a correction: an estimate has a digit or two."""
 ALGEBRAIC_FRACTION = 0.15
 """Accepted algebraic error of the displacements, as a fraction of the correction computed from them: it is
-smooth and has a small defect itself (with 0.3 estimates agree to 2e-3). In nearly incompressible bodies it
-may be 500 times as large, and displacements are refined as far as possible."""
+smooth and has a small defect itself, except in nearly incompressible bodies, whose displacements are refined
+as far as possible."""
 
 
 def next_degree(settings: MlsSettings, material: PlaneMaterial) -> MlsSettings:

@@ -2,7 +2,7 @@
 
 The strong form does not use energy. Equality of twice the strain energy and the work of all external forces
 is therefore an independent check. Products of two fields that are linear between nodes are integrated
-exactly: sums over nodal areas were 14 % off for a thin beam with five nodes across.
+exactly.
 
 Equation (30) of docs/method.md.
 """
@@ -10,11 +10,13 @@ Equation (30) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.cloud.cells import GAUSS, TRIANGLE_POINTS
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.mechanics.body_model import BodyModel
@@ -26,14 +28,7 @@ from mlsanm_cli.roundoff import FINE_ROUND_OFF
 MAX_STEPS = 500
 """Step limit of the extension of boundary values, whose accuracy hardly matters."""
 TIP_RADIUS = 3.0
-"""Triangles within this many spacings of a reentrant corner are integrated with fitted stresses: linear
-stress loses 10 % of the energy of a bracket with six nodes across."""
-GAUSS_POINTS = tuple(
-    0.5 * (one + shift) for one, shift in zip(np.polynomial.legendre.leggauss(3), (1.0, 0.0), strict=True)
-)
-"""Gauss points and weights on (0, 1)."""
-TRIANGLE_POINTS = np.array([[4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0]]) / 6.0
-"""Points of a triangle (barycentric) whose mean is exact for quadratics."""
+"""Triangles within this many spacings of a reentrant corner are integrated with fitted stresses."""
 
 
 def over_body(cloud: Cloud, first: FloatArray, second: FloatArray) -> float:
@@ -118,16 +113,15 @@ def energy_at_tips(model: BodyModel, displacement: FloatArray, stress: FloatArra
     own = model.cloud.triangles[around]
     own = np.take_along_axis(own, (away[own].argmin(axis=1)[:, None] + np.arange(3)) % 3, axis=1)
     shares, weights = [], []
-    for out, weight in zip(*GAUSS_POINTS, strict=True):
-        for across, other_weight in zip(*GAUSS_POINTS, strict=True):
-            shares.append([1.0 - out, out * (1.0 - across), out * across])
-            weights.append(2.0 * out * weight * other_weight)
+    for (out, weight), (across, other_weight) in product(GAUSS[3], repeat=2):
+        shares.append([1.0 - out, out * (1.0 - across), out * across])
+        weights.append(2.0 * out * weight * other_weight)
     return _beyond_linear(model, displacement, stress, own, np.array(shares), np.array(weights))
 
 
 def energy_between_nodes(model: BodyModel, displacement: FloatArray, stress: FloatArray) -> float:
     """The same correction by all other triangles: near the surface fits are less accurate at nodes than
-    between them; with four nodes across, energies were up to 5 % off without it."""
+    between them."""
     if len(model.nodes) > len(displacement):
         return 0.0
     own = model.cloud.triangles[~_at_tips(model)[0]]

@@ -33,9 +33,9 @@ BATCH_SIZE = 20_000
 """Pairs of a point and a force processed at once, which fit into the cache."""
 NO_PAIRS = np.zeros((0, 0), dtype=bool)
 """Empty mask: no pair of point and force is left out."""
-ISOTROPY_TOLERANCE = 1e-8
-"""Relative tolerance for an isotropic stiffness: the characteristic roots of nearly isotropic materials
-almost coincide, and their fields are differences of large numbers."""
+SURFACE_INSET = 1e-3
+"""Points on surfaces, where fields jump, and forces at corners are shifted inside by this part of the local
+length."""
 
 
 class PointForceField(Protocol):
@@ -138,7 +138,8 @@ def kernel_of(material: PlaneMaterial) -> PointForceField:
     c = material.stiffness
     shear, first = c[2, 2], c[0, 1]
     even = np.array([[first + 2.0 * shear, first, 0.0], [first, first + 2.0 * shear, 0.0], [0.0, 0.0, shear]])
-    if np.abs(c - even).max() <= ISOTROPY_TOLERANCE * np.abs(c).max():
+    # Characteristic roots of nearly isotropic materials almost coincide, their fields are differences.
+    if np.abs(c - even).max() <= ROUND_OFF * np.abs(c).max():
         return Isotropic(float(shear), float((first + 3.0 * shear) / (first + shear)))
     a, roots = np.linalg.inv(c), material.roots
     p = a[0, 0] * roots**2 + a[0, 1] - a[0, 2] * roots

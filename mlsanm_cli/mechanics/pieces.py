@@ -1,9 +1,8 @@
 """Equilibrium of pieces of a body: the flux through their faces equals the load on them.
 
 Least squares weights the residuals of equilibrium node by node. A force that is lost little by little on its
-way to the support then costs less than the discretisation error of correct bending: a clamped beam of 20 x 1
-with five nodes across bent by half of the exact value. In the norm that suits equilibrium, H^-1, long waves
-of the residual weigh more than short ones (Bramble, Lazarov and Pasciak 1997,
+way to the support then costs less than the discretisation error of correct bending. In the norm that suits
+equilibrium, H^-1, long waves of the residual weigh more than short ones (Bramble, Lazarov and Pasciak 1997,
 doi:10.1090/S0025-5718-97-00848-X). So force x, force y and moment of connected pieces are strong rows::
 
     - int_(inner faces) sigma n - int_(held sides) sigma n = int_(free sides) t + int_piece b
@@ -35,13 +34,11 @@ from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.springs import FREE, Held
 
 BOUNDARY_NODES = 16
-"""Nodes of a piece at the outline. 8 and 16 with five nodes across are within 1 to 2 %, 32 and more lose some
-percent near supports and fillets."""
+"""Nodes of a piece at the outline."""
 EQUILIBRIUM_WEIGHT = 3000.0
-"""Weight of the strain that corresponds to the force imbalance of a piece, relative to other strains. A ring
-of radius over thickness 50 with five nodes across is 12 % too stiff with 100, 0.1 % with 1000; far above, the
-normal equations become too ill-conditioned. Pieces smaller than half a body's thickness are weaker in
-proportion: all forces count alike, as in H^-1."""
+"""Weight of the strain that corresponds to the force imbalance of a piece, relative to other strains: far
+below, thin rings are too stiff, far above, the normal equations become too ill-conditioned. Pieces smaller
+than half a body's thickness are weaker in proportion: all forces count alike, as in H^-1."""
 MAX_MODULUS_RATIO = 150.0
 """Largest modulus over shear modulus for this weight. Beyond, in nearly incompressible materials, shear rows
 have so few digits left that the pieces are made weaker in proportion."""

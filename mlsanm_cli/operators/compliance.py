@@ -17,8 +17,7 @@ from mlsanm_cli.operators.refinement import BLOCK_COLUMNS
 from mlsanm_cli.roundoff import ROUND_OFF
 
 RANK = 8
-"""Initial number of random columns; on published cases 12 give no smaller error, 6 up to ten times as
-much."""
+"""Initial number of random columns."""
 CHECK_COLUMNS = 4
 """Columns for the error estimate."""
 NOISE_RATIO = 5.0

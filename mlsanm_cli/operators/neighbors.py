@@ -17,7 +17,7 @@ TIE_TOLERANCE = 1e-7
 """Relative tolerance for equal distances."""
 CENTERED, HALF_DISK = 0.25, 4.0 / (3.0 * np.pi)
 """Distance of a stencil's mean node from its target, in radii: from the second row of nodes inwards at most
-the first, at a straight boundary the second. Errors are the same with 0.2 to 0.3 and 0.35."""
+the first, at a straight boundary the second."""
 
 
 def nearest_nodes(tree: cKDTree, targets: FloatArray, size: int) -> IndexArray:

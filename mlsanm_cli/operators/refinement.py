@@ -12,16 +12,16 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 FULL_TOLERANCE = 1e-11
 """Relative tolerance of the predicted next update."""
 FUNCTIONAL_TOLERANCE = 1e-8
-"""The same for many solutions of which only functionals are needed. On graded clouds round-off in the
-residual changes solutions by 1e-9 to 2e-8 in every update."""
+"""The same for many solutions of which only functionals are needed: on graded clouds round-off in the
+residual changes solutions by up to 2e-8 in every update."""
 VERIFIED_TOLERANCE = 1e-7
 """Limit of the last update where it serves as error estimate."""
 BLOCK_COLUMNS = 64
 """Solutions refined at once: enough for dense products, few enough for memory."""
 MAX_UPDATES = 15
 DIRECTIONS = 6
-"""Number of earlier directions that the next one is made conjugate to: in thin rings three take a step more,
-one loses digits, and the short recurrence fails."""
+"""Number of earlier directions that the next one is made conjugate to: in thin rings the short recurrence
+fails."""
 STALL_RATIO, STALL_CHANGE = 0.5, 1e-5
 """An update larger than the first fraction of both previous ones, and smaller than the second fraction of the
 solution, means stagnation. Larger ones find bending modes of thin bodies that the factor has lost."""

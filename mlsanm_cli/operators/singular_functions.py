@@ -8,8 +8,7 @@ part u - s v, and the derivatives of s v are known in closed form. Stencils are 
 (singular function method: Fix, Gulati and Wakoff 1973, doi:10.1016/0021-9991(73)90023-5).
 
 Each displacement component is fitted by itself: the components along and across the axis of an opening and of
-a shearing mode, 2 functions each, have independent coefficients. With all of r^power cos(power theta) and so
-on, twice as many, results for brackets with four nodes across scattered by three times as much.
+a shearing mode, 2 functions each, have independent coefficients.
 
 Equation (5) of docs/method.md.
 """
@@ -34,14 +33,12 @@ from mlsanm_cli.operators.stencil_weights import Stencils
 from mlsanm_cli.roundoff import ROUND_OFF
 
 ENRICHMENT_RADIUS = 2.0
-"""Fits with their centre within this many radii of the fit around the tip are enriched; 1 to 3 are as
-good."""
+"""Fits with their centre within this many radii of the fit around the tip are enriched."""
 MIN_SEPARATION = 3.6
 """Least distance of enriched corners in radii of the fit around them, half of that across the material:
-closer corners see each other's singular fields, and a slit opened by up to 31 % too little."""
+closer corners see each other's singular fields."""
 RANK_TOLERANCE = 1e-3
-"""Singular values of the functions' part orthogonal to polynomials are dropped below this fraction; 1e-4 is
-as good, 1e-2 loses 1 % at degree 4."""
+"""Singular values of the functions' part orthogonal to polynomials are dropped below this fraction."""
 PER_COEFFICIENT = 2.5
 """Neighbours per coefficient, as in all fits."""
 VOID_ANGLE = 0.2

@@ -24,7 +24,7 @@ ENLARGEMENT = 1.3
 MAX_GROWTH = 3.0
 CONDITION_MARGIN, MARGIN_DEGREE, MARGIN_GROWTH = 20.0, 3, 1.9
 """From degree MARGIN_DEGREE on, fits are first sought CONDITION_MARGIN times above the rank tolerance, with
-up to MARGIN_GROWTH times the neighbours: a few fits below spoiled the displacement of a structured mesh."""
+up to MARGIN_GROWTH times the neighbours: a few fits below spoil the displacement of a structured mesh."""
 BLOCK_SIZE = 4096
 """Stencils fitted at once: a tenth of a second at high degrees."""
 

@@ -11,6 +11,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.elasticity import von_mises
+from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.probes import stress_of_expansion
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import State
@@ -60,17 +61,21 @@ def _fields(built: CondensedScene, name: str, state: State, displacement: FloatA
         near = stressed[: len(model.cloud.points)]
         sigma = model.stress(displacement) + near
         sigma = sigma - degrees[:, None] * stress_of_expansion(model.material)
-    across = model.material.out_of_plane_stress(sigma, degrees)
     whole = (displacement + moved)[: len(model.cloud.points)]
-    strain = model.material.strain(sigma, degrees)
+    return {**named_fields(model.material, whole, sigma, degrees), "rest": displacement, "near": near}
+
+
+def named_fields(
+    material: PlaneMaterial, displacement: FloatArray, stress: FloatArray, degrees: FloatArray
+) -> dict[str, FloatArray]:
+    """Fields at n points from displacement (n, 2), stress (n, 3) and temperature (n,), or no stress."""
+    across = material.out_of_plane_stress(stress, degrees)
     return {
-        "displacement": whole,
-        "stress": sigma,
+        "displacement": displacement,
+        "stress": stress,
         "stress_zz": across,
-        "von_mises": von_mises(sigma, across),
-        "strain": strain,
-        "rest": displacement,
-        "near": near,
+        "von_mises": von_mises(stress, across),
+        "strain": material.strain(stress, degrees),
     }
 
 

@@ -13,8 +13,9 @@ from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP
 from mlsanm_cli.contact.laws.set_search import EndlessError, UnbalancedError
 from mlsanm_cli.contact.response.compressed import compressed
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.solve.condensed_scene import CondensedScene, factors_at
+from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.limit_loads import near_limit
+from mlsanm_cli.solve.stages import factors_at
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State, output_positions, stops
 
 LIMIT_LEVELS = (0.5, 0.9, 0.99, 0.999)
@@ -25,12 +26,12 @@ MIN_ROWS_OF_MANY = 1
 """The same for contacts with many unknowns, whose states take seconds each."""
 
 
-def path_of(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
+def load_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
     """The path of the scene, or its remaining part, by the method of its contact law."""
     if not built.case.touching:
         return linear_path(built, start)
     # Imported when needed, as each method imports another package.
-    if built.case.touching[0].regularization.law != "exact" and not built.follows_exactly:
+    if built.case.is_regularized and not built.follows_exactly:
         from mlsanm_cli.paper.path import paper_path
 
         return _limited(built, start, paper_path(built, start))

@@ -19,10 +19,10 @@ from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.roundoff import ROUND_OFF
-from mlsanm_cli.solve.condensed_scene import factors_at
 from mlsanm_cli.solve.contact_grids import Wanted
 from mlsanm_cli.solve.direction_updates import rolling, turned_by_loads
 from mlsanm_cli.solve.limit_loads import beyond_limit, check_resisted, near_limit
+from mlsanm_cli.solve.stages import factors_at
 
 MAX_LEVELS = 40
 """Largest number of levels of output that determine contact grids."""

@@ -5,14 +5,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.laws.contact_status import OPEN, ContactStatus
-from mlsanm_cli.solve.condensed_scene import CondensedScene
+
+if TYPE_CHECKING:
+    from mlsanm_cli.solve.condensed_scene import CondensedScene
 
 UNLOADED = 1e-3
 """Part of earlier pressures and forces that unloading leaves: contacts are solved to a tolerance relative to

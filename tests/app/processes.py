@@ -12,7 +12,7 @@ from pathlib import Path
 from tests.app.scenes import hertz
 
 ROOT = Path(__file__).parents[2]
-CLI = ("-m", "mlsanm_cli.cli")
+CLI = ("-m", "mlsanm_cli")
 PATIENCE = 120.0
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT)}
 

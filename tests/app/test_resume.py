@@ -19,8 +19,9 @@ from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.lock import locked
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.io.vtu import StateWriter
-from tests.app.runs import events_of, resumed_differences
+from tests.app.runs import events_of, resumed_differences, summary_of
 from tests.app.scenes import ANM, BAR, EXACT_LAW, FAST, SHEARED, Quiet, hertz, solve
+from tests.case_text import body, box, contact, head, item, material, pushed, support, table
 
 
 class Killed(BaseException):
@@ -47,10 +48,25 @@ class Deadly(Quiet):
 INSIDE = "output.at=[0.3, 0.7, 1.0]"
 # A softer law takes half the steps.
 COARSE = hertz().changed("accuracy = 0.01", "accuracy = 0.1\nregularization.eta = 1e-3")
+SNAP = (Path(__file__).parents[2] / "cases" / "snap_through.toml").read_text()
+SLID = (
+    head("strain", strain="finite")
+    + material("rubber", E=2.6, nu=0.3, law="neo-hookean")
+    + body("block", "rubber", 0.25, box([0.0, 3.0], [0.0, 1.0]))
+    + support("block.bottom", ux=0.0, uy=0.0)
+    + contact("c", "block.top", obstacle={"kind": "disk", "center": [1.0, 2.0], "radius": 1.0}, friction=0.3)
+    + pushed("press", "c", uy=-0.25)
+    + pushed("drag", "c", ux=0.3)
+    + item("stage", press=1.0)
+    + item("stage", drag=1.0)
+    + table("output", at=[1.0, 1.5, 2.0])
+)
 PATHS = {
     "linear": (BAR, ()),
     "exact friction": (SHEARED, (EXACT_LAW, FAST)),
     "adapted": (BAR, ("adapt.passes=1",)),
+    "finite strain, equations renewed": (SLID, ()),
+    "finite strain, past limit points": (SNAP, ("output.at=[0.3, 1.0]",)),
 }
 
 
@@ -72,16 +88,28 @@ def test_a_run_cut_short_is_resumed_to_the_same_result(name: str, tmp_path: Path
     text, settings = PATHS[name]
     whole, cut = tmp_path / "case", tmp_path / "cut"
     solve(text, whole, *settings)
-    rows = read_run(whole).rows
-    kept = max(rows * 2 // 3, 1)
+    summary, finite = summary_of(whole), "finite" in name
+    kept = max(summary["steps"] * 2 // 3, 1)
     with pytest.raises(Killed):
-        run(tmp_path / "case.toml", overrides=settings, out=cut, console=Deadly(kept - 1))
-    assert (read_run(cut).rows, read_run(cut).status) == (kept, "running")
+        run(tmp_path / "case.toml", overrides=settings, out=cut, console=Deadly(kept))
+    assert read_run(cut).status == "running"
+    # At finite strain saved states within a step have rows too.
+    assert read_run(cut).rows >= kept + 1 if finite else read_run(cut).rows == kept + 1
     assert "mlsanm resume" in info(cut)["hint"]
     console = Quiet()
-    assert resume(cut, console=console)["status"] == "done"
-    assert abs(len(console.steps) - (rows - kept)) <= 2
-    assert resumed_differences(whole, cut) == []
+    resumed = resume(cut, console=console)
+    assert (resumed["status"], resumed["warnings"]) == ("done", summary["warnings"])
+    assert abs(len(console.steps) - (summary["steps"] - kept)) <= 2
+    if finite:
+        # The direction past limit points and renewed equations are taken up again.
+        same = ("steps", "factorizations", "iterations")
+        assert [resumed[key] for key in same] == [summary[key] for key in same]
+        one, other = (each["finite_strain"] for each in (resumed, summary))
+        assert one["equations_renewed"] == other["equations_renewed"]
+        assert len(one["limit_points"]) == len(other["limit_points"])
+    # Rows of states within a step have no event.
+    different = resumed_differences(whole, cut, 1e-7 if finite else 1e-6)
+    assert not [text for text in different if not (finite and "events" in text)]
     assert (np.diff(read_run(cut).path.seconds) > 0.0).all()
     with h5py.File(cut / "run.h5") as file:
         assert file.attrs["resumed"] == 1

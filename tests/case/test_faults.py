@@ -11,6 +11,7 @@ from tests.case.scenes import BLOCK, CLAMP, HERTZ, PLATE, PULL, SQUARE, WAVY, pa
 Change = str | tuple[str, str]
 Row = tuple[Change, str, str]
 PULLED = SQUARE + CLAMP + PULL
+PLATEN = "[[load]]\nname = 'plate'\nboundary = 'square.top'\nkind = 'platen'\nfx = 0.0\n"
 
 
 VALUES: list[Row] = [
@@ -18,38 +19,31 @@ VALUES: list[Row] = [
     (("spacing = 4.0", "h = 4.0"), "body.cylinder.h", 'did you mean "spacing"'),
     (("format = 1", "format = 1\nfriction = 0.2"), "friction", "did you mean contact.friction?"),
     ("body.0.spacing=-4.0", "body.cylinder.spacing", "a number above 0"),
-    ("body.0.spacing=true", "body.cylinder.spacing", "a number above 0"),
     ("body.0.spacing=nan", "body.cylinder.spacing", "nan and inf"),
     ("body.0.seed=1.0", "body.cylinder.seed", "whole number"),
     ("body.0.name='my.block'", "body.my.block.name", "letters, digits"),
-    ("body.0.name=3", "body.0.name", "letters, digits"),
     ("body.0.shape=3", "body.cylinder.shape", "expected a table"),
     ("body.0.shape={kind=3}", "body.cylinder.shape.kind", 'unknown kind "3"'),
     ("body.0.shape.kind='half_disc'", "body.cylinder.shape.kind", '"half-disk"'),
     (('kind = "half-disk"\n', ""), "body.cylinder.shape.kind", "missing"),
-    ("body.0.shape.radius=-50.0", "body.cylinder.shape.radius", "greater than 0"),
     ("body.0.refine.0.spacing='4'", "body.cylinder.refine.0.spacing", 'without quotes: "4" is text'),
     ("body=[]", "body", "the list is empty"),
     ("material.steel.E=0", "material.steel.E", "greater than 0"),
     (("E = 210e3\n", ""), "material.steel.E", "missing"),
     (("E = 210e3", 'E = "210 GPa"'), "material.steel.E", "numbers have no units"),
-    ("material.steel.nu=-1.0", "material.steel.nu", "greater than -1"),
     ("material.steel.nu=0.51", "material.steel.nu", "at most 0.5"),
     ("model.plane='strian'", "model.plane", 'did you mean "strain"'),
     ("model.plane='shell'", "model.plane", "valid: strain, stress"),
-    ("model.plane=true", "model.plane", "true is not a valid value"),
     (("[model]", "[[model]]"), "model", "single brackets"),
     ("format=3", "format", "not a valid value"),
     (("format = 1\n", ""), "format", "write format = 1"),
     (("[[support]]", "[support]"), "support", "write [[support]]"),
-    ("load.0=3", "load.0", "expected a table"),
     ("load.press.kind='platten'", "load.press.kind", 'did you mean "platen"'),
     ("load.press.force=[0.0]", "load.press.force", "two numbers"),
     ("load.press.force=[0.0, nan]", "load.press.force.1", "nan and inf"),
     (("force = [0.0, -350.0]", "fy = '-350 N'"), "load.press.fy", "no units"),
     ("contact.0.master=7", "contact.interface.master", '"<body>.<boundary>"'),
     ("contact.0.master='top'", "contact.interface.master", "<body>.<boundary>"),
-    ("contact.0.reach=0", "contact.interface.reach", "number above 0"),
     ("contact.0.regularization.eta=-1e-4", "contact.interface.regularization.eta", "greater than 0"),
     ("contact.0.friction=-0.1", "contact.interface.friction", "at least 0"),
     ("solver.order=1", "solver.order", "at least 2"),
@@ -57,11 +51,11 @@ VALUES: list[Row] = [
     ("solver.pade=1", "solver.pade", "true or false"),
     ("solver.linear='mumps'", "solver.linear", "valid: auto, superlu"),
     ("mls.degree=7", "mls.degree", "from 1 to 6"),
-    ("mls.neighbors=0", "mls.neighbors", "whole number above 0"),
     ("output.fields=['stres']", "output.fields.0", 'did you mean "stress"'),
     ("reference.solution='hertz'", "reference.solution", 'did you mean "hertz-line"'),
     ("[[stage]]\npress = nan", "stage.0.press", "nan and inf"),
 ]
+ON_DISK = 'friction = "bonded"\nobstacle = {kind = "disk", center = [0, 0], radius = 1}'
 RELATIONS: list[Row] = [
     ("body.0.material='steal'", "body.cylinder.material", 'did you mean "steel"'),
     (('name = "block"', 'name = "cylinder"'), "body.cylinder.name", "already"),
@@ -92,6 +86,19 @@ RELATIONS: list[Row] = [
     ("[[stage]]\npress = 1.0\n[output]\nat = [0.0, 1.0, 1.01]", "output.at.2", "from 0 to 1"),
     ("output.fields=['stress', 'stress']", "output.fields", "2 times"),
     ("[mls]\ndegree = 4\nneighbors = 14", "mls.neighbors", "15 terms"),
+    ('contact.0.friction="glued"', "contact.interface.friction", '"bonded"'),
+    (('"block.top"', '"block.top"\nfriction = "bonded"\ngap = 1'), "contact.interface.gap", "bonded"),
+    (('master = "block.top"', ON_DISK), "contact.interface.friction", "rigid obstacle"),
+    ("[[stop]]\nwhat = 'force'\nof = 'pres'\nabove = 1.0", "stop.0.of", "no load or contact or support"),
+    ("[[stop]]\nwhat = 'force'\nof = 'press'", "stop.0", 'one of "above", "below"'),
+    ("[[stop]]\nwhat = 'force'\nof = 'press'\nabove = 1.0\nbelow = 2.0", "stop.0.below", "is given too"),
+    ("[[stop]]\nwhat = 'slip'\nof = 'interface'\nabove = 1.0", "stop.0.of", "frictionless"),
+    (
+        "[[stop]]\nwhat = 'area'\nof = 'interface'\nabove = 1.0\ncomponent = 'x'",
+        "stop.0.component",
+        "no components",
+    ),
+    ("[[stop]]\nwhat = 'fold'\nabove = 1.0", "stop.0.above", "fold"),
 ]
 PARTS: list[Row] = [
     ("[[support]]\nbody = 'square'\nux = 0", "support.1", "near"),
@@ -107,6 +114,10 @@ PARTS: list[Row] = [
     ("support.0.uy=0.1", "support.0.uy", "not supported yet"),
     ("support.0.from=[0, 0]", "support.0.from", 'needs "to" too'),
     ("stage=[{}]", "load.pull", "no stage applies"),
+    (PLATEN + "moment = 1.0\nrotation = 'fixed'", "load.plate.moment", "free to rotate"),
+    (PLATEN + "moment = 1.0\nrotation = 0.1", "load.plate.moment", "free to rotate"),
+    (PLATEN + "hinge = [0.0, 0.0]\nrotation = 'fixed'", "load.plate.hinge", "can rotate"),
+    (PLATEN + "rotation = 'loose'", "load.plate.rotation", 'expected "fixed", "free", or an angle'),
     ("load.0.traction=[1, 'x +']", "load.pull.traction.1", "not an expression"),
 ]
 OUTLINES = [
@@ -162,7 +173,6 @@ MATERIALS = [
     (FULL.replace("3, 1, 0", "3, 1, nan"), "stress", "stiffness", "nan and inf"),
     (ISOTROPIC + "alpha = [1, 2, 3]\n", "stress", "alpha", "isotropic"),
     (WOOD + "alpha = [1, 2]\n", "stress", "alpha", "a list of three"),
-    (WOOD + 'alpha = "1e-5"\n', "stress", "alpha", "expected a number"),
     (FULL + "alpha = 1e-5\n", "strain", "alpha", "[xx, yy, 2xy]"),
 ]
 MORE = '[[load]]\nname = "more"\n'

@@ -15,6 +15,7 @@ from mlsanm_cli.case.reading.overrides import apply_overrides
 from mlsanm_cli.case.starters import kinds, starter
 from mlsanm_cli.errors import CaseError
 from tests.case.scenes import HERTZ
+from tests.case.test_faults import VALUES
 
 CASES = sorted((Path(__file__).parents[2] / "cases").glob("*.toml"))
 SCHEMA = schema.json_schema()
@@ -41,29 +42,15 @@ def test_published_cases_and_starters_are_valid(text: str) -> None:
     jsonschema.Draft7Validator(SCHEMA).validate(tomllib.loads(text))
 
 
-REFUSED = (
+SETTINGS = [change for change, _, _ in VALUES if isinstance(change, str) and not change.startswith("[")]
+# JSON has no nan, and 1.0 is a whole number there.
+REFUSED = [setting for setting in SETTINGS if "nan" not in setting and not setting.endswith("seed=1.0")]
+REFUSED += [
     "solver.ordre=3",
-    "solver.order=1",
-    "solver.order=2.5",
-    "solver.tolerance=1.0",
-    'solver.method="simplex"',
-    'mls.neighbors="many"',
-    'contact.interface.slave="cylinder"',
-    "contact.interface.regularization.eta=0",
-    'body.block.name="12"',
-    "body.block.spacing=0",
-    'body.block.shape.kind="ellipse"',
-    "body.block.shape.x=[0.0]",
     "body.block.shape.radius=1.0",
-    "body.block.refine=[{spacing=0.1}]",
-    "material.steel.nu=true",
-    "output.fields=['strains']",
-    "format=2",
-    "body=[]",
-    'probe=[{name="p", body="block"}]',
-    # Values that the checks refuse by name.
+    "body.0.refine=[{spacing=0.1}]",
     "support.0.ux=0.1",
-)
+]
 ACCEPTED = (
     "mls.neighbors=20",
     "contact.interface.reach=2",

@@ -11,7 +11,7 @@ ROOT = Path(__file__).parents[2]
 
 
 def mlsanm(*arguments: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "mlsanm_cli.cli", *arguments]
+    command = [sys.executable, "-m", "mlsanm_cli", *arguments]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     return subprocess.run(command, capture_output=True, text=True, env=environment, check=False, cwd=ROOT)
 

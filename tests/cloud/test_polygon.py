@@ -29,7 +29,7 @@ def is_inside(edges: FloatArray, x: float, y: float) -> bool:
 
 @pytest.mark.parametrize("together", [1, 50, 2**18])
 def test_the_same_as_point_by_point(together: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(membership, "BATCH_SIZE", together)
+    monkeypatch.setattr(membership, "MAX_PAIRS", together)
     points = np.random.default_rng(0).uniform(-0.5, 3.0, (300, 2))
     # Levels of corners are where an edge must count once.
     points[:60, 1] = np.repeat([0.0, 0.2, 0.5, 0.6, 1.0, 2.0], 10)

@@ -8,8 +8,7 @@ import numpy as np
 import scipy.linalg as linalg
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.laws.coulomb import CoulombState
-from mlsanm_cli.contact.laws.event_driven import event_driven_path, start
+from mlsanm_cli.contact.laws.coulomb import CoulombState, event_driven_path, start
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.linear_map import Columns, LinearMap
 from tests.contact.scenes import synthetic

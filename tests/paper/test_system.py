@@ -17,7 +17,7 @@ from mlsanm_cli.paper import system as system_module
 from mlsanm_cli.paper.collocation import Collocation
 from mlsanm_cli.paper.system import System, Tangent
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.paths import path_of
+from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import State
 from tests.app.scenes import NEWTON, NODAL, SHEARED, SMOOTH, built, done, hertz, refused, solve
 from tests.mechanics.bodies import boundary_values, build, with_body_force
@@ -36,7 +36,7 @@ def states(scene: CondensedScene, law: str = "hyperbolic", **solver: Any) -> lis
     )
     settings = case.solver.model_copy(update=solver)
     case = case.model_copy(update={"solver": settings, "contact": (chosen,)})
-    return [state for step in path_of(replace(scene, case=case)) for state in step.saved]
+    return [state for step in load_path(replace(scene, case=case)) for state in step.saved]
 
 
 @pytest.mark.parametrize("text", [hertz(), SHEARED], ids=["frictionless", "friction"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -37,14 +38,13 @@ from mlsanm_cli.app.finite.refinement import contact_errors, refined
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
 from mlsanm_cli.app.finite.states import STATE
 from mlsanm_cli.app.output.analysis import Analysis, BodyFields
-from mlsanm_cli.app.output.parts import body_datasets, contact_datasets, vtu_states
+from mlsanm_cli.app.output.parts import ContactNodes, vtu_states
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io.records import Quantities
-from mlsanm_cli.io.run_file import Value
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State
@@ -77,7 +77,6 @@ class FiniteStrain(Analysis):
         self.announce(verdicts)
         with self.context.phase("operators"):
             self._scene = finite_scene(self.case, self.prepared)
-        self.clouds = {name: body.elastic.model.cloud for name, body in self.scene.bodies.items()}
 
     def steps(self, start: Checkpoint | None, last: State | None, verdicts: Verdicts) -> Iterator[PathStep]:
         """The path by power series, or by increments in contact, up to a stop of the case; or its part after
@@ -96,11 +95,6 @@ class FiniteStrain(Analysis):
         """Forces of loads, supports and contacts."""
         forces = resultants(self.scene, SceneForces.of(self.scene, state))
         return forces | {name.removeprefix(CONTACT_PREFIX): force for name, force in forces.items()}
-
-    @property
-    def weights(self) -> Mapping[str, FloatArray]:
-        """Lengths of the nodes of contacts."""
-        return {contact.name: contact.slave.weight for contact in self.scene.contacts.pairs}
 
     def checks(self, state: State) -> Iterator[Check]:
         """Deformations and overlaps."""
@@ -127,17 +121,15 @@ class FiniteStrain(Analysis):
         known = self._refinement
         return known.plain if known.passes or known.failed else {}
 
-    def model_datasets(self) -> dict[str, Value]:
-        """Bodies and contacts before loading."""
-        datasets: dict[str, Value] = {}
-        for name, body in self.scene.bodies.items():
-            model = body.elastic.model
-            datasets |= body_datasets(name, model.cloud, model.settings.degree)
+    @cached_property
+    def contacts(self) -> Mapping[str, ContactNodes]:
+        """The slave nodes of all contacts."""
+        contacts = {}
         for contact in self.scene.contacts.pairs:
             slave, sign = contact.slave, -1.0 if contact.exchanged else 1.0
             normal = sign * contact.start(self.scene.stages[0])
-            datasets |= contact_datasets(contact.name, slave.places, normal, slave.arc, slave.weight)
-        return datasets
+            contacts[contact.name] = ContactNodes(slave.places, normal, slave.arc, slave.weight)
+        return contacts
 
     def quantities(self, state: State) -> Quantities:
         """Load factors, forces, platens, contacts and probes."""
@@ -199,13 +191,6 @@ class FiniteStrain(Analysis):
             return super().diagnosis(state)
         parts = vtu_states(self.clouds, fields_of(self.scene, state), self.fields_written)
         return list(parts.values()), {}
-
-    def sizes(self, tally: Mapping[str, Any]) -> dict[str, Any]:
-        """Numbers of nodes and unknowns."""
-        if self._scene is None:
-            return {}
-        nodes = self.scene.unknowns // 2
-        return {"nodes": nodes, "unknowns": 2 * nodes, "contact_unknowns": 0}
 
     def figures(self, state: State, tally: Mapping[str, Any]) -> dict[str, Any]:
         """Contacts, plates, balances, estimates and deformations of a state."""

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from mlsanm_cli.app.analysis.small_lines import contact_lines, obstacle_lines, sliding_distance
 from mlsanm_cli.app.checks import end, states
 from mlsanm_cli.app.checks.balance import force_balance, force_mismatch, worst_of
 from mlsanm_cli.app.checks.check import Check, Verdicts
@@ -20,26 +22,27 @@ from mlsanm_cli.app.checks.references import reference_profile
 from mlsanm_cli.app.checks.refinement import Adapted, adapt
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.output.analysis import Analysis, BodyFields
-from mlsanm_cli.app.output.lines import contact_lines, obstacle_lines, sliding_distance
-from mlsanm_cli.app.output.parts import body_datasets, contact_datasets, contact_figures, vtu_states
+from mlsanm_cli.app.output.parts import ContactNodes, contact_figures, vtu_states
 from mlsanm_cli.app.output.views import Views, shown_fields
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
+from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.laws.limit_load import SlidingError
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io.records import Quantities, place
 from mlsanm_cli.io.run_file import Value
 from mlsanm_cli.io.vtu import VtuPart
+from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.memo import digest
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import NO_STARTS, Fields, fields_of
 from mlsanm_cli.solve.functionals import cone_ratio, contact_values, plates_turned, quantities, slave_arc
 from mlsanm_cli.solve.limit_loads import at_limit
-from mlsanm_cli.solve.paths import path_of
+from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State, output_positions
 
 WITH_STRESS = {"stress", "von_mises", "strain"}
@@ -75,7 +78,6 @@ class SmallStrain(Analysis):
         super().__init__(case, prepared, context)
         self._known = refinement
         self._adapted: Adapted | None = None
-        self._views = Views({}, {})
         self._first: State | None = None
         self._stressed: tuple[State, Mapping[str, Fields]] | None = None
         self._energies: EnergyErrors | None = None
@@ -101,8 +103,7 @@ class SmallStrain(Analysis):
         if adapted.refined:
             self.quality = assess(self.case, adapted.prepared, self.context.memo)
             verdicts.judge(self.quality.checks)
-        models = {name: body.model for name, body in adapted.built.scene.bodies.items()}
-        self.quality = replace(self.quality, models=models)
+        self.quality = replace(self.quality, models=self.models)
 
     def steps(self, start: Checkpoint | None, last: State | None, verdicts: Verdicts) -> Iterator[PathStep]:
         """The path up to a stop of the case, or its part after a checkpoint."""
@@ -134,19 +135,13 @@ class SmallStrain(Analysis):
         if at:
             output = output.model_copy(update={"at": tuple(sorted({*output_positions(built), *at}))})
             built = replace(built, case=built.case.model_copy(update={"output": output}))
-        return path_of(built, start)
+        return load_path(built, start)
 
     def forces(self, state: State) -> Mapping[str, FloatArray]:
         """Forces of loads, supports and contacts."""
         condensed = self._built.condensed
         maps = {**condensed.contact_forces, **condensed.forces}
         return {name: force(*state.unknowns) for name, force in maps.items()}
-
-    @property
-    def weights(self) -> Mapping[str, FloatArray]:
-        """Lengths of the nodes of contacts."""
-        condensed = self._built.condensed
-        return {name: condensed.weight[span] for name, span in condensed.spans.items()}
 
     def judge(self, last: State, tally: dict[str, Any]) -> Iterator[Check]:
         """Checks of the last state, then of the estimates of its errors."""
@@ -169,9 +164,8 @@ class SmallStrain(Analysis):
 
     def _overlaps(self, last: State, fields: Mapping[str, Fields]) -> Iterator[Check]:
         """Overlaps of a path without saved states, at the nodes."""
-        clouds = {name: body.model.cloud for name, body in self._built.scene.bodies.items()}
         moved = {name: one["displacement"] for name, one in fields.items()}
-        return overlaps(self._built, last, clouds, moved)
+        return overlaps(self._built, last, self.nodes, moved)
 
     def _stress_fields(self, state: State) -> Mapping[str, Fields]:
         """The fields of all bodies with stresses; recomputed unless the state was the last one saved."""
@@ -199,19 +193,35 @@ class SmallStrain(Analysis):
         adapted = self._adapted
         return adapted.refinement.plain if adapted is not None and adapted.refined else {}
 
+    @property
+    def models(self) -> Mapping[str, BodyModel]:
+        """Clouds and stencils of all bodies, at the degree that suits the contacts."""
+        if self._adapted is None:
+            return super().models
+        return {name: body.model for name, body in self._built.scene.bodies.items()}
+
+    @cached_property
+    def _views(self) -> Views:
+        return Views.of(self._built, self.context.memo)
+
+    @property
+    def clouds(self) -> Mapping[str, Cloud]:
+        """The points at which fields are written, finer than the nodes under contact grids."""
+        return self._views.clouds
+
+    @cached_property
+    def contacts(self) -> Mapping[str, ContactNodes]:
+        """The slave nodes of all contacts and bonds."""
+        contacts = {}
+        for pairing in self._built.condensed.reported:
+            chosen = pairing.candidate
+            places = pairing.points[chosen], pairing.normal[chosen], slave_arc(pairing)
+            contacts[pairing.name] = ContactNodes(*places, pairing.weight[chosen])
+        return contacts
+
     def model_datasets(self) -> dict[str, Value]:
         """Bodies and contacts before loading, and the maps of bonds."""
-        built = self._built
-        self._views = Views.of(built, self.context.memo)
-        self.clouds = self._views.clouds
-        datasets: dict[str, Value] = {}
-        for name, cloud in self.clouds.items():
-            datasets |= body_datasets(name, cloud, built.scene.bodies[name].model.settings.degree)
-        for pairing in built.condensed.reported:
-            normal, weight = pairing.normal[pairing.candidate], pairing.weight[pairing.candidate]
-            points, arc = pairing.points[pairing.candidate], slave_arc(pairing)
-            datasets |= contact_datasets(pairing.name, points, normal, arc, weight)
-        bonds = built.condensed.bonds
+        datasets, bonds = super().model_datasets(), self._built.condensed.bonds
         for name, own in bonds.spans.items() if bonds.pairings else ():
             pair = (bonds.pressure.take(own), bonds.traction.take(own))
             datasets[place("maps", "bonds", name)] = np.concatenate([one.matrix for one in pair])
@@ -221,9 +231,9 @@ class SmallStrain(Analysis):
     def attributes(self) -> Mapping[str, str]:
         """A digest of the condensed operators, which without the loads determine the path, and the number of
         nodes."""
-        built, condensed = self._built, self._built.condensed
+        condensed = self._built.condensed
         maps = (condensed.gap, condensed.slip, condensed.watched, condensed.balance)
-        nodes = sum(len(body.model.cloud.points) for body in built.scene.bodies.values())
+        nodes = sum(len(cloud.points) for cloud in self.nodes.values())
         return {"cache_hash": digest(maps, condensed.weight), "nodes": str(nodes)}
 
     def series_maps(self) -> dict[str, Value]:
@@ -281,8 +291,7 @@ class SmallStrain(Analysis):
         built = self._built
         cause = diagnose(built, state)
         fields, _ = fields_of(built, [state], stress=True)[0]
-        clouds = {name: body.model.cloud for name, body in built.scene.bodies.items()}
-        bodies = vtu_states(clouds, fields, ("displacement", "stress", "von_mises"))
+        bodies = vtu_states(self.nodes, fields, ("displacement", "stress", "von_mises"))
         if len(cause.residual):
             more = node_fields(built, cause)
             bodies = {k: replace(body, data={**body.data, **more[k]}) for k, body in bodies.items()}
@@ -291,16 +300,6 @@ class SmallStrain(Analysis):
             "worst_nodes": worst_nodes(built, cause),
         }
 
-    def interfaces(self, state: State) -> Mapping[str, Mapping[str, Any]]:
-        """Columns of the tables of all contacts."""
-        tables = {}
-        for pairing in self._built.condensed.reported:
-            values, points = contact_values(self._built, pairing, state), pairing.points[pairing.candidate]
-            place = {"x": points[:, 0], "y": points[:, 1], "arc_length": slave_arc(pairing)}
-            columns = ("gap", "pressure", "traction", "slip", "status")
-            tables[pairing.name] = place | {name: values[name] for name in columns}
-        return tables
-
     @property
     def notes(self) -> Iterator[str]:
         """Notes on factorisations."""
@@ -308,17 +307,15 @@ class SmallStrain(Analysis):
 
     def sizes(self, tally: Mapping[str, Any]) -> dict[str, Any]:
         """Numbers of nodes, unknowns and factorisations; passes of the refinement."""
-        sizes = {"linear_residual": tally.get("linear_residual"), "stability": None}
+        sizes = super().sizes(tally)
+        sizes |= {"linear_residual": tally.get("linear_residual"), "stability": None}
         if self._adapted is None:
             return sizes
         built = self._built
         bodies = built.scene.bodies
-        nodes = sum(len(body.model.cloud.points) for body in bodies.values())
         if self._adapted.refined:
             sizes["adapt"] = self._adapted.refinement.passes
         return sizes | {
-            "nodes": nodes,
-            "unknowns": 2 * nodes,
             "symmetry": _symmetry(built),
             "contact_unknowns": len(built.condensed.weight) + len(built.condensed.friction_nodes),
             "elastic_factorizations": len({id(body.system) for body in bodies.values()}),

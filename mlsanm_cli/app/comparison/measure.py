@@ -14,7 +14,7 @@ from mlsanm_cli.app.checks.states import checks_of
 from mlsanm_cli.case import Case
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.paths import path_of
+from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import PathStep
 
 ANM, NEWTON, ACTIVE_SET = "anm", "newton", "active-set"
@@ -106,7 +106,7 @@ def measure(built: CondensedScene, method: Method, case: Case, repeat: int = 1) 
         for state in (step.state, *step.saved):
             verdicts.judge(checks_of(chosen, state))
 
-    return measure_path(method, case.touching[0].regularization.law, lambda: path_of(chosen), repeat, check)
+    return measure_path(method, case.touching[0].regularization.law, lambda: load_path(chosen), repeat, check)
 
 
 def measure_path(

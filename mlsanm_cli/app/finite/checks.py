@@ -129,7 +129,7 @@ def few_contact_nodes(end: FiniteEnd) -> Iterator[Check]:
             continue
         lean = _lean(side, closed, state.solver["normal"][here])
         leans = f", lateral error {100.0 * lean:.2g} %" if lean > MIN_LATERAL_SHARE else ""
-        yield Check(
+        few = Check(
             "few_contact_nodes",
             np.inf if at_corners else int(closed.sum()),
             f"{place}: too few nodes of {side.name} in contact for accurate pressures ({closed.sum()}, "
@@ -137,7 +137,8 @@ def few_contact_nodes(end: FiniteEnd) -> Iterator[Check]:
             place=place,
             warns=_least_nodes(side, closed),
         )
-        if isinstance(contact, BodyContact) and closed.sum() < RESOLVED_NODES:
+        yield few
+        if few.outcome == "passed" and isinstance(contact, BodyContact) and closed.sum() < RESOLVED_NODES:
             yield from _ends(contact, closed, state.solver["place"][here])
 
 

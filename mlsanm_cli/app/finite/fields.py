@@ -117,12 +117,6 @@ class SceneForces:
         """The force (2,) of a load."""
         return np.asarray(sum((one.loads[number] for one in self.bodies.values()), np.zeros(2)))
 
-    @property
-    def apart(self) -> float:
-        """Largest difference of the forces of a contact on its two sides, over the largest force."""
-        found = [float(np.abs(sum(forces)).max()) for forces in self.contacts.values() if len(forces) == 2]
-        return max(found, default=0.0) / self.size if self.size else 0.0
-
 
 def resultants(scene: FiniteScene, forces: SceneForces) -> dict[str, FloatArray]:
     """The force (2,) of every load and support on its body, and of every contact on its slave."""

@@ -29,7 +29,7 @@ from mlsanm_cli.mechanics.finite.loads import FollowerPressure, Loads
 from mlsanm_cli.mechanics.finite.projector import NO_ROWS, Projector, weights_of
 from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.operators.linear.interface import LinearSolver
-from mlsanm_cli.solve.condensed_scene import stage_factors
+from mlsanm_cli.solve.stages import stage_factors
 from mlsanm_cli.solve.state import State
 
 TOUCH_TOLERANCE = 0.01

@@ -10,15 +10,17 @@ from typing import Any
 from mlsanm_cli.app.checks.check import Check, Verdicts
 from mlsanm_cli.app.checks.quality import Quality, announce
 from mlsanm_cli.app.context import RunContext
-from mlsanm_cli.app.output.parts import model_bodies
+from mlsanm_cli.app.output.parts import ContactNodes, body_datasets, model_bodies
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Stop
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.errors import NumericalError, RunError
-from mlsanm_cli.io.records import Quantities
+from mlsanm_cli.io.records import Quantities, place
 from mlsanm_cli.io.run_file import Value
+from mlsanm_cli.io.schema import INTERFACE_COLUMNS
 from mlsanm_cli.io.vtu import VtuPart
+from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.solve.fields import Fields
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State
 from mlsanm_cli.solve.stop_events import Follow, StoppedPath, measured
@@ -46,9 +48,6 @@ class Analysis(ABC):
     end. ``tally`` are the totals of the path so far, plain values that a checkpoint keeps.
     """
 
-    clouds: Mapping[str, Cloud]
-    """The points at which fields of every body are written."""
-
     def __init__(self, case: Case, prepared: SceneModel, context: RunContext) -> None:
         self.case, self.prepared, self.context = case, prepared, context
         self.quality = Quality(case, prepared, {}, {}, {})
@@ -57,6 +56,26 @@ class Analysis(ABC):
     def announce(self, verdicts: Verdicts) -> None:
         """Assesses the clouds, prints notes and judges the model."""
         self.quality = announce(self.case, self.prepared, self.context, verdicts)
+
+    @property
+    def models(self) -> Mapping[str, BodyModel]:
+        """Clouds and stencils of all bodies."""
+        return self.prepared.models
+
+    @property
+    def nodes(self) -> Mapping[str, Cloud]:
+        """The nodes of all bodies."""
+        return {name: model.cloud for name, model in self.models.items()}
+
+    @property
+    def clouds(self) -> Mapping[str, Cloud]:
+        """The points at which fields are written."""
+        return self.nodes
+
+    @property
+    @abstractmethod
+    def contacts(self) -> Mapping[str, ContactNodes]:
+        """The slave nodes of all contacts."""
 
     @abstractmethod
     def set_up(self, verdicts: Verdicts) -> None:
@@ -74,11 +93,6 @@ class Analysis(ABC):
     def forces(self, state: State) -> Mapping[str, FloatArray]:
         """Forces (2,) of loads, supports and contacts in a state by name."""
 
-    @property
-    @abstractmethod
-    def weights(self) -> Mapping[str, FloatArray]:
-        """Lengths (m,) of the nodes of contacts."""
-
     def stopped(
         self, follow: Follow, start: Checkpoint | None, last: State | None, tolerance: float
     ) -> Iterator[PathStep]:
@@ -94,7 +108,8 @@ class Analysis(ABC):
         if stop.what == "force" and stop.of not in forces:
             known = f"there are: {', '.join(forces)}"
             raise RunError(f"[[stop]]: the force of {stop.of} is not known", known)
-        return measured(stop, self.quantities(state), forces, self.weights)
+        weights = {name: nodes.weight for name, nodes in self.contacts.items()}
+        return measured(stop, self.quantities(state), forces, weights)
 
     def ending(self, last: State | None) -> Ending:
         """The end of a completed path, also by a stop of the case."""
@@ -116,9 +131,14 @@ class Analysis(ABC):
     def refinement(self) -> Mapping[str, Any]:
         """Plain values that reproduce refined clouds; empty if clouds are those of the case."""
 
-    @abstractmethod
     def model_datasets(self) -> dict[str, Value]:
         """Bodies and contacts before loading."""
+        datasets: dict[str, Value] = {}
+        for name, cloud in self.clouds.items():
+            datasets |= body_datasets(name, cloud, self.models[name].settings.degree)
+        for name, nodes in self.contacts.items():
+            datasets |= {place("contacts", name, key): array for key, array in nodes._asdict().items()}
+        return datasets
 
     @property
     def attributes(self) -> Mapping[str, str | int | float]:
@@ -169,16 +189,23 @@ class Analysis(ABC):
 
     def interfaces(self, state: State) -> Mapping[str, Mapping[str, Any]]:
         """Columns of the tables of all contacts in a state."""
-        return {}
+        tables = {}
+        for name, values in self.quantities(state)["contacts"].items():
+            nodes = self.contacts[name]
+            x, y = nodes.points.T
+            columns = {"x": x, "y": y, "arc_length": nodes.arc_length, **values}
+            tables[name] = {column: columns[column] for column in INTERFACE_COLUMNS}
+        return tables
 
     @property
     def notes(self) -> Iterator[str]:
         """Notes at the end of a run."""
         yield from ()
 
-    @abstractmethod
     def sizes(self, tally: Mapping[str, Any]) -> dict[str, Any]:
         """Numbers of nodes, unknowns and factorisations for the summary, also without any state."""
+        nodes = sum(len(cloud.points) for cloud in self.nodes.values())
+        return {"nodes": nodes, "unknowns": 2 * nodes, "contact_unknowns": 0}
 
     @abstractmethod
     def figures(self, state: State, tally: Mapping[str, Any]) -> dict[str, Any]:

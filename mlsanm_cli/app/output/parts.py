@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,12 +32,14 @@ def body_datasets(name: str, cloud: Cloud, degree: int) -> dict[str, Value]:
     }
 
 
-def contact_datasets(
-    name: str, points: FloatArray, normal: FloatArray, arc: FloatArray, weight: FloatArray
-) -> dict[str, Value]:
-    """The datasets of a contact before loading: its nodes, their normals, arc lengths and lengths."""
-    geometry = {"points": points, "normal": normal, "arc_length": arc, "weight": weight}
-    return {place("contacts", name, key): array for key, array in geometry.items()}
+class ContactNodes(NamedTuple):
+    """Slave nodes of a contact before loading, in order along the surface: points (m, 2), outward normals of
+    the master (m, 2), arc lengths and lengths (m,)."""
+
+    points: FloatArray
+    normal: FloatArray
+    arc_length: FloatArray
+    weight: FloatArray
 
 
 def contact_figures(

@@ -23,11 +23,10 @@ from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.body_model import BodyModel
-from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.probes import probe_rows, stress_of_expansion
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.fields import Fields
+from mlsanm_cli.solve.fields import Fields, named_fields
 from mlsanm_cli.solve.state import State
 
 PER_HALF_WIDTH = 12.0
@@ -126,12 +125,4 @@ def _shown(built: CondensedScene, view: View, state: State, fields: Fields, stre
     if stress:
         degrees = built.scene.degrees(name, state.factors, view.cloud.points)
         sigma = seen[:, 2:] + stressed - degrees[:, None] * stress_of_expansion(material)
-    across = material.out_of_plane_stress(sigma, degrees)
-    strain = material.strain(sigma, degrees)
-    return {
-        "displacement": seen[:, :2] + moved,
-        "stress": sigma,
-        "stress_zz": across,
-        "von_mises": von_mises(sigma, across),
-        "strain": strain,
-    }
+    return named_fields(material, seen[:, :2] + moved, sigma, degrees)

@@ -90,7 +90,7 @@ def contact_window(
         return None
     middle = 0.5 * (low + high)
     distances = [np.hypot(*(body.points - middle).T) for body in bodies]
-    nearest = int(np.argmin([one.min() for one in distances]))
+    nearest = int(np.argmin([distance.min() for distance in distances]))
     x, y = (middle + scale * bodies[nearest].displacement[distances[nearest].argmin()]).tolist()
     return x - half, x + half, y - half, y + half
 

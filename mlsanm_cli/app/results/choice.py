@@ -15,7 +15,7 @@ FIELDS = tuple(sorted(schema.scalars(schema.FIELDS), key=lambda name: name != "v
 """The scalars by which bodies are coloured and that are drawn along lines."""
 
 QUANTITIES = tuple(
-    one.name for one in schema.CONTACT_HISTORY if one.dimensions[-1] == "contact_node" and one.unit
+    entry.name for entry in schema.CONTACT_HISTORY if entry.dimensions[-1] == "contact_node" and entry.unit
 )
 """Quantities of contacts that can be probed: pressure, traction, gap, slip."""
 POINT_FIELDS = tuple(schema.members(schema.PROBES))

@@ -36,10 +36,10 @@ def collect(rundirs: Sequence[Path]) -> list[Row]:
     keys = dict.fromkeys(key for case in cases for key in case)
     readable = [case for case in cases if case]
     varied = [key for key in keys if any(case.get(key) != readable[0].get(key) for case in readable)]
-    columns = dict.fromkeys(name for found in results for name in found)
+    columns = dict.fromkeys(name for figures in results for name in figures)
     return [
-        {**head, **{key: case.get(key) for key in varied}, **{name: found.get(name) for name in columns}}
-        for head, case, found in zip(heads, cases, results, strict=True)
+        {**head, **{key: case.get(key) for key in varied}, **{name: figures.get(name) for name in columns}}
+        for head, case, figures in zip(heads, cases, results, strict=True)
     ]
 
 

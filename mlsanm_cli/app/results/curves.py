@@ -39,15 +39,8 @@ from mlsanm_cli.io.run_reader import Dataset, RunData
 
 MAX_LEVELS = 6
 """More load levels in one picture cannot be distinguished."""
-CURVE_POINTS, LINE_POINTS, MIN_INSIDE = 801, 301, 2
-"""Points of closed formulas and of lines, and least number of those in a body that a line crosses."""
 MIN_TANGENTIAL_MOTION = 1e-3
 """Tangential displacement of a platen, relative to the slip, below which a loop is drawn over the slip."""
-MIN_CLOSED_NODES, CLOSED_SPACINGS = 6, 1.5
-"""A surface with at least so many nodes is closed if its last node is within so many spacings of the
-first."""
-MAX_LOADS = 3
-"""Largest number of loads in a title."""
 REFERENCE_NAMES = {"Hertz": "Hertz, closed formula", "uniform": "uniform pressure"}
 ZONES = {STICK: ("stick", COLOURS[2]), SLIP: ("slip", COLOURS[1])}
 POSITION = "position on the load path (stages)"
@@ -56,11 +49,12 @@ SLIP_LABEL = "mean slip of the surfaces"
 
 
 def load_words(run: RunData, case: Case, position: float) -> str:
-    """A position in words: the stage if there are several, and the factors of the loads that change in it."""
+    """A position in words: the stage if there are several, and the factors of three loads that change in
+    it."""
     stages = len(case.stage)
     number = min(max(int(np.ceil(position)), 1), stages)
     factors = dict(zip(run.path.factors, level_at(run, position).factors, strict=True))
-    moving = [name for name in case.stage[number - 1] if name in factors][:MAX_LOADS]
+    moving = [name for name in case.stage[number - 1] if name in factors][:3]
     parts = [f"stage {number} of {stages}"] if stages > 1 else []
     return ", ".join([*parts, *(f"{name} x {factors[name]:.4g}" for name in moving)])
 
@@ -72,13 +66,10 @@ def position_words(run: RunData, case: Case, position: float) -> str:
 
 def along_surface(contact: Dataset, pressure: FloatArray) -> tuple[IntArray, FloatArray]:
     """The nodes (m,) of a contact in the order in which they are drawn, and their arc lengths: those of a
-    surface that closes around a body begin where pressures (m,) are furthest away."""
+    surface that closes around a body begin where pressures (m,) are furthest away. A surface of six nodes or
+    more is closed if the last one is within 1.5 spacings of the first, and far along the surface."""
     arc, step = contact.arc_length, float(np.hypot(*(contact.points[-1] - contact.points[0])))
-    if (
-        len(arc) < MIN_CLOSED_NODES
-        or step > CLOSED_SPACINGS * float(np.diff(arc).max())
-        or MIN_CLOSED_NODES * step > arc[-1] - arc[0]
-    ):
+    if len(arc) < 6 or step > 1.5 * float(np.diff(arc).max()) or 6 * step > arc[-1] - arc[0]:
         return np.arange(len(arc)), arc
     return unrolled(arc, float(arc[-1] - arc[0]) + step, pressure)
 
@@ -103,12 +94,12 @@ def pressure_picture(run: RunData, case: Case, name: str, choice: Choice) -> Pic
     formula in percent of its peak. Markers show the nodes, and thereby oscillations from node to node; values
     far above the largest regular one are cut off."""
     levels, pressure, profile = pressure_levels(run, case, name, choice)
-    highest = max(regular_peak(run.contacts[name].arc_length, one) for one in pressure)
+    highest = max(regular_peak(run.contacts[name].arc_length, values) for values in pressure)
     words = load_words(run, case, levels[-1]) if len(levels) == 1 else ""
     if profile is None:
         order, arc = along_surface(run.contacts[name], pressure.max(axis=0))
         return profile_picture(name, arc, pressure[:, order], levels, highest, words, case=case)
-    x = np.linspace(profile.coordinate[0], profile.coordinate[-1], CURVE_POINTS)
+    x = np.linspace(profile.coordinate[0], profile.coordinate[-1], 801)
     # The curve includes the ends of the loaded part, however far the candidates extend.
     edges = np.array([-profile.half_width, profile.half_width])
     x = np.union1d(x, edges[(edges > x[0]) & (edges < x[-1])])
@@ -170,15 +161,15 @@ def traction_picture(run: RunData, case: Case, name: str, choice: Choice) -> Pic
     """The traction at the nodes of a contact with its friction limits, and the stick and slip zones, which
     end half-way between nodes."""
     contact = run.contacts[name]
-    friction = next(one.coefficient for one in case.contact if one.name == name)
+    friction = next(described.coefficient for described in case.contact if described.name == name)
     # Bonds have no friction limit.
     coefficient = friction if np.isfinite(friction) else 0.0
     position = choice.at[-1] if choice.at else float(run.path.position[-1])
-    (found,) = probe_contact(run, [position], name, ("pressure", "traction"))
-    pressure = np.maximum(found["pressure"], 0.0)
-    most = np.maximum(coefficient * pressure, np.abs(found["traction"]))
+    (values,) = probe_contact(run, [position], name, ("pressure", "traction"))
+    pressure = np.maximum(values["pressure"], 0.0)
+    most = np.maximum(coefficient * pressure, np.abs(values["traction"]))
     order, arc = along_surface(contact, pressure)
-    limit, traction = coefficient * pressure[order], found["traction"][order]
+    limit, traction = coefficient * pressure[order], values["traction"][order]
     status = level_at(run, position)[f"contacts/{name}/status"][order]
     high, cut_off = cut_off_above(float(most.max(initial=0.0)), regular_peak(contact.arc_length, most))
     high = 1.05 * high
@@ -216,7 +207,7 @@ def loop_picture(run: RunData, case: Case, name: str, choice: Choice, over_slip:
     force, tangent = tangential_force(run, name), mean_tangent(run, name)
     along = {load: moved @ tangent for load, moved in run.path.displacements.items()}
     moved, label = mean_slip(run.contacts[name]), SLIP_LABEL
-    load = max(along, key=lambda one: float(np.ptp(along[one])), default="")
+    load = max(along, key=lambda name: float(np.ptp(along[name])), default="")
     if load and not over_slip and float(np.ptp(along[load])) > MIN_TANGENTIAL_MOTION * float(np.ptp(moved)):
         moved, label = along[load], f"displacement along the contact, by {load}"
     ends = [
@@ -326,16 +317,16 @@ def _along(
     except ValueError:
         message = f'"{along}" is neither a boundary nor a line'
         raise RunError(message, "as in --along block.top or --along 0,0:0,-1") from None
-    share = np.linspace(0.0, 1.0, LINE_POINTS)
+    share = np.linspace(0.0, 1.0, 301)
     points = first + share[:, None] * (last - first)
     level = level_at(run, position)
     crossed = []
     for name, body in run.bodies.items():
         within = inside(body, points)
-        if within.sum() < MIN_INSIDE:
+        if within.sum() < 2:
             continue
         ((seen, _),) = fields_at(run, case, name, points[within], [level])
-        values = np.full(LINE_POINTS, np.nan)
+        values = np.full(len(points), np.nan)
         values[within] = scalar(seen, field)
         crossed.append((name, share * float(np.hypot(*(last - first))), values))
     if not crossed:
@@ -349,9 +340,11 @@ def _on_boundary(
     """Arc lengths (k,) and values (k,) at the nodes of a boundary."""
     name, _, edge = boundary.partition(".")
     body = run.bodies.get(name)
-    edges = [] if body is None else list(dict.fromkeys(one.partition("/")[0] for one in body.boundary.name))
+    edges = (
+        [] if body is None else list(dict.fromkeys(piece.partition("/")[0] for piece in body.boundary.name))
+    )
     if edge not in edges:
-        known = ", ".join(f"{name}.{one}" for one in edges) or ", ".join(run.bodies)
+        known = ", ".join(f"{name}.{edge}" for edge in edges) or ", ".join(run.bodies)
         raise RunError(f'there is no boundary "{boundary}"', f"there are: {known}")
     assert body is not None
     index, _ = boundary_nodes(body, Place((boundary,)))

@@ -149,7 +149,7 @@ def _stencils_at(run: RunData, case: Case, body: str, points: FloatArray) -> Ste
 
 
 def _material(case: Case, body: str) -> PlaneMaterial:
-    return materials(case)[next(one.material for one in case.body if one.name == body)]
+    return materials(case)[next(described.material for described in case.body if described.name == body)]
 
 
 def _heated(case: Case, body: str) -> bool:

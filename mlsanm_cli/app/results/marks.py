@@ -12,6 +12,7 @@ from mlsanm_cli.app.output.lines import obstacle_shift, obstacles
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import (
+    AnyLoad,
     BodyForce,
     Case,
     Displacement,
@@ -30,7 +31,6 @@ from mlsanm_cli.io.run_reader import Dataset, RunData, SavedState
 
 MAX_TICKS, MAX_ARROWS = 40, 7
 """Largest number of ticks along a supported boundary, and of arrows along a loaded one."""
-Arrow = tuple[FloatArray, FloatArray, FloatArray, str]
 NO_FACTORS: Mapping[str, float] = {}
 UNMOVED: Mapping[str, FloatArray] = {}
 
@@ -65,14 +65,17 @@ def marks_of(
         elif support.body is not None and support.near is not None:
             near = bodies[support.body].points
             nodes.append(shown[support.body][np.hypot(*(near - np.array(support.near)).T).argmin()])
+    arrows = []
+    for load in case.load:
+        factor = factors.get(load.name, 1.0)
+        shift = scale * moved.get(load.name, np.zeros(2))
+        for point, vector, normal in _acting(load, bodies, shown, touching, shift):
+            if factor and vector.any():
+                arrows.append((point, np.sign(factor) * vector / np.hypot(*vector), normal, load.name))
     return ConditionMarks(
         held=tuple(held),
         nodes=tuple(nodes),
-        arrows=tuple(
-            (point, np.sign(factors.get(name, 1.0)) * direction, normal, name)
-            for point, direction, normal, name in _arrows(case, bodies, shown, touching, moved, scale)
-            if factors.get(name, 1.0)
-        ),
+        arrows=tuple(arrows),
         obstacles=tuple(
             _turned(case, name, line, factors) + scale * obstacle_shift(case, name, moved)
             for name, (line, _) in lines.items()
@@ -98,7 +101,7 @@ def marks_at(run: RunData, case: Case, state: SavedState, scale: float) -> Condi
 def _turned(case: Case, contact: str, line: FloatArray, factors: Mapping[str, float]) -> FloatArray:
     """Points (k, 2) of an obstacle, rotated by its loads."""
     angle, pivot = 0.0, (0.0, 0.0)
-    obstacle = next(one.obstacle for one in case.contact if one.name == contact)
+    obstacle = next(described.obstacle for described in case.contact if described.name == contact)
     for load in case.load:
         if isinstance(load, ObstacleMotion) and load.obstacle == contact and load.rotation and obstacle:
             angle += load.rotation * factors.get(load.name, 0.0)
@@ -128,42 +131,31 @@ def _along(body: Dataset, place: Place, most: int) -> tuple[IntArray, FloatArray
     return index[chosen], normal[chosen]
 
 
-def _arrows(
-    case: Case,
+def _acting(
+    load: AnyLoad,
     bodies: Mapping[str, Dataset],
     shown: Mapping[str, FloatArray],
     touching: Mapping[str, FloatArray],
-    moved: Mapping[str, FloatArray],
-    scale: float,
-) -> Iterator[Arrow]:
-    for load in case.load:
-        if isinstance(load, Temperature):
-            continue
-        if isinstance(load, BodyForce):
-            middle = shown[load.owner].mean(axis=0)
-            yield from _one(middle, _numbers(load.body_force, middle), np.zeros(2), load.name)
-            continue
-        if isinstance(load, ObstacleMotion):
-            if load.obstacle in touching:
-                place = touching[load.obstacle].mean(axis=0) + scale * moved.get(load.name, np.zeros(2))
-                # An obstacle pushes: its arrow ends at the contact.
-                yield from _one(place, _control(load), -_control(load), load.name)
-            continue
+    shift: FloatArray,
+) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
+    """Points (2,) where a load is drawn, its vectors (2,) and outward normals (2,) there; ``shift`` is the
+    displacement of its obstacle."""
+    if isinstance(load, BodyForce):
+        middle = shown[load.owner].mean(axis=0)
+        yield middle, _numbers(load.body_force, middle), np.zeros(2)
+    elif isinstance(load, ObstacleMotion):
+        if load.obstacle in touching:
+            # An obstacle pushes: its arrow ends at the contact.
+            yield touching[load.obstacle].mean(axis=0) + shift, _control(load), -_control(load)
+    elif isinstance(load, Platen):
+        index, normals = _along(bodies[load.place.body], load.place, 3)
+        half = len(index) // 2
+        yield shown[load.place.body][index[half]], _control(load), normals[half]
+    elif not isinstance(load, Temperature):
         body, places = bodies[load.place.body], shown[load.place.body]
-        if isinstance(load, Platen):
-            index, normals = _along(body, load.place, 3)
-            half = len(index) // 2
-            yield from _one(places[index[half]], _control(load), normals[half], load.name)
-            continue
         index, normals = _along(body, load.place, MAX_ARROWS)
         for point, normal, place in zip(places[index], normals, body.points[index], strict=True):
-            yield from _one(point, _vector(load, normal, place), normal, load.name)
-
-
-def _one(point: FloatArray, vector: FloatArray, normal: FloatArray, name: str) -> Iterator[Arrow]:
-    size = float(np.hypot(*vector))
-    if size > 0.0:
-        yield point, vector / size, normal, name
+            yield point, _vector(load, normal, place), normal
 
 
 def _control(load: Platen | ObstacleMotion) -> FloatArray:
@@ -202,16 +194,11 @@ def draw_model(path: Path, case: Case, prepared: SceneModel) -> None:
         CloudBody(cloud.points, np.zeros_like(cloud.points), cloud.spacing, cloud.triangles)
         for cloud in clouds.values()
     ]
-    touching = {one.name: one.points[[int(one.gap.argmin())]] for one in prepared.pairings}
-    stored = {
-        name: Dataset(
-            {
-                "points": cloud.points,
-                "boundary": dict(zip(("index", "normal", "name"), cloud.boundary, strict=True)),
-            }
-        )
-        for name, cloud in clouds.items()
-    }
+    touching = {pairing.name: pairing.points[[int(pairing.gap.argmin())]] for pairing in prepared.pairings}
+    stored = {}
+    for name, cloud in clouds.items():
+        boundary = dict(zip(("index", "normal", "name"), cloud.boundary, strict=True))
+        stored[name] = Dataset({"points": cloud.points, "boundary": boundary})
     marks = marks_of(case, stored, touching, {})
     nodes = sum(len(cloud.points) for cloud in clouds.values())
     title = f"{case.title}, {nodes} nodes" if case.title else f"{nodes} nodes"

@@ -61,7 +61,7 @@ class Level:
     @property
     def factors(self) -> FloatArray:
         """Load factors (L,), which are linear within a stage."""
-        return np.array([self.between(one) for one in self.run["path/factors"].values()])
+        return np.array([self.between(history) for history in self.run["path/factors"].values()])
 
 
 def level_at(run: RunData, position: float) -> Level:
@@ -112,7 +112,9 @@ def _from_series(run: RunData, level: Level, stored: Dataset) -> dict[str, Float
         **dict(zip(names, np.split(x, ends), strict=True)),
     }
     unknowns = np.concatenate([[1.0], level.factors, known["motion"], known["pressure"], known["traction"]])
-    mapped = {kind: {name: one @ unknowns for name, one in run["maps"][kind].items()} for kind in run["maps"]}
+    mapped = {
+        kind: {name: matrix @ unknowns for name, matrix in run["maps"][kind].items()} for kind in run["maps"]
+    }
     values = {f"path/resultants/{name}": force for name, force in mapped["forces"].items()}
     for name, both in mapped["probes"].items():
         values |= {f"probes/{name}/displacement": both[:2], f"probes/{name}/stress": both[2:]}
@@ -124,8 +126,8 @@ def _from_series(run: RunData, level: Level, stored: Dataset) -> dict[str, Float
             values[f"{place}/pressure"], values[f"{place}/traction"] = np.split(mapped["bonds"][name], 2)
             values |= dict.fromkeys((f"{place}/gap", f"{place}/slip"), np.zeros(count))
             continue
-        own = slice(first, first + count)
-        values |= {f"{place}/{key}": known[key][own] for key in ("pressure", "gap")}
+        rows = slice(first, first + count)
+        values |= {f"{place}/{key}": known[key][rows] for key in ("pressure", "gap")}
         first += count
         if name in mapped["slip"]:
             tangential = slice(first_tangential, first_tangential + count)
@@ -177,9 +179,9 @@ def interpolation_error(position: FloatArray, history: FloatArray, row: int, sha
         before, after = np.diff(position[middle - 1 : middle + 2])
         of_stage = np.ceil(position[middle : middle + 2] - FINE_ROUND_OFF)
         if of_stage[0] == of_stage[1] and before > 0.0 and after > 0.0:
-            first, own, last = np.asarray(history[middle - 1 : middle + 2], dtype=np.float64)
+            first, stored, last = np.asarray(history[middle - 1 : middle + 2], dtype=np.float64)
             part = before / (before + after)
-            missed = np.abs((1.0 - part) * first + part * last - own).max(initial=0.0)
+            missed = np.abs((1.0 - part) * first + part * last - stored).max(initial=0.0)
             finer = share * (1.0 - share) * gap**2 / (before * after)
             errors.append(float(finer ** (0.5 * EDGE) * missed))
     return max(errors, default=np.inf)
@@ -194,7 +196,7 @@ def checked_error(run: RunData, level: Level, name: str, *histories: FloatArray)
     position = run["path/position"]
     before, after = position[level.row - 1 : level.row + 1]
     largest = float(np.abs(np.asarray(histories[0])[level.row - 1 : level.row + 1]).max(initial=0.0))
-    missed = max(interpolation_error(position, one, level.row, level.share) for one in histories)
+    missed = max(interpolation_error(position, history, level.row, level.share) for history in histories)
     error = missed / largest if missed else 0.0
     if error > MAX_ERROR:
         raise RunError(
@@ -218,8 +220,8 @@ def pressures_at(run: RunData, position: float) -> dict[str, FloatArray]:
 def refuse_unknown(name: str, names: Collection[str], what: str) -> None:
     """Raises RunError for a name that is not one of the ``names`` of this kind of items of a run."""
     if name not in names:
-        there = f"there are: {', '.join(names)}" if names else "there is none"
-        raise RunError(f'the run has no {what} "{name}"', there)
+        known = f"there are: {', '.join(names)}" if names else "there is none"
+        raise RunError(f'the run has no {what} "{name}"', known)
 
 
 def pressing_force(run: RunData, name: str) -> FloatArray:

@@ -55,7 +55,7 @@ def plot(
     run, case = runs[0], cases[0]
     if choice.animate:
         return animate(run, case, choice)
-    wanted = [found for found in pictures(run, case, choice) if choice.wants(*found[:2])]
+    wanted = [picture for picture in pictures(run, case, choice) if choice.wants(*picture[:2])]
     if not wanted:
         kinds = ", ".join(choice.what) or "such pictures"
         raise RunError(f"the run has nothing for {kinds}", f"kinds are: {', '.join(KINDS)}")

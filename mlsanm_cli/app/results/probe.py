@@ -43,7 +43,7 @@ def probe_contact(
     for wanted in quantities:
         if wanted in TANGENTIAL and not friction:
             raise RunError(f'contact "{name}" has no friction and so no {wanted}', "use pressure or gap")
-    chosen = quantities or [one for one in QUANTITIES if friction or one not in TANGENTIAL]
+    chosen = quantities or [quantity for quantity in QUANTITIES if friction or quantity not in TANGENTIAL]
     contact = run.contacts[name]
     place = {"arc_length": contact.arc_length, "x": contact.points[:, 0], "y": contact.points[:, 1]}
     return [
@@ -105,10 +105,10 @@ def probe_point(
     run, case = _read(rundir)
     refuse_unknown(body, run.bodies, "body")
     levels = _levels(run, at)
-    found = fields_at(run, case, body, np.array([point], dtype=np.float64), levels)
+    fields = fields_at(run, case, body, np.array([point], dtype=np.float64), levels)
     return [
         {"position": level.position, "how": how} | _row(seen, field)
-        for level, (seen, how) in zip(levels, found, strict=True)
+        for level, (seen, how) in zip(levels, fields, strict=True)
     ]
 
 
@@ -132,7 +132,7 @@ def _origin(run: RunData, level: Level, name: str, *histories: FloatArray) -> Ro
 
 
 def _has_friction(case: Case, contact: str) -> bool:
-    return any(one.name == contact and one.coefficient for one in case.contact)
+    return any(described.name == contact and described.coefficient for described in case.contact)
 
 
 def _contact_force(run: RunData, level: Level, name: str, friction: bool) -> FloatArray:
@@ -149,6 +149,6 @@ def _row(seen: Quantities, field: str | None) -> Row:
     """The scalars of quantities at one point, of one ``field`` or all; vectors by component."""
     return {
         name: float(scalar(seen, name)[0])
-        for name, one in SCALARS.items()
-        if one.quantity in ([field] if field else POINT_FIELDS) and name != "displacement"
+        for name, component in SCALARS.items()
+        if component.quantity in ([field] if field else POINT_FIELDS) and name != "displacement"
     }

@@ -18,10 +18,6 @@ from mlsanm_cli.io.plots.figures import resolution
 from mlsanm_cli.io.run_reader import RunData, read_run
 from mlsanm_cli.roundoff import ROUND_OFF
 
-DPI = 110
-"""Resolution of pictures, at which a report on three runs is below 3 MB."""
-MAX_VARIED_KEYS = 15
-"""Largest number of differing keys that are compared."""
 MAX_CONTACTS = 4
 """Largest number of contacts that are drawn, those with the largest pressures."""
 COMPARED = ("status", "position", "steps", "nodes", "warnings")
@@ -90,7 +86,9 @@ def _one(run: RunData, case: Case) -> Iterator[str]:
 def _figures(summary: Mapping[str, Any], case: Case) -> Iterator[str]:
     contacts: Mapping[str, Any] = summary.get("contacts") or {}
     if contacts:
-        of_contacts = [one for one in schema.CONTACT_FIGURES if one.path.rpartition("}.")[2] in OF_CONTACTS]
+        of_contacts = [
+            entry for entry in schema.CONTACT_FIGURES if entry.path.rpartition("}.")[2] in OF_CONTACTS
+        ]
         formulas = {name: _formula(figures) for name, figures in contacts.items()}
         yield _table("Contacts at the end", "contact", contacts, of_contacts, case, formulas)
     forces = _joined_forces(summary.get("forces") or {}, case)
@@ -100,7 +98,7 @@ def _figures(summary: Mapping[str, Any], case: Case) -> Iterator[str]:
         yield html.table("Forces on the bodies", ["load or support", *columns], rows)
     if summary.get("probes"):
         yield _table("Probes at the end", "probe", summary["probes"], schema.PROBES, case)
-    sizes = [(one.description, summary.get(one.name)) for one in schema.SUMMARY if one.path in SIZES]
+    sizes = [(entry.description, summary.get(entry.name)) for entry in schema.SUMMARY if entry.path in SIZES]
     sizes.append(("CPU seconds", (summary.get("seconds") or {}).get("total")))
     rows = [[name, _number(value)] for name, value in sizes if value is not None]
     yield html.table("Size and cost", [], rows)
@@ -116,13 +114,15 @@ def _table(
 ) -> str:
     """A table with a row per item and a column per component of the quantities, and ``more`` in the last."""
     columns, rows = [first], {name: [name] for name in items}
-    for one in quantities:
-        parts = next((schema.COMPONENTS[axis] for axis in one.dimensions if axis in schema.COMPONENTS), ("",))
-        columns += [case.units.label(f"{one.description} {part}".rstrip(), one.unit) for part in parts]
+    for entry in quantities:
+        parts = next(
+            (schema.COMPONENTS[axis] for axis in entry.dimensions if axis in schema.COMPONENTS), ("",)
+        )
+        columns += [case.units.label(f"{entry.description} {part}".rstrip(), entry.unit) for part in parts]
         for name, figures in items.items():
-            value = figures.get(one.name)
+            value = figures.get(entry.name)
             values = value if isinstance(value, list) else [value] * len(parts)
-            singular = one.name == "peak_pressure" and figures.get("singular_ends")
+            singular = entry.name == "peak_pressure" and figures.get("singular_ends")
             rows[name] += [_number(part) + (" (singular end)" if singular else "") for part in values]
     if more:
         columns.append("closed formula")
@@ -151,11 +151,11 @@ def _joined_forces(forces: Mapping[str, Any], case: Case) -> list[tuple[str, lis
 
 def _checks(checks: Sequence[Mapping[str, Any]]) -> str:
     """All checks, those that did not pass first."""
-    ordered = sorted(checks, key=lambda one: list(OUTCOMES)[::-1].index(one["outcome"]))
+    ordered = sorted(checks, key=lambda check: list(OUTCOMES)[::-1].index(check["outcome"]))
     rows = [
-        [one["name"].replace("_", " "), one["place"], _number(one["value"]), _number(one["limit"]),
-         OUTCOMES[one["outcome"]]]
-        for one in ordered
+        [check["name"].replace("_", " "), check["place"], _number(check["value"]), _number(check["limit"]),
+         OUTCOMES[check["outcome"]]]
+        for check in ordered
     ]  # fmt: skip
     return html.table("Checks", ["check", "of", "value", "limit", "outcome"], rows)
 
@@ -168,9 +168,9 @@ def _pictures(run: RunData, case: Case) -> Iterator[str]:
             f"{len(drawn)} of {len(peaks)} contacts are drawn, those with the largest pressures."
         )
     order = list(CAPTIONS)
-    wanted = [one for one in pictures(run, case, Choice()) if one[0] in order]
-    with tempfile.TemporaryDirectory() as place, resolution(DPI):
-        for kind, subject, make in sorted(wanted, key=lambda one: order.index(one[0])):
+    wanted = [picture for picture in pictures(run, case, Choice()) if picture[0] in order]
+    with tempfile.TemporaryDirectory() as place, resolution(110):
+        for kind, subject, make in sorted(wanted, key=lambda picture: order.index(picture[0])):
             if kind in OF_CONTACT and subject not in drawn:
                 continue
             try:
@@ -205,7 +205,7 @@ def _compared(runs: Sequence[RunData], titles: Sequence[str]) -> str:
     last = next((index for index, key in enumerate(keys) if key == "position"), len(keys))
     varied = keys[first:last]
     # The files of very different cases are shown below.
-    varied = varied if len(varied) <= MAX_VARIED_KEYS else []
+    varied = varied if len(varied) <= 15 else []
     chosen = [*varied, *(key for key in COMPARED if key in keys), *figures]
     lines = [[_named(key), *(_number(row[key]) for row in rows)] for key in chosen]
     return html.table("The runs side by side", ["", *titles], lines)

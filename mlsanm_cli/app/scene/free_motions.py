@@ -29,7 +29,7 @@ from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics.rigid import ROTATION, independent_rows, rigid_pattern
 from mlsanm_cli.mechanics.scene import RigidConstraint
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
-from mlsanm_cli.solve.condensed_scene import stage_factors
+from mlsanm_cli.solve.stages import stage_factors
 
 BALANCE_TOLERANCE = 1e-3
 """Forces whose sum is below this part of their magnitudes cancel up to quadrature."""

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from itertools import pairwise, takewhile
+from itertools import pairwise
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -180,10 +180,8 @@ class Contact(BoundaryPart):
                 if getattr(self, key) != type(self).model_fields[key].default:
                     yield Fault((key,), "does not apply to bonded surfaces", "remove it")
         pair = {*self.boundaries}, self.ends
-        for other in takewhile(lambda other: other is not self, scope.case.contact):
-            if ({*other.boundaries}, other.ends) == pair:
-                yield Fault((), f'the same two boundaries as contact "{other.name}"')
-                break
+        for other in [c for c in self.earlier(scope.case.contact) if ({*c.boundaries}, c.ends) == pair][:1]:
+            yield Fault((), f'the same two boundaries as contact "{other.name}"')
 
     def _law_faults(self, scope: Scope) -> Iterator[Fault]:
         """All contacts have one law, the hyperbolic one between elastic bodies drawn without overlap."""

@@ -11,19 +11,20 @@ from mlsanm_cli.case.model.fields import ANGLE, EXPANSION, NUMBER, STRESS, Posit
 from mlsanm_cli.case.model.section import Scope, Section
 from mlsanm_cli.errors import Fault
 from mlsanm_cli.roundoff import FINE_ROUND_OFF, ROUND_OFF
+from mlsanm_cli.toml import toml_value
 
 Triple = tuple[float, float, float]
 Form = Literal["isotropic", "orthotropic", "stiffness"]
 
 OUT_OF_PLANE = ("E3", "nu13", "nu23")
 """Constants of an orthotropic material that plane strain requires too."""
-FORMS: Mapping[Form, tuple[tuple[str, ...], tuple[str, ...]]] = {
+FORMS: dict[Form, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "stiffness": (("stiffness",), ()),
     "orthotropic": (("E1", "E2", "G12", "nu12"), (*OUT_OF_PLANE, "angle")),
     "isotropic": (("E", "nu"), ()),
 }
 """Required and optional keys of each form of a material. One of them selects the form."""
-CHOICES = "E, nu; or E1, E2, G12, nu12; or stiffness"
+CHOICES = "; or ".join(", ".join(required) for required, _ in reversed(FORMS.values()))
 FINITE_LAWS: Mapping[str, Form] = {"saint-venant-kirchhoff": "isotropic", "neo-hookean": "isotropic"}
 """Laws for finite strain, with the form of their constants."""
 MAX_PLANE_STRAIN_NU = 4.0 / 9.0
@@ -106,10 +107,11 @@ class Material(Section):
         if scope.strain != "finite":
             return
         if form is None:
-            hint = 'law = "saint-venant-kirchhoff" or "neo-hookean"'
-            yield Fault(("law",), '"linear" elasticity is not valid at finite strain', hint)
+            hint = f"law = {' or '.join(map(toml_value, FINITE_LAWS))}"
+            yield Fault(("law",), f'"{self.law}" elasticity is not valid at finite strain', hint)
         elif self.form != form:
-            yield Fault(("law",), f'"{self.law}" needs an isotropic material', "give E and nu")
+            hint = f"give {' and '.join(FORMS[form][0])}"
+            yield Fault(("law",), f'"{self.law}" needs an {form} material', hint)
         elif self.nu is not None and scope.confined:
             hint = f"at most {MAX_PLANE_STRAIN_NU:.3f} in plane strain"
             stiff, what = self.nu > MAX_PLANE_STRAIN_NU, f"{self.nu:g}: a nearly incompressible material"

@@ -1,7 +1,6 @@
 """Loads that move rigid plates and obstacles."""
 
 from collections.abc import Iterator
-from itertools import takewhile
 from typing import Annotated, Any, Literal
 
 from pydantic import model_validator
@@ -109,9 +108,9 @@ class Platen(OnBoundary, _RigidMotion):
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
         yield from super().faults(scope)
-        plates = [one for one in scope.case.load if isinstance(one, Platen)]
-        plate = [one for one in plates if (one.boundary, one.ends) == (self.boundary, self.ends)]
-        controlled = {direction for one in plate for direction in one.control}
+        platens = [load for load in scope.case.load if isinstance(load, Platen)]
+        plate = [load for load in platens if (load.boundary, load.ends) == (self.boundary, self.ends)]
+        controlled = {direction for load in plate for direction in load.control}
         if not self.control and (self.moment is None or not controlled):
             yield Fault((), "a platen needs a direction", "give force, displacement, or ux/uy/fx/fy")
         if self.moment is not None and self.turning != "free":
@@ -160,30 +159,26 @@ class ObstacleMotion(_RigidMotion):
             hint = "give force, displacement, or ux/uy/fx/fy"
             yield Fault((), "the motion of an obstacle needs a direction", hint)
         yield from scope.finite_only(self.rotation, ("rotation",), "an obstacle that turns")
-        obstacles = {one.name: one.obstacle for one in scope.case.contact}
+        obstacles = {contact.name: contact.obstacle for contact in scope.case.contact}
         obstacle = obstacles.get(self.obstacle)
         if self.obstacle not in scope.names["contact"]:
-            fitting = [name for name in obstacles if obstacles[name] is not None] or obstacles
+            fitting = [name for name in obstacles if obstacles[name] is not None] or scope.names["contact"]
             hint = suggestion(self.obstacle, fitting, "contacts with an obstacle")
             yield Fault(("obstacle",), f'there is no contact "{self.obstacle}"', hint)
         elif self.obstacle in obstacles and obstacle is None:
             message = f'contact "{self.obstacle}" has a master and no obstacle'
             yield Fault(("obstacle",), message, 'a load of kind "platen" moves a boundary')
-        loads = [one for one in scope.case.load if isinstance(one, ObstacleMotion)]
-        earlier = [
-            one for one in takewhile(lambda one: one is not self, loads) if one.obstacle == self.obstacle
-        ]
+        motions = [load for load in scope.case.load if isinstance(load, ObstacleMotion)]
+        earlier = [load for load in self.earlier(motions) if load.obstacle == self.obstacle]
         for direction, (control, _) in self.control.items():
-            first = next((one for one in earlier if direction in one.control), self)
-            other = first.control[direction][0]
-            if other != control:
-                message = (
-                    f'{control} here, {other} in load "{first.name}" on the same obstacle in {direction}'
-                )
+            first = next((load for load in earlier if direction in load.control), self)
+            if first.control[direction][0] != control:
+                other = f'{first.control[direction][0]} in load "{first.name}"'
+                message = f"{control} here, {other} on the same obstacle in {direction}"
                 yield Fault((), message, "use one of the two in each direction")
         if obstacle is not None and self.rotation and scope.strain == "finite":
             pivot = self.pivot_on(obstacle)
-            others = {one.pivot_on(obstacle) for one in earlier if one.rotation}
+            others = {load.pivot_on(obstacle) for load in earlier if load.rotation}
             if pivot is None:
                 yield Fault(("rotation",), "needs a pivot", "give pivot")
             elif others - {None, pivot}:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Annotated, Any
 
 from pydantic import Field, PlainValidator, WithJsonSchema
@@ -14,34 +15,25 @@ from mlsanm_cli.errors import Fault
 _NAME = {"type": "string", "pattern": f"^{BOUNDARY_PATTERN.pattern}$"}
 
 
-def _boundaries(value: Any) -> str | tuple[str, ...]:
+def _boundaries(value: Any, several_bodies: bool = False) -> str | tuple[str, ...]:
     names = value if isinstance(value, tuple) else (value,)
     if not names or not all(isinstance(name, str) and BOUNDARY_PATTERN.fullmatch(name) for name in names):
         text = 'expected "<body>.<boundary>", as in "block.top", or a list of such names'
         raise PydanticCustomError("boundary", text)
-    if len({split_boundary(name)[0] for name in names}) > 1:
+    if len({split_boundary(name)[0] for name in names}) > 1 and not several_bodies:
         raise PydanticCustomError("boundary", "the boundaries of a list must belong to one body")
     if len(set(names)) < len(names):
         raise PydanticCustomError("boundary", "a boundary is listed twice")
     return names if isinstance(value, tuple) else names[0]
 
 
-def _plate_boundaries(value: Any) -> str | tuple[str, ...]:
-    names = value if isinstance(value, tuple) else (value,)
-    bodies = list(dict.fromkeys(split_boundary(name)[0] for name in names if isinstance(name, str)))
-    if len(bodies) < 2:
-        return _boundaries(value)
-    # The boundaries of each body must be valid on their own.
-    for body in bodies:
-        _boundaries(tuple(n for n in names if not isinstance(n, str) or split_boundary(n)[0] == body))
-    return names
-
-
 _SCHEMA = WithJsonSchema({"anyOf": [_NAME, {"type": "array", "items": _NAME, "minItems": 1}]})
 
 Boundaries = Annotated[str | tuple[str, ...], PlainValidator(_boundaries), _SCHEMA]
 """A boundary of a body, or several that form one surface."""
-PlateBoundaries = Annotated[str | tuple[str, ...], PlainValidator(_plate_boundaries), _SCHEMA]
+PlateBoundaries = Annotated[
+    str | tuple[str, ...], PlainValidator(partial(_boundaries, several_bodies=True)), _SCHEMA
+]
 """A boundary, or several of one body or more, that a rigid plate moves."""
 
 

@@ -7,9 +7,9 @@ import ast
 import inspect
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
-from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Protocol
+from dataclasses import dataclass, field, replace
+from itertools import pairwise, takewhile
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from pydantic import BaseModel, ConfigDict, GetJsonSchemaHandler
 from pydantic.json_schema import JsonSchemaValue
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from mlsanm_cli.case.model.shapes import AnyShape
 
 Point = tuple[float, float]
+Item = TypeVar("Item")
 
 
 @dataclass(frozen=True)
@@ -49,12 +50,14 @@ class GeometryInspector(Protocol):
 @dataclass(frozen=True)
 class Scope:
     """The valid tables of a case. ``names`` are those of all items by section, also of invalid ones,
-    ``incomplete`` the sections with invalid parts, ``geometries`` those of the valid shapes by body."""
+    ``incomplete`` the sections with invalid parts, ``numbers`` those of the valid list items in the file,
+    ``geometries`` those of the valid shapes by body."""
 
     case: Case
     names: Mapping[str, tuple[str, ...]]
     incomplete: frozenset[str]
-    geometries: Mapping[str, Geometry]
+    numbers: Mapping[str, tuple[int, ...]]
+    geometries: Mapping[str, Geometry] = field(default_factory=dict)
 
     @property
     def strain(self) -> str:
@@ -69,6 +72,13 @@ class Scope:
     def complete(self, *sections: str) -> bool:
         """Whether all items of the sections are valid, so that something missing there is missing."""
         return self.incomplete.isdisjoint(sections)
+
+    def in_file(self, path: KeyPath) -> KeyPath:
+        """The path in the file of a path in the case."""
+        match path:
+            case (str(section), int(number), *rest) if section in self.numbers:
+                return (section, self.numbers[section][number], *rest)
+        return path
 
     def refused(self, given: object, key: KeyPath, what: str, hint: str) -> Iterator[Fault]:
         """A fault if something is ``given`` that finite strain does not support."""
@@ -105,6 +115,10 @@ class Section(BaseModel):
     def given(self, *keys: str) -> list[str]:
         """Those of the keys that have a value."""
         return [key for key in keys if getattr(self, key) is not None]
+
+    def earlier(self, items: Iterable[Item]) -> list[Item]:
+        """The items of its list that precede this table."""
+        return list(takewhile(lambda item: item is not self, items))
 
     def exclusive(self, *keys: str, required: bool = True) -> Iterator[Fault]:
         """A fault if more than one of the keys is given, or none although one is ``required``."""

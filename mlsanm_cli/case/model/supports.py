@@ -1,7 +1,6 @@
 """``[[support]]``: fixed displacements and elastic foundations."""
 
 from collections.abc import Iterator
-from itertools import takewhile
 from typing import Annotated
 
 from pydantic import Field
@@ -68,7 +67,7 @@ class Support(BoundaryPart):
             if getattr(self, key):
                 message = "a nonzero displacement of a support is not supported yet"
                 yield Fault((key,), message, 'a load of kind "displacement" moves a boundary')
-        for other in takewhile(lambda other: other is not self, scope.case.support):
+        for other in self.earlier(scope.case.support):
             same = self.near is not None and (other.body, other.near) == (self.body, self.near)
             for key in ("ux", "uy"):
                 if same and getattr(self, key) is not None and getattr(other, key) is not None:

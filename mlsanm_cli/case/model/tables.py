@@ -3,7 +3,6 @@ self-contained; its context is the folder to which names of files are relative, 
 
 from __future__ import annotations
 
-import csv
 import io
 from itertools import pairwise
 from pathlib import Path
@@ -42,6 +41,8 @@ def with_points(side: Any, info: ValidationInfo) -> Any:
 
 
 def _rows(path: Path, header: tuple[str, ...], most: int) -> Rows:
+    import csv
+
     try:
         file = io.StringIO(read_input(path, MAX_TEXT_BYTES).decode("utf-8-sig"), newline="")
         lines = [(number, row) for number, row in enumerate(csv.reader(file), start=1) if any(row)]

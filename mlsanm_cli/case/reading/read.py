@@ -7,7 +7,7 @@ import io
 import json
 import re
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,9 +16,9 @@ from mlsanm_cli.case.limits import number_faults, size_faults, text_problem
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.case import Case
 from mlsanm_cli.case.model.section import Geometry, GeometryInspector, Scope, all_faults
-from mlsanm_cli.case.reading.names import declared_names, name_faults
+from mlsanm_cli.case.reading.names import name_faults
 from mlsanm_cli.case.reading.overrides import apply_overrides, key_path
-from mlsanm_cli.case.reading.valid import LISTS, ValidPart, valid_part
+from mlsanm_cli.case.reading.valid import LISTS, valid_part
 from mlsanm_cli.case.report import Report, nearest
 from mlsanm_cli.errors import CaseError, CaseProblem, Fault, GeometryError, OutlineError, RunError
 from mlsanm_cli.inputs import MAX_TEXT_BYTES, is_text, read_input
@@ -101,31 +101,29 @@ def parse_case(
     data = {key: _frozen(value) for key, value in content.items()}
     report = Report(data, text, source, changed)
     report.add(number_faults(data))
-    part = valid_part(data, path.parent, report)
-    geometries = _check_relations(data, part, inspector, report)
+    scope = _check_relations(data, valid_part(data, path.parent, report), inspector, report)
     problems = report.problems + bad_overrides
     if problems:
         raise CaseError(problems)
-    case = _with_digests(part.case, geometries)
+    case = _with_digests(scope)
     return LoadedCase(case, text, path, tuple(overrides), case_hash(case))
 
 
 def _check_relations(
-    data: dict[str, Any], part: ValidPart, inspector: GeometryInspector | None, report: Report
-) -> dict[str, Geometry]:
-    """Adds every relation between the valid tables that does not hold; returns the geometries of the bodies.
-    Without ``inspector`` nothing that depends on geometry is checked."""
+    data: dict[str, Any], scope: Scope, inspector: GeometryInspector | None, report: Report
+) -> Scope:
+    """Adds every relation between the valid tables that does not hold; returns these with the geometries of
+    the bodies. Without ``inspector`` nothing that depends on geometry is checked."""
 
     def located(faults: Iterable[Fault]) -> Iterator[Fault]:
-        return (replace(fault, key=part.in_file(fault.key)) for fault in faults)
+        return (replace(fault, key=scope.in_file(fault.key)) for fault in faults)
 
-    scope = Scope(part.case, declared_names(data), part.incomplete, {})
     if data.get("body") == ():
         report.add([Fault(("body",), "the list is empty, at least one item is required", "add [[body]]")])
     geometries: dict[str, Geometry] = {}
-    for index, body in enumerate(part.case.body):
+    for index, body in enumerate(scope.case.body):
         key: KeyPath = ("body", index, "shape")
-        faulty = any(path[:3] == part.in_file(key) for path in report.paths)
+        faulty = any(path[:3] == scope.in_file(key) for path in report.paths)
         if inspector is None or faulty or any(all_faults(body.shape, scope)):
             continue
         try:
@@ -136,11 +134,11 @@ def _check_relations(
             report.add(located([Fault((*key, "file"), error.message, error.hint)]))
     scope = replace(scope, geometries=geometries)
     report.add(name_faults(data, scope))
-    report.add(located(all_faults(part.case, scope)))
+    report.add(located(all_faults(scope.case, scope)))
     # Otherwise a fault in a support would be reported again as a body that can move.
     if inspector is not None and not {path[0] for path in report.paths}.intersection(RESTRAINING_SECTIONS):
-        report.add(located(inspector.floating(part.case)))
-    return geometries
+        report.add(located(inspector.floating(scope.case)))
+    return scope
 
 
 def stored_case(text: str) -> Case:
@@ -152,11 +150,11 @@ def stored_case(text: str) -> Case:
         raise RunError("the case stored in the run is damaged or from another version") from error
 
 
-def _with_digests(case: Case, geometries: Mapping[str, Geometry]) -> Case:
+def _with_digests(scope: Scope) -> Case:
     """The case with the SHA-256 of its files."""
-    bodies = []
+    case, bodies = scope.case, []
     for body in case.body:
-        digest = geometries[body.name].digest if body.name in geometries else ""
+        digest = scope.geometries[body.name].digest if body.name in scope.geometries else ""
         shape = body.shape.model_copy(update={"sha256": digest} if digest else {})
         bodies.append(body.model_copy(update={"shape": shape}))
     return case.model_copy(update={"body": tuple(bodies)})

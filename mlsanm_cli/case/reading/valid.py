@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,8 @@ from pydantic import ValidationError
 
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.case import Case
+from mlsanm_cli.case.model.section import Scope
+from mlsanm_cli.case.reading.names import declared_names
 from mlsanm_cli.case.report import Report
 
 LISTS = ("body", "support", "load", "contact", "stage", "stop", "probe")
@@ -21,28 +22,13 @@ REQUIRED: dict[str, Any] = {"format": 1, "material": {}, "body": (), "model": {"
 """Valid content for required tables that are missing or invalid."""
 
 
-@dataclass(frozen=True)
-class ValidPart:
-    """The valid tables of a case. ``numbers`` are those of its list items in the file, ``incomplete`` the
-    sections with invalid tables."""
-
-    case: Case
-    numbers: Mapping[str, tuple[int, ...]]
-    incomplete: frozenset[str]
-
-    def in_file(self, path: KeyPath) -> KeyPath:
-        """The path in the file of a path in the case."""
-        if path[:1] and path[0] in self.numbers and len(path) > 1 and isinstance(path[1], int):
-            return (path[0], self.numbers[str(path[0])][path[1]], *path[2:])
-        return path
-
-
-def valid_part(data: Mapping[str, Any], folder: Path, report: Report) -> ValidPart:
+def valid_part(data: Mapping[str, Any], folder: Path, report: Report) -> Scope:
     """The valid tables of the content of a file; files are relative to ``folder``. Adds all errors of single
     tables to the report, except where it has a problem already."""
+    names = declared_names(data)
     numbers = {section: tuple(range(len(_items(data, section)))) for section in LISTS}
     try:
-        return ValidPart(Case.model_validate(data, context=folder), numbers, frozenset())
+        return Scope(Case.model_validate(data, context=folder), names, frozenset(), numbers)
     except ValidationError as error:
         from mlsanm_cli.case.schema_errors import UNKNOWN_KEY, fault_of, findings
 
@@ -57,7 +43,7 @@ def valid_part(data: Mapping[str, Any], folder: Path, report: Report) -> ValidPa
     incomplete = {str(path[0]) for path, detail in found if detail["type"] != UNKNOWN_KEY}
     rest = REQUIRED | _without(data, removed)
     rest["body"] = tuple(UNNAMED | body for body in rest["body"])
-    return ValidPart(Case.model_validate(rest, context=folder), numbers, frozenset(incomplete))
+    return Scope(Case.model_validate(rest, context=folder), names, frozenset(incomplete), numbers)
 
 
 def _items(data: Mapping[str, Any], section: str) -> tuple[Any, ...]:

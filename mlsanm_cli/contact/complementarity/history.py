@@ -152,33 +152,27 @@ def _moved(problem: Problem, state: State, rate: Solution, free: FloatArray, lam
     x[: p.m][~status.closed], w[: p.m][status.closed] = 0.0, 0.0
     x[slips] = np.where(status.stuck, x[slips], status.slip_sign * p.friction * x[p.nodes])
     w[slips][status.stuck] = reference[status.stuck]
-    x, w = _refined(p, rate.basis.to(status), free, p.aim(reference), x, w)
+    search = Search(p, free, reference, p.everything, state.x)
+    x, w = _refined(search, status, rate.basis.to(status), x, w)
     slid = np.where(status.slip_sign != 0.0, w[slips] - state.w[slips], 0.0)
     work = state.work - 0.5 * (state.x[slips] + x[slips]) * slid
     return State(status, x, w, reference, work, lam, systems=rate.systems, rates=rate)
 
 
 def _refined(
-    problem: Problem, basis: Basis, free: FloatArray, aim: FloatArray, x: FloatArray, w: FloatArray
+    search: Search, status: ContactStatus, basis: Basis, x: FloatArray, w: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """The state ``x``, ``w``, or the solution of its equations if the residual exceeds round-off; the more
-    accurate one if that is not better."""
+    """The state ``x``, ``w``, or if its error exceeds round-off the solution of the equations of its
+    ``status``, by updated or new factors, if that is better."""
     tries = [(x, w)]
-    while _residual(problem, free, *tries[-1]) > 1.0:
-        if len(tries) > 1 and not basis.anew():
-            return min(tries, key=lambda pair: _residual(problem, free, *pair))
+    errors = [search.error(status, x, w)]
+    while errors[-1] > 1.0 and (len(tries) < 2 or basis.anew()):
         try:
-            tries.append(basis.solve(free, aim, x))
+            tries.append(basis.solve(search.free, search.problem.aim(search.reference), x))
         except SingularError:
-            return tries[0]
-    return tries[-1]
-
-
-def _residual(problem: Problem, free: FloatArray, x: FloatArray, w: FloatArray) -> float:
-    """Largest error of rows over round-off."""
-    size = FEASIBLE * problem.size(x)
-    missed = np.abs(free + problem.product(x) - w) / problem.grain
-    return float(missed.max(initial=0.0)) / size if size else 0.0
+            break
+        errors.append(search.error(status, *tries[-1]))
+    return tries[int(np.argmin(errors))]
 
 
 def increment(
@@ -188,11 +182,14 @@ def increment(
     lam: float,
     start: ContactStatus | None = None,
     basis: Basis | None = None,
+    allowed: Changes | None = None,
+    thorough: bool = True,
 ) -> State:
     """The state with ``free`` rows (N,) at ``lam`` after a jump, with slips opposed from those of a
-    ``state``. Raises Ray."""
+    ``state``, and all changes of status ``allowed`` if not given. Raises Ray."""
     p, before = problem, state.w[problem.m : problem.contacts]
-    found = solve(p, free, start or state.status, before, state.x, basis, thorough=False)
+    search = Search(p, free, before, allowed or p.everything, state.x)
+    found = search.solved(start or state.status, basis=basis, thorough=thorough)
     slip, traction = found.w[p.m : p.contacts], found.x[p.m : p.contacts]
     slid = np.where(found.status.slip_sign != 0.0, slip - before, 0.0)
     reference = np.where(found.status.stuck, before, slip)
@@ -219,13 +216,13 @@ def _jumped(
     try:
         point = Point(status, state.x, state.w, state.lam, Basis(p, status))
         point = trace(p, point, load, reference, p.everything, ahead)
-        return increment(p, state, constant + ahead * load, ahead, point.status, point.basis)
+        return increment(p, state, constant + ahead * load, ahead, point.status, point.basis, thorough=False)
     except (Ray, SingularError):
         pass
     for part in INCREMENTS:
         lam = min(state.lam + part * span, most)
         try:
-            return increment(p, state, constant + lam * load, lam)
+            return increment(p, state, constant + lam * load, lam, thorough=False)
         except (Ray, SingularError):
             continue
     raise Ray(ray.direction, state.lam) from ray

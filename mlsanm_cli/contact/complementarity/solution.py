@@ -122,11 +122,19 @@ class Search:
             yield resting(self.problem, status)
             yield replace(status, slip_sign=-status.slip_sign)
 
-    def _violations(self, status: ContactStatus, x: FloatArray, w: FloatArray, factor: float = 1.0) -> int:
+    def _violations(self, status: ContactStatus, x: FloatArray, w: FloatArray) -> int:
         """Number of violated conditions."""
         p = self.problem
         left = p.distances(status, self.allowed, x, w, self.reference)
-        return int((left < -factor * FEASIBLE * p.size(x) * p.grain[: p.m]).sum())
+        return int((left < -FEASIBLE * p.size(x) * p.grain[: p.m]).sum())
+
+    def error(self, status: ContactStatus, x: FloatArray, w: FloatArray) -> float:
+        """Largest error of rows and violation of conditions over round-off."""
+        p, size = self.problem, FEASIBLE * self.problem.size(x)
+        missed = np.abs(self.free + p.product(x) - w) / p.grain
+        left = p.distances(status, self.allowed, x, w, self.reference) / p.grain[: p.m]
+        worst = max(float(missed.max(initial=0.0)), -float(left.min(initial=0.0)))
+        return worst / size if size else 0.0
 
     def projected(self, status: ContactStatus, x: FloatArray, w: FloatArray) -> ContactStatus:
         """The status of a semismooth Newton step."""
@@ -180,14 +188,11 @@ class Search:
         load = v - p.product(y) - self.free
         start = Point(status, y, v, 1.0, basis)
         point = trace(p, start, load, self.reference, self.allowed, 0.0)
-        x, w = point.basis.to(point.status).solve(self.free, p.aim(self.reference), self.near)
-        rows = np.abs(self.free + p.product(x) - w)
-        if (
-            self._violations(point.status, x, w, 100.0)
-            or (rows > 100.0 * FEASIBLE * p.size(x) * p.grain).any()
-        ):
-            raise Ray(x)
-        return Solution(point.status, x, w, point.basis, systems + 1, point.pivots)
+        # Round-off of many pivots may have misled the last ones.
+        found, _, count = self._newton(point.status, point.basis, set())
+        if found is None:
+            raise Ray(point.x)
+        return replace(found, systems=systems + count, pivots=point.pivots)
 
     def _covered(self, status: ContactStatus, x: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Unknowns and rows near those of a status that satisfy its conditions, by irregular amounts, so that

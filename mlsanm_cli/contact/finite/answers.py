@@ -118,7 +118,7 @@ def _deep(body: FiniteBody) -> tuple[IntArray, Callable[[FloatArray], FloatArray
     (2n, d) of places (n, 2); none of others.
 
     What clouds answer is seen from pins, and there it is as wrong as next to the sides: as a motion of one
-    side against all others that would be a spring. A pad between rough plates was 11 % too stiff.
+    side against all others that would be a spring.
     """
     elastic = body.elastic
     cloud, bearing = elastic.model.cloud, elastic.held_nodes[: len(elastic.held_nodes) - body.pins]

@@ -24,9 +24,7 @@ ADJACENT_NODES = 3
 REACH_WITH_MOTIONS = 0.1
 """With free motions, so may nodes with gaps up to this fraction of the typical displacement."""
 DAMPING = 1e-9
-"""Damping of free motions within an iteration, as a fraction of the stiffness, for while nothing touches.
-With 1e-5, a sixth of what resisted a disk that had rolled by a quarter of its radius, updates shrank by a
-factor of five only, and increments became eight times shorter."""
+"""Damping of free motions within an iteration, as a fraction of the stiffness, for while nothing touches."""
 
 
 @dataclass(frozen=True)

@@ -19,19 +19,15 @@ from mlsanm_cli.contact.geometry.grid import logarithm
 from mlsanm_cli.contact.geometry.hat_pairs import Table
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.corner import Corner, CorneredForces, Forces
-from mlsanm_cli.mechanics.near_field import ComplexArray, SurfaceForces, as_complex
+from mlsanm_cli.mechanics.near_field import SURFACE_INSET, ComplexArray, SurfaceForces, as_complex
 from mlsanm_cli.mechanics.remainder import remainder_sources
+from mlsanm_cli.operators.refinement import BLOCK_COLUMNS
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 
-SURFACE_INSET = 1e-3
-"""Forces on planes of symmetry and at corners are shifted off them by this fraction of their node's
-length."""
 GAUSS = np.polynomial.legendre.leggauss(8)
 TIP_EXPONENT = 6.0
 """Exponent of the grading of quadrature points towards a corner, where fields depend on the logarithm of the
 distance."""
-BLOCK_SIZE = 64
-"""Nodes whose remainders are computed at once, to limit memory."""
 
 
 def exact_compliance(
@@ -49,8 +45,8 @@ def exact_compliance(
     if not len(nodes):
         return total, inside
     total[np.ix_(rows, rows)] = near.field[np.ix_(rows, rows)]
-    for first in range(0, len(nodes), BLOCK_SIZE):
-        some = nodes[first : first + BLOCK_SIZE]
+    for first in range(0, len(nodes), BLOCK_COLUMNS):
+        some = nodes[first : first + BLOCK_COLUMNS]
         remainders = near.summed(some, lambda forces: remainder_sources(body, forces), body.rows)
         smooth = body.system.functionals(seen, sparse.csc_array(remainders))
         columns = rows[2 * first : 2 * (first + len(some))]
@@ -200,7 +196,7 @@ class _Near:
         side, kernel = self.side, self.body.model.kernel
         seen = as_complex(side.places)
         apart = wrapped(side.arc[:, None] - arc, side.around)
-        same = np.abs(apart) <= 1e-12 * side.arc[-1]
+        same = np.abs(apart) <= FINE_ROUND_OFF * side.arc[-1]
         w = seen[:, None] - place
         base = np.broadcast_to(inward if center is None else (seen - center)[:, None], w.shape)
         own = inward if center is None else place - center

@@ -203,11 +203,8 @@ def transfer(
 
 
 def _spread(side: ContactSide) -> sparse.csr_array:
-    """Nodal tractions (m, m) of nodal forces, linear between nodes: the inverse of M to second order.
-
-    Forces over the nodes' lengths alone smooth tractions: peaks of Hertz contacts with 17 nodes were 1.3e-3
-    too large.
-    """
+    """Nodal tractions (m, m) of nodal forces, linear between nodes: the inverse of M to second order. Forces
+    over the nodes' lengths alone would smooth tractions."""
     first, second, step = _stretches(side)
     ends = np.concatenate([first, second])
     entries = (np.tile(step / 6.0, 2), (ends, np.concatenate([second, first])))

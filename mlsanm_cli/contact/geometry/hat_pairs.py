@@ -17,6 +17,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.cloud.search import MAX_PAIRS
 from mlsanm_cli.contact.geometry.grid import Hats, logarithm
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 
@@ -24,8 +25,6 @@ Table: TypeAlias = Callable[[FloatArray], FloatArray]
 NEAR_WIDTHS = 5.0
 """Pairs closer than this many widths are integrated exactly; the error of quadrature beyond is 1e-9."""
 THREE = np.arange(3)
-MAX_ENTRIES = 200_000
-"""Kernel values computed at once, to limit memory."""
 
 
 @dataclass(frozen=True)
@@ -155,7 +154,7 @@ class HatPairs:
             if not couples(one, table, other):
                 continue
             by = other @ table.T
-            for some in np.array_split(np.arange(len(points)), 1 + len(points) ** 2 // MAX_ENTRIES):
+            for some in np.array_split(np.arange(len(points)), 1 + len(points) ** 2 // MAX_PAIRS):
                 values = near.function.values(points[:, None] + near.shift - points[some])
                 values *= one @ by[some].T
                 total += (hats.integrals[:, some] @ (hats.integrals @ values).T).T

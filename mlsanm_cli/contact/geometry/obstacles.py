@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Arc, Curve
-from mlsanm_cli.cloud.search import nearest
+from mlsanm_cli.cloud.search import MAX_PAIRS, nearest
 from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
 from mlsanm_cli.roundoff import ROUND_OFF
 
@@ -28,8 +28,6 @@ CLOSEST_SIDES = 8
 """Number of nearest sides examined exactly, if there are more than twice as many."""
 SPLIT_RATIO = 4.0
 """Sides longer than this times the median are split in the search tree."""
-BATCH_SIZE = 200_000
-"""Pairs of points and sides processed at once, to limit memory."""
 MIN_SAMPLES = 3
 """Least number of consecutive samples of a curve; two corners are a chamfer."""
 STRAIGHT_RATIO = 3.0
@@ -212,8 +210,8 @@ class Chain:
             if certain.any():
                 yield rows[certain], np.sort(chosen[certain], axis=1)
             rows = rows[~certain]
-        for first in range(0, len(rows), BATCH_SIZE // count + 1):
-            some = rows[first : first + BATCH_SIZE // count + 1]
+        for first in range(0, len(rows), MAX_PAIRS // count + 1):
+            some = rows[first : first + MAX_PAIRS // count + 1]
             yield some, np.tile(np.arange(count), (len(some), 1))
 
 

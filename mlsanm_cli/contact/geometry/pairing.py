@@ -188,7 +188,7 @@ def pair_surfaces(
     gap = (away * normal).sum(axis=1)
     # Coincident surfaces have zero gaps, whatever the round-off of their coordinates.
     gap[np.abs(gap) <= FINE_ROUND_OFF * np.abs(points).max()] = 0.0
-    position = _along(slave, np.flatnonzero(facing & (tangential < 1e-6 * spacing)), gap)
+    position = _along(slave, np.flatnonzero(facing & (tangential < COARSE_ROUND_OFF * spacing)), gap)
     arc, weight = slave.arc_length[position], np.zeros(len(position))
     for part, own, on in facing_parts(slave, position, normal[position]):
         weight[on] += part.weight[own]

@@ -10,7 +10,7 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.joined import normals_towards
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.geometry.pairing import MAX_FACING_COSINE, Pairing
-from mlsanm_cli.roundoff import COARSE_ROUND_OFF
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF, FINE_ROUND_OFF
 
 WINDOW = 2.0
 """Half-width of the transfer window, in spacings."""
@@ -37,7 +37,7 @@ def transfer(pairing: Pairing, master_cloud: Cloud) -> sparse.csr_array:
     assert master is not None, "an obstacle has no nodes"
     arc, _, spacing = _unrolled(pairing)
     s, offset, stretch = feet(pairing, master, master.arc_length)
-    slack = 1e-6 * float(pairing.spacing.min())
+    slack = COARSE_ROUND_OFF * float(pairing.spacing.min())
     facing = (slave_normals(pairing, s) * master.normal).sum(axis=1) < MAX_FACING_COSINE
     if pairing.slave.curve.closed:
         s = np.where(s < pairing.arc[0] - slack, s + pairing.slave.curve.length, s)
@@ -122,7 +122,7 @@ def surface_fit(arc: FloatArray, weight: FloatArray, s: FloatArray, reach: Float
     share = np.exp(-2.0 * WINDOW_SHARPNESS * (offset**2 - shift)) * weight[columns]
     s0, s1, s2 = (np.repeat(np.add.reduceat(share * offset**k, start), count) for k in range(3))
     # A window with a single node can only carry its constant.
-    slope = s0 * s2 - s1**2 > 1e-12 * s0**2
+    slope = s0 * s2 - s1**2 > FINE_ROUND_OFF * s0**2
     share = np.where(slope, share * (s2 - s1 * offset) / np.where(slope, s0 * s2 - s1**2, 1.0), share / s0)
     rows = np.repeat(np.arange(len(s)), count)
     return sparse.csr_array((share, (rows, columns)), shape=(len(s), len(arc)))

@@ -7,14 +7,14 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.contact.complementarity.problem import OPEN, SLIP, STICK, ContactStatus
 from mlsanm_cli.contact.laws.loose_bodies import IdleMotions
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import ScaledFactor, SingularSystemError
 
-OPEN, STICK, SLIP = 0, 1, 2
+__all__ = ["OPEN", "SLIP", "STICK", "ContactSolution", "ContactStatus", "SetSystem"]
 MAX_CHANGES = 40
 """Largest number of changed equations for an update of factors; each costs a solution."""
 MIN_EQUATIONS = 100
@@ -23,31 +23,6 @@ EXACT, ROUND_OFF = 1e-14, 1e-12
 """Relative residuals above which solutions are refined, and gaps and slips recomputed."""
 MIN_RCOND = 1e-8
 """Least reciprocal condition number of an update."""
-
-
-@dataclass(frozen=True, eq=False)
-class ContactStatus:
-    """``closed`` (m,) nodes, ``stuck`` (n,) nodes with friction, and the ``slip_sign`` (n,) of friction on
-    closed slipping nodes, 0 on others."""
-
-    closed: BoolArray
-    stuck: BoolArray
-    slip_sign: FloatArray
-
-    @property
-    def key(self) -> bytes:
-        """Hashable; equal for equal sets."""
-        return self.closed.tobytes() + self.stuck.tobytes() + self.slip_sign.tobytes()
-
-    def resting(self, friction_nodes: IntArray) -> ContactStatus:
-        """The same with all closed frictional nodes sticking."""
-        return ContactStatus(self.closed, self.closed[friction_nodes], np.zeros_like(self.slip_sign))
-
-    def status(self, friction_nodes: IntArray) -> NDArray[np.int8]:
-        """Status (m,) of every node; closed nodes without friction slip."""
-        status = np.where(self.closed, SLIP, OPEN).astype(np.int8)
-        status[friction_nodes[self.stuck]] = STICK
-        return status
 
 
 @dataclass(frozen=True, eq=False)

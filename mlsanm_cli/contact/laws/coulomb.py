@@ -1,69 +1,73 @@
-"""Unilateral contact with Coulomb friction: states, and finite increments between them. Equation (14) of
-docs/method.md."""
+"""Unilateral contact with Coulomb friction of a condensed scene: states, increments, and the exact path with
+its history. Equation (14) of docs/method.md."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.contact.laws.complementary_path import admissible_sets
-from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus, SetSystem
-from mlsanm_cli.contact.laws.limit_load import supporting
-from mlsanm_cli.contact.laws.set_search import AdmissibleChanges, kkt_residual
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.complementarity import history
+from mlsanm_cli.contact.complementarity.problem import GRAZING, Changes, ContactStatus, Problem
+from mlsanm_cli.contact.complementarity.solution import solve, touching
+from mlsanm_cli.contact.complementarity.tracing import Ray
+from mlsanm_cli.contact.laws.contact_status import ContactSolution
+from mlsanm_cli.contact.laws.limit_load import SlidingError, slides_freely
+from mlsanm_cli.contact.laws.set_search import NoStateError, kkt_residual
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.contact.response.dense import SingularSystemError
+from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.roundoff import ROUND_OFF
+
+NEGLIGIBLE = 1e-3
+"""Part of typical pressures below which those of overlaps as drawn, as of curves through points, may depend
+on how the bodies move apart."""
+MIN_SPEED = 0.01
+"""Motions slower than this part of the fastest do not count as driven."""
+OVERLAP = (
+    "surfaces with friction overlap as drawn, and forces alone do not determine how the bodies move apart"
+)
+OVERLAP_HINT = (
+    "move one body so that the surfaces at most touch, or prescribe its platen's displacement; for a press "
+    "fit give contact.NAME.interference"
+)
 
 
 @dataclass(frozen=True, eq=False)
 class CoulombState:
     """One state of the history: load ``factors`` (L,), ``values``, ``sets``, the slips (n,) at which nodes
-    stick, and the energy ``work`` (n,) dissipated by friction so far, per length of surface. Factors of the
-    equations of states after it are updates of those of its ``system``, if known."""
+    stick, and the energy ``work`` (n,) dissipated by friction so far, per length of surface."""
 
     factors: FloatArray
     values: ContactSolution
     sets: ContactStatus
     stick_reference: FloatArray
     work: FloatArray
-    system: SetSystem | None = None
 
-    def moved(
-        self,
-        factors: FloatArray,
-        values: ContactSolution,
-        sets: ContactStatus,
-        stick_reference: FloatArray,
-        system: SetSystem,
-        jumps: bool = False,
-    ) -> CoulombState:
-        """The next state, with tractions and slips linear in between, or with friction as at its end if it
-        ``jumps``."""
-        traction = values.traction if jumps else 0.5 * (self.values.traction + values.traction)
-        slipped = np.where(sets.slip_sign != 0.0, values.slip - self.values.slip, 0.0)
-        return CoulombState(factors, values, sets, stick_reference, self.work - traction * slipped, system)
+
+@dataclass(frozen=True, eq=False)
+class Event:
+    """The state at ``fraction`` of a stage, the number of ``solves`` of systems to get there, and whether it
+    ``jumped`` from another contact state."""
+
+    fraction: float
+    state: CoulombState
+    solves: int
+    jumped: bool = False
 
 
 def unloaded(condensed: Condensed, factors: FloatArray) -> CoulombState:
     """The state before the first load, without pressure and slip; initial overlaps are resolved by the first
     increment."""
-    m, n = len(condensed.weight), len(condensed.friction_nodes)
-    values = ContactSolution(
-        np.zeros(m),
-        np.zeros(n),
-        np.zeros(len(condensed.balance.constant)),
-        condensed.gap.constant + condensed.gap.load @ factors,
-        np.zeros(n),
-    )
-    sets = ContactStatus(np.zeros(m, dtype=bool), np.zeros(n, dtype=bool), np.zeros(n))
-    return CoulombState(factors, values, sets, np.zeros(n), np.zeros(n))
+    state = history.unloaded(condensed.problem, condensed.free_rows(factors))
+    return _unscaled(condensed, state, factors)
 
 
 def acts(condensed: Condensed, change: FloatArray) -> bool:
     """Whether a change of the load factors (L,) affects contacts or motions."""
-    return any((part.load @ change).any() for part in (condensed.gap, condensed.slip, condensed.balance))
+    return bool(condensed.free_rows(change, rates=True).any())
 
 
 def increment(
@@ -72,53 +76,25 @@ def increment(
     factors: FloatArray,
     slipping: bool = True,
     guess: ContactStatus | None = None,
-    pivots: int | None = None,
 ) -> tuple[CoulombState, int]:
-    """The state after one finite increment to ``factors`` (L,), with return mapping for friction, and the
-    number of systems solved.
-
-    The search starts from ``guess``, if given. Without ``slipping`` all closed nodes stick. Raises
-    NoStateError, also after so many ``pivots``, if given.
-    """
-    before, nodes = state.values.slip, condensed.friction_nodes
-    closed = state.sets.closed | (state.values.gap <= ROUND_OFF * condensed.weight)
-    force = condensed.balance.constant + condensed.balance.load @ factors
-    if len(force) and not state.sets.closed.any():
-        closed = _resting(condensed, state, closed, factors, force)
-    stuck = closed[nodes] & (state.sets.slip_sign == 0.0)
-    slip_sign = np.where(closed[nodes], state.sets.slip_sign, 0.0)
-    both = np.ones(len(condensed.weight), dtype=bool)
-    watch = AdmissibleChanges(both, both, np.full(len(before), slipping), np.zeros(len(before)), force)
-
-    known = state.system
-
-    def solve(sets: ContactStatus) -> tuple[SetSystem, ContactSolution, FloatArray]:
-        nonlocal known
-        known = SetSystem(condensed, sets, known, force)
-        values = known.state(factors, before, state.values.motion)
-        return known, values, values.slip - before
-
-    first = ContactStatus(closed, stuck, slip_sign) if guess is None else guess
-    sets, system, values, count = admissible_sets(condensed, first, watch, solve, pivots=pivots)
-    stick_reference = np.where(sets.stuck, before, values.slip)
-    return state.moved(factors, values, sets, stick_reference, system, jumps=True), count
-
-
-def _resting(
-    condensed: Condensed, state: CoulombState, closed: BoolArray, factors: FloatArray, force: FloatArray
-) -> BoolArray:
-    """Closed nodes (m,) that hold floating bodies under a ``force`` (k,) on their motions: ``closed`` ones,
-    more on which they rest like rigid bodies, or the closest ones of all contacts."""
-    for number in range(2):
-        try:
-            SetSystem(
-                condensed, replace(state.sets, closed=closed).resting(condensed.friction_nodes), None, force
-            )
-        except SingularSystemError:
-            gap = condensed.gap.constant + condensed.gap.load @ factors
-            rigid = supporting(condensed, gap, force) if not number else None
-            closed = closed | (condensed.closest(state.values.gap) if rigid is None else rigid)
-    return closed
+    """The state after one finite increment to ``factors`` (L,), with slips opposed from those of the
+    ``state``, and the number of systems solved. The search starts from ``guess``, if given. Without
+    ``slipping`` all closed nodes stick. Raises NoStateError."""
+    p, before = condensed.problem, _scaled(condensed, state)
+    if guess is None:
+        closed = state.sets.closed | (state.values.gap <= ROUND_OFF * condensed.weight)
+        rests = closed[p.nodes] & (state.sets.slip_sign == 0.0)
+        sign = np.where(closed[p.nodes], state.sets.slip_sign, 0.0)
+        guess = ContactStatus(closed, rests & p.rubs, np.where(rests & ~p.rubs, 1.0, sign))
+    free, allowed = condensed.free_rows(factors), p.everything
+    if not slipping:
+        none = np.zeros(p.n, dtype=bool)
+        allowed = Changes(allowed.opens, allowed.closes, none, none)
+    try:
+        found = history.increment(p, before, free, 0.0, guess, allowed=allowed)
+    except Ray as error:
+        raise NoStateError(sliding=slides_freely(condensed, guess)) from error
+    return _unscaled(condensed, found, factors), found.systems
 
 
 def residual(condensed: Condensed, state: CoulombState) -> float:
@@ -126,3 +102,136 @@ def residual(condensed: Condensed, state: CoulombState) -> float:
     v, sets = state.values, state.sets
     unknowns = (state.factors, v.motion, v.pressure, v.traction)
     return kkt_residual(condensed, unknowns, sets.closed, np.where(sets.stuck, state.stick_reference, np.nan))
+
+
+def start(condensed: Condensed, factors: FloatArray, typical: float = 0.0) -> Event:
+    """The state before the first stage; initial overlaps push the surfaces apart. Raises NumericalError if
+    the result is not unique, unless its pressures are negligible against ``typical`` ones."""
+    state = unloaded(condensed, factors)
+    if not condensed.overlap(state.values.gap):
+        return Event(0.0, state, 0)
+    if not len(condensed.balance.constant):
+        return Event(0.0, *increment(condensed, state, factors))
+    parted = _parted(condensed, state)
+    if parted is not None:
+        return Event(0.0, parted, 0)
+    # Wedged bodies move straight out without slip as far as possible: friction would admit many positions.
+    for slipping, most in ((False, np.inf), (True, NEGLIGIBLE * typical)):
+        with suppress(NoStateError):
+            found, solves = increment(condensed, state, factors, slipping)
+            if residual(condensed, found) <= GRAZING and found.values.pressure.max() <= most:
+                return Event(0.0, found, solves)
+    raise NumericalError(OVERLAP, OVERLAP_HINT)
+
+
+def _parted(condensed: Condensed, state: CoulombState) -> CoulombState | None:
+    """The pressure-free state in which free bodies have moved by the least distance that resolves their
+    overlaps; None if there is none. The least distance is a frictionless contact problem of bodies held by
+    unit springs."""
+    p, k, m = condensed.problem, condensed.problem.k, condensed.problem.m
+    stiff = np.abs(p.matrix[p.contacts :, p.contacts :]).max(axis=0, initial=0.0) > GRAZING
+    moved = np.where(stiff, 0.0, p.matrix[:m, p.contacts :])
+    gap = (state.values.gap - ROUND_OFF * condensed.weight) * p.rows[:m]
+    springs = Problem.of(
+        np.block([[np.zeros((m, m)), moved], [-moved.T, np.eye(k)]]), p.nodes[:0], p.friction[:0], m
+    )
+    free = springs.rows * np.append(gap, np.zeros(k))
+    try:
+        found = solve(springs, free, touching(springs, gap < 0.0))
+    except Ray:
+        return None
+    motion = p.columns[p.contacts :] * springs.columns[m:] * found.x[m:]
+    v = state.values
+    opened = condensed.gap.motion @ motion
+    values = replace(v, motion=motion, gap=v.gap + opened, slip=condensed.slip.motion @ motion)
+    moved_state = replace(state, values=values, stick_reference=values.slip)
+    return moved_state if residual(condensed, moved_state) <= GRAZING else None
+
+
+def event_driven_path(
+    condensed: Condensed,
+    state: CoulombState,
+    end: FloatArray,
+    stops: Sequence[float],
+    begin: FloatArray | None = None,
+    fraction: float = 0.0,
+) -> Iterator[Event]:
+    """All events of a stage from ``state`` to load factors ``end`` (L,), and the states at ``stops``.
+
+    ``stops`` are increasing fractions up to 1, the last one 1. A resumed path gives the load factors
+    ``begin`` (L,) at the start of the stage and the ``fraction`` already passed. Raises SlidingError if the
+    contact slides as a whole under a force, NoStateError if no state continues the path.
+    """
+    begin = state.factors if begin is None else begin
+    change = end - begin
+    if not acts(condensed, change):
+        yield from (Event(stop, replace(state, factors=begin + stop * change), 0) for stop in stops)
+        return
+    constant, load = condensed.free_rows(begin), condensed.free_rows(change, rates=True)
+    now = _scaled(condensed, state, fraction)
+    path = history.follow(condensed.problem, now, constant, load, stops)
+    while True:
+        try:
+            found = next(path)
+        except StopIteration:
+            return
+        except Ray as ray:
+            if slides_freely(condensed, _at_limits(condensed.problem, now)):
+                raise SlidingError(now.lam) from ray
+            raise NoStateError(sliding=False) from ray
+        if found.rates is not None and _slides(condensed, now, found, begin, change):
+            raise SlidingError(now.lam)
+        jumped = found.jumped and bool(now.status.closed.any())
+        yield Event(found.lam, _unscaled(condensed, found, begin + found.lam * change), found.systems, jumped)
+        now = found
+
+
+def _at_limits(problem: Problem, state: history.State) -> ContactStatus:
+    """The status of a state in which all nodes at their friction limits slip."""
+    p, status, traction = problem, state.status, state.x[problem.m : problem.contacts]
+    at = history.admissible(p, state)
+    slips = status.stuck & (at.forward | at.backward)
+    sign = np.where(slips, np.where(traction < 0.0, -1.0, 1.0), status.slip_sign)
+    return ContactStatus(status.closed, status.stuck & ~slips, sign)
+
+
+def _slides(
+    condensed: Condensed,
+    before: history.State,
+    after: history.State,
+    begin: FloatArray,
+    change: FloatArray,
+) -> bool:
+    """Whether the rates from one state to the next are those of a contact that slides as a whole and is
+    driven by loads, not of bodies that others graze."""
+    assert after.rates is not None
+    rates = _values(condensed.problem, after.rates.x, after.rates.w)
+    if not slides_freely(condensed, after.status, rates):
+        return False
+    p = condensed.problem
+    moved = np.abs(after.rates.x[p.contacts :])
+    size = np.abs(begin + before.lam * change) + np.abs(change)
+    load = np.abs(condensed.balance.load) @ size
+    return bool(load[moved > MIN_SPEED * moved.max()].any())
+
+
+def _values(problem: Problem, x: FloatArray, w: FloatArray) -> ContactSolution:
+    """Unscaled pressures, tractions, motions, gaps and slips."""
+    unknowns, rows = problem.columns * x, w / problem.rows
+    m, count = problem.m, problem.contacts
+    return ContactSolution(unknowns[:m], unknowns[m:count], unknowns[count:], rows[:m], rows[m:count])
+
+
+def _unscaled(condensed: Condensed, state: history.State, factors: FloatArray) -> CoulombState:
+    p = condensed.problem
+    slips = p.rows[p.m : p.contacts]
+    values = _values(p, state.x, state.w)
+    return CoulombState(factors, values, state.status, state.reference / slips, state.work / slips)
+
+
+def _scaled(condensed: Condensed, state: CoulombState, lam: float = 0.0) -> history.State:
+    p, v = condensed.problem, state.values
+    x = np.concatenate([v.pressure, v.traction, v.motion]) / p.columns
+    w = p.rows * np.concatenate([v.gap, v.slip, np.zeros(p.k)])
+    slips = p.rows[p.m : p.contacts]
+    return history.State(state.sets, x, w, slips * state.stick_reference, slips * state.work, lam)

@@ -5,10 +5,8 @@ motions q, pressures p and tractions t of the other contacts.
 
 Least squares respond less to tractions the shorter their waves, and tractions are singular at the ends of
 bonds. They are therefore linear between knots KNOT_SPACING spacings apart, and displacements averaged with
-the same hat functions agree on both sides (mortar method). With a knot at every node tractions oscillate: the
-energy of a bimetal strip was 36 % off; the correction used for friction
-(:mod:`mlsanm_cli.contact.response.short_waves`) would soften the bond, by 30 % there. Between 2 and 4
-spacings the strip's curvature agrees with Timoshenko's to 3e-7.
+the same hat functions agree on both sides (mortar method). With a knot at every node tractions oscillate; the
+correction used for friction (:mod:`mlsanm_cli.contact.response.short_waves`) would soften the bond.
 """
 
 from __future__ import annotations
@@ -31,11 +29,7 @@ from mlsanm_cli.roundoff import ROUND_OFF
 KNOT_SPACING = 3.0
 """Distance of the knots, in spacings of the coarser surface."""
 KNOT_TURNS = ((0.6, 1.5), (0.35, 2.0))
-"""Along curves knots are no farther apart than these angles (radian), if that is so many spacings: a fibre of
-radius 5 in a plate, both with spacings of 2, 3 and 4, bore 4, 47 and 48 % too little, now 2, 6 and 6 %; with
-0.8 its pressures were 3.4 and its tractions 5.6 % off (L2), with the second pair 1.6 and 2.8 %. With knots a
-spacing apart tractions oscillated: another fibre bore twice its load; at 1.5 spacings within 0.35 radian they
-are 39 % off."""
+"""Along curves knots are no farther apart than these angles (radian), if that is so many spacings."""
 STRETCH_GAP = 3.0
 """Nodes farther apart than this many spacings belong to separate stretches of a bond."""
 

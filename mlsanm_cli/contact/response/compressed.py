@@ -13,18 +13,15 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.geometry.clusters import Chain
+from mlsanm_cli.operators.refinement import BLOCK_COLUMNS
 
 COMPRESSED_CONTACT, COMPRESSED_TOTAL = 800, 3000
 """Numbers of unknowns of one contact, or of all, above which frictionless compliances are compressed; below,
-dense ones are faster. Six disks in a shaft with 1,420 pressures in all took 54 s compressed, 6 s dense: with
-floating bodies that transmit forces to each other, active-set searches take many products."""
-BLOCK_SIZE = 256
-"""Columns of the dense array computed at once."""
+dense ones are faster."""
 SAMPLES = 32
 """Rows and columns sampled for the largest entry."""
 OWN_DISTANCE = 0.44
-"""Distance over a hat's width at which the kernel stands for the compliance of a node itself; with 0.31, the
-geometric mean of distances within a hat, iterations take 20 % more products, with 0.55 25 %."""
+"""Distance over a hat's width at which the kernel stands for the compliance of a node itself."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,8 +76,8 @@ class Compressed:
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> FloatArray:
         count = self.shape[1]
         found = np.empty(self.shape, dtype=dtype)
-        for first in range(0, count, BLOCK_SIZE):
-            some = slice(first, min(first + BLOCK_SIZE, count))
+        for first in range(0, count, BLOCK_COLUMNS):
+            some = slice(first, min(first + BLOCK_COLUMNS, count))
             found[:, some] = self @ np.eye(count, some.stop - some.start, -first)
         return found
 

@@ -23,6 +23,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.contact.complementarity.problem import Problem
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.bonds import Bonds
 from mlsanm_cli.contact.response.compressed import compressed, largest
@@ -144,6 +145,18 @@ class Condensed:
         lengths = [self.gap.constant, *(pairing.points for pairing in self.pairings)]
         size = max(float(np.abs(one).max(initial=0.0)) for one in lengths)
         return 4.0 * float(np.finfo(float).eps) * size
+
+    @cached_property
+    def problem(self) -> Problem:
+        """The complementarity problem of the scene, scaled."""
+        return Problem.of(self.whole, self.friction_nodes, self.friction, len(self.weight))
+
+    def free_rows(self, factors: FloatArray, rates: bool = False) -> FloatArray:
+        """Scaled rows (m + n + k,) of :attr:`problem` without pressures, tractions and motions at load
+        ``factors`` (L,), or only their change with these."""
+        parts = (self.gap, self.slip, self.balance)
+        moved = [part.load @ factors if rates else part.constant + part.load @ factors for part in parts]
+        return self.problem.rows * np.concatenate(moved)
 
     @cached_property
     def scaled(self) -> tuple[FloatArray, FloatArray, FloatArray]:

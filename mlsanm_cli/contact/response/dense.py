@@ -11,9 +11,10 @@ import numpy as np
 from scipy.linalg.lapack import dgecon, dgetrf, dgetrs
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.roundoff import ROUND_OFF
 
-SINGULAR, NULL_TOLERANCE = 1e-15, 1e-9
-"""Reciprocal condition number of a singular matrix, and singular values that are zero."""
+SINGULAR = 1e-15
+"""Reciprocal condition number of a singular matrix."""
 
 
 class SingularSystemError(ArithmeticError):
@@ -126,7 +127,7 @@ class DenseSystem:
         return result
 
 
-def null_space(rows: FloatArray, least: float = NULL_TOLERANCE) -> FloatArray:
+def null_space(rows: FloatArray, least: float = ROUND_OFF) -> FloatArray:
     """Orthonormal null space (k, d) of the ``rows`` (r, k), up to singular values of ``least``."""
     if not len(rows):
         return np.eye(rows.shape[1])

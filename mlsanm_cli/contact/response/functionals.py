@@ -52,8 +52,7 @@ def changes(
 def _moved(body: ElasticBody, grid: ContactGrid, slave: bool, lost: bool) -> sparse.csr_array:
     """Displacements x and y (2k, 2N) of a body at the samples of a contact grid, or what is ``lost`` of them
     by smoothing: in isotropic bodies away from corners. Remainders are less smooth at corners, and in
-    orthotropic bodies: in a hole in wood with 33 nodes the peak was 2 % off without and 14 % with smoothing.
-    """
+    orthotropic bodies."""
     points, cloud, fitted = as_real(grid.facing.side(grid.samples, slave)[0]), body.model.cloud, None
     if isinstance(body.model.kernel, Isotropic) and not grid.corners_of(slave):
         finest = float(cloud.spacing[cloud.tree.query(points)[1]].min())

@@ -16,13 +16,18 @@ from mlsanm_cli.arrays import AnyArray, FloatArray, IntArray
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.grid import RULE
 from mlsanm_cli.contact.geometry.panels import chebyshev, lagrange
-from mlsanm_cli.mechanics.near_field import BATCH_SIZE, ComplexArray, PointForceField, SurfaceForces, as_real
+from mlsanm_cli.mechanics.near_field import (
+    BATCH_SIZE,
+    SURFACE_INSET,
+    ComplexArray,
+    PointForceField,
+    SurfaceForces,
+    as_real,
+)
+from mlsanm_cli.roundoff import FINE_ROUND_OFF
 
 GAUSS_POINTS = ((0.0, 32), (0.05, 12), (0.5, 6))
 """Distance in interval lengths, and number of Gauss points from there on, for nearby intervals."""
-SURFACE_INSET = 1e-3
-"""Points closer to the surface than this fraction of the interval are shifted inside by as much, as fields
-jump on it."""
 NEWTON_STEPS = 3
 """Newton steps to the closest point of the surface."""
 
@@ -175,7 +180,7 @@ def _close_integrals(
     """Displacements and stresses (p, 5, 2, 2) at points due to unit values at the ends of one interval each,
     of pressure and of traction, by a Gauss ``rule`` (k,) after a substitution that removes the peak at the
     closest point."""
-    distance = np.maximum(away, 1e-12)[:, None]
+    distance = np.maximum(away, FINE_ROUND_OFF)[:, None]
     low, high = np.arcsinh(-at[:, None] / distance), np.arcsinh((1.0 - at[:, None]) / distance)
     v = 0.5 * (low + high) + 0.5 * (high - low) * rule[0]
     share = np.clip(at[:, None] + distance * np.sinh(v), 0.0, 1.0)

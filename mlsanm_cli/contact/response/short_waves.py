@@ -36,13 +36,13 @@ def correct_short_waves(
     tractions are smooth; their short waves come from the clouds' irregularity, and they become F s. Least
     squares respond less to a traction t the shorter its waves, hardly at all at two spacings: its deviation
     from the fit gets the compliance 3 h/(pi E*) (t - F t) in addition. Without this, tractions of sticking
-    nodes oscillated from node to node by 30 %. With G t the linear function closest to t over the whole
+    nodes oscillate from node to node. With G t the linear function closest to t over the whole
     contact, slips due to G t are fitted like the others, so that a patch under uniform stress stays exact. On
     a closed surface F continues across the seam and G t is constant.
 
     Gaps depend on F t only, and slips due to pressures on F p only. With short waves of t in the gaps but not
-    of p in the slips, the compliance lost its positivity for spacings that grow along the contact. Besides, a
-    body does not receive exactly the resultant of a short-wave pressure, and the resulting motion does not
+    of p in the slips, the compliance loses its positivity for spacings that grow along the contact. Besides,
+    a body does not receive exactly the resultant of a short-wave pressure, and the resulting motion does not
     decrease with the spacing as the short-wave compliance does.
 
     Also returned is the effect of pressures and tractions beyond gaps from displacements and fitted slips

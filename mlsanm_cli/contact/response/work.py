@@ -75,8 +75,7 @@ def _paths(
 
     A rigid reference does not change the work of balanced forces. The rigid motion of the held parts leaves
     no work to the reactions, which are known as stresses near singular corners, or not at all: for clamped
-    beams the error of the work is then that of the deflection. With the body's mean motion it was -1 % for a
-    beam that bent by 0.8 of the exact value, and -10 % at 0.98. If several surfaces are held and moved apart,
+    beams the error of the work is then that of the deflection. If several surfaces are held and moved apart,
     a smooth field with their displacements is the reference, on which the internal stress does the reactions'
     work.
     """

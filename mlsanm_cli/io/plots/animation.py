@@ -23,11 +23,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ByteArray = NDArray[np.uint8]
-DPI = 100
-CURVE_COLOURS, FIELD_COLOURS = 64, 256
-"""Number of colours of a GIF, which determines the size of the file; curves need few."""
-TOTAL_MS, MIN_FRAME_MS, MAX_FRAME_MS, LAST_FRAME_MS = 3200, 80, 500, 1500
-"""Duration in milliseconds of all frames together, of one frame at least and at most, and of the last one."""
+LAST_FRAME_MS = 1500
+"""Duration in milliseconds of the last frame."""
 
 
 def animate_pressure(
@@ -61,7 +58,7 @@ def animate_pressure(
             # All frames keep the layout of the first.
             figure.set_layout_engine("none")
 
-    _write(path, frames, CURVE_COLOURS)
+    _write(path, frames, colours=64)
 
 
 def animate_bodies(path: Path, states: Sequence[BodyPicture]) -> None:
@@ -77,13 +74,13 @@ def animate_bodies(path: Path, states: Sequence[BodyPicture]) -> None:
             draw_bodies(figure, state, [window], limits)
             yield figure
 
-    _write(path, frames, FIELD_COLOURS)
+    _write(path, frames, colours=256)
 
 
 def _figure(width: float, height: float) -> Figure:
     from matplotlib.figure import Figure
 
-    return Figure(figsize=(width, height), layout="constrained", dpi=DPI)
+    return Figure(figsize=(width, height), layout="constrained", dpi=100)
 
 
 def _write(path: Path, frames: Callable[[], Iterator[Figure]], colours: int) -> None:
@@ -104,8 +101,8 @@ def _write(path: Path, frames: Callable[[], Iterator[Figure]], colours: int) -> 
 
 
 def _frame_ms(pixels: Sequence[ByteArray]) -> int:
-    """Duration of a frame in milliseconds."""
-    return min(max(TOTAL_MS // len(pixels), MIN_FRAME_MS), MAX_FRAME_MS)
+    """Duration of a frame in milliseconds: all frames take 3.2 s together, one 0.08 to 0.5 s."""
+    return min(max(3200 // len(pixels), 80), 500)
 
 
 def _write_gif(path: Path, pixels: Sequence[ByteArray], colours: int) -> None:
@@ -113,7 +110,7 @@ def _write_gif(path: Path, pixels: Sequence[ByteArray], colours: int) -> None:
     from PIL import Image
 
     dither = Image.Dither.NONE
-    first, *others = (Image.fromarray(one).quantize(colours, dither=dither) for one in pixels)
+    first, *others = (Image.fromarray(frame).quantize(colours, dither=dither) for frame in pixels)
     times = [_frame_ms(pixels)] * len(others) + [LAST_FRAME_MS]
     comment = f"mlsanm {__version__}".encode()
     first.save(
@@ -136,7 +133,7 @@ def _write_mp4(path: Path, pixels: Sequence[ByteArray]) -> None:
     coded = ["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2:color=white", "-pix_fmt", "yuv420p"]
     named = ["-metadata", f"comment=mlsanm {__version__}", "-f", "mp4", str(path)]
     command = [program, "-y", "-loglevel", "error", *raw, "-i", "-", *coded, *named]
-    done = subprocess.run(command, input=b"".join(one.tobytes() for one in frames), capture_output=True)
+    done = subprocess.run(command, input=b"".join(frame.tobytes() for frame in frames), capture_output=True)
     if done.returncode:
         lines = done.stderr.decode(errors="replace").strip().splitlines()
         raise RunError(

@@ -19,15 +19,8 @@ if TYPE_CHECKING:
 
 Window = tuple[float, float, float, float]
 
-# Diameter of the dot at a node, in node spacings.
-_DOT_SIZE = 0.25
-# The colours end at this quantile of the nodal values if the largest is more than twice as high, so that
-# singular corners and ends of contact do not leave everything else in one colour.
-_USUAL = 0.99
 _OUTLINE_COLOUR = "#8c8c8c"
 _FRAME_COLOUR = "#D55E00"
-_PANELS_WIDTH = 9.0
-_MAX_HEIGHT = 7.0
 
 
 class CloudBody(NamedTuple):
@@ -160,7 +153,7 @@ def _draw_nodes(axes: Axes, points: FloatArray, spacing: FloatArray) -> None:
     """Draws dots with a size proportional to the spacing, which darken fine and coarse regions equally."""
     from matplotlib.collections import EllipseCollection
 
-    width = (_DOT_SIZE * spacing).tolist()
+    width = (0.25 * spacing).tolist()
     dots = EllipseCollection(
         width,
         width,
@@ -194,12 +187,13 @@ def range_of(bodies: Sequence[CloudBody], rest: float = 0.0) -> ColourRange:
 
 
 def _usual_peak(values: FloatArray) -> float:
-    """The largest value, or the quantile that leaves out the singular ones."""
-    largest, usual = float(values.max()), float(np.quantile(values, _USUAL))
+    """The largest value, or the one that 99 % do not exceed if it is more than twice as high: singular
+    corners and ends of contact would leave everything else in one colour."""
+    largest, usual = float(values.max()), float(np.quantile(values, 0.99))
     return usual if 0.0 < 2.0 * usual < largest else largest
 
 
 def _size(widths: Sequence[float]) -> tuple[float, float]:
     """Figure size in inches for panels of equal height with the aspect ratios ``widths``."""
-    height = min((_PANELS_WIDTH if len(widths) > 1 else 6.0) / sum(widths), _MAX_HEIGHT)
+    height = min((9.0 if len(widths) > 1 else 6.0) / sum(widths), 7.0)
     return max(height * sum(widths), 3.0) + 0.7 * len(widths) + 0.8, height + 0.9

@@ -15,10 +15,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 OUTSIDE = "outside right upper"
-VISIBLE = 1e-3
-"""Values below this part of the peak do not extend the range shown."""
-HEADROOM = 1.5
-"""Upper limit of an axis over the largest value of interest, if larger ones are cut off."""
 _STYLES = ("-", "--", ":", "-.")
 Limits = tuple[float | None, float | None]
 
@@ -133,10 +129,10 @@ def shades(count: int) -> list[Any]:
 def visible_range(
     arc: FloatArray, values: FloatArray, loaded: FloatArray | None = None
 ) -> tuple[float, float]:
-    """The part of the surface at ``arc`` (m,) to show: that with ``values`` (k, m) and at the ``loaded``
-    places, extended by a quarter on both sides."""
+    """The part of the surface at ``arc`` (m,) to show: that with ``values`` (k, m) above a thousandth of the
+    peak and at the ``loaded`` places, extended by a quarter on both sides."""
     peak = float(np.nanmax(values, initial=0.0))
-    shown = arc[(values > VISIBLE * peak).any(axis=0)] if peak > 0.0 else arc
+    shown = arc[(values > 1e-3 * peak).any(axis=0)] if peak > 0.0 else arc
     if loaded is not None:
         shown = np.concatenate([shown, loaded])
     first, last = float(arc.min(initial=np.inf)), float(arc.max(initial=-np.inf))
@@ -148,7 +144,7 @@ def visible_range(
 
 
 def cut_off_above(peak: float, highest: float) -> tuple[float, str]:
-    """Upper limit for values with a ``peak``, and the words that those far above ``highest`` are cut off."""
+    """Upper limit for values with a ``peak``, and the words that those above 1.5 ``highest`` are cut off."""
     if highest >= peak:
         return peak, ""
-    return HEADROOM * highest, f"singular ends up to {peak:.4g} are cut off"
+    return 1.5 * highest, f"singular ends up to {peak:.4g} are cut off"

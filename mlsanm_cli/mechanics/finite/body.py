@@ -240,8 +240,7 @@ def moments_of_force(body: ElasticBody, centers: sparse.csr_array, force: FloatA
 
 MAX_STRETCH = 1.25
 """Equations are renewed after a step at whose end some node is stretched by more than this, or less than its
-inverse, relative to the base state: a block 40 % down between sticking platens took two steps instead of 24,
-and at degree 4 the equations of the reference led onto another branch."""
+inverse, relative to the base state: equations of the reference may lead onto another branch."""
 MAX_ROTATION = 1.2
 """Or rotated by more than this angle: J_0^T W^2 J(u) becomes indefinite for rotations beyond a right angle,
 and has limit points that the body does not have."""

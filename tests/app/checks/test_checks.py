@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.checks import end
+from mlsanm_cli.app.checks import end, quality, states
 from mlsanm_cli.app.checks.check import Check, Verdicts
 from mlsanm_cli.app.checks.energy import EnergyErrors
 from mlsanm_cli.app.checks.limits import LIMITS
 from mlsanm_cli.app.checks.peaks import Peak
+from mlsanm_cli.app.finite import checks as finite
+from mlsanm_cli.app.finite.states import deformation, overlap
+from mlsanm_cli.cloud.cloud import build_cloud
+from mlsanm_cli.cloud.curves import rectangle
+from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.errors import NumericalError
 
 ARM = SimpleNamespace(name="arm", has_nodes=False, material="steel")
@@ -37,6 +43,87 @@ def estimates(displacement: float | None = 0.0, **figures: Any) -> Iterable[Chec
     return end.estimates(BUILT, {"displacement": displacement, "pressure": {}} | figures, missing)
 
 
+def model(closest: float = 0.8, hole: float = 1.1, growth: float = 0.2, nodes: bool = False) -> Any:
+    cloud = {"closest": closest, "hole": hole, "growth": growth}
+    body = SimpleNamespace(name="arm", has_nodes=nodes, refine=())
+    return SimpleNamespace(case=SimpleNamespace(body=[body]), bodies={"arm": cloud})
+
+
+def gap(size: float) -> Any:
+    points = np.array([[0.0, 0.0], [1.0, 2.0]])
+    models = {"arm": SimpleNamespace(cloud=SimpleNamespace(points=points))}
+    pairing = SimpleNamespace(name="pin", bodies=("arm",), gap=np.array([size, 9.0]), closed_by=0.0)
+    return SimpleNamespace(prepared=SimpleNamespace(models=models, pairings=[pairing]))
+
+
+def rough(coefficient: float) -> Any:
+    contact = SimpleNamespace(
+        name="pin", friction=coefficient, regularization=SimpleNamespace(friction_law="memory")
+    )
+    return SimpleNamespace(case=SimpleNamespace(load=(), touching=[contact]))
+
+
+def state(residual: float = 0.0, is_finite: bool = True) -> Any:
+    return SimpleNamespace(residual=residual, position=0.5, is_finite=is_finite)
+
+
+def deformed(stretch: float, waves: float) -> Iterable[Check]:
+    """One node of a body, stretched in x."""
+    model = SimpleNamespace(cloud=SimpleNamespace(points=np.zeros((1, 2))))
+    body = SimpleNamespace(
+        gradient=lambda own: np.array([[stretch - 1.0], [0.0], [0.0], [0.0]]),
+        ellipticity=lambda own, factors: np.array([waves]),
+        law=SimpleNamespace(kind="neo-hookean"),
+        elastic=SimpleNamespace(model=model),
+    )
+    scene: Any = SimpleNamespace(parts=lambda values: {"arm": values}, bodies={"arm": body})
+    last: Any = SimpleNamespace(displacement=None, factors=None, position=0.5)
+    return deformation(scene, last)
+
+
+def twisted(angle: float) -> Iterable[Check]:
+    """A square whose top is turned over: at pi it is a bow tie."""
+    cloud = build_cloud(rectangle((-1.0, 1.0), (-1.0, 1.0)), Spacing(0.4), 0)
+    x, y = cloud.points.T
+    moved = np.stack([x * (np.cos(angle * (0.5 + 0.5 * y)) - 1.0), np.zeros_like(x)], axis=1)
+    body = SimpleNamespace(elastic=SimpleNamespace(model=SimpleNamespace(cloud=cloud)))
+    scene: Any = SimpleNamespace(
+        in_increments=True,
+        shown=lambda state: moved.ravel(),
+        parts=lambda values: {"arm": values},
+        bodies={"arm": body},
+        contacts=SimpleNamespace(pairs=[]),
+    )
+    last: Any = SimpleNamespace(position=0.5, driven=None)
+    return overlap(scene, last)
+
+
+def pressed(count: float) -> Any:
+    """A contact of 20 nodes, some of which are closed, from a corner on."""
+    number = int(count)
+    side = SimpleNamespace(
+        name="arm.top", body="arm", weight=np.ones(20), corners=np.array([0]), mirrors=(None, None), count=20
+    )
+    side.around = None
+    contact = SimpleNamespace(name="pin", slave=side, sides=[side])
+    closed = np.arange(20) < number
+    last = SimpleNamespace(closed=closed, gap=np.zeros(20), solver={"normal": np.tile([0.0, 1.0], (20, 1))})
+    contacts = SimpleNamespace(each=[(contact, slice(0, 20), None)])
+    case = SimpleNamespace(body=[SimpleNamespace(name="arm", spacing="auto", has_nodes=False)])
+    return SimpleNamespace(scene=SimpleNamespace(contacts=contacts, case=case), last=last)
+
+
+def refined(fewer: bool = False, failed: str = "") -> Any:
+    return SimpleNamespace(refinement=SimpleNamespace(fewer=fewer, failed=failed))
+
+
+def touched(**errors: Any) -> Any:
+    contact = SimpleNamespace(name="pin", sides=[SimpleNamespace(body="arm")])
+    scene = SimpleNamespace(contacts=SimpleNamespace(pairs=[contact]))
+    return SimpleNamespace(case=CASE, scene=scene, errors={"displacement": None} | errors)
+
+
+BY_SERIES = EnergyErrors({"arm": 0.0}, name="series_energy_error", what="the work of stresses in")
 Found = Callable[[float], Iterable[Check]]
 CASES: dict[str, tuple[Found, float, float]] = {
     "force_balance": (lambda x: end.balance(ended(imbalance={"leg": 0.001, "arm": x})), 0.02, 0.05),
@@ -60,8 +147,28 @@ CASES: dict[str, tuple[Found, float, float]] = {
     ),
     "displacement_error": (lambda x: estimates(x, probes={"tip": 0.009}), 0.009, 0.37),
     "force_error": (lambda x: estimates(force={"pin": x}), 0.004, 0.006),
+    "series_energy_error": (
+        lambda x: end.work(ended(energies=replace(BY_SERIES, bodies={"arm": x}))),
+        0.005,
+        0.02,
+    ),
+    "node_distance": (lambda x: quality.clouds(model(closest=x)), 0.6, 0.4),
+    "node_hole": (lambda x: quality.clouds(model(hole=x)), 1.2, 1.7),
+    "spacing_growth": (lambda x: quality.clouds(model(growth=x)), 0.3, 0.31),
+    "mesh_growth": (lambda x: quality.clouds(model(growth=x, nodes=True)), 0.5, 0.7),
+    "initial_gap": (lambda x: quality.initial_gap(gap(2.0 * x)), 0.1, 0.5),
+    "friction_coefficient": (lambda x: quality.friction(rough(x)), 0.9, 40.0),
+    "finite": (lambda x: states.finite(BUILT, state(is_finite=not x)), 0.0, 1.0),
+    "volume_ratio": (lambda x: deformed(x, 1.0), 0.2, -0.1),
+    "ellipticity": (lambda x: deformed(1.0, x), 0.2, 0.05),
+    "few_contact_nodes": (lambda x: finite.few_contact_nodes(pressed(x)), 8, 2),
+    "contact_nodes": (lambda x: finite.refinement(refined(fewer=bool(x))), 0.0, 1.0),
+    "finite_force_error": (lambda x: finite.estimates(touched(contacts={"pin": x})), 0.01, 0.02),
     "rough_pressure_error": (lambda x: estimates(pressure={"pin": x, "bolt": 0.01}), 0.04, 0.12),
 }
+
+
+COUNTS = {"no_pressure", "finite", "contact_nodes", "few_contact_nodes"}
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -69,11 +176,33 @@ def test_a_check_passes_and_warns_or_fails(name: str) -> None:
     found, sound, bad = CASES[name]
     assert all(check.outcome == "passed" for check in found(sound))
     (check,) = [check for check in found(bad) if check.outcome != "passed"]
-    assert (check.name, check.value) == (name, abs(bad))
+    assert check.name == name
+    assert check.value == pytest.approx(bad if LIMITS[name].lower else abs(bad))
     assert check.outcome == ("warned" if LIMITS[name].warns is not None else "failed")
-    assert check.limit == LIMITS[name].first
-    nan = [check for check in found(np.nan if name != "no_pressure" else 1.0) if check.name == name]
-    assert nan[0].outcome != "passed"
+    assert check.limit == (6.0 if name == "few_contact_nodes" else LIMITS[name].first)
+
+
+@pytest.mark.parametrize("name", [name for name in CASES if name not in COUNTS])
+def test_nan_is_never_sound(name: str) -> None:
+    check = next(check for check in CASES[name][0](np.nan) if check.name == name)
+    assert check.outcome != "passed"
+
+
+@pytest.mark.parametrize(("angle", "outcome"), [(0.5, "passed"), (3.0, "failed")])
+def test_a_body_that_touches_itself(angle: float, outcome: str) -> None:
+    (check,) = [check for check in twisted(angle) if check.name == "self_overlap"]
+    assert check.outcome == outcome
+
+
+def test_a_refinement_that_failed() -> None:
+    checks = {check.name: check.outcome for check in finite.refinement(refined(failed="too many nodes"))}
+    assert checks["refinement_pass"] == "warned"
+
+
+def test_a_residual_is_compared_with_the_tolerance() -> None:
+    built: Any = SimpleNamespace(case=SimpleNamespace(solver=SimpleNamespace(tolerance=1e-8)))
+    outcomes = [next(states.residual(built, state(residual=x))).outcome for x in (1e-9, 1e-7, np.nan)]
+    assert outcomes == ["passed", "failed", "failed"]
 
 
 @pytest.mark.parametrize("name", LIMITS)

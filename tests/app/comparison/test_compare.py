@@ -19,7 +19,7 @@ from mlsanm_cli.case import Case, parse_case
 from mlsanm_cli.cli import main
 from mlsanm_cli.errors import NumericalError, RunError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.paths import path_of
+from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import PathStep
 from tests.app.scenes import (
     ANM,
@@ -116,7 +116,7 @@ def perturbed(size: float) -> Any:
     """A path whose pressures are off by a part, of all methods but power series."""
 
     def path(built: CondensedScene) -> Iterator[PathStep]:
-        for step in path_of(built):
+        for step in load_path(built):
             if built.case.solver.method != "anm":
                 saved = tuple(replace(s, pressure=(1.0 + size) * s.pressure) for s in step.saved)
                 step = replace(step, saved=saved)
@@ -127,7 +127,7 @@ def perturbed(size: float) -> Any:
 
 @pytest.mark.parametrize("size", [0.8, np.nan])
 def test_a_method_that_is_wrong_is_found(tmp_path: Path, afterwards: pytest.MonkeyPatch, size: float) -> None:
-    afterwards.setattr(measure_module, "path_of", perturbed(size))
+    afterwards.setattr(measure_module, "load_path", perturbed(size))
     found = compared(tmp_path, hertz(), QUICK, *SMOOTH)
     assert found["status"] == "disagree"
     assert not found["methods"][1].get("agrees")
@@ -136,7 +136,7 @@ def test_a_method_that_is_wrong_is_found(tmp_path: Path, afterwards: pytest.Monk
 def test_a_small_difference_between_equal_laws_is_found(
     tmp_path: Path, afterwards: pytest.MonkeyPatch
 ) -> None:
-    afterwards.setattr(measure_module, "path_of", perturbed(1e-4))
+    afterwards.setattr(measure_module, "load_path", perturbed(1e-4))
     wishes = replace(QUICK, methods=("newton",))
     found = compared(tmp_path, hertz(), wishes, *SMOOTH)
     assert [row.get("agrees") for row in found["methods"]] == [None, False]
@@ -146,7 +146,7 @@ def test_a_small_difference_between_equal_laws_is_found(
 
 def failing(built: CondensedScene) -> Iterator[PathStep]:
     """A path of which the active set finds the first state only."""
-    steps = path_of(built)
+    steps = load_path(built)
     yield next(steps)
     if built.case.solver.method == "active-set":
         raise NumericalError("no state", "another eta")
@@ -154,7 +154,7 @@ def failing(built: CondensedScene) -> Iterator[PathStep]:
 
 
 def test_a_method_that_fails_is_a_row(tmp_path: Path, afterwards: pytest.MonkeyPatch) -> None:
-    afterwards.setattr(measure_module, "path_of", failing)
+    afterwards.setattr(measure_module, "load_path", failing)
     found = compared(tmp_path, hertz(), replace(QUICK, picture=True), *SMOOTH)
     row = found["methods"][1]
     assert (row["status"], row["reason"], row["hint"]) == ("failed", "no state", "another eta")
@@ -183,7 +183,7 @@ def test_exit_codes_and_table(
     text = capsys.readouterr().out
     assert "anm failed: the path stopped" in text
     assert "raise solver.max_steps" in text
-    afterwards.setattr(measure_module, "path_of", failing)
+    afterwards.setattr(measure_module, "load_path", failing)
     assert main([*shown, "--force"]) == 1
     assert "active-set failed: no state; another eta" in capsys.readouterr().out
 

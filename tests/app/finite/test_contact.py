@@ -89,6 +89,8 @@ def test_cylinder_deep_in_a_block(tmp_path: Path) -> None:
     assert summary["stability"] >= 0.8
     seen = probe_contact(directory, [1.0], "under")[0]
     assert set(seen) >= {"pressure", "gap"}
+    rows = np.genfromtxt(directory / "interface.csv", delimiter=",", names=True)
+    np.testing.assert_array_equal(rows["pressure"], seen["pressure"])
     # Within the solver's tolerance of the typical displacement, 0.3.
     assert (np.array(seen["pressure"]) * np.array(seen["gap"])).max() <= 1e-8 * 0.3
     assert plot(directory, choice=Choice(("pressure",)))

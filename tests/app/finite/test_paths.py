@@ -16,17 +16,13 @@ from mlsanm_cli.app.comparison.compare import CompareOptions, compare
 from mlsanm_cli.app.finite import path as finite_path
 from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.results.probe import probe_named, probe_point
-from mlsanm_cli.app.resume import resume
-from mlsanm_cli.app.run import run
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.continuation import Correction, PathOptions, correct
 from mlsanm_cli.errors import CaseError, NumericalError, RunError
 from mlsanm_cli.mechanics.finite.problem import FiniteProblem
 from tests.app.finite.finite_scenes import rubber
-from tests.app.runs import resumed_differences
 from tests.app.scenes import Quiet, done, solve
-from tests.app.test_resume import Deadly, Killed
-from tests.case_text import body, box, contact, head, item, load, material, pushed, support, table
+from tests.case_text import body, box, head, item, load, material, support, table
 
 BEAM = (
     head("strain", strain="finite")
@@ -187,41 +183,6 @@ def test_bodies_that_can_move_freely_are_refused(tmp_path: Path) -> None:
     case = tmp_path / "block.toml"
     case.write_text(BLOCK)
     assert check(case, console=Quiet())["nodes"] > 100
-
-
-SLID = (
-    rubber(2.6, 0.3)
-    + body("block", "rubber", 0.25, box([0.0, 3.0], [0.0, 1.0]))
-    + support("block.bottom", ux=0.0, uy=0.0)
-    + contact("c", "block.top", obstacle={"kind": "disk", "center": [1.0, 2.0], "radius": 1.0}, friction=0.3)
-    + pushed("press", "c", uy=-0.25)
-    + pushed("drag", "c", ux=0.3)
-    + item("stage", press=1.0)
-    + item("stage", drag=1.0)
-    + table("output", at=[1.0, 1.5, 2.0])
-)
-CUT = {"friction, equations renewed": (SLID, 4), "series past limit points": (ARCH, 3)}
-
-
-@pytest.mark.parametrize("name", CUT)
-def test_a_run_cut_short_is_resumed_to_the_same_result(
-    name: str, tmp_path: Path, arch: tuple[Mapping[str, Any], Path]
-) -> None:
-    """What friction remembers, the direction past limit points and renewed equations are taken up again."""
-    text, kept = CUT[name]
-    cut = tmp_path / "cut"
-    summary, whole = arch if text == ARCH else (solve(text, tmp_path / "case"), tmp_path / "case")
-    with pytest.raises(Killed):
-        run(whole.with_suffix(".toml"), out=cut, console=Deadly(kept))
-    resumed = resume(cut, console=Quiet())
-    assert resumed["status"] == summary["status"] == "done"
-    same = ("steps", "factorizations", "iterations", "warnings")
-    assert [resumed[key] for key in same] == [summary[key] for key in same]
-    renewed = summary["finite_strain"]["equations_renewed"]
-    assert resumed["finite_strain"]["equations_renewed"] == renewed
-    assert renewed > 0 or "renewed" not in name
-    # Rows of states within a step have no event.
-    assert not [one for one in resumed_differences(whole, cut, 1e-7) if "events" not in one]
 
 
 def test_a_thick_ring_is_blown_up_to_twice_its_radius(tmp_path: Path) -> None:

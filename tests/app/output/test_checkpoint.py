@@ -10,7 +10,7 @@ import pytest
 
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.paths import path_of
+from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import PathStep
 from tests.app.scenes import (
     BAR,
@@ -61,12 +61,12 @@ def away(whole: list[PathStep], rest: list[PathStep]) -> float:
 @pytest.mark.parametrize("name", SCENES)
 def test_the_rest_of_a_path_leads_to_the_same_states(name: str, tmp_path: Path) -> None:
     scene = scene_of(name, tmp_path)
-    whole = list(path_of(scene))
+    whole = list(load_path(scene))
     assert len(whole) > 3
     middle = whole[len(whole) // 2].checkpoint
     assert middle is not None
-    assert away(whole, list(path_of(scene, middle))) < SAME
-    assert list(path_of(scene, whole[-1].checkpoint)) == []
+    assert away(whole, list(load_path(scene, middle))) < SAME
+    assert list(load_path(scene, whole[-1].checkpoint)) == []
 
 
 def test_what_is_saved_leaves_the_path_alone(tmp_path: Path) -> None:
@@ -77,7 +77,7 @@ def test_what_is_saved_leaves_the_path_alone(tmp_path: Path) -> None:
     few, many = "output.at=[2.0]", f"output.at={[k / 10 for k in range(1, 21)]}"
     short = ("stage=[{press=1.0}, {shear=0.5}]",)
     one, other = (scene_of("friction", tmp_path, *short, at) for at in (few, many))
-    paths = [list(path_of(replace(one, case=two.case))) for two in (one, other)]
+    paths = [list(load_path(replace(one, case=two.case))) for two in (one, other)]
     ends = [[step.state.position for step in path] for path in paths]
     assert ends[0] == pytest.approx(ends[1], rel=1e-12)
 
@@ -87,8 +87,8 @@ def test_a_path_that_ended_ends_there_again(tmp_path: Path) -> None:
     scene = scene_of("exact friction", tmp_path, "stage=[{press=1.0}, {shear=3.0}]", "output.at=[2.0]")
     steps: list[PathStep] = []
     with pytest.raises(NumericalError, match="slides as a whole"):
-        steps.extend(path_of(scene))
+        steps.extend(load_path(scene))
     rest: list[PathStep] = []
     with pytest.raises(NumericalError, match="slides as a whole"):
-        rest.extend(path_of(scene, steps[-1].checkpoint))
+        rest.extend(load_path(scene, steps[-1].checkpoint))
     assert all(abs(step.state.position - steps[-1].state.position) < 1e-9 for step in rest)

@@ -4,31 +4,15 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import h5py
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.checks.check import Check
-from mlsanm_cli.app.checks.quality import friction
-from mlsanm_cli.case import parse_case
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.io.summary import read_json
 from tests.app.scenes import EXACT_LAW, SHEARED, SMOOTH, done, solve
 from tests.case_text import FLOOR, head, scene
-
-
-def test_a_percentage_is_no_coefficient() -> None:
-    def checked(coefficient: float) -> Check:
-        overrides = (f"contact.interface.friction={coefficient}",)
-        model: Any = SimpleNamespace(case=parse_case(SHEARED, Path("case.toml"), overrides).case)
-        return next(friction(model))
-
-    assert checked(0.9).outcome == "passed"
-    assert checked(40.0).outcome == "warned"
-    assert "use 0.4" in checked(40.0).hint
 
 
 @pytest.fixture(scope="module", params=["exact", "hyperbolic"])

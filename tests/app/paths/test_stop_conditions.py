@@ -26,7 +26,6 @@ from tests.app.scenes import (
     SMOOTH,
     Quiet,
     hertz,
-    refused,
     solve,
 )
 from tests.case_text import body, box, contact, head, item, load, material, pin, pushed, support
@@ -167,28 +166,6 @@ def test_a_stopped_path_is_resumed_to_the_same_end(steps: int | None, tmp_path: 
     (place / "summary.json").unlink()
     resume(place, console=Quiet())
     assert resumed_differences(whole, place) == []
-
-
-@pytest.mark.parametrize(
-    ("stop", "key", "message"),
-    [
-        ({"what": "force", "of": "pres", "above": 1.0}, "stop.0.of", "no load or contact or support"),
-        ({"what": "force", "of": "press"}, "stop.0", 'one of "above", "below"'),
-        ({"what": "force", "of": "press", "above": 1.0, "below": 2.0}, "stop.0.below", "is given too"),
-        ({"what": "slip", "of": "interface", "above": 1.0}, "stop.0.of", "frictionless"),
-        (
-            {"what": "area", "of": "interface", "above": 1.0, "component": "x"},
-            "stop.0.component",
-            "no components",
-        ),
-        ({"what": "fold", "above": 1.0}, "stop.0.above", "fold"),
-        ({"what": "force", "of": "press", "abov": 1.0}, "stop.0.abov", "unknown key"),
-    ],
-)
-def test_stops_that_make_no_sense_are_refused(
-    stop: dict[str, Any], key: str, message: str, tmp_path: Path
-) -> None:
-    refused(hertz().item("stop", **stop), tmp_path / "run", key, message)
 
 
 def test_a_load_that_turns_back_within_a_step_is_seen() -> None:

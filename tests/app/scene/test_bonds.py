@@ -16,7 +16,7 @@ from mlsanm_cli.app.results.probe import probe_contact, probe_force
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import Quiet, done, refused, solve
-from tests.case_text import FLOOR, Scene, body, contact, load, polygon, scene
+from tests.case_text import Scene, body, contact, load, polygon, scene
 
 
 def bond(name: str, slave: str, master: str | None = None, **keys: Any) -> Scene:
@@ -263,18 +263,9 @@ def test_check_knows_bonds(tmp_path: Path) -> None:
     assert check(tmp_path / "case.toml", console=Quiet())["contacts"]["glue"]
 
 
-@pytest.mark.parametrize(
-    ("text", "key", "words"),
-    [
-        (BONDED + bond("glue", *FACES, gap=0.1), "glue.gap", "bonded"),
-        (BONDED + bond("glue", *FACES, interference=0.1), "glue.interference", "bonded"),
-        (BONDED + bond("glue", *FACES, regularization={"eta": 1e-3}), "glue.regularization", "bonded"),
-        (GLUED.changed("[0.0, 1.0]", "[0.1, 1.0]"), "glue.friction", "at least 0.1 apart"),
-        (GLUED.table("adapt", passes=1), "adapt.passes", "bonded"),
-        (GLUED.changed('"bonded"', '"glued"'), "glue.friction", '"bonded"'),
-        (BONDED + bond("glue", FACES[0], obstacle=FLOOR), "glue.friction", "rigid obstacle"),
-        (coated(split=True).table("solver", method="anm"), "c.regularization.law", "need the exact law"),
-    ],
-)
-def test_faults(text: str, key: str, words: str, tmp_path: Path) -> None:
-    refused(text, tmp_path / "run", key if "adapt" in key else f"contact.{key}", words)
+def test_bonds_touch_and_are_not_refined(tmp_path: Path) -> None:
+    apart = GLUED.changed("[0.0, 1.0]", "[0.1, 1.0]")
+    refused(apart, tmp_path / "run", "contact.glue.friction", "at least 0.1 apart")
+    refused(GLUED.table("adapt", passes=1), tmp_path / "run", "adapt.passes", "bonded")
+    law = coated(split=True).table("solver", method="anm")
+    refused(law, tmp_path / "run", "contact.c.regularization.law", "need the exact law")

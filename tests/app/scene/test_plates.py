@@ -11,7 +11,7 @@ import pytest
 from mlsanm_cli.app.check import check
 from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.run_reader import read_run
-from tests.app.scenes import EXACT_LAW, Quiet, done, refused, solve
+from tests.app.scenes import EXACT_LAW, Quiet, done, solve
 from tests.case_text import FLOOR, Scene, body, load, scene, support
 
 E = 1000.0
@@ -124,20 +124,6 @@ def test_a_plate_on_two_bodies_over_contacts(tmp_path: Path) -> None:
     assert sum(forces) == pytest.approx(5.0, rel=1e-9)
     # Each column's stiffness is about E / 2: a gap of 0.001 is worth 0.5 of force. The fixed tops stiffen it.
     assert forces[0] - forces[1] == pytest.approx(0.5, rel=0.06)
-
-
-@pytest.mark.parametrize(
-    ("what", "key", "words"),
-    [
-        ({"moment": 1.0, "rotation": "fixed"}, "load.plate.moment", ""),
-        ({"moment": 1.0, "rotation": 0.1}, "load.plate.moment", ""),
-        ({"hinge": [0.0, 0.0], "rotation": "fixed"}, "load.plate.hinge", ""),
-        ({"rotation": "loose"}, "load.plate.rotation", 'expected "fixed", "free", or an angle'),
-        ({"fx": None, "moment": 1.0}, "load.plate", "needs a direction"),
-    ],
-)
-def test_faults(what: dict[str, Any], key: str, words: str, tmp_path: Path) -> None:
-    refused(BEAM + plate("beam.right", **{"fx": 0.0, **what}), tmp_path / "run", key, words)
 
 
 def test_check_tells_of_both_bodies(tmp_path: Path) -> None:

@@ -1,0 +1,139 @@
+"""Contact surfaces and obstacles at small strain as lines, and how far surfaces slide.
+
+Contact partners are those of the undeformed state: if they slide by a considerable part of the contact's
+width, other points touch, and pressures are reported at points that have moved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from mlsanm_cli.app.checks.check import Check
+from mlsanm_cli.app.output.lines import contact_data, obstacle_shift, obstacles
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.case import PlaneObstacle
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.search import nearest
+from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.io.vtu import VtuPart
+from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.fields import Fields
+from mlsanm_cli.solve.functionals import contact_values, platen_displacements, slave_arc
+from mlsanm_cli.solve.state import State
+
+MAX_NEIGHBOR_DISTANCE = 3.0
+"""Contact nodes are neighbours up to this distance, relative to the mean of their weights (lengths)."""
+NEAREST_EDGES = 8
+
+
+def contact_lines(
+    built: CondensedScene, state: State, clouds: Mapping[str, Cloud], shown: Mapping[str, Fields]
+) -> dict[str, VtuPart]:
+    """The slave surfaces of all contacts in one state, moved as the bodies are ``shown`` on ``clouds``."""
+    return {
+        pairing.name: _contact(built, pairing, state, clouds[pairing.slave_body], shown)
+        for pairing in built.condensed.pairings
+    }
+
+
+def obstacle_lines(built: CondensedScene, state: State) -> dict[str, VtuPart]:
+    """The rigid obstacles in one state, by the contact that they belong to."""
+    moved = platen_displacements(built, state)
+    points = np.concatenate([body.model.cloud.points for body in built.scene.bodies.values()])
+    lines = {}
+    for name, (places, edges) in obstacles(built.case, points.min(axis=0), points.max(axis=0)).items():
+        shift = obstacle_shift(built.case, name, moved)
+        lines[name] = VtuPart(places, edges, {"displacement": np.tile(shift, (len(places), 1))})
+    return lines
+
+
+def _contact(
+    built: CondensedScene, pairing: Pairing, state: State, cloud: Cloud, shown: Mapping[str, Fields]
+) -> VtuPart:
+    record = contact_values(built, pairing, state)
+    chosen = pairing.candidate
+    points = pairing.points[pairing.candidate]
+    normal, tangent = pairing.normal[chosen], pairing.tangent[chosen]
+    data = contact_data(record, slave_arc(pairing), pairing.name in built.condensed.tangential)
+    load = record["pressure"][:, None] * normal + record["traction"][:, None] * tangent
+    moved = along_boundary(cloud, shown[pairing.slave_body]["displacement"], points)
+    data |= {"displacement": moved, "normal": normal, "contact_stress": load}
+    return VtuPart(points, _neighbours(pairing), data)
+
+
+def _neighbours(pairing: Pairing) -> IntArray:
+    """Pairs (e, 2) of candidates of a contact that are adjacent along the surface."""
+    chosen = pairing.candidate
+    arc, weight, points = pairing.arc[chosen], pairing.weight[chosen], pairing.points[chosen]
+    numbers = np.arange(len(arc), dtype=np.int64)
+    pairs = np.stack([numbers[:-1], numbers[1:]], axis=1)
+    together = np.diff(arc) <= MAX_NEIGHBOR_DISTANCE * 0.5 * (weight[1:] + weight[:-1])
+    pairs = pairs[together]
+    if pairing.slave.curve.closed and len(arc) > 2:
+        across = float(np.hypot(*(points[0] - points[-1])))
+        if across <= MAX_NEIGHBOR_DISTANCE * 0.5 * (weight[0] + weight[-1]):
+            pairs = np.concatenate([pairs, [[numbers[-1], 0]]])
+    return pairs
+
+
+def along_boundary(cloud: Cloud, values: FloatArray, points: FloatArray) -> FloatArray:
+    """Nodal ``values`` (n, c) at ``points`` (m, 2) on the boundary of a cloud, linear between its nodes, as
+    on the edges of its triangles."""
+    first, last = cloud.edges.T
+    start, along = cloud.points[first], cloud.points[last] - cloud.points[first]
+    count = min(NEAREST_EDGES, len(start))
+    near = cKDTree(start + 0.5 * along).query(points, k=count)[1].reshape(len(points), count)
+    offset = points[:, None] - start[near]
+    share = (offset * along[near]).sum(axis=2) / (along[near] ** 2).sum(axis=2)
+    share = np.clip(share, 0.0, 1.0)
+    away = offset - share[..., None] * along[near]
+    best = (away**2).sum(axis=2).argmin(axis=1)
+    rows = np.arange(len(points))
+    edge, part = near[rows, best], share[rows, best][:, None]
+    result: FloatArray = (1.0 - part) * values[first[edge]] + part * values[last[edge]]
+    return result
+
+
+def sliding_distance(
+    built: CondensedScene, state: State, clouds: Mapping[str, Cloud], displacements: Mapping[str, FloatArray]
+) -> Iterator[Check]:
+    """Sliding distance of every contact in a state, over its width; ``displacements`` (n, 2) are those of all
+    bodies at the points of ``clouds``."""
+    obstacles = {contact.name: contact.obstacle for contact in built.case.contact}
+    moved = platen_displacements(built, state)
+    for pairing in built.condensed.pairings:
+        # Sliding along a plane changes nothing.
+        if isinstance(obstacles.get(pairing.name), PlaneObstacle):
+            continue
+        chosen = pairing.candidate
+        closed = contact_values(built, pairing, state)["pressure"] > 0.0
+        if not closed.any():
+            continue
+        own = _at(pairing.points[pairing.candidate][closed], pairing.slave_body, clouds, displacements)
+        if pairing.master_body is None:
+            other = np.tile(obstacle_shift(built.case, pairing.name, moved), (len(own), 1))
+        else:
+            partner = pairing.partner[chosen][closed]
+            other = _at(partner, pairing.master_body, clouds, displacements)
+        slid = float(np.abs(((own - other) * pairing.tangent[chosen][closed]).sum(axis=1)).max())
+        width = float(pairing.weight[chosen][closed].sum())
+        yield Check(
+            "sliding_distance",
+            slid / width,
+            f"the surfaces of contact {pairing.name} slide along each other by {slid:.3g} at position "
+            f"{state.position:.6g}, but the contact is only {width:.3g} wide: at small strain pressures act "
+            f"on the points that faced each other initially, an error of this distance on one side",
+            'set model.strain = "finite" (material law "saint-venant-kirchhoff" extends the same elasticity)',
+            f"contact {pairing.name}",
+        )
+
+
+def _at(
+    points: FloatArray, body: str, clouds: Mapping[str, Cloud], displacements: Mapping[str, FloatArray]
+) -> FloatArray:
+    """Displacements (e, 2) of a body at the nodes closest to ``points`` (e, 2)."""
+    _, found = nearest(cKDTree(clouds[body].points), points, 1)
+    return displacements[body][found.reshape(-1)]
