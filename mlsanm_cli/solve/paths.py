@@ -10,7 +10,7 @@ import numpy as np
 
 from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP
-from mlsanm_cli.contact.laws.set_search import EndlessError, UnbalancedError
+from mlsanm_cli.contact.laws.failures import EndlessError, UnbalancedError
 from mlsanm_cli.contact.response.compressed import compressed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene

@@ -59,6 +59,7 @@ ACCEPTED = (
     'probe=[{name="p", body="block", point=[0, -1]}]',
     "stage=[{press=0.5}, {press=1}]",
     "support.0.ux=0",
+    "load=[{name='p', boundary='block.left', kind='pressure', table=[[0.0, 1.0], [1.0, 2.0]]}]",
 )
 
 
@@ -68,6 +69,10 @@ def test_model_and_schema_agree(setting: str) -> None:
     with refused:
         parse_case(HERTZ, Path("case.toml"), [setting])
     assert takes(HERTZ, setting) == (setting in ACCEPTED)
+
+
+def test_a_table_of_a_load_may_be_a_file() -> None:
+    assert takes(HERTZ, "load=[{name='p', boundary='block.left', kind='pressure', table='push.csv'}]")
 
 
 def test_every_key_is_described_and_numbers_have_units() -> None:

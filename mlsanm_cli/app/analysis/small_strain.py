@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -16,7 +16,7 @@ from mlsanm_cli.app.checks.check import Check, Verdicts
 from mlsanm_cli.app.checks.diagnosis import diagnose, node_fields, worst_nodes
 from mlsanm_cli.app.checks.energy import EnergyErrors, energy_error
 from mlsanm_cli.app.checks.overlaps import overlaps, self_overlaps
-from mlsanm_cli.app.checks.peaks import Peak, boundary_peaks
+from mlsanm_cli.app.checks.peaks import boundary_peaks
 from mlsanm_cli.app.checks.quality import assess, factor_notes, nodal_contacts, refinement_pass
 from mlsanm_cli.app.checks.references import reference_profile
 from mlsanm_cli.app.checks.refinement import Adapted, adapt
@@ -30,7 +30,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.laws.limit_load import SlidingError
+from mlsanm_cli.contact.laws.failures import SlidingError
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io.records import Quantities, place
 from mlsanm_cli.io.run_file import Value
@@ -81,7 +81,7 @@ class SmallStrain(Analysis):
         self._first: State | None = None
         self._stressed: tuple[State, Mapping[str, Fields]] | None = None
         self._energies: EnergyErrors | None = None
-        self._peaks: Mapping[str, Peak] = {}
+        self._peaks: Mapping[str, Mapping[str, Any]] = {}
 
     @property
     def _built(self) -> CondensedScene:
@@ -292,7 +292,7 @@ class SmallStrain(Analysis):
         cause = diagnose(built, state)
         fields, _ = fields_of(built, [state], stress=True)[0]
         bodies = vtu_states(self.nodes, fields, ("displacement", "stress", "von_mises"))
-        if len(cause.residual):
+        if len(cause["residual"]):
             more = node_fields(built, cause)
             bodies = {k: replace(body, data={**body.data, **more[k]}) for k, body in bodies.items()}
         return list(bodies.values()), {
@@ -339,7 +339,7 @@ class SmallStrain(Analysis):
         return plates | {
             "contacts": contacts,
             "error_estimate": adapted.accuracy.figures(built, state),
-            "peak_stress": {name: asdict(peak) for name, peak in self._peaks.items()},
+            "peak_stress": dict(self._peaks),
             "force_balance": imbalance[worst_of(imbalance)],
             "force_balance_bodies": imbalance,
             "energy_error": energies[worst_of(energies)] if energies else None,

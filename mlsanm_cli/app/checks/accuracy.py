@@ -10,8 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import reduce
-from operator import add
 from typing import Any
 
 import numpy as np
@@ -33,8 +31,7 @@ from mlsanm_cli.solve.grid_refinement import grid_errors
 from mlsanm_cli.solve.state import State
 
 ROUGH_SHARE = 0.5
-"""Error of pressures due to waves that smoothing keeps, over the change without smoothing. In holes of 25 to
-45 nodes it was 0.4 to 1.3 for 16 of 18 pressures, and up to 1.8."""
+"""Error of pressures due to waves that smoothing keeps, over the change without smoothing."""
 LEAST_MOVED = 0.05
 """Probes that move by less than this part of the largest displacement are compared with it."""
 
@@ -42,6 +39,10 @@ Moved = tuple[FloatArray, FloatArray, FloatArray]
 """Changes of motions (k,), pressures (m,) and tractions (n,)."""
 Halved = tuple[FloatArray, FloatArray]
 """Motions (k,) and pressures (m,) with every second node of contacts."""
+Effects = dict[tuple[str, str], float]
+"""Changes of ``DISPLACEMENT``, of all bodies (L2), of the displacement at each probe, and of the force of
+each contact over the sum of its pressures."""
+DISPLACEMENT = "displacement", ""
 
 
 @dataclass(frozen=True)
@@ -153,33 +154,17 @@ def estimated(
     """The estimates of a ``state``: from the corrections of ``bodies``, by which contacts have ``moved``, of
     what these may miss, from pressures ``rough`` (m,) without smoothing, and from nodal contacts of half as
     many nodes."""
-    found = _effects(built, bodies, state, moved, halved)
+    effects, pressures = _effects(built, bodies, state, moved, halved)
     size = float(sum((one.displacement**2).sum() for one in bodies.values()))
     return Accuracy(
-        float(np.sqrt(found.squares / size)) if size > 0.0 else None,
-        *_pressure_errors(built, state, found.pressures, rough, halved),
+        float(effects[DISPLACEMENT] / np.sqrt(size)) if size > 0.0 else None,
+        *_pressure_errors(built, state, pressures, rough, halved),
         state,
         _largest_of([one.displacement for one in bodies.values()]),
         bodies,
-        probes=found.probes,
-        forces=found.forces,
+        probes={probe.name: effects["probe", probe.name] for probe in built.scene.probes},
+        forces={pairing.name: effects["force", pairing.name] for pairing in built.condensed.pairings},
     )
-
-
-@dataclass(frozen=True)
-class Effects:
-    """Changes by independent causes: the sum of squares of all displacements, displacements at probes, forces
-    of contacts over the sums of their pressures, and pressures (m,)."""
-
-    squares: float
-    probes: Mapping[str, float]
-    forces: Mapping[str, float]
-    pressures: Sequence[FloatArray]
-
-    def __add__(self, other: Effects) -> Effects:
-        pairs = (self.probes, other.probes), (self.forces, other.forces)
-        probes, forces = ({name: float(np.hypot(a[name], b[name])) for name in a} for a, b in pairs)
-        return Effects(self.squares + other.squares, probes, forces, [*self.pressures, *other.pressures])
 
 
 def _effects(
@@ -188,21 +173,23 @@ def _effects(
     state: ExactState,
     moved: Callable[[Changes], Moved],
     halved: Halved | None,
-) -> Effects:
-    """Effects of the corrections of ``bodies``, of what they may miss, and of half as many contact nodes."""
+) -> tuple[Effects, list[FloatArray]]:
+    """Root of the sum of squares of the effects of the corrections of ``bodies``, of what they may miss, and
+    of half as many contact nodes; the pressures (m,) after each correction."""
     parts = [bodies]
     if any(one.uncertain.any() for one in bodies.values()):
         parts.append({name: one.missed for name, one in bodies.items()})
-    found = []
+    found, pressures = [], []
     for part in parts:
         by = changes_of(built.condensed, built.scene, part)
-        found.append(_effects_of(built, part, state, by.bonds, moved(by)))
+        change = moved(by)
+        found.append(_effects_of(built, part, state, by.bonds, change))
+        pressures.append(state.pressure + change[1])
     if halved is not None:
         fewer = halved[0] - state.motion, halved[1] - state.pressure, np.zeros_like(state.traction)
         nothing = {name: replace(one, change=np.zeros_like(one.change)) for name, one in bodies.items()}
-        one = _effects_of(built, nothing, state, built.condensed.bonds, fewer)
-        found.append(replace(one, pressures=[]))
-    return reduce(add, found)
+        found.append(_effects_of(built, nothing, state, built.condensed.bonds, fewer))
+    return {key: float(np.linalg.norm([one[key] for one in found])) for key in found[0]}, pressures
 
 
 def _effects_of(
@@ -210,7 +197,7 @@ def _effects_of(
 ) -> Effects:
     """Effects of the changes of ``bodies``, of ``bonds`` and of what has ``moved``."""
     condensed, scene, total = replace(built.condensed, bonds=bonds), built.scene, 0.0
-    unknowns, probes, forces = (np.zeros(built.stages.shape[1]), *moved), dict[str, float](), {}
+    unknowns, effects = (np.zeros(built.stages.shape[1]), *moved), Effects()
     for name, body in scene.bodies.items():
         followed = bodies[name].response(body, condensed.source(name, *unknowns))[:, 0]
         rest = (bodies[name].change + followed + scene.floating_patterns(name) @ moved[0]).reshape(-1, 2)
@@ -218,13 +205,14 @@ def _effects_of(
         for probe in scene.probes:
             if probe.body == name:
                 near = condensed.contact_fields(scene, name, unknowns, probe.point)[0]
-                probes[probe.name] = float(np.hypot(*(body.model.values(probe.point, rest) + near)[0]))
+                change = (body.model.values(probe.point, rest) + near)[0]
+                effects["probe", probe.name] = float(np.hypot(*change))
     for pairing in condensed.pairings:
         force, span = condensed.contact_forces[pairing.name], condensed.spans[pairing.name]
         size = float(condensed.weight[span] @ state.pressure[span])
-        apart = force(*unknowns) - force.constant
-        forces[pairing.name] = float(np.hypot(*apart)) / size if _is_pressed(state, span) else 0.0
-    return Effects(total, probes, forces, [state.pressure + moved[1]])
+        apart = float(np.hypot(*(force(*unknowns) - force.constant)))
+        effects["force", pairing.name] = apart / size if _is_pressed(state, span) else 0.0
+    return effects | {DISPLACEMENT: float(np.sqrt(total))}
 
 
 def corrected_bodies(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,21 +13,9 @@ from mlsanm_cli.solve.state import State
 MAX_WORST_NODES = 10
 
 
-@dataclass(frozen=True)
-class Diagnosis:
-    """Pressure, gap, traction over its limit (nan without friction) at every contact node (m,) of a state,
-    and ``residual`` (m,), the violation of the exact laws relative to the peak pressure and elastic gap."""
-
-    pressure: FloatArray
-    gap: FloatArray
-    cone_ratio: FloatArray
-    residual: FloatArray
-
-    @property
-    def worst(self) -> list[int]:
-        """Nodes in decreasing order of their residuals, nan first."""
-        order = np.argsort(-np.nan_to_num(self.residual, nan=np.inf), kind="stable")
-        return [int(node) for node in order[:MAX_WORST_NODES]]
+Diagnosis = dict[str, FloatArray]
+"""``pressure``, ``gap``, ``cone_ratio`` (traction over its limit, nan without friction) at every contact
+node (m,), and ``residual``, the violation of the exact laws relative to peak pressure and elastic gap."""
 
 
 def diagnose(built: CondensedScene, state: State) -> Diagnosis:
@@ -48,38 +35,43 @@ def diagnose(built: CondensedScene, state: State) -> Diagnosis:
         beyond / peak,
         np.minimum(np.abs(pressure) / peak, np.abs(gap) / elastic),
     )
-    return Diagnosis(pressure, gap, ratio, np.max(parts, axis=0) if len(pressure) else pressure)
+    residual = np.max(parts, axis=0) if len(pressure) else pressure
+    return {"residual": residual, "pressure": pressure, "gap": gap, "cone_ratio": ratio}
+
+
+def _worst(found: Diagnosis) -> list[int]:
+    """Nodes in decreasing order of their residuals, nan first."""
+    order = np.argsort(-np.nan_to_num(found["residual"], nan=np.inf), kind="stable")
+    return [int(node) for node in order[:MAX_WORST_NODES]]
 
 
 def worst_nodes(built: CondensedScene, found: Diagnosis) -> list[dict[str, Any]]:
     """Contact, position and values of the worst nodes."""
     rows = []
-    for node in found.worst:
+    for node in _worst(found):
         pairing = next(p for p in built.condensed.pairings if node < built.condensed.spans[p.name].stop)
         x, y = pairing.points[pairing.candidate][node - built.condensed.spans[pairing.name].start]
-        figures = ("residual", "pressure", "gap", "cone_ratio")
-        values = {name: float(getattr(found, name)[node]) for name in figures}
+        values = {name: float(each[node]) for name, each in found.items()}
         rows.append({"contact": pairing.name, "x": float(x), "y": float(y), **values})
     return rows
 
 
 def node_fields(built: CondensedScene, found: Diagnosis) -> dict[str, dict[str, FloatArray]]:
     """Nodal fields (n,) by body and name, nan off the slave surfaces; ``worst`` is the rank from 1, or 0."""
-    names = ("residual", "pressure", "gap", "cone_ratio")
-    rank = np.zeros(len(found.residual))
-    rank[found.worst] = 1.0 + np.arange(len(found.worst))
+    rank, worst = np.zeros(len(found["residual"])), _worst(found)
+    rank[worst] = 1.0 + np.arange(len(worst))
     fields: dict[str, dict[str, FloatArray]] = {}
     for body, elastic in built.scene.bodies.items():
         count = len(elastic.model.cloud.points)
-        fields[body] = {name: np.full(count, np.nan) for name in names} | {"worst": np.zeros(count)}
+        fields[body] = {name: np.full(count, np.nan) for name in found} | {"worst": np.zeros(count)}
         for pairing in built.condensed.pairings:
             if pairing.slave_body != body or pairing.grid is not None:
                 continue
             nodes, span = pairing.node[pairing.candidate], built.condensed.spans[pairing.name]
             # A node of several contacts shows the one with the larger residual.
-            worse = ~(found.residual[span] <= fields[body]["residual"][nodes])
-            for name in names:
-                fields[body][name][nodes[worse]] = getattr(found, name)[span][worse]
+            worse = ~(found["residual"][span] <= fields[body]["residual"][nodes])
+            for name, each in found.items():
+                fields[body][name][nodes[worse]] = each[span][worse]
             fields[body]["worst"][nodes[worse]] = rank[span][worse]
     return fields
 

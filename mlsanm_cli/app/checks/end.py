@@ -13,7 +13,6 @@ from mlsanm_cli.app.checks.balance import force_balance, force_mismatch, worst_o
 from mlsanm_cli.app.checks.check import Check
 from mlsanm_cli.app.checks.energy import EnergyErrors
 from mlsanm_cli.app.checks.limits import LIMITS, level
-from mlsanm_cli.app.checks.peaks import Peak
 from mlsanm_cli.app.checks.states import body_rotation
 from mlsanm_cli.app.scene.contact_pairs import shape_of
 from mlsanm_cli.arrays import FloatArray
@@ -53,7 +52,7 @@ class End:
     last: State
     linear_residual: float
     energies: EnergyErrors
-    peaks: Mapping[str, Peak]
+    peaks: Mapping[str, Mapping[str, Any]]
 
     @property
     def case(self) -> Case:
@@ -260,12 +259,12 @@ def transfer(end: End) -> Iterator[Check]:
 def peak_stress(end: End) -> Iterator[Check]:
     """Estimated errors of the largest stresses on free boundaries."""
     for body, peak in end.peaks.items():
-        x, y = peak.place
+        (x, y), error = peak["place"], peak["error"]
         yield Check(
             "peak_stress",
-            peak.error,
-            f"body {body}: the peak stress on its boundary, {peak.stress:.4g} (von Mises) near "
-            f"({x:.6g}, {y:.6g}), is estimated to be off by {100 * peak.error:.2g} %",
+            error,
+            f"body {body}: the peak stress on its boundary, {peak['stress']:.4g} (von Mises) near "
+            f"({x:.6g}, {y:.6g}), is estimated to be off by {100 * error:.2g} %",
             f"{finer_nodes(end.case, [body], 'refine')} there",
             f"body {body}",
         )

@@ -22,17 +22,14 @@ from mlsanm_cli.solve.state import State
 MIN_ENERGY_SHARE = 1e-3
 """Bodies with less than this part of the total energy have an accordingly smaller weight."""
 MIN_THERMAL_SHARE = 0.1
-"""Energies below this part of that of fully restrained expansion are not checked: free expansion has none,
-and that of a fixed end away from its corners is small and inaccurate even if everything else is accurate."""
+"""Energies below this part of that of fully restrained expansion are not checked; free expansion has none."""
 NODE_FORCE_ENERGY = 0.3
-"""Energy under a single node that exerts a force F which the integrals miss, over F^2/E', whatever the
-spacing: 0.11 to 0.16 for a disk of 85 to 1,163 nodes that stands on one; for one held in the middle, slightly
-too large on the coarsest of them."""
+"""Energy under a single node that exerts a force F which the integrals miss, over F^2/E', at any
+spacing."""
 NODE_FORCE_SHIFT = 2.0 * np.log(2.0) / np.pi
 """Increase of the work, over F^2/E', by the displacement of the node with half the spacing, without limit."""
 BENDING_NODES = 5
-"""Nodes across parts required for bending: with so many rings, cantilevers and portal frames are within 1.2
-%, with 3 up to 20 % too stiff."""
+"""Nodes across parts required for bending."""
 MIN_ENERGY_DEGREE = 3
 """Degree from which on energies estimate errors of clamped bodies better than fits of the next degree."""
 MIN_BENDING_SHARE = 0.1

@@ -18,7 +18,7 @@ from mlsanm_cli.case.model.fields import (
 )
 from mlsanm_cli.case.model.places import Boundaries, BoundaryPart, Place, listed
 from mlsanm_cli.case.model.section import Point, Scope, Section
-from mlsanm_cli.case.model.tables import INCREASING, from_file
+from mlsanm_cli.case.model.tables import INCREASING, OrFile
 from mlsanm_cli.errors import Fault
 
 
@@ -76,10 +76,10 @@ class Traction(OnBoundary):
     traction: Annotated[AmountVector, STRESS] | None = None
     """Components in x and y: numbers or expressions in x and y."""
     table: (
-        Annotated[tuple[tuple[float, float, float], ...], from_file("s", "tx", "ty"), INCREASING, STRESS]
-        | None
+        Annotated[tuple[tuple[float, float, float], ...], OrFile("s", "tx", "ty"), INCREASING, STRESS] | None
     ) = None
-    """Rows [arc length, x component, y component], interpolated linearly; instead of `traction`."""
+    """Rows [arc length, x component, y component], interpolated linearly, or a CSV file with the header
+    s,tx,ty; instead of `traction`."""
 
     def conditions(self, normal: Point | None) -> Iterator[tuple[int, Kind]]:
         for component in (0, 1):
@@ -97,10 +97,11 @@ class Pressure(OnBoundary):
     kind: Literal["pressure"]
     pressure: Annotated[Amount, STRESS] | None = None
     """Pressure, positive in compression: a number or an expression in x and y."""
-    table: (
-        Annotated[tuple[tuple[float, float], ...], from_file("s", "pressure"), INCREASING, STRESS] | None
-    ) = None
-    """Rows [arc length, pressure], interpolated linearly; instead of `pressure`."""
+    table: Annotated[tuple[tuple[float, float], ...], OrFile("s", "pressure"), INCREASING, STRESS] | None = (
+        None
+    )
+    """Rows [arc length, pressure], interpolated linearly, or a CSV file with the header s,pressure; instead
+    of `pressure`."""
     follows: bool = False
     """Follower load (finite strain): pressure per current length along the current normal. Otherwise force
     and direction are those of the undeformed boundary."""

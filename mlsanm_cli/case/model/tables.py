@@ -8,8 +8,15 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from pydantic import AfterValidator, BeforeValidator, ValidationError, ValidationInfo
-from pydantic_core import InitErrorDetails, PydanticCustomError
+from pydantic import (
+    AfterValidator,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    ValidationError,
+    ValidationInfo,
+)
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, core_schema
 
 from mlsanm_cli.case.limits import MAX_ITEMS, magnitude_problem
 from mlsanm_cli.errors import RunError
@@ -18,14 +25,23 @@ from mlsanm_cli.inputs import MAX_TEXT_BYTES, read_input
 Rows = tuple[tuple[float, ...], ...]
 
 
-def from_file(*header: str) -> BeforeValidator:
-    """Reads the rows of a CSV file in place of its name; its first line is ``header``."""
+class OrFile:
+    """Rows of numbers, or the name of a CSV file with them, whose first line is ``header``."""
 
-    def read(value: Any, info: ValidationInfo) -> Any:
+    def __init__(self, *header: str) -> None:
+        self.header = header
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.with_info_before_validator_function(self._read, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        return {"anyOf": [handler(schema), {"type": "string"}]}
+
+    def _read(self, value: Any, info: ValidationInfo) -> Any:
         named = isinstance(value, str) and info.context is not None
-        return _rows(info.context / value, header, MAX_ITEMS["table"]) if named else value
-
-    return BeforeValidator(read)
+        return _rows(info.context / value, self.header, MAX_ITEMS["table"]) if named else value
 
 
 def with_points(side: Any, info: ValidationInfo) -> Any:

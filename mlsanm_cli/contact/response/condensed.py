@@ -151,12 +151,22 @@ class Condensed:
         """The complementarity problem of the scene, scaled."""
         return Problem.of(self.whole, self.friction_nodes, self.friction, len(self.weight))
 
-    def free_rows(self, factors: FloatArray, rates: bool = False) -> FloatArray:
-        """Scaled rows (m + n + k,) of :attr:`problem` without pressures, tractions and motions at load
+    @cached_property
+    def frictionless(self) -> Problem:
+        """The same without tractions and slips."""
+        gap, balance = self.gap, self.balance
+        parts = [[np.asarray(part.pressure), part.motion] for part in (gap, balance)]
+        return Problem.of(np.block(parts), self.friction_nodes[:0], self.friction[:0], len(self.weight))
+
+    def unscaled_rows(self, factors: FloatArray, rates: bool = False) -> FloatArray:
+        """Gaps, slips and force imbalance (m + n + k,) without pressures, tractions and motions at load
         ``factors`` (L,), or only their change with these."""
         parts = (self.gap, self.slip, self.balance)
-        moved = [part.load @ factors if rates else part.constant + part.load @ factors for part in parts]
-        return self.problem.rows * np.concatenate(moved)
+        return np.concatenate([part.load @ factors + (0.0 if rates else part.constant) for part in parts])
+
+    def free_rows(self, factors: FloatArray, rates: bool = False) -> FloatArray:
+        """The same scaled as in :attr:`problem`."""
+        return self.problem.rows * self.unscaled_rows(factors, rates)
 
     @cached_property
     def scaled(self) -> tuple[FloatArray, FloatArray, FloatArray]:

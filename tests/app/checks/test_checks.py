@@ -14,7 +14,6 @@ from mlsanm_cli.app.checks import end, quality, states
 from mlsanm_cli.app.checks.check import Check, Verdicts
 from mlsanm_cli.app.checks.energy import EnergyErrors
 from mlsanm_cli.app.checks.limits import LIMITS
-from mlsanm_cli.app.checks.peaks import Peak
 from mlsanm_cli.app.finite import checks as finite
 from mlsanm_cli.app.finite.states import deformation, overlap
 from mlsanm_cli.cloud.cloud import build_cloud
@@ -136,7 +135,7 @@ CASES: dict[str, tuple[Found, float, float]] = {
     "strain": (lambda x: end.strain(ended(energies=EnergyErrors({}, {"arm": x}))), 0.05, 0.2),
     "linear_residual": (lambda x: end.linear_residual(ended(linear_residual=x)), 1e-9, 1e-3),
     "peak_stress": (
-        lambda x: end.peak_stress(ended(peaks={"arm": Peak(30.0, (1.0, 2.0), x)})),
+        lambda x: end.peak_stress(ended(peaks={"arm": {"stress": 30.0, "place": (1.0, 2.0), "error": x}})),
         0.01,
         0.04,
     ),

@@ -193,7 +193,8 @@ def test_the_summary_of_a_patch_test_names_its_stop(tmp_path: Path) -> None:
 RUBBER = (
     head("strain", strain="finite")
     + material("rubber", E=2.6, nu=0.3, law="neo-hookean")
-    + body("block", "rubber", 0.25, box([0.0, 2.0], [0.0, 1.0]))
+    + body("block", "rubber", 0.2, box([0.0, 2.0], [0.0, 1.0]))
+    + item("body.refine", at=[1.0, 1.0], spacing=0.05, radius=0.3, growth=0.2)
     + support("block.bottom", ux=0.0, uy=0.0)
 )
 PUSHED = pushed("press", "c", uy=-0.2) + contact(
