@@ -43,7 +43,7 @@ def estimate(case: Case) -> Estimate:
 
 def _solver(case: Case) -> str:
     """The solver of the systems of the bodies."""
-    return "superlu" if mls_settings(case).square or case.model.strain == "finite" else case.solver.linear
+    return "superlu" if case.model.strain == "finite" else case.solver.linear
 
 
 def _memory_mb(nodes: Mapping[str, float], stencil: int, solver: str) -> float:
@@ -138,7 +138,7 @@ def cpu_seconds(case: Case, prepared: SceneModel) -> float:
     sizes = [len(model.cloud.points) for model in prepared.models.values()]
     settings, stages = mls_settings(case), len(case.stage)
     stencil = settings.stencil_size / REFERENCE_STENCIL
-    slow = SLOW["superlu" if settings.square else case.solver.linear]
+    slow = SLOW[case.solver.linear]
     bulk = PER_NODE * stencil * sum(sizes) + slow * FACTOR * stencil**1.2 * sum(n**1.5 for n in sizes)
     path = STAGE * stages if prepared.pairings else 0.0
     if case.model.strain == "finite":

@@ -36,13 +36,6 @@ class SuperLUFactor:
         solution[self.order] = self.factor.solve(rhs[self.order])
         return solution
 
-    def solve_transposed(self, rhs: FloatArray) -> FloatArray:
-        """Solution with the transposed matrix."""
-        solution = np.empty_like(rhs)
-        # The type stubs lack the transposed solve.
-        solution[self.order] = self.factor.solve(rhs[self.order], "T")  # type: ignore[call-overload]
-        return solution
-
     def products(self, left: sparse.csr_array, right: sparse.csc_array) -> FloatArray:
         """``left`` (g, n) times full solutions for ``right`` (n, c), in blocks of columns."""
         blocks = (right[:, first : first + BLOCK].toarray() for first in range(0, right.shape[1], BLOCK))
