@@ -40,8 +40,8 @@ DEFERRED = frozenset(
         "numpy._core._add_newdocs",
         "numpy._core._add_newdocs_scalars",
         "pydoc",
-        # Parses metadata of packages as mail, which imports sockets; not needed to find packages.
-        "importlib.metadata._adapters",
+        # Imports mail, archives and sockets, to find plugins of pydantic.
+        "importlib.metadata",
     }
 )
 """Modules whose code runs on first access; their submodules can be imported before."""
@@ -103,6 +103,11 @@ class _DeferringLoader(Loader):
             # Called by numpy's sets and scipy's triangulation; before numpy.ma has run there are no masked
             # arrays.
             vars(module).update(dict.fromkeys(("isMaskedArray", "is_masked"), lambda array: False))
+        if module.__name__ == "importlib.metadata":
+            # Imported by pydantic, which does not call it; the call executes the module, which replaces it.
+            vars(module)["entry_points"] = lambda **given: (
+                module.distribution and module.entry_points(**given)
+            )
 
 
 _loading: set[str] = set()
@@ -115,6 +120,8 @@ class _DeferredModule(ModuleType):
     before."""
 
     def __getattr__(self, name: str) -> Any:
+        if name == "__path__":
+            raise AttributeError(f"module {self.__name__} is no package")
         if self.__name__ not in _loading and not name.startswith("__"):
             if name.startswith("_") and "__path__" in vars(self):
                 with suppress(ModuleNotFoundError):

@@ -29,7 +29,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.laws.contact_status import ContactStatus, SetSystem
-from mlsanm_cli.contact.laws.set_search import UnbalancedError
+from mlsanm_cli.contact.laws.failures import UnbalancedError
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import SingularSystemError
 from mlsanm_cli.mechanics.body_model import BodyModel

@@ -9,7 +9,7 @@ from functools import partial
 from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus
 from mlsanm_cli.contact.laws.coulomb import CoulombState, Event, event_driven_path, residual
 from mlsanm_cli.contact.laws.coulomb import start as first_event
-from mlsanm_cli.contact.laws.limit_load import SlidingError
+from mlsanm_cli.contact.laws.failures import SlidingError
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import (

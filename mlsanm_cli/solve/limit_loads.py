@@ -8,8 +8,8 @@ import itertools
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.contact.laws.limit_load import LimitLoad, SlidingError, limit_load
-from mlsanm_cli.contact.laws.set_search import NoStateError, UnbalancedError, UnresistedError
+from mlsanm_cli.contact.laws.failures import NoStateError, SlidingError, UnbalancedError, UnresistedError
+from mlsanm_cli.contact.laws.limit_load import LimitLoad, limit_load
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.rigid import ROTATION

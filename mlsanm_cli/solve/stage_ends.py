@@ -14,7 +14,7 @@ from mlsanm_cli.case import Case
 from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.laws.contact_status import STICK, ContactStatus
 from mlsanm_cli.contact.laws.coulomb import CoulombState, increment, residual, unloaded
-from mlsanm_cli.contact.laws.set_search import EndlessError, NoStateError, UnbalancedError
+from mlsanm_cli.contact.laws.failures import EndlessError, NoStateError, UnbalancedError
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene

@@ -15,7 +15,6 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Stop
-from mlsanm_cli.continuation.roots import root
 from mlsanm_cli.io.records import Quantities
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State
 
@@ -101,6 +100,8 @@ class StoppedPath:
             return found[place][0]
 
         if last - first > near and value > 0.0:
+            from mlsanm_cli.continuation.roots import root  # for few runs
+
             with suppress(_NotSaved):
                 root(beyond, first, last, near)
         slack = LIMIT_TOLERANCE * max(abs(stop.above or 0.0), abs(stop.below or 0.0))

@@ -55,6 +55,7 @@ VALUES: list[Row] = [
     ("reference.solution='hertz'", "reference.solution", 'did you mean "hertz-line"'),
     ("[[stage]]\npress = nan", "stage.0.press", "nan and inf"),
 ]
+RING = "body.1.shape={kind='annulus', center=[0, 0], radii=[2.0, 1.0]}"
 ON_DISK = 'friction = "bonded"\nobstacle = {kind = "disk", center = [0, 0], radius = 1}'
 RELATIONS: list[Row] = [
     ("body.0.material='steal'", "body.cylinder.material", 'did you mean "steel"'),
@@ -71,6 +72,7 @@ RELATIONS: list[Row] = [
     ("body.1.refine.0.along='cylinder.arc'", "body.block.refine.0.along", "boundaries: "),
     ("body.1.refine.0.along='block.tpo'", "body.block.refine.0.along", 'did you mean "top"'),
     ("body.1.shape.x=[1.0, 1.0]", "body.block.shape.x", "not a range"),
+    (RING, "body.block.shape.radii", "the inner and the outer"),
     ("body.0.spacing=101.0", "body.cylinder.spacing", "larger than the body"),
     ("body.0.refine.0.spacing=5.0", "body.cylinder.refine.0.spacing", "larger than the body's"),
     (("at = [0.0, 0.0]\n", ""), "body.cylinder.refine.0", 'one of "at", "along"'),
@@ -120,6 +122,7 @@ PARTS: list[Row] = [
     (PLATEN + "rotation = 'loose'", "load.plate.rotation", 'expected "fixed", "free", or an angle'),
     ("load.0.traction=[1, 'x +']", "load.pull.traction.1", "not an expression"),
 ]
+BOLT = "[{center=[1.0, 1.0], radius=0.4}"
 OUTLINES = [
     ("plate", "points=[[0.0, 0.0], [1.0, 0.0]]", "points", "at least 3"),
     ("plate", "names=['a', 'b']", "names", "2 items for 6 points"),
@@ -134,6 +137,7 @@ OUTLINES = [
     ("plate", "holes.bolt.radius=1.1", "holes.bolt.radius", "cuts the boundary"),
     ("plate", "holes.bolt.center=[3.0, 3.0]", "holes.bolt.center", "outside"),
     ("plate", "holes.bolt.center=[2.0, 2.0]", "holes.bolt.radius", '"corner4"'),
+    ("plate", f"holes={BOLT}, {{center=[1.6, 1.0], radius=0.3}}]", "holes.1.center", "holes"),
     ("plate", "holes.bolt.radiu=1.0", "holes.bolt.radiu", 'did you mean "radius"'),
     ("block", "sides.right.to=[4.0, 2.0]", "sides", "cross or touch"),
     ("block", "sides.left.to=[0.0, -0.5]", "sides.top", '"left" ends at (0, -0.5)'),
@@ -283,6 +287,7 @@ def test_a_fault_is_told_with_its_key(text: str, change: Change, key: str, words
         (_material(WOOD + THIRD + "angle = 30\n", "strain"), ()),
         (BLOCK, ()),
         (FOLLOWER, ()),
+        (PLATE, (f"body.0.shape.holes={BOLT}, {{center=[1.8, 1.0], radius=0.3}}]",)),
         (BLOCK + '[[support]]\nboundary = "block.left"\nspring = [1.0, 0.0]\n', ()),
         (BLOCK + CONTACT + PLANE, ()),
         (BLOCK + CONTACT + PLANE, ("solver.method='active-set'",)),

@@ -75,80 +75,65 @@ def test_arcs_may_use_up_a_side() -> None:
     assert [arc.sweep for arc in arcs] == pytest.approx([0.5 * math.pi] * 4)
 
 
+def shaped(shape: str, support: str, load: str) -> list[str]:
+    """Settings of another shape of the plate, with the boundaries that are held and loaded."""
+    return [
+        f"body.0.shape={shape}",
+        f"support.0.boundary='plate.{support}'",
+        f"load.0.boundary='plate.{load}'",
+    ]
+
+
 def test_one_radius_is_that_of_all_corners() -> None:
-    listed = "[0.0, 0.0, 0.3, 0.5, 0.0, 0.0]"
-    alike = parse(PLATE.replace(listed, "0.25")).case.body[0].shape
-    assert alike == parse(PLATE.replace(listed, str(6 * [0.25]))).case.body[0].shape
-    assert only(PLATE.replace(listed, "-0.25")).key == "body.plate.shape.rounding.0"
+    alike = parse(PLATE, ["body.0.shape.rounding=0.25"]).case
+    assert alike == parse(PLATE, [f"body.0.shape.rounding={6 * [0.25]}"]).case
+    assert only(PLATE, ["body.0.shape.rounding=-0.25"]).key == "body.plate.shape.rounding.0"
 
 
 def test_default_names() -> None:
-    plain = PLATE.replace('name = "bolt"\n', "").replace("names", "#").replace("rounding", "#")
-    plain = plain.replace("plate.left", "plate.side6").replace("plate.tip", "plate.side2")
-    assert drawn(parse(plain).case.body[0].shape).names == (*(f"side{k}" for k in range(1, 7)), "hole1")
+    holes = "holes=[{center=[1.0, 1.0], radius=0.4}]"
+    settings = shaped(
+        f"{{kind='polygon', points={[list(point) for point in CORNERS]}, {holes}}}", "side6", "side2"
+    )
+    named = drawn(parse(PLATE, settings).case.body[0].shape).names
+    assert named == (*(f"side{k}" for k in range(1, 7)), "hole1")
 
 
 def test_ring() -> None:
-    text = PLATE[: PLATE.index("kind")] + 'kind = "annulus"\ncenter = [0.0, 0.0]\nradii = [2.0, 1.0]\n'
-    text += PLATE[PLATE.index("[[support]]") :].replace("plate.left", "plate.inner").replace("tip", "outer")
-    assert only(text).key == "body.plate.shape.radii"
-    ring = parse(text.replace("[2.0, 1.0]", "[1.0, 2.0]")).case.body[0].shape
-    assert geometry_of(ring).size == 4.0
-    assert tuple(geometry_of(ring).normals) == ("outer", "inner")
+    ring = shaped("{kind='annulus', center=[0.0, 0.0], radii=[1.0, 2.0]}", "inner", "outer")
+    geometry = geometry_of(parse(PLATE, ring).case.body[0].shape)
+    assert (geometry.size, tuple(geometry.normals)) == (4.0, ("outer", "inner"))
+
+
+# Of a slit, whose end lies in the corner that a rounding cuts off.
+SLIT = "[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [2.0, 4.0], [0.3, 0.21], [1.9, 4.0], [0.0, 4.0]"
+THIN = "[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [2.0001, 4.0], [2.0, 1.0], [1.9999, 4.0], [0.0, 4.0]"
 
 
 @pytest.mark.parametrize(
-    ("points", "key", "words"),
+    ("points", "rounding", "key", "words"),
     [
         # A bow tie, a repeated point, a spike, a side that touches another, points on a line.
-        ("[0.0, 0.0], [2.0, 2.0], [2.0, 0.0], [0.0, 3.0]", "points", "cross or touch"),
-        ("[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 0.0]", "points.3", "point 1"),
-        (
-            "[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [1.0, 2.0], [3.0, 2.0], [0.0, 3.0]",
-            "points",
-            "cross or touch",
-        ),
-        ("[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [2.0, 0.0], [0.0, 2.0]", "points", "cross or touch"),
-        ("[0.0, 0.0], [1.0, 1.0], [3.0, 3.0]", "points", "on a line"),
+        ("[0.0, 0.0], [2.0, 2.0], [2.0, 0.0], [0.0, 3.0]", 0.0, "points", "cross or touch"),
+        ("[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 0.0]", 0.0, "points.3", "point 1"),
+        ("[0, 0], [2, 0], [2, 2], [1, 2], [3, 2], [0, 3]", 0.0, "points", "cross or touch"),
+        ("[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [2.0, 0.0], [0.0, 2.0]", 0.0, "points", "cross or touch"),
+        ("[0.0, 0.0], [1.0, 1.0], [3.0, 3.0]", 0.0, "points", "on a line"),
+        (SLIT, 0.0, "", ""),
+        (SLIT, 1.0, "points", '"corner1"'),
+        (THIN, 0.0, "", ""),
     ],
 )
-def test_outlines_that_meet_themselves(points: str, key: str, words: str) -> None:
-    start, end = PLATE.index("points"), PLATE.index("[[support]]")
-    text = (
-        PLATE[:start]
-        + f"points = [{points}]\n"
-        + PLATE[end:].replace("left", "side1").replace("tip", "side2")
-    )
-    found = problems(text)
+def test_outlines_do_not_meet_themselves(points: str, rounding: float, key: str, words: str) -> None:
+    radii = [rounding, *(points.count("[") - 1) * [0.0]]
+    shape = f"{{kind='polygon', points=[{points}], rounding={radii}}}"
+    settings = shaped(shape, "side1", "side2")
+    if not key:
+        parse(PLATE, settings)
+        return
+    found = problems(PLATE, settings)
     assert {problem.key for problem in found} == {f"body.plate.shape.{key}"}
     assert all(words in problem.message for problem in found)
-
-
-def test_an_arc_must_not_cut_another_part_of_the_outline() -> None:
-    # A slit whose end lies in the corner that the rounding cuts off.
-    points = "[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [2.0, 4.0], [0.3, 0.21], [1.9, 4.0], [0.0, 4.0]"
-    start, end = PLATE.index("points"), PLATE.index("[[support]]")
-    text = PLATE[:start] + f"points = [{points}]\n{{}}" + PLATE[end:].replace("left", "side7")
-    text = text.replace("tip", "side2")
-    parse(text.format(""))
-    found = problems(text.format("rounding = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]\n"))
-    assert [problem.key for problem in found] == ["body.plate.shape.points"] * 2
-    assert all('"corner1"' in problem.message for problem in found)
-
-
-def test_holes_lie_apart() -> None:
-    other = "[[body.shape.holes]]\ncenter = [{}, 1.0]\nradius = 0.3\n"
-    at = PLATE.index("[[support]]")
-    parse(PLATE[:at] + other.format(1.8) + PLATE[at:])
-    problem = only(PLATE[:at] + other.format(1.6) + PLATE[at:])
-    assert problem.key == "body.plate.shape.holes.1.center"
-
-
-def test_thin_slits_are_legal() -> None:
-    points = "[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [2.0001, 4.0], [2.0, 1.0], [1.9999, 4.0], [0.0, 4.0]"
-    start, end = PLATE.index("points"), PLATE.index("[[support]]")
-    text = PLATE[:start] + f"points = [{points}]\n" + PLATE[end:].replace("left", "side7")
-    parse(text.replace("tip", "side2"))
 
 
 def test_sides_in_either_direction_are_the_same_outline() -> None:
@@ -161,11 +146,13 @@ def test_sides_in_either_direction_are_the_same_outline() -> None:
     ends = [curve.points(np.array([0.0, curve.length])) for curve in outline.curves]
     for one, other in zip(ends, [*ends[1:], ends[0]], strict=True):
         assert np.abs(one[1] - other[0]).max() < 1e-12
-    text = WAVY.replace("[0.0, 0.0], [1.0, 0.1], [2.0, 0.0], [3.0, 0.1], [4.0, 0.0]", "POINTS")
-    text = text.replace("POINTS", "[4.0, 0.0], [3.0, 0.1], [2.0, 0.0], [1.0, 0.1], [0.0, 0.0]")
-    text = text.replace("to = [4.0, -1.0]", "to = [0.0, -1.0]", 1)
-    text = text.replace('"bottom"\nto = [0.0, -1.0]', '"bottom"\nto = [4.0, -1.0]')
-    turned = drawn(parse(text).case.body[0].shape)
+    backwards = {
+        "top.points": "[[4.0, 0.0], [3.0, 0.1], [2.0, 0.0], [1.0, 0.1], [0.0, 0.0]]",
+        "right.to": "[0.0, -1.0]",
+        "bottom.to": "[4.0, -1.0]",
+    }
+    settings = [f"body.0.shape.sides.{key}={value}" for key, value in backwards.items()]
+    turned = drawn(parse(WAVY, settings).case.body[0].shape)
     s = np.linspace(0.0, outline.curves[3].length, 11)
     top = turned.curves[turned.names.index("top")]
     assert np.abs(top.points(s) - outline.curves[3].points(s)).max() < 1e-12
@@ -191,13 +178,11 @@ def test_points_of_a_file_stand_in_the_resolved_case(tmp_path: Path) -> None:
 
 
 def test_sides_and_arcs_of_one_name_are_one_boundary() -> None:
-    text = WAVY[: WAVY.index("kind")] + (
-        'kind = "polygon"\npoints = [[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [0.0, 2.0]]\n'
-        'names = ["foot", "foot", "top", "left"]\nrounding = [0.2, 0.3, 0.4, 0.0]\n'
-        'corners = ["foot", "", "", ""]\n'
-    )
-    text += WAVY[WAVY.index("[[support]]") :].replace("block.bottom", "block.foot")
-    shape = parse(text).case.body[0].shape
-    outline = drawn(shape)
+    points = "[[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [0.0, 2.0]]"
+    names = "names=['foot', 'foot', 'top', 'left'], corners=['foot', '', '', '']"
+    shape = f"{{kind='polygon', points={points}, {names}, rounding=[0.2, 0.3, 0.4, 0.0]}}"
+    settings = shaped(shape, "foot", "top")
+    outline = drawn(parse(PLATE, settings).case.body[0].shape)
     assert outline.names == ("foot/1", "foot/2", "foot/3", "foot/4", "corner3", "top", "left")
-    assert only(text, ["body.block.shape.names=['foot', 'corner3', 'top', 'left']"]).key.endswith("names.1")
+    twice = "body.0.shape.names=['foot', 'corner3', 'top', 'left']"
+    assert only(PLATE, [*settings, twice]).key.endswith("names.1")

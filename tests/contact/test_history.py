@@ -16,7 +16,7 @@ from mlsanm_cli.contact.laws.coulomb import (
     start,
     unloaded,
 )
-from mlsanm_cli.contact.laws.limit_load import SlidingError
+from mlsanm_cli.contact.laws.failures import SlidingError
 from tests.contact.friction import HalfPlanes, half_planes
 
 UP, BACK, TURNED = (1.0, 0.5), (1.0, 0.0), (1.0, -0.5)

@@ -11,7 +11,8 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.complementary_path import admissible_sets
 from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus, SetSystem
 from mlsanm_cli.contact.laws.coulomb import event_driven_path, start
-from mlsanm_cli.contact.laws.limit_load import SlidingError, slides_freely
+from mlsanm_cli.contact.laws.failures import SlidingError
+from mlsanm_cli.contact.laws.limit_load import slides_freely
 from mlsanm_cli.contact.laws.set_search import AdmissibleChanges
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.linear_map import LinearMap

@@ -14,7 +14,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.laws.active_set import ExactState
-from mlsanm_cli.contact.laws.set_search import EndlessError, NoStateError, UnbalancedError
+from mlsanm_cli.contact.laws.failures import EndlessError, NoStateError, UnbalancedError
 from mlsanm_cli.contact.response.condensation import condense
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError

@@ -96,7 +96,7 @@ def follow(
 ) -> Iterator[State]:
     """All events of the path from a state, with free rows ``constant + lam load`` (N,), and the states at
     ``stops``, increasing up to the end. Raises the Ray of a limit load."""
-    p, halts, standing = problem, list(stops), 0
+    p, halts, standing, jumps = problem, list(stops), 0, 0
     span = abs(halts[-1] - state.lam)
     typical = _typical(p, state, constant + halts[-1] * load)
     while halts:
@@ -106,11 +106,13 @@ def follow(
             if standing > EVENTS * p.m + 50:
                 raise Ray(rate.x, state.lam)
         except Ray as ray:
-            state, standing = _jumped(p, state, constant, load, span, halts[0], ray), 0
+            state, standing = _jumped(p, state, constant, load, span, halts[0], ray, jumps), 0
+            jumps += 1
             while halts and halts[0] <= state.lam:
                 halts.pop(0)
             yield state
             continue
+        jumps = 0
         lam = min(state.lam + _until_event(p, state, rate, allowed), halts[0])
         standing = standing + 1 if lam - state.lam <= STANDSTILL * span else 0
         if halts[0] - lam <= STANDSTILL * span:
@@ -205,9 +207,10 @@ def _jumped(
     span: float,
     most: float,
     ray: Ray,
+    jumps: int,
 ) -> State:
-    """The state after a fold along which lam turns, or after a finite increment. Raises the ray of a limit
-    load."""
+    """The state after a fold along which lam turns, or after a finite increment, the larger the more
+    ``jumps`` came before. Raises the ray of a limit load."""
     p, status = problem, state.status
     mechanism = collapse(p, constant + (state.lam + INCREMENTS[0] * span) * load) if p.k else None
     if mechanism is not None:
@@ -219,7 +222,7 @@ def _jumped(
         return increment(p, state, constant + ahead * load, ahead, point.status, point.basis, thorough=False)
     except (Ray, SingularError):
         pass
-    for part in INCREMENTS:
+    for part in INCREMENTS[jumps:]:
         lam = min(state.lam + part * span, most)
         try:
             return increment(p, state, constant + lam * load, lam, thorough=False)

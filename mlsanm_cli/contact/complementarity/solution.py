@@ -27,6 +27,8 @@ GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 """Multiples of it, modulo 1, are evenly spread irregular numbers."""
 RESISTED = 1e-3
 """Part of a row that remaining motions change, above which its node holds them."""
+SPRINGS = (1e-4, 1e-6, 1e-8)
+"""Stiffness of springs over that of the contacts, one after the other."""
 COVER, INSIDE = 1e-2, 0.9
 """Least covering gaps and pressures over the largest, and part of the friction limit of covering tractions:
 any positive numbers do."""
@@ -63,7 +65,7 @@ class Search:
         ray = Ray(np.zeros(len(self.free)))
         states, held = self.allowed is self.problem.everything, starts[-1]
         for first in (*starts, None):
-            found, best, count = self._newton(first or self.supported(held), basis, seen)
+            found, best, count = self._newton(first or self._softly_held(held), basis, seen)
             systems += count
             if found is not None:
                 return replace(found, systems=systems)
@@ -96,16 +98,34 @@ class Search:
             try:
                 basis = Basis(p, status) if basis is None else basis.to(status)
                 x, w = basis.solve(self.free, aim, self.near)
-            except SingularError:  # contacts that slide as a whole may come to rest
-                basis = None
-                status = resting(p, status)
+            except SingularError:
+                # Contacts that slide as a whole may come to rest.
+                basis, status = None, resting(p, status)
                 continue
-            wrong = self._violations(status, x, w)
+            wrong = int(self._violated(status, x, w).sum())
             if not wrong:
                 return Solution(status, x, w, basis, systems), [], systems
             tried.append((wrong, status))
             status = self.projected(status, x, w)
         return None, [one for _, one in sorted(tried, key=lambda item: item[0])[:BEST]], systems
+
+    def _softly_held(self, start: ContactStatus) -> ContactStatus:
+        """The status with springs on all motions, which make every status solvable: softer ones each time,
+        from where the bodies came to (proximal point method: Rockafellar 1976, doi:10.1137/0314056)."""
+        p, count, status = self.problem, self.problem.contacts, self.supported(start)
+        # Springs act against the motions that forces on them cause.
+        u, _, v = np.linalg.svd(-p.matrix[count:, :count] @ p.matrix[:count, count:])
+        near = np.zeros(len(self.free)) if self.near is None else self.near
+        for stiffness in SPRINGS if p.k else ():
+            springs = np.zeros(p.matrix.shape)
+            springs[count:, count:] = stiffness * (u @ v)
+            held = replace(p, matrix=p.matrix + springs)
+            search = replace(self, problem=held, free=self.free - springs @ near)
+            found, best, _ = search._newton(status, None, set())
+            if found is None:
+                return best[0] if best else status
+            status, near = found.status, found.x
+        return status
 
     def _check_balance(self, start: ContactStatus) -> None:
         """Raise a Ray if no pressures and tractions balance the loads."""
@@ -122,11 +142,11 @@ class Search:
             yield resting(self.problem, status)
             yield replace(status, slip_sign=-status.slip_sign)
 
-    def _violations(self, status: ContactStatus, x: FloatArray, w: FloatArray) -> int:
-        """Number of violated conditions."""
+    def _violated(self, status: ContactStatus, x: FloatArray, w: FloatArray) -> BoolArray:
+        """Mask (5, m) of conditions violated by more than round-off."""
         p = self.problem
         left = p.distances(status, self.allowed, x, w, self.reference)
-        return int((left < -FEASIBLE * p.size(x) * p.grain[: p.m]).sum())
+        return np.asarray(left < -FEASIBLE * p.size(x) * p.grain[: p.m])
 
     def error(self, status: ContactStatus, x: FloatArray, w: FloatArray) -> float:
         """Largest error of rows and violation of conditions over round-off."""
@@ -137,8 +157,9 @@ class Search:
         return worst / size if size else 0.0
 
     def projected(self, status: ContactStatus, x: FloatArray, w: FloatArray) -> ContactStatus:
-        """The status of a semismooth Newton step."""
+        """The status of a semismooth Newton step: that of nodes without a violated condition is kept."""
         p, allowed, slip = self.problem, self.allowed, w[self.problem.m : self.problem.contacts]
+        wrong: BoolArray = np.asarray(self._violated(status, x, w).any(axis=0))
         push = x[: p.m] - p.exchange[: p.m] * w[: p.m]
         closed = np.where(status.closed, ~allowed.opens | (push > 0.0), allowed.closes & (push > 0.0))
         pull = x[p.m : p.contacts] - p.exchange[p.m :] * (slip - self.reference)
@@ -146,8 +167,12 @@ class Search:
         forward, backward = allowed.forward & (pull > limit), allowed.backward & (-pull > limit)
         slides = ~p.rubs | forward | backward
         side = np.where(backward & ~(forward & (pull > 0.0)), -1.0, 1.0)
-        on = closed[p.nodes]
-        return ContactStatus(closed, on & ~slides, np.where(on & slides, side, 0.0))
+        closed = np.where(wrong, closed, status.closed)
+        on, rubbing = closed[p.nodes], wrong[p.nodes]
+        stuck = np.where(rubbing, on & ~slides, status.stuck)
+        return ContactStatus(
+            closed, stuck, np.where(rubbing, np.where(on & slides, side, 0.0), status.slip_sign)
+        )
 
     def supported(self, start: ContactStatus, alone: bool = False) -> ContactStatus:
         """The status ``start`` with the fewest and closest further nodes closed, and stuck, that determine
@@ -181,11 +206,16 @@ class Search:
         SingularError."""
         p = self.problem
         basis = Basis(p, status)
+        if basis.held.shape[1]:  # the added load would drive loose bodies
+            status = self.supported(status)
+            basis = Basis(p, status)
         x, w = basis.solve(self.free, p.aim(self.reference), self.near)
-        if not self._violations(status, x, w):
+        if not self._violated(status, x, w).any():
             return Solution(status, x, w, basis, systems + 1)
         y, v = self._covered(status, x, w)
         load = v - p.product(y) - self.free
+        # Bodies that still are loose must not be driven by the added load.
+        load[p.contacts :] -= basis.left @ (basis.left.T @ load[p.contacts :])
         start = Point(status, y, v, 1.0, basis)
         point = trace(p, start, load, self.reference, self.allowed, 0.0)
         # Round-off of many pivots may have misled the last ones.

@@ -18,8 +18,9 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus, SetSystem
+from mlsanm_cli.contact.laws.failures import EndlessError, NoStateError
 from mlsanm_cli.contact.laws.limit_load import slides_freely
-from mlsanm_cli.contact.laws.set_search import AdmissibleChanges, EndlessError, NoStateError, exchange, moving
+from mlsanm_cli.contact.laws.set_search import AdmissibleChanges, exchange, moving
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import SingularSystemError
 
@@ -96,7 +97,7 @@ def admissible_sets(
             continue
         if not exchange(condensed, sets, watch, values, slipped)[1].any():
             return sets, system, values, count
-        raise EndlessError(count)
+        raise EndlessError
     raise NoStateError(sliding=slides_freely(condensed, last))
 
 

@@ -15,8 +15,9 @@ from mlsanm_cli.contact.complementarity.problem import GRAZING, Changes, Contact
 from mlsanm_cli.contact.complementarity.solution import solve, touching
 from mlsanm_cli.contact.complementarity.tracing import Ray
 from mlsanm_cli.contact.laws.contact_status import ContactSolution
-from mlsanm_cli.contact.laws.limit_load import SlidingError, slides_freely
-from mlsanm_cli.contact.laws.set_search import NoStateError, kkt_residual
+from mlsanm_cli.contact.laws.failures import NoStateError, SlidingError
+from mlsanm_cli.contact.laws.limit_load import slides_freely
+from mlsanm_cli.contact.laws.residual import kkt_residual
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.roundoff import ROUND_OFF
@@ -168,7 +169,7 @@ def event_driven_path(
         yield from (Event(stop, replace(state, factors=begin + stop * change), 0) for stop in stops)
         return
     constant, load = condensed.free_rows(begin), condensed.free_rows(change, rates=True)
-    now = _scaled(condensed, state, fraction)
+    now, settled = _scaled(condensed, state, fraction), bool(state.sets.closed.any())
     path = history.follow(condensed.problem, now, constant, load, stops)
     while True:
         try:
@@ -181,7 +182,7 @@ def event_driven_path(
             raise NoStateError(sliding=False) from ray
         if found.rates is not None and _slides(condensed, now, found, begin, change):
             raise SlidingError(now.lam)
-        jumped = found.jumped and bool(now.status.closed.any())
+        jumped, settled = found.jumped and settled, settled or not found.jumped
         yield Event(found.lam, _unscaled(condensed, found, begin + found.lam * change), found.systems, jumped)
         now = found
 

@@ -17,7 +17,6 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import null_space
-from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
 WHOLE_STAGE = 1.0 - 1e-9
@@ -142,17 +141,6 @@ MIN_DRIVE = 0.5
 """Sliding that tractions of several contacts balance, apart from less than this part, is not driven."""
 SLIDING_RATIO = 100.0
 """Sliding this many times as fast as everything else is driven by the load."""
-
-
-class SlidingError(NumericalError):
-    """The contact slides as a whole and nothing else carries the load: the path ends here."""
-
-    def __init__(self, fraction: float, where: str = "") -> None:
-        super().__init__(
-            f"the contact slides as a whole{where}",
-            "prescribe the displacement instead of the force to continue",
-        )
-        self.fraction = fraction
 
 
 def slides_freely(condensed: Condensed, sets: ContactStatus, rates: ContactSolution | None = None) -> bool:

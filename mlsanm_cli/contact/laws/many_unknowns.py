@@ -11,8 +11,9 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.contact.response.compressed import Compressed
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.contact.response.compressed import Compressed, compressed
+from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import SINGULAR, SingularSystemError
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.roundoff import ROUND_OFF
@@ -22,6 +23,8 @@ NEIGHBOURS = np.array([-7, -5, -4, -3, -2, -1, 1, 3, 5, 7, 0])
 divides the node's number, so that coarser nodes have wider stencils."""
 SEARCH_TOLERANCE, FINAL_TOLERANCE, MAX_PRODUCTS = 1e-7, 1e-13, 400
 """Relative residuals during the active-set search and at the end, and largest number of products."""
+NOISE, MAX_PASSES = 1000.0, 300
+"""Tolerance of conditions over the residual of solutions; and largest number of Newton steps."""
 MAX_DENSE = 6000
 """Largest number of closed nodes whose equations are solved directly where iterations do not converge."""
 
@@ -35,6 +38,46 @@ class NotConvergedError(NumericalError):
             "the pressures of a contact with many unknowns have not been found",
             "make contact.accuracy larger, which takes fewer unknowns",
         )
+
+
+def searched(
+    condensed: Condensed, factors: FloatArray, active: BoolArray
+) -> tuple[BoolArray, FloatArray, FloatArray, int]:
+    """Closed nodes (m,), pressures (m,), motions (k,) of the frictionless state at load ``factors`` (L,), and
+    the number of systems solved: semismooth Newton steps from the set ``active`` (m,), at first with rough
+    solutions. Raises NotConvergedError, SingularSystemError."""
+    gap_map, balance, seen = condensed.gap, condensed.balance, set[bytes]()
+    compliance = compressed(gap_map.pressure)
+    assert compliance is not None
+    free_gap = gap_map.constant + gap_map.load @ factors
+    force = -(balance.constant + balance.load @ factors)
+    pressure, parts = np.zeros(len(active)), [SEARCH_TOLERANCE, FINAL_TOLERANCE]
+    for count in range(1, MAX_PASSES + 1):
+        closed = np.flatnonzero(active)
+        moved, forces = gap_map.motion[closed], balance.pressure[:, closed]
+        if not len(closed) and len(force):
+            raise SingularSystemError
+        system = ManyClosed(compliance, closed, moved, forces, balance.motion) if len(closed) else None
+        for part in parts:
+            near, pressure, motion = pressure[closed], np.zeros(len(active)), force
+            if system is not None:
+                pressure[closed], motion = system.solve(-free_gap[closed], force, near, part)
+            gap = free_gap + gap_map.motion @ motion + compliance @ pressure
+            tolerance = NOISE * part * max(float(np.abs(pressure).max(initial=0.0)), np.finfo(float).tiny)
+            elastic = tolerance * condensed.largest_compliance
+            wrong = np.where(active, pressure < -tolerance, gap < -elastic)
+            if wrong.any():
+                break
+        if not wrong.any():
+            return active, pressure, motion, count
+        if active.tobytes() in seen:
+            if len(parts) == 1:
+                break
+            parts = [FINAL_TOLERANCE]
+            seen.clear()
+        seen.add(active.tobytes())
+        active = active ^ wrong
+    raise NotConvergedError
 
 
 class ManyClosed:

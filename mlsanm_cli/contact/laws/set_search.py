@@ -10,8 +10,6 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 ROUND_OFF = 1e-10
 
@@ -27,41 +25,6 @@ class AdmissibleChanges:
     slipping: BoolArray
     side: FloatArray
     force: FloatArray | None = None
-
-
-class UnbalancedError(NumericalError):
-    """No contact pressure balances the loads."""
-
-
-class UnresistedError(UnbalancedError):
-    """The first loads drive bodies that no contacts hold, wherever they touch."""
-
-
-class NoStateError(NumericalError):
-    """No contact status satisfies all conditions; ``sliding`` if nothing holds a platen along its
-    contacts."""
-
-    def __init__(self, sliding: bool) -> None:
-        super().__init__(
-            "no contact state balances the loads",
-            "bodies may slide or roll apart: raise friction, or fix them; a force-controlled platen may push "
-            "its body away from the contact, or nothing resists its direction: prescribe that direction's "
-            "displacement instead",
-        )
-        self.sliding = sliding
-
-
-class EndlessError(NoStateError):
-    """The search did not end, as may happen where the compliance is not positive definite."""
-
-    def __init__(self, passes: int) -> None:
-        NumericalError.__init__(
-            self,
-            f"the active set found no contact state in {passes} passes",
-            "the clouds along the contact may be too coarse or too different; at high friction there may "
-            "also be no continuous path",
-        )
-        self.sliding = False
 
 
 def exchange(
@@ -109,43 +72,3 @@ def moving(condensed: Condensed, motion: FloatArray) -> float:
     """Pressure that would displace the surfaces as far as ``motion`` (k,) does."""
     moved = float(np.abs(condensed.gap.motion @ motion).max(initial=0.0))
     return moved / condensed.largest_compliance if moved else 0.0
-
-
-def kkt_residual(
-    condensed: Condensed,
-    unknowns: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
-    closed: BoolArray,
-    held: FloatArray,
-) -> float:
-    """Largest residual of contact conditions, friction and balances, relative to peak pressure, elastic gap
-    and forces. ``unknowns`` are load factors, motions, pressures and tractions, ``closed`` (m,) the closed
-    nodes, ``held`` (n,) the stick references, nan for nodes that do not stick."""
-    factors, motion, pressure, traction = unknowns
-    gap_map, balance = condensed.gap, condensed.balance
-    moved = float(np.abs(gap_map.motion @ motion).max(initial=0.0))
-    largest_compliance = condensed.largest_compliance
-    least = COARSE_ROUND_OFF * moved / largest_compliance if largest_compliance > 0.0 else 0.0
-    typical = max(float(np.abs(pressure).max(initial=0.0)), least) or 1.0
-    m, n = len(pressure), len(traction)
-    elastic = max(condensed.elastic_gap(pressure), least * largest_compliance) or 1.0
-    free = [one.constant + one.load @ factors for one in (gap_map, condensed.slip, balance)]
-    caused = condensed.blocks @ np.concatenate([pressure, traction, motion])
-    gap, slip, imbalance = (free[0] + caused[:m], free[1] + caused[m : m + n], free[2] + caused[m + n :])
-    overlap = np.where(closed, np.abs(gap), -gap)
-    limit = condensed.friction * pressure[condensed.friction_nodes]
-    size = np.maximum(np.abs(pressure), least)
-    force = np.abs(balance.load @ factors) + np.abs(balance.pressure) @ size
-    force += np.abs(balance.traction) @ (condensed.friction * size[condensed.friction_nodes])
-    stuck = np.isfinite(held)
-    # Gaps are known to round-off, and pressures to what it causes.
-    length = condensed.gap_round_off
-    round_off = length / largest_compliance if largest_compliance > 0.0 else 0.0
-    parts = (
-        (overlap.max(initial=0.0) - length) / elastic,
-        (-pressure.min(initial=0.0) - round_off) / typical,
-        (np.abs(slip[stuck] - held[stuck]).max(initial=0.0) - length) / elastic,
-        ((np.abs(traction) - limit).max(initial=0.0) - round_off) / typical,
-        0.0,
-        (np.abs(imbalance) / np.maximum(force, np.finfo(float).tiny)).max(initial=0.0),
-    )
-    return float(max(parts))

@@ -151,12 +151,22 @@ class Condensed:
         """The complementarity problem of the scene, scaled."""
         return Problem.of(self.whole, self.friction_nodes, self.friction, len(self.weight))
 
-    def free_rows(self, factors: FloatArray, rates: bool = False) -> FloatArray:
-        """Scaled rows (m + n + k,) of :attr:`problem` without pressures, tractions and motions at load
+    @cached_property
+    def frictionless(self) -> Problem:
+        """The same without tractions and slips."""
+        gap, balance = self.gap, self.balance
+        parts = [[np.asarray(part.pressure), part.motion] for part in (gap, balance)]
+        return Problem.of(np.block(parts), self.friction_nodes[:0], self.friction[:0], len(self.weight))
+
+    def unscaled_rows(self, factors: FloatArray, rates: bool = False) -> FloatArray:
+        """Gaps, slips and force imbalance (m + n + k,) without pressures, tractions and motions at load
         ``factors`` (L,), or only their change with these."""
         parts = (self.gap, self.slip, self.balance)
-        moved = [part.load @ factors if rates else part.constant + part.load @ factors for part in parts]
-        return self.problem.rows * np.concatenate(moved)
+        return np.concatenate([part.load @ factors + (0.0 if rates else part.constant) for part in parts])
+
+    def free_rows(self, factors: FloatArray, rates: bool = False) -> FloatArray:
+        """The same scaled as in :attr:`problem`."""
+        return self.problem.rows * self.unscaled_rows(factors, rates)
 
     @cached_property
     def scaled(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -230,7 +240,7 @@ class Condensed:
         return scene.bodies[body].system.solve(source), source
 
     def displacement(self, scene: Scene, body: str, unknowns: Sequence[FloatArray]) -> FloatArray:
-        """Displacements (N, 2) of all nodes of a body in a state f, q, p, t, ghosts last."""
+        """Displacements (N, 2) of all nodes of a body in a state f, q, p, t."""
         solution = self.solution(scene, body, unknowns)[0][:, 0]
         rest = (solution + scene.floating_patterns(body) @ unknowns[1]).reshape(-1, 2)
         return np.asarray(rest + self.contact_fields(scene, body, unknowns)[0])

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mlsanm_cli.contact.laws.failures import UnbalancedError
 from mlsanm_cli.contact.laws.limit_load import limit_load
-from mlsanm_cli.contact.laws.set_search import UnbalancedError
 from mlsanm_cli.solve.stage_ends import check_slips
 from tests.app.scenes import EXACT_LAW, done, solve
 from tests.case_text import FLOOR, Scene, body, contact, scene

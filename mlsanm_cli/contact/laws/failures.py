@@ -1,0 +1,49 @@
+"""Errors of contacts without a state."""
+
+from __future__ import annotations
+
+from mlsanm_cli.errors import NumericalError
+
+
+class UnbalancedError(NumericalError):
+    """No contact pressure balances the loads."""
+
+
+class UnresistedError(UnbalancedError):
+    """The first loads drive bodies that no contacts hold, wherever they touch."""
+
+
+class NoStateError(NumericalError):
+    """No contact status satisfies all conditions; ``sliding`` if nothing holds a body along its contacts."""
+
+    def __init__(self, sliding: bool = False) -> None:
+        super().__init__(
+            "no contact state balances the loads",
+            "bodies may slide or roll apart: raise friction, or fix them; a force-controlled platen may push "
+            "its body away from the contact, or nothing resists its direction: prescribe that direction's "
+            "displacement instead",
+        )
+        self.sliding = sliding
+
+
+class EndlessError(NumericalError):
+    """The search ended without a state although pressures balance the loads, as may happen where the
+    compliance is not positive definite."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            "no contact state has been found although pressures can balance the loads",
+            "the clouds along the contact may be too coarse or too different; at high friction there may "
+            "also be no continuous path",
+        )
+
+
+class SlidingError(NumericalError):
+    """The contact slides as a whole and nothing else carries the load: the path ends here."""
+
+    def __init__(self, fraction: float, where: str = "") -> None:
+        super().__init__(
+            f"the contact slides as a whole{where}",
+            "prescribe the displacement instead of the force to continue",
+        )
+        self.fraction = fraction
