@@ -4,10 +4,9 @@ docs/methods-compared.md."""
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from mlsanm_cli.app.analysis.small_strain import set_up
 from mlsanm_cli.app.checks.check import Check, Verdicts
@@ -44,27 +43,15 @@ CONDENSED_PHASES = ("factorization", "condensation")
 """Set-up phases of all methods, and of condensed methods only."""
 
 
-@dataclass(frozen=True)
-class CompareOptions:
-    """Options of a comparison.
-
-    ``methods`` besides ANM; ``analytic``: errors against the reference of the case; ``levels`` per stage at
-    which states are compared; ``tolerance``: largest difference between methods with the same law (None: from
-    solver.tolerance); ``repeat``: repetitions of each path; ``picture``: whether to draw the diagram.
-    """
-
-    methods: tuple[str, ...] = ()
-    analytic: bool = False
-    levels: int = 10
-    tolerance: float | None = None
-    repeat: int = 1
-    picture: bool = True
-
-
 def compare(
     case_path: Path,
-    options: CompareOptions,
+    methods: Sequence[str] = (),
     *,
+    analytic: bool = False,
+    levels: int = 10,
+    tolerance: float | None = None,
+    repeat: int = 1,
+    picture: bool = True,
     overrides: tuple[str, ...] = (),
     out: Path | None = None,
     force: bool = False,
@@ -72,7 +59,11 @@ def compare(
     console: Console,
     argv: tuple[str, ...] = (),
 ) -> Mapping[str, Any]:
-    """Solves a case by several methods and writes comparison.json and a picture.
+    """Solves a case by ANM and other ``methods`` and writes comparison.json and a picture.
+
+    ``analytic``: errors against the reference of the case; ``levels`` per stage at which states are compared;
+    ``tolerance``: largest difference between methods with the same law (None: from solver.tolerance);
+    ``repeat``: repetitions of each path; ``picture``: whether to draw the diagram.
 
     Returns the mapping of comparison.json with the ``directory`` added; its ``status`` is "agree", "disagree"
     (or a method other than ANM failed) or "failed" (ANM failed). Raises CaseError or RunError, with nothing
@@ -84,21 +75,29 @@ def compare(
         return load_with_files(case_path, (*overrides, *changes))
 
     loaded, directory = changed(), out or RESULTS / case_path.stem
-    levels = f"output.at={_levels(loaded.case, options.levels)!r}"
+    at = f"output.at={_levels(loaded.case, levels)!r}"
     finite = loaded.case.model.strain == "finite"
     curves: Mapping[str, Any] = {}
     if finite:
         from mlsanm_cli.app.comparison.finite_strain import compare_finite, refuse
 
-        refuse(bool(loaded.case.contact) or len(loaded.case.body) > 1, options.methods, options.analytic)
+        refuse(bool(loaded.case.contact) or len(loaded.case.body) > 1, methods, analytic)
     else:
         check_reference(loaded)
-        _refuse(loaded.case, options)
+        _refuse(loaded.case, methods, analytic)
     run_dir.check_comparison(directory, force)
     if finite:
-        found = compare_finite(changed(levels), options.tolerance, options.repeat, context)
+        found = compare_finite(changed(at), tolerance, repeat, context)
     else:
-        found, curves = _compare(loaded, options, context, partial(changed, levels), changed)
+        compared, warnings = _followed(loaded, methods, repeat, context, changed, at)
+        found = compared.result(tolerance, analytic)
+        if picture and compared.rows[0].done:
+            console.phase("following the paths at larger eta, for the picture")
+            curves = precision_curves(compared.built, compared.rows, compared.case_of)
+            found["precision"] = curves
+            if not curves["smooth"]:
+                warnings.append("no picture: the exact law has no state at some level")
+        found["warnings"] = warnings
     result = {
         "case": str(loaded.path),
         "title": loaded.case.title,
@@ -117,20 +116,21 @@ def compare(
     return {**result, "directory": str(directory)}
 
 
-def _compare(
+def _followed(
     loaded: LoadedCase,
-    options: CompareOptions,
+    names: Sequence[str],
+    repeat: int,
     context: RunContext,
-    with_levels: Callable[..., LoadedCase],
     changed: Callable[..., LoadedCase],
-) -> tuple[dict[str, Any], Mapping[str, Any]]:
-    """Follows the path by all methods at small strain; entries of comparison.json, and curves of the picture.
-    Changes of the case are applied with and without the levels of the comparison."""
+    at: str,
+) -> tuple[Compared, list[str]]:
+    """The path at small strain by all methods, with states ``at`` the levels of the comparison, and
+    warnings."""
 
     def case_of(method: Method) -> Case:
-        return with_levels(*method.changes).case
+        return changed(at, *method.changes).case
 
-    methods = chosen_methods(loaded.case, options.methods)
+    methods = chosen_methods(loaded.case, names)
     cases = list(map(case_of, methods))
     # All methods share the nodal pressures of the regularised law.
     shared, warnings = changed(*methods[0].changes), list[str]()
@@ -141,31 +141,23 @@ def _compare(
     rows = []
     for method, case in zip(methods, cases, strict=True):
         context.console.phase(f"following the path: {method.name}")
-        rows.append(measure(built, method, case, options.repeat))
+        rows.append(measure(built, method, case, repeat))
     warnings += factor_notes(built.scene)
     if rows[0].done:
         verdicts.judge(_checked(built, rows[0].states[max(rows[0].states)]))
-    result = _result(built, rows, options, context.clock, case_of)
-    curves: Mapping[str, Any] = {}
-    if options.picture and rows[0].done:
-        context.console.phase("following the paths at larger eta, for the picture")
-        curves = precision_curves(built, rows, case_of)
-        result["precision"] = curves
-        if not curves["smooth"]:
-            warnings.append("no picture: the exact law has no state at some level")
-    return result | {"warnings": warnings}, curves
+    return Compared(built, rows, case_of, context.clock), warnings
 
 
-def _refuse(case: Case, options: CompareOptions) -> None:
+def _refuse(case: Case, methods: Sequence[str], analytic: bool) -> None:
     """Raises RunError if there is nothing to compare."""
     if not case.touching:
         raise RunError(
             "the case has no unilateral [[contact]]: it is linear, and all methods are the same",
             "use mlsanm run",
         )
-    if options.analytic and case.reference is None:
+    if analytic and case.reference is None:
         raise RunError("--analytic: the case names no reference", "add [reference] with its solution")
-    if len(chosen_methods(case, options.methods)) == 1 and not options.analytic:
+    if len(chosen_methods(case, methods)) == 1 and not analytic:
         raise RunError("no method to compare with ANM", "add --newton, --active-set or --analytic")
 
 
@@ -185,76 +177,65 @@ def _checked(built: CondensedScene, last: State) -> Iterator[Check]:
         yield from check(done)
 
 
-def _result(
-    built: CondensedScene,
-    rows: Sequence[Measured],
-    options: CompareOptions,
-    clock: Clock,
-    case_of: Callable[[Method], Case],
-) -> dict[str, Any]:
-    case = built.case
-    limits = {
-        "same_law": same_law_limit(case) if options.tolerance is None else options.tolerance,
-        "other_law": other_law_limit(case),
-    }
-    table = [_figures(built, row, rows, limits, clock, options.analytic, case_of) for row in rows]
-    return {
-        "status": agreement(table),
-        "levels": sorted(rows[0].states),
-        "limits": limits,
-        "nodes": sum(len(body.model.cloud.points) for body in built.scene.bodies.values()),
-        "contact_unknowns": len(built.condensed.weight) + len(built.condensed.friction_nodes),
-        "eta": {contact.name: contact.regularization.eta for contact in case.contact},
-        "methods": table,
-    }
+class Compared(NamedTuple):
+    """A scene ``built`` and the paths (``rows``) of the methods on it, ANM first; ``case_of`` is the case
+    of a method."""
 
+    built: CondensedScene
+    rows: Sequence[Measured]
+    case_of: Callable[[Method], Case]
+    clock: Clock
 
-def _figures(
-    built: CondensedScene,
-    row: Measured,
-    rows: Sequence[Measured],
-    limits: Mapping[str, float],
-    clock: Clock,
-    analytic: bool,
-    case_of: Callable[[Method], Case],
-) -> dict[str, Any]:
-    """One method as in comparison.json."""
-    exact = row.method.is_exact
-    phases = (*SHARED_PHASES, *CONDENSED_PHASES) if exact else SHARED_PHASES
-    condensed = (len(built.scene.bodies), built.condensed.solves) if exact else None
-    found = row.row(sum(clock.seconds[phase] for phase in phases), condensed)
-    if not row.done:
-        return found
-    if analytic:
-        found["reference_error"] = _reference_error(built, row)
-    before = [one for one in rows[: rows.index(row)] if one.done]
-    # The first of the preceding methods with the same law, else ANM.
-    against = next(iter([*(one for one in before if one.law == row.law), *before]), None)
-    if against is not None:
-        limit = limits["same_law" if against.law == row.law else "other_law"]
-        apart = difference(built, row.states, against.states)
-        found |= {
-            "against": against.method.name,
-            "difference": apart,
-            "limit": limit,
-            "agrees": all(value <= limit for value in apart.values()),
+    def result(self, tolerance: float | None, analytic: bool) -> dict[str, Any]:
+        """Entries of comparison.json."""
+        built, case = self.built, self.built.case
+        limits = {
+            "same_law": same_law_limit(case) if tolerance is None else tolerance,
+            "other_law": other_law_limit(case),
         }
-        if against.law != row.law and not found["agrees"]:
-            errors = _errors_by_law(built, row, against, case_of)
-            found |= {"convergence": errors, "agrees": errors[1] <= CONVERGENCE_RATIO * errors[0]}
-    return found
+        table = [self._figures(row, limits, analytic) for row in self.rows]
+        return {
+            "status": agreement(table),
+            "levels": sorted(self.rows[0].states),
+            "limits": limits,
+            "nodes": sum(len(body.model.cloud.points) for body in built.scene.bodies.values()),
+            "contact_unknowns": len(built.condensed.weight) + len(built.condensed.friction_nodes),
+            "eta": {contact.name: contact.regularization.eta for contact in case.contact},
+            "methods": table,
+        }
 
+    def _figures(self, row: Measured, limits: Mapping[str, float], analytic: bool) -> dict[str, Any]:
+        """One method as in comparison.json."""
+        exact = row.method.is_exact
+        phases = (*SHARED_PHASES, *CONDENSED_PHASES) if exact else SHARED_PHASES
+        condensed = (len(self.built.scene.bodies), self.built.condensed.solves) if exact else None
+        figures = row.row(sum(self.clock.seconds[phase] for phase in phases), condensed)
+        if not row.done:
+            return figures
+        if analytic:
+            figures["reference_error"] = _reference_error(self.built, row)
+        before = [other for other in self.rows[: self.rows.index(row)] if other.done]
+        # The first of the preceding methods with the same law, else ANM.
+        against = next(iter([*(other for other in before if other.law == row.law), *before]), None)
+        if against is None:
+            return figures
+        limit = limits["same_law" if against.law == row.law else "other_law"]
+        apart = difference(self.built, row.states, against.states)
+        agrees = all(value <= limit for value in apart.values())
+        figures |= {"against": against.method.name, "difference": apart, "limit": limit, "agrees": agrees}
+        if against.law != row.law and not agrees:
+            errors = self._errors_by_law(row, against)
+            figures |= {"convergence": errors, "agrees": errors[1] <= CONVERGENCE_RATIO * errors[0]}
+        return figures
 
-def _errors_by_law(
-    built: CondensedScene, row: Measured, against: Measured, case_of: Callable[[Method], Case]
-) -> tuple[float, float]:
-    """L2 errors of the regularised law with larger parameters (0 if that fails) and with those of the
-    case."""
-    smooth, exact = (against, row) if row.law == "exact" else (row, against)
-    method = method_of(built.case, smooth.method.name, SOFTER)
-    softer = measure(built, method, case_of(method))
-    before = surface_error(built, softer.states, exact.states) if softer.done else 0.0
-    return before, surface_error(built, smooth.states, exact.states)
+    def _errors_by_law(self, row: Measured, against: Measured) -> tuple[float, float]:
+        """L2 errors of the regularised law with larger parameters (0 if that fails) and with those of the
+        case."""
+        smooth, exact = (against, row) if row.law == "exact" else (row, against)
+        method = method_of(self.built.case, smooth.method.name, SOFTER)
+        softer = measure(self.built, method, self.case_of(method))
+        before = surface_error(self.built, softer.states, exact.states) if softer.done else 0.0
+        return before, surface_error(self.built, smooth.states, exact.states)
 
 
 def _reference_error(built: CondensedScene, row: Measured) -> dict[str, float | None]:

@@ -51,7 +51,7 @@ def compare_finite(
     }
 
 
-def refuse(contact: bool, methods: tuple[str, ...], analytic: bool) -> None:
+def refuse(contact: bool, methods: Sequence[str], analytic: bool) -> None:
     """Raises RunError for methods not available at finite strain, and if there is only one."""
     if contact:
         raise RunError(
