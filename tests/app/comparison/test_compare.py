@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.comparison import measure as measure_module
-from mlsanm_cli.app.comparison.compare import compare
+from mlsanm_cli.app.comparison.compare import CompareOptions, compare
 from mlsanm_cli.app.comparison.differences import other_law_limit
 from mlsanm_cli.app.comparison.measure import chosen_methods
 from mlsanm_cli.case import Case, parse_case
@@ -36,15 +36,15 @@ from tests.app.scenes import (
 )
 
 ONCE = "stage=[{press=1.0},{shear=1.0}]"
-QUICK: dict[str, Any] = {"methods": ("active-set",), "levels": 4, "picture": False}
+QUICK = CompareOptions(("active-set",), levels=4, picture=False)
 
 
 def compared(
-    directory: Path, text: str, wishes: dict[str, Any] = QUICK, *overrides: str, console: Quiet | None = None
+    directory: Path, text: str, wishes: CompareOptions = QUICK, *overrides: str, console: Quiet | None = None
 ) -> dict[str, Any]:
     (directory / "scene.toml").write_text(text)
     options: dict[str, Any] = {"overrides": overrides, "out": directory / "out", "force": True}
-    return dict(compare(directory / "scene.toml", **wishes, console=console or Quiet(), **options))
+    return dict(compare(directory / "scene.toml", wishes, console=console or Quiet(), **options))
 
 
 def case_of(text: str, *overrides: str) -> Case:
@@ -54,7 +54,7 @@ def case_of(text: str, *overrides: str) -> Case:
 def test_what_is_told_is_what_runs_give(tmp_path: Path) -> None:
     """Counts and differences are those of two runs made by themselves."""
     text, levels = hertz(), "output.at=[0.25, 0.3, 0.5, 0.75, 1.0]"
-    found = compared(tmp_path, text, {**QUICK, "analytic": True}, *SMOOTH, levels)
+    found = compared(tmp_path, text, replace(QUICK, analytic=True), *SMOOTH, levels)
     assert found["status"] == "agree"
     assert found["levels"] == [0.25, 0.3, 0.5, 0.75, 1.0]
     smooth, exact = found["methods"]
@@ -78,7 +78,7 @@ def test_what_is_told_is_what_runs_give(tmp_path: Path) -> None:
 
 
 def test_the_file_and_the_picture(tmp_path: Path) -> None:
-    found = compared(tmp_path, hertz(), {**QUICK, "picture": True}, *COARSE)
+    found = compared(tmp_path, hertz(), replace(QUICK, picture=True), *COARSE)
     out = tmp_path / "out"
     assert {path.name for path in out.iterdir()} == {"comparison.json", "plot_comparison.png"}
     stored = json.loads((out / "comparison.json").read_text())
@@ -137,10 +137,10 @@ def test_a_small_difference_between_equal_laws_is_found(
     tmp_path: Path, afterwards: pytest.MonkeyPatch
 ) -> None:
     afterwards.setattr(measure_module, "load_path", perturbed(1e-4))
-    wishes = {**QUICK, "methods": ("newton",)}
+    wishes = replace(QUICK, methods=("newton",))
     found = compared(tmp_path, hertz(), wishes, *SMOOTH)
     assert [row.get("agrees") for row in found["methods"]] == [None, False]
-    loose = compared(tmp_path, hertz(), {**wishes, "tolerance": 1e-3}, *SMOOTH)
+    loose = compared(tmp_path, hertz(), replace(wishes, tolerance=1e-3), *SMOOTH)
     assert loose["status"] == "agree"
 
 
@@ -155,7 +155,7 @@ def failing(built: CondensedScene) -> Iterator[PathStep]:
 
 def test_a_method_that_fails_is_a_row(tmp_path: Path, afterwards: pytest.MonkeyPatch) -> None:
     afterwards.setattr(measure_module, "load_path", failing)
-    found = compared(tmp_path, hertz(), {**QUICK, "picture": True}, *SMOOTH)
+    found = compared(tmp_path, hertz(), replace(QUICK, picture=True), *SMOOTH)
     row = found["methods"][1]
     assert (row["status"], row["reason"], row["hint"]) == ("failed", "no state", "another eta")
     assert "difference" not in row
@@ -191,15 +191,17 @@ def test_exit_codes_and_table(
 def test_what_cannot_be_compared_is_refused(tmp_path: Path) -> None:
     for text, wishes, overrides, words in (
         (BAR, QUICK, (), "no unilateral [[contact]]"),
-        (hertz(), {}, (ANM,), "no method to compare"),
-        (SHEARED, {"methods": ("active-set",), "analytic": True}, (), "--analytic"),
+        (hertz(), CompareOptions(), (ANM,), "no method to compare"),
+        (SHEARED, CompareOptions(("active-set",), analytic=True), (), "--analytic"),
     ):
         with pytest.raises(RunError) as refused:
             compared(tmp_path, text, wishes, *overrides)
         assert words in refused.value.message
         assert refused.value.hint
     assert not (tmp_path / "out").exists()
-    only_formula = compared(tmp_path, hertz(), {"analytic": True, "levels": 1, "picture": False}, *SMOOTH)
+    only_formula = compared(
+        tmp_path, hertz(), CompareOptions(analytic=True, levels=1, picture=False), *SMOOTH
+    )
     assert only_formula["status"] == "agree"
 
 
