@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mlsanm_cli.app.scene.contact_pairs import profile_of, shape_of
+from mlsanm_cli.app.scene.contact_spacing import valleys
 from mlsanm_cli.app.scene.corners import END_CLEARANCE, Restraints, SmoothPart, stretches_of
-from mlsanm_cli.app.scene.default_spacing import valleys
 from mlsanm_cli.app.scene.void import void_center
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case

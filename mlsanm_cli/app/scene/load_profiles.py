@@ -8,8 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from mlsanm_cli.app.scene.boundary_runs import BoundaryRun, chains_at
-from mlsanm_cli.app.scene.outlines import drawn
+from mlsanm_cli.app.scene.outlines import BoundaryRun, chains_at, drawn
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Displacement, ExpressionError, Place, Pressure, Traction, value_at
 from mlsanm_cli.case.model.shapes import AnyShape
