@@ -35,16 +35,6 @@ Cuts = Mapping[int, Sequence[float]]
 
 
 @dataclass(frozen=True)
-class SurfacePart:
-    """A surface in a loaded region: the arc length ``first`` at its start, and the ``total`` of the
-    region."""
-
-    surface: Surface
-    first: float
-    total: float
-
-
-@dataclass(frozen=True)
 class Boundaries:
     """The ``drawn`` outline of every body and its ``cuts``; the ``sides`` of every contact, slave first."""
 
@@ -71,7 +61,7 @@ class Boundaries:
         """The curve of a side of a contact, and the other curves of the body's outline. Raises CaseError."""
         run = run_of(self.drawn, place, key)
         others = tuple(curve for k, curve in enumerate(run.outline.curves) if k not in run.numbers)
-        return run.part(place), others
+        return run.part, others
 
     def keyed(self, contact: str) -> list[tuple[Place, str]]:
         """The sides of a contact, slave first, with their keys in the case."""
@@ -80,18 +70,16 @@ class Boundaries:
 
     def surface(self, cloud: Cloud, place: Place, key: str) -> Surface:
         """A side of a contact as one surface. Raises CaseError if its pieces do not join."""
-        around = run_of(self.drawn, place, key).around and place.ends is None
+        run = run_of(self.drawn, place, key)
         pieces = [cloud.surfaces[name] for name in self.names(place)]
-        return joined_surface(place.label.partition(".")[2], pieces, around)
+        return joined_surface(place.label.partition(".")[2], pieces, run.around and run.ends is None)
 
-    def parts(self, cloud: Cloud, place: Place) -> list[SurfacePart]:
-        """The surfaces of a place with their arc lengths along it, also across pieces that do not join, in
-        the order of the outline."""
+    def parts(self, cloud: Cloud, place: Place) -> list[tuple[Surface, float]]:
+        """The surfaces of a place in the order of the outline, and the arc lengths along it, also across
+        pieces that do not join, at which they start."""
         surfaces = [cloud.surfaces[name] for name in self.names(place)]
-        starts = [*accumulate((surface.curve.length for surface in surfaces), initial=0.0)]
-        return [
-            SurfacePart(surface, start, starts[-1]) for surface, start in zip(surfaces, starts, strict=False)
-        ]
+        starts = accumulate((surface.curve.length for surface in surfaces), initial=0.0)
+        return list(zip(surfaces, starts, strict=False))
 
     def names(self, place: Place) -> tuple[str, ...]:
         """The names of the surfaces of a place, in order along the outline."""
@@ -99,8 +87,8 @@ class Boundaries:
         chains = chains_at(outline, place.edges)
         # Loaded and held boundaries need not join.
         numbers = chains[0][0] if len(chains) == 1 else sorted(k for chain, _ in chains for k in chain)
-        run = BoundaryRun(outline, tuple(numbers), chains[0][1])
-        (first, length), found = run.range_of(place), []
+        run = BoundaryRun(outline, tuple(numbers), chains[0][1], place.ends)
+        (first, length), found = run.range, []
         for number, curve, start in zip(run.numbers, run.curves, run.starts, strict=False):
             name, places = outline.names[number], sorted(cuts.get(number, ()))
             whole = [*places, places[0] + curve.length] if places and curve.closed else None
@@ -156,7 +144,7 @@ def _cuts_of(
                 message = f"({end[0]:g}, {end[1]:g}) is {away:g} away from the boundary"
                 raise CaseError((CaseProblem(f"{key}.{name}", message, hint="give a point on or near it"),))
             _add_cut(cuts, run, body, at)
-        if run.range_of(place)[1] <= COARSE_ROUND_OFF * whole:
+        if run.range[1] <= COARSE_ROUND_OFF * whole:
             message = "the part of the boundary between these points has no length"
             raise CaseError((CaseProblem(f"{key}.to", message, hint="give two different points"),))
     for load in case.load:
@@ -164,7 +152,7 @@ def _cuts_of(
             for profile in profiles(body.shape, load):
                 whole = profile.run.starts[-1]
                 for jump in profile.jumps:
-                    _add_cut(cuts, profile.run, body, (profile.first + jump) % whole)
+                    _add_cut(cuts, profile.run, body, (profile.run.range[0] + jump) % whole)
     return cuts
 
 

@@ -59,7 +59,7 @@ def spacing_of(case: Case, boundaries: Boundaries, body: Body) -> Spacing:
             curve
             for _, condition, place in conditions(case)
             if place.body == body.name and all(prescribes(condition))
-            for _, _, curve in runs_of(body.shape, place)
+            for curve in (run.part for run in runs_of(body.shape, place))
         ]
         alone = all(side.body != body.name for contact in case.contact for side in contact.sides)
         if not (alone or bends(outline) or leans(outline, clamped, materials(case)[body.material].stretch)):

@@ -73,8 +73,7 @@ def _facing_part(outlines: Mapping[str, Outline], contact: Contact, which: int) 
     if own.ends is not None:
         return own
     run = run_of(outlines, own, f"contact.{contact.name}")
-    facing = run_of(outlines, Place(other.boundaries), f"contact.{contact.name}")
-    theirs = facing.part(other)
+    theirs = run_of(outlines, other, f"contact.{contact.name}").part
     if theirs.closed:
         return own
     whole = run.starts[-1]
@@ -92,5 +91,5 @@ def _facing_part(outlines: Mapping[str, Outline], contact: Contact, which: int) 
     else:
         both = sorted(zip((start, end), inside, strict=True))
         low, high = (at if within else far for (at, within), far in zip(both, (0.0, whole), strict=True))
-    (a, b), (c, d) = run.curve.points(np.array([low, high])).tolist()
+    (a, b), (c, d) = run.whole.points(np.array([low, high])).tolist()
     return Place(own.boundaries, ((a, b), (c, d)))

@@ -31,7 +31,6 @@ from mlsanm_cli.case import (
 )
 from mlsanm_cli.case.model.shapes import AnyShape
 from mlsanm_cli.case.model.supports import Support
-from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.cloud.joined import part_of, turn
 from mlsanm_cli.cloud.membership import inside_polygon
 from mlsanm_cli.cloud.spacing import Zone
@@ -59,17 +58,17 @@ def load_zones(case: Case, body: Body, far: float) -> Iterator[Zone]:
         sprung = isinstance(condition, Support) and condition.spring is not None
         loose = sprung or isinstance(condition, Pressure | Traction)
         at_edge = PER_LENGTH_AT_ENDS if loose else PER_LENGTH_AT_FIXED_ENDS
-        for run, first, curve in runs_of(body.shape, place) if place.body == body.name else ():
-            yield from _edge_zones(run, first, curve, far, at_edge)
+        for run in runs_of(body.shape, place) if place.body == body.name else ():
+            yield from _edge_zones(run, far, at_edge)
     for load in case.load:
         if isinstance(load, Pressure | Traction | Displacement) and load.owner == body.name:
             for profile in profiles(body.shape, load):
                 yield from _varying_zones(profile, far)
 
 
-def _edge_zones(run: BoundaryRun, first: float, curve: Curve, far: float, at_edge: float) -> Iterator[Zone]:
-    """Zones along a ``curve`` from arc length ``first`` of a run, and at its ends where the boundary
-    continues smoothly."""
+def _edge_zones(run: BoundaryRun, far: float, at_edge: float) -> Iterator[Zone]:
+    """Zones along the part of a run, and at its ends where the boundary continues smoothly."""
+    curve, first = run.part, run.range[0]
     if curve.closed:
         return
     places = np.array([0.0, curve.length])
@@ -93,7 +92,8 @@ def _continues(run: BoundaryRun, at: float, end: int) -> bool:
 
 def _varying_zones(profile: LoadProfile, far: float) -> Iterator[Zone]:
     """Zones along a boundary where a load varies, and at its discontinuities."""
-    curve, arc = profile.curve, np.linspace(0.0, profile.curve.length, len(profile.values))
+    curve = profile.run.part
+    arc = np.linspace(0.0, curve.length, len(profile.values))
     sizes = resolved_sizes(profile.values, curve.length, far)
     marks = np.array([0.0, *profile.jumps, curve.length])
     for k, jump in enumerate(profile.jumps, start=1):

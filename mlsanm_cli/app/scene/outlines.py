@@ -87,30 +87,32 @@ def neighbours(outline: Outline, number: int) -> tuple[int, int]:
     return loop.start + (place - 1) % count, loop.start + (place + 1) % count
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BoundaryRun:
-    """Consecutive pieces of a body's ``outline`` by ``numbers``; ``around``: they form a closed loop."""
+    """Consecutive pieces of a body's ``outline`` by ``numbers``, which form a closed loop if they go
+    ``around``, or their part between the points nearest to two ``ends``."""
 
     outline: Outline
     numbers: tuple[int, ...]
     around: bool
+    ends: tuple[tuple[float, float], tuple[float, float]] | None = None
 
     @property
     def curves(self) -> tuple[Curve, ...]:
         return tuple(self.outline.curves[number] for number in self.numbers)
 
-    @property
-    def curve(self) -> Curve:
+    @cached_property
+    def whole(self) -> Curve:
         """The pieces as one curve."""
         return joined(self.curves, self.around)
 
-    @property
+    @cached_property
     def starts(self) -> list[float]:
         """Arc lengths at the starts of the pieces and at the end of the last one."""
         return [*accumulate((curve.length for curve in self.curves), initial=0.0)]
 
     def nearest(self, point: tuple[float, float]) -> tuple[float, float]:
-        """The arc length of the nearest point of the run, and the distance."""
+        """The arc length of the nearest point of the pieces, and the distance."""
         best = (0.0, math.inf)
         for curve, start in zip(self.curves, self.starts, strict=False):
             s = curve.closest(np.array([point]))
@@ -122,22 +124,24 @@ class BoundaryRun:
                 best = start + at, away
         return best
 
-    def range_of(self, place: Place) -> tuple[float, float]:
-        """Arc length of the start of a place on the run, and the length of the place."""
-        if place.ends is None:
+    @cached_property
+    def range(self) -> tuple[float, float]:
+        """Arc length at which the part starts, and its length."""
+        if self.ends is None:
             return 0.0, self.starts[-1]
-        (start, _), (end, _) = (self.nearest(point) for point in place.ends)
+        (start, _), (end, _) = (self.nearest(point) for point in self.ends)
         if self.around:
             return start, (end - start) % self.starts[-1]
         return min(start, end), abs(end - start)
 
-    def part(self, place: Place) -> Curve:
-        """The curve of a place on the run."""
-        first, length = self.range_of(place)
-        return part_of(self.curve, first, first + length) if place.ends else self.curve
+    @cached_property
+    def part(self) -> Curve:
+        """The part as a curve."""
+        first, length = self.range
+        return part_of(self.whole, first, first + length) if self.ends else self.whole
 
     def continues(self, at: float) -> bool:
-        """Whether the run continues on both sides of the arc length ``at``."""
+        """Whether the pieces continue on both sides of the arc length ``at``."""
         return self.around or COARSE_ROUND_OFF < at / self.starts[-1] < 1.0 - COARSE_ROUND_OFF
 
 
@@ -146,7 +150,7 @@ def run_of(outlines: Mapping[str, Outline], place: Place, key: str) -> BoundaryR
     outline = outlines[place.body]
     chains = chains_at(outline, place.edges)
     if len(chains) == 1:
-        return BoundaryRun(outline, *chains[0])
+        return BoundaryRun(outline, *chains[0], place.ends)
     names = (dict.fromkeys(outline.names[k].partition("/")[0] for k in chain) for chain, _ in chains)
     groups = [f'"{"+".join(some)}"' for some in names]
     message = f"{', '.join(groups[:-1])} and {groups[-1]} do not join end to end"
