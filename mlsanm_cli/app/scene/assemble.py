@@ -15,11 +15,11 @@ from mlsanm_cli.app.scene.boundaries import Boundaries, refuse_conflicts
 from mlsanm_cli.app.scene.conditions import conditions, prescribes
 from mlsanm_cli.app.scene.contact_pairs import pair
 from mlsanm_cli.app.scene.contact_ranges import contact_ranges, directed
+from mlsanm_cli.app.scene.facing import check_tips
 from mlsanm_cli.app.scene.free_motions import constrain_free_rigid_modes
 from mlsanm_cli.app.scene.loads import Acting, acting
 from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.app.scene.rigid_constraints import components, rigid_constraints
-from mlsanm_cli.app.scene.tips import check_tips
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Body, Case
 from mlsanm_cli.cloud.cloud import Cloud
