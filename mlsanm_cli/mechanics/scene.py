@@ -245,9 +245,7 @@ class Scene:
         weighted = {}
         for name in names:
             model = self.bodies[name].model
-            # Ghosts carry no displacement of the body.
-            areas = np.pad(model.cloud.areas, (0, len(model.ghosts)))
-            weighted[name] = np.repeat(areas, 2)[:, None] * free[name]
+            weighted[name] = np.repeat(model.cloud.areas, 2)[:, None] * free[name]
         gram = sum(weighted[name].T @ free[name] for name in names)
         mean = sum(weighted[name].T @ self._patterns(name) for name in names)
         return patterns - self._loose_patterns(body) @ np.linalg.solve(gram, mean)

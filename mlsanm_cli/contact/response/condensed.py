@@ -240,7 +240,7 @@ class Condensed:
         return scene.bodies[body].system.solve(source), source
 
     def displacement(self, scene: Scene, body: str, unknowns: Sequence[FloatArray]) -> FloatArray:
-        """Displacements (N, 2) of all nodes of a body in a state f, q, p, t, ghosts last."""
+        """Displacements (N, 2) of all nodes of a body in a state f, q, p, t."""
         solution = self.solution(scene, body, unknowns)[0][:, 0]
         rest = (solution + scene.floating_patterns(body) @ unknowns[1]).reshape(-1, 2)
         return np.asarray(rest + self.contact_fields(scene, body, unknowns)[0])
