@@ -86,7 +86,8 @@ def energy_estimate(end: FiniteEnd) -> Iterator[Check]:
         estimate,
         f"{message}most of it at ({x:.6g}, {y:.6g}) of body {body}",
         f"refine there and at similar places, with slow growth, as in [[body.refine]] at = "
-        f"[{x:.6g}, {y:.6g}], spacing = {cloud.spacing[node] / RECOMMENDED_REFINEMENT:.2g}, radius = 0, growth = 0.1",
+        f"[{x:.6g}, {y:.6g}], spacing = {cloud.spacing[node] / RECOMMENDED_REFINEMENT:.2g}, radius = 0, "
+        f"growth = 0.1",
     )
 
 
