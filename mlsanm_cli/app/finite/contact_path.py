@@ -19,11 +19,10 @@ from mlsanm_cli.contact.finite.answers import Correction, no_correction, side_co
 from mlsanm_cli.contact.finite.exact import ExactContact, Pressed, undeformed
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.sets import NodeSets
-from mlsanm_cli.errors import NumericalError, UnstableError
+from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.body import far_from, most_stretched
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.near_field import as_complex
-from mlsanm_cli.solve.coercivity import CONTACT_LIMIT
 from mlsanm_cli.solve.stages import factors_at
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State
 
@@ -36,15 +35,11 @@ MAX_ITERATIONS = 14
 MIN_INCREMENT = 1e-5
 MAX_FAILED = 3
 """Failed increments after which equations renewed just before keep the residual of their state, as no state
-near it solves them: a bulb seal dragged by its door stopped at a fifth of the way, next to the corner that it
-is clamped in."""
-
+near it solves them."""
 RENEWAL_ANGLE = 0.5
-"""Rotation of a body (radian) relative to the expansion point above which the equations rotate with it: with
-those of the undeformed state a wheel cannot roll by more than a right angle."""
+"""Rotation of a body (radian) relative to the expansion point above which the equations rotate with it."""
 MAX_STRETCH = 1.6
-"""Largest stretch of a node in an increment relative to the expansion point: 1.7 reduced the stability of
-half a disk under a plate from 0.84 to -0.03."""
+"""Largest stretch of a node in an increment relative to the expansion point."""
 
 
 def contact_path(
@@ -73,23 +68,10 @@ def contact_path(
                     f"the path stopped at position {reached:.6g}: max steps", "raise solver.max_steps"
                 )
             state = path.state(reached)
-            _check_stability(reached, path.now.stability)
             missed = path.missed(state)
             done = path.finished(state, reached - position, (state,) if reached in wanted else ())
             position = reached
             yield replace(done, checkpoint=path.checkpoint(state, size), missed=missed)
-
-
-def _check_stability(position: float, stability: float) -> None:
-    """UnstableError if pressures that alternate from node to node meet no stiffness."""
-    if not stability >= CONTACT_LIMIT:
-        raise UnstableError(
-            f"the contact has almost no stiffness against pressures that alternate from node to node at "
-            f"position {position:.6g} (stability {stability:.2g}, below {CONTACT_LIMIT:g})",
-            "choose the softer body, or the one with larger spacings, as the slave; or use a more even cloud "
-            "(lower growth)",
-            stability,
-        )
 
 
 class _Path:

@@ -36,9 +36,7 @@ TOUCH_TOLERANCE = 0.01
 """Initial gap to an obstacle, relative to the length of a node, below which the node touches."""
 END_WEIGHT, END_NODES = 0.3, 4
 """Weight of the tractions near the ends of sides that friction holds up to their corners, relative to others,
-and number of their nodes. Their error, where stresses are singular, would move the whole body: blocks with
-friction on their whole top, compressed by 30 % with nu = 0.44 or sheared by a fifth, swayed when their
-equations were renewed, and stopped at 0.46 to 0.9 of the path."""
+and number of their nodes. Their error, where stresses are singular, would move the whole body."""
 
 
 @dataclass(frozen=True)
