@@ -212,12 +212,12 @@ class Scene:
         """The rigid plates."""
         return [one for one in self.rigid_constraints if one.held]
 
-    @property
+    @cached_property
     def unknown_motions(self) -> list[tuple[RigidConstraint, RigidMotion]]:
         """Unknown motions, in the order of the unknowns q."""
         return [(constraint, motion) for constraint, motion, _ in self.motions if motion.prescribed is None]
 
-    @property
+    @cached_property
     def motions(self) -> list[tuple[RigidConstraint, RigidMotion, FloatArray]]:
         """All rigid motions, and their coefficients (L + k,) of the load factors and of the unknowns q."""
         every = [

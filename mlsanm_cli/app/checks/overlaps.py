@@ -26,7 +26,7 @@ from mlsanm_cli.app.checks.deformed import (
 from mlsanm_cli.app.scene.contact_pairs import profile_of, shape_of
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.cloud.membership import inside_polygon
+from mlsanm_cli.cloud.membership import cross, inside_polygon
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
@@ -147,7 +147,7 @@ def _with_obstacles(
             partner, normal = shape.closest(own.points - shift, own.normal)
             away = own.points - shift - partner
             depth = -(away * normal).sum(axis=1)
-            adjacent = np.abs(away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0])
+            adjacent = np.abs(cross(away, normal))
             deep = (depth > given[body] + own.uncertainty) & (
                 adjacent <= COARSE_ROUND_OFF * own.size + 1e-3 * depth
             )

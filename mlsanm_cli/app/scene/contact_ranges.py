@@ -15,6 +15,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.cloud.joined import points_of
+from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.geometry.facing import Facing, turned
 from mlsanm_cli.contact.geometry.obstacles import Chain
@@ -89,7 +90,7 @@ def _clear(
     points, partner, normal = ahead.opposite(s)
     away, outward = points - partner, as_real(-ahead.side(s, True)[1])
     gap = ahead.gap(s)
-    offset = np.abs(away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0])
+    offset = np.abs(cross(away, normal))
     across = (outward * normal).sum(axis=1)
     faces = (across < MAX_FACING_COSINE) & (offset <= COARSE_ROUND_OFF * base.length)
     if not faces.any():

@@ -6,6 +6,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.smoothing import smoothing
@@ -97,4 +98,4 @@ def spring_rows(body: ElasticBody, surface_name: str) -> sparse.csr_array:
 def resultant(forces: FloatArray, points: FloatArray, center: tuple[float, float]) -> FloatArray:
     """Force x, y and moment about ``center`` (3, ...) of ``forces`` (b, 2) at ``points`` (b, 2)."""
     arm = points - np.array(center)
-    return np.stack([forces[:, 0], forces[:, 1], arm[:, 0] * forces[:, 1] - arm[:, 1] * forces[:, 0]])
+    return np.stack([forces[:, 0], forces[:, 1], cross(arm, forces)])

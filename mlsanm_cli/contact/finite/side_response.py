@@ -74,7 +74,7 @@ def no_correction(side: ContactSide) -> Correction:
 
 
 @dataclass(frozen=True)
-class Closer:
+class SideResponse:
     """Displacements (2s,) of sides in a state: ``smooth`` (2s, 2s) applied to the cloud's, plus
     ``by_traction`` (2s, 2s), which changes with the former by ``by_turning`` (2s, 2s)."""
 
@@ -89,7 +89,7 @@ class Closer:
         corrections: Sequence[Correction],
         displacement: FloatArray,
         traction: FloatArray,
-    ) -> Closer:
+    ) -> SideResponse:
         """From the sides and their ranges, their corrections, the cloud's ``displacement`` (2s,) of their
         nodes, and their ``traction``."""
         fits = [fit for fit, _ in corrections] or [np.zeros((0, 0))]
