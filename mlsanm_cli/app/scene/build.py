@@ -42,10 +42,12 @@ def build_scene(loaded: LoadedCase, context: RunContext, zones: tuple[Zone, ...]
     load_kernels(context)
     try:
         with context.phase("cloud"):
-            size = context.memo.value("size", _size_key(loaded.case), partial(refuse_too_large, loaded.case))
-        if sum(size.nodes.values()) > ANNOUNCED_NODES:
-            nodes, memory = sum(size.nodes.values()), size.memory_mb / 1024
-            context.console.note(f"about {nodes:.2g} nodes, which need about {memory:.2g} GB of memory")
+            key, estimate = _size_key(loaded.case), partial(refuse_too_large, loaded.case)
+            nodes, memory = context.memo.value("size", key, estimate)
+        if nodes > ANNOUNCED_NODES:
+            context.console.note(
+                f"about {nodes:.2g} nodes, which need about {memory / 1024:.2g} GB of memory"
+            )
         prepared = place(loaded.case, context, zones)
         refuse_too_many_contacts(loaded.case, prepared.pairings)
         refuse_overlap(prepared.pairings)
