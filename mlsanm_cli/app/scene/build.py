@@ -60,7 +60,10 @@ def placing_key(case: Case) -> str:
     """A key that is equal for cases that differ only in output and in positive coefficients of friction."""
     content = {key: part for key, part in resolved_mapping(case).items() if key not in _OUTPUT_SECTIONS}
     contacts = zip(content.pop("contact", []), case.contact, strict=True)
-    kinds = [(part, one.friction if one.bonded else one.coefficient > 0.0) for part, one in contacts]
+    kinds = [
+        (part, contact.friction if contact.bonded else contact.coefficient > 0.0)
+        for part, contact in contacts
+    ]
     return digest(content, [{**part, "friction": kind} for part, kind in kinds])
 
 
@@ -83,7 +86,7 @@ def place(
         return _placed(case, context, zones, before)
     kept = context.memo.value("placed", placing_key(case), partial(_placed, case, context))
     friction = {contact.name: contact.coefficient for contact in case.contact}
-    pairings = (replace(one, friction=friction[one.name]) for one in kept.pairings)
+    pairings = (replace(pairing, friction=friction[pairing.name]) for pairing in kept.pairings)
     return replace(kept, pairings=tuple(pairings))
 
 

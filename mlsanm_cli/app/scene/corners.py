@@ -101,7 +101,7 @@ def _between_corners(surface: Surface) -> Iterator[tuple[list[Surface], float]]:
         parts, cut = parts[turn:] + parts[:turn], cut[turn:] + cut[:turn]
         starts = np.concatenate([starts[turn:-1], starts[:turn] + starts[-1]])
     cut[0] = True
-    places = [k for k, one in enumerate(cut) if one]
+    places = [k for k, begins in enumerate(cut) if begins]
     for k, after in zip(places, [*places[1:], len(parts)], strict=True):
         yield parts[k:after], float(starts[k])
 
@@ -117,7 +117,7 @@ def _corner(
         if name in own or adjacent.curve.closed:
             continue
         ends = [_face(adjacent.curve, at) for at in (False, True)]
-        other = min(ends, key=lambda one: abs(one.tip - face.tip))
+        other = min(ends, key=lambda end: abs(end.tip - face.tip))
         if abs(other.tip - face.tip) > ROUND_OFF * surface.curve.length:
             continue
         clamped = held.get(name) == (True, True)
@@ -189,7 +189,7 @@ def _behind(wedge: Wedge, tip: complex, along: float, other: float) -> FloatArra
         tip + way * size * far[:, None] - inward * size * far
         for way, inward in zip((wedge.along, wedge.second), wedge.inward, strict=True)
     ]
-    return as_real(np.concatenate([*starts, *(one.ravel() for one in cuts)]))
+    return as_real(np.concatenate([*starts, *(cut.ravel() for cut in cuts)]))
 
 
 def _slides(other: complex, held: tuple[bool, bool] | None) -> bool:

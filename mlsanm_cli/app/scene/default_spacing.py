@@ -209,8 +209,8 @@ def _apart(outline: Outline, corners: Mapping[int, tuple[int, float]], at: Float
     infinite without any."""
     into, least = [], []
     for number, (before, angle) in corners.items():
-        one, other = outline.curves[before], outline.curves[number]
-        normal = one.normals(np.array([one.length]))[0] + other.normals(np.zeros(1))[0]
+        ending, starting = outline.curves[before], outline.curves[number]
+        normal = ending.normals(np.array([ending.length]))[0] + starting.normals(np.zeros(1))[0]
         into.append(-normal / np.hypot(*normal))
         least.append(np.cos(0.5 * (np.pi - angle) - SMOOTH_TURN))
     way = at - at[:, None]
@@ -226,17 +226,17 @@ def narrow_zones(outline: Outline, far: float, across: float) -> Iterator[Zone]:
     owner, arc, step, points, normals = _samples(outline, far)
     width = np.full(len(owner), np.inf)
     pairs = cKDTree(points).query_pairs(across * far, output_type="ndarray")
-    one, other = np.concatenate([pairs, pairs[:, ::-1]]).T
-    kept = (normals[one] * normals[other]).sum(axis=1) < -OPPOSITE_COSINE
-    kept &= ~_adjacent(outline)[owner[one], owner[other]]
-    one, other = one[kept], other[kept]
-    away = points[one] - points[other]
-    depth = (away * normals[one]).sum(axis=1)
+    near, opposite = np.concatenate([pairs, pairs[:, ::-1]]).T
+    kept = (normals[near] * normals[opposite]).sum(axis=1) < -OPPOSITE_COSINE
+    kept &= ~_adjacent(outline)[owner[near], owner[opposite]]
+    near, opposite = near[kept], opposite[kept]
+    away = points[near] - points[opposite]
+    depth = (away * normals[near]).sum(axis=1)
     aside = np.sqrt(np.maximum((away**2).sum(axis=1) - depth**2, 0.0))
     # The opposite point may lie between samples.
-    aside = np.maximum(aside - step[other], 0.0)
+    aside = np.maximum(aside - step[opposite], 0.0)
     inside = depth > 0.0
-    np.minimum.at(width, one[inside], depth[inside] + aside[inside] ** 2 / depth[inside])
+    np.minimum.at(width, near[inside], depth[inside] + aside[inside] ** 2 / depth[inside])
     level = np.ceil(np.log(np.minimum(width / (across * far), 1.0)) / np.log(WIDTH_RATIO) - COARSE_ROUND_OFF)
     level = np.clip(level, 0, LEVELS)
     for number, curve in enumerate(outline.curves):
