@@ -107,7 +107,7 @@ class System:
         a, b, p, h, t = (np.arange(places[name].start, places[name].stop) for name in "abpht")
         first, pressed = np.concatenate([p, a, a, b, b]), p[c.friction_nodes]
         factor = np.concatenate([np.ones(m), law.mu, -np.ones(n), law.mu, np.ones(n)])
-        points = np.concatenate([body.model.nodes for body in scene.bodies.values()])
+        points = np.concatenate([body.model.cloud.points for body in scene.bodies.values()])
         # Bodies first, by nested dissection: the Schur complement of the contact is the condensed problem.
         order = elimination_order(sparse.csc_array(abs(stiffness) + abs(stiffness).T), points)
         order = np.concatenate([order, np.arange(len(order), len(scale))])
