@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from mlsanm_cli.app.analysis.finite_lines import contact_lines, obstacle_lines
 from mlsanm_cli.app.checks.check import Check, Verdicts
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.finite.checks import FiniteEnd, checks_of, finite_limits
@@ -31,7 +32,6 @@ from mlsanm_cli.app.finite.fields import (
     quantities,
     resultants,
 )
-from mlsanm_cli.app.finite.lines import contact_lines, obstacle_lines
 from mlsanm_cli.app.finite.patches import touched_after
 from mlsanm_cli.app.finite.path import finite_path
 from mlsanm_cli.app.finite.refinement import contact_errors, refined
