@@ -67,7 +67,10 @@ def refined(
         except (NumericalError, CaseError):
             return None
         count = sum(len(model.cloud.points) for model in finer.models.values())
-        before = ((scene.bodies[name].elastic.model.nodes, one.nodes) for name, one in finer.models.items())
+        before = (
+            (scene.bodies[name].elastic.model.cloud.points, one.cloud.points)
+            for name, one in finer.models.items()
+        )
         if all(np.array_equal(*nodes) for nodes in before):
             return None
         if count <= MAX_NODES:
