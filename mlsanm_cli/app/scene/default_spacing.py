@@ -46,8 +46,9 @@ LEVELS, TURN_RATIO, WIDTH_RATIO = 12, 2.0**-0.5, 2.0**-0.25
 HOLLOW_ANGLE = 0.5
 """Curves that turn to the concave side by more than this angle (radian) within a coarse spacing are
 hollows."""
-SAMPLES_PER_SPACING, MIN_SAMPLES = 2.0, 8
-"""Samples of the outline per coarse spacing, and of every curve at least, in the search for narrow parts."""
+SAMPLES_PER_SPACING = 2
+"""Samples of the outline per coarse spacing in the search for narrow parts; of every curve at least
+four times as many."""
 OPPOSITE_COSINE = 0.9
 """Faces are opposite if the cosine of the angle between their normals is below minus this."""
 
@@ -256,7 +257,7 @@ def _samples(outline: Outline, far: float) -> tuple[IntArray, FloatArray, FloatA
     """Curve number (m,), arc length (m,), sample distance (m,), points and normals (m, 2) of samples."""
     parts: list[tuple[Any, ...]] = []
     for number, curve in enumerate(outline.curves):
-        count = 4 * max(MIN_SAMPLES // 4, int(np.ceil(0.25 * SAMPLES_PER_SPACING * curve.length / far)))
+        count = 4 * max(SAMPLES_PER_SPACING, int(np.ceil(0.25 * SAMPLES_PER_SPACING * curve.length / far)))
         size = curve.length / count
         s: FloatArray = size * (0.5 + np.arange(count, dtype=np.float64))
         parts.append((np.full(count, number), s, np.full(count, size), curve.points(s), curve.normals(s)))

@@ -16,6 +16,7 @@ import numpy as np
 
 from mlsanm_cli.app.scene.loads import Acting
 from mlsanm_cli.app.scene.rigid_modes import (
+    QUADRATURE,
     UnknownMotion,
     contact_resistance,
     sliding_resistance,
@@ -31,8 +32,6 @@ from mlsanm_cli.mechanics.scene import RigidConstraint
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 from mlsanm_cli.solve.stages import stage_factors
 
-BALANCE_TOLERANCE = 1e-3
-"""Forces whose sum is below this part of their magnitudes cancel up to quadrature."""
 WEAK_RESISTANCE = 0.05
 """Motions whose component normal to the surfaces is below this part of themselves are weakly resisted, also
 if they move along both surfaces of a contact."""
@@ -162,7 +161,7 @@ def _driven(
     size = np.abs(share) @ np.array([unknown.size for unknown in unknowns])
     stages = stage_factors(case)
     driving = np.abs(stages @ force)
-    if (driving > BALANCE_TOLERANCE * (np.abs(stages) @ size)).any():
+    if (driving > QUADRATURE * (np.abs(stages) @ size)).any():
         worst = stages[int(np.argmax(driving))] * force / share[pivot]
         load = case.moved[int(np.argmax(np.abs(worst)))]
         unknown, together = unknowns[pivot], _together(unknowns, pivot, direction)

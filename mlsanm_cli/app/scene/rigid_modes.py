@@ -25,9 +25,9 @@ to slight curvature of the surface, and too small to distinguish the motion from
 discretisation."""
 MIN_EXACT_COMPONENT = 1e-3
 """The same as ``MIN_NORMAL_COMPONENT`` for contacts with exact directions."""
-CENTRAL_FORCE_SHARE = 1e-3
-"""Forces that all point to a centre, as a pressure in a bore, have a moment by quadrature error only: this
-part of force times arm counts as terms that cancel."""
+QUADRATURE = 1e-3
+"""Error of sums of forces by quadrature, relative to their magnitudes. Forces that all point to a centre, as
+a pressure in a bore, have a moment by it only: this part of force times arm counts as terms that cancel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +82,7 @@ def unknown_motion(
             size[number] += np.abs(parts).sum()
             if motion.component == ROTATION:
                 arms = np.hypot(*(points - constraint.center).T)
-                size[number] += CENTRAL_FORCE_SHARE * np.hypot(*forces.T) @ arms
+                size[number] += QUADRATURE * np.hypot(*forces.T) @ arms
     unknown = UnknownMotion(constraint, motion, force, size, elastic)
     moved = [unknown.at(clouds[p.slave_body].points[p.node]) for p in pairings if unknown.side(p)]
     lever = max((float(np.hypot(*parts.T).max()) for parts in moved), default=1.0)
