@@ -19,37 +19,26 @@ from tests.app.runs import assert_same_results, events_of, stored, summary_of, u
 from tests.app.scenes import BAR, FAST, NODAL, Quiet, done, hertz, solve
 from tests.case_text import pin
 
-NODAL_FORCE = 1e-4
-"""Relative difference of forces on slave and master with the nodal pressures of the regularised law."""
-
-
-@pytest.fixture(scope="module")
-def exact_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The half-disk on a block by the exact law."""
-    directory = tmp_path_factory.mktemp("exact") / "case"
-    solve(hertz(), directory, "output.at=[0.3, 0.7, 1.0]")
-    return directory
-
 
 def numbers(directory: Path) -> dict[str, np.ndarray]:
     """Every numeric dataset of run.h5 but the times."""
     return {name: one for name, one in stored(directory).items() if np.asarray(one).dtype.kind in "fiu"}
 
 
-@pytest.mark.parametrize("fixture", ["hertz_run", "punches_run", "bar_run"])
+@pytest.mark.parametrize("fixture", ["hertz_run", "series_run", "punches_run", "bar_run"])
 def test_everything_written_is_in_the_schema(fixture: str, request: pytest.FixtureRequest) -> None:
     assert not undeclared(request.getfixturevalue(fixture))
 
 
-def test_summary(exact_run: Path) -> None:
-    summary = summary_of(exact_run)
+def test_summary(hertz_run: Path) -> None:
+    summary = summary_of(hertz_run)
     assert summary["status"] == "done"
     assert summary["position"] == 1.0
     contact = summary["contacts"]["interface"]
     assert contact["force"] == pytest.approx([0.0, 226.0], abs=226.0 * 1e-9)
     assert contact["peak_pressure"] == pytest.approx(contact["reference"]["peak_pressure"], rel=0.01)
     assert 0.0 < summary["residual"] <= 1e-8
-    assert contact["min_gap"] == 0.0
+    assert contact["min_gap"] >= 0.0
     assert summary["stability"] > 0.0
     assert summary["unknowns"] == 2 * summary["nodes"]
     phases = {key: value for key, value in summary["seconds"].items() if key != "total"}
@@ -58,7 +47,9 @@ def test_summary(exact_run: Path) -> None:
     assert summary["quality"]["spacing_ratio"]["interface"] < 1.3
 
 
-def test_layout_of_the_run_file(hertz_run: Path) -> None:
+def test_layout_of_the_run_file(hertz_run: Path, series_run: Path) -> None:
+    with h5py.File(series_run / "run.h5", "r") as file:
+        assert set(file["series"]) == {str(step) for step in range(1, summary_of(series_run)["steps"] + 1)}
     with h5py.File(hertz_run / "run.h5", "r") as file:
         assert file.attrs["format"] == 1
         assert file.attrs["status"] == "done"
@@ -69,7 +60,6 @@ def test_layout_of_the_run_file(hertz_run: Path) -> None:
         assert "Half-disk" in file["case/raw"].asstr()[()]
         assert set(file["path/resultants"]) == {"press", "block.bottom"}
         assert (np.diff(file["contacts/interface/arc_length"][...]) > 0.0).all()
-        assert set(file["series"]) == {str(step) for step in range(1, summary_of(hertz_run)["steps"] + 1)}
         assert file["fields/position"][...].tolist() == [0.3, 0.7, 1.0]
 
 
@@ -83,8 +73,8 @@ def test_path_of_the_run_file(hertz_run: Path) -> None:
         assert file["path/resultants/press"][...][:, 1] == pytest.approx(-226.0 * position, abs=1e-9)
         contact = file["contacts/interface"]
         force = contact["pressure"][...] @ (contact["weight"][...][:, None] * contact["normal"][...])
-        assert force[:, 1] == pytest.approx(226.0 * position, abs=226.0 * NODAL_FORCE)
-        assert (contact["gap"][...] > 0.0).all()
+        assert force[:, 1] == pytest.approx(226.0 * position, abs=226.0 * 1e-9)
+        assert (contact["gap"][...] >= 0.0).all()
         summary = summary_of(hertz_run)
         assert contact["pressure"][-1].max() == summary["contacts"]["interface"]["peak_pressure"]
         assert file["path/solves"][...].sum() == summary["solves"]
@@ -232,11 +222,11 @@ def test_console_is_told(tmp_path: Path) -> None:
     assert "grows by 0.31" in console.warnings[0]
 
 
-def test_the_path_as_a_table(exact_run: Path) -> None:
-    with (exact_run / "path.csv").open() as stream:
+def test_the_path_as_a_table(hertz_run: Path) -> None:
+    with (hertz_run / "path.csv").open() as stream:
         rows = list(csv.DictReader(stream))
     table = {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
-    summary = summary_of(exact_run)
+    summary = summary_of(hertz_run)
     contact = summary["contacts"]["interface"]
     assert len(rows) == summary["steps"] + 1
     assert table["position"][[0, -1]].tolist() == [0.0, summary["position"]]
