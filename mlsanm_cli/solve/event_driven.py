@@ -6,10 +6,11 @@ from collections.abc import Callable, Generator, Iterator
 from dataclasses import replace
 from functools import partial
 
-from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus
+from mlsanm_cli.contact.complementarity.problem import ContactStatus
 from mlsanm_cli.contact.laws.coulomb import CoulombState, Event, event_driven_path, residual
 from mlsanm_cli.contact.laws.coulomb import start as first_event
 from mlsanm_cli.contact.laws.failures import SlidingError
+from mlsanm_cli.contact.laws.linearised import ContactSolution
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import (

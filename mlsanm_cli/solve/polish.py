@@ -14,8 +14,8 @@ from functools import partial
 
 import numpy as np
 
+from mlsanm_cli.contact.complementarity.problem import STICK, ContactStatus
 from mlsanm_cli.contact.laws.active_set import solve_exact
-from mlsanm_cli.contact.laws.contact_status import STICK, ContactStatus
 from mlsanm_cli.contact.laws.coulomb import increment, unloaded
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.laws.contact_status import ContactStatus
+from mlsanm_cli.contact.complementarity.problem import ContactStatus
 from mlsanm_cli.contact.laws.coupling import DenseCoupling
 from mlsanm_cli.contact.laws.failures import NoStateError, SlidingError
 from mlsanm_cli.contact.laws.limit_load import limit_load, slides_freely

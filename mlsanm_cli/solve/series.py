@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.laws.contact_status import ContactStatus
+from mlsanm_cli.contact.complementarity.problem import ContactStatus
 from mlsanm_cli.contact.laws.coupling import Coupling, DenseCoupling
 from mlsanm_cli.contact.laws.holonomic import HolonomicContact
 from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction

@@ -15,6 +15,7 @@ from mlsanm_cli.app.checks.accuracy import (
     has_nodal_pressures,
 )
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.complementarity.problem import STICK, ContactStatus
 from mlsanm_cli.contact.laws.accuracy import (
     Changes,
     frozen_change,
@@ -22,8 +23,8 @@ from mlsanm_cli.contact.laws.accuracy import (
     roughness_of,
 )
 from mlsanm_cli.contact.laws.active_set import ExactState
-from mlsanm_cli.contact.laws.contact_status import STICK, ContactSolution, ContactStatus
 from mlsanm_cli.contact.laws.coulomb import CoulombState, increment
+from mlsanm_cli.contact.laws.linearised import ContactSolution
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.memo import Memo

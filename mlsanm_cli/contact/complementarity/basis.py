@@ -231,6 +231,12 @@ class Basis:
         w[active] = aim[active]
         return x, w
 
+    def undriven(self, rows: FloatArray) -> FloatArray:
+        """Rows (N,) without loads on held motions."""
+        found, count = rows.copy(), self.problem.contacts
+        found[count:] -= self.left @ (self.left.T @ rows[count:])
+        return found
+
     def _applied(self, rhs: FloatArray) -> FloatArray:
         return self.inverse @ rhs if len(self._store) else self._factor.solve(rhs)
 

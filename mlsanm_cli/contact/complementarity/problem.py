@@ -51,6 +51,16 @@ class ContactStatus:
     stuck: BoolArray
     slip_sign: FloatArray
 
+    @classmethod
+    def with_tractions(
+        cls, closed: BoolArray, stuck: BoolArray, traction: FloatArray, nodes: IntArray
+    ) -> ContactStatus:
+        """The status of a state whose ``closed`` nodes slip in the direction of their ``traction`` (n,)
+        unless they are ``stuck``."""
+        slides = closed[nodes] & ~stuck
+        sign = np.where(slides, np.where(traction < 0.0, -1.0, 1.0), 0.0)
+        return cls(closed, stuck & closed[nodes], sign)
+
     @property
     def key(self) -> bytes:
         """Hashable; equal for equal status."""

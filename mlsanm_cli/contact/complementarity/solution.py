@@ -213,9 +213,8 @@ class Search:
         if not self._violated(status, x, w).any():
             return Solution(status, x, w, basis, systems + 1)
         y, v = self._covered(status, x, w)
-        load = v - p.product(y) - self.free
         # Bodies that still are loose must not be driven by the added load.
-        load[p.contacts :] -= basis.left @ (basis.left.T @ load[p.contacts :])
+        load = basis.undriven(v - p.product(y) - self.free)
         start = Point(status, y, v, 1.0, basis)
         point = trace(p, start, load, self.reference, self.allowed, 0.0)
         # Round-off of many pivots may have misled the last ones.
