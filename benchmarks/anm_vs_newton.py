@@ -31,6 +31,8 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from benchmarks.eta_homotopy import lowered  # noqa: E402
+from mlsanm_cli.solve.series import coupling_of, problem_of, regularization, start_point  # noqa: E402
+
 from mlsanm_cli.app.context import Clock, RunContext  # noqa: E402
 from mlsanm_cli.app.scene.build import build_scene  # noqa: E402
 from mlsanm_cli.app.scene.condense import condense_scene  # noqa: E402
@@ -40,8 +42,7 @@ from mlsanm_cli.contact.laws.active_set import solve_exact  # noqa: E402
 from mlsanm_cli.continuation import AnmOptions, Follower, NewtonOptions, follow  # noqa: E402
 from mlsanm_cli.errors import NumericalError  # noqa: E402
 from mlsanm_cli.solve.condensed_scene import CondensedScene  # noqa: E402
-from mlsanm_cli.solve.paths import path_of  # noqa: E402
-from mlsanm_cli.solve.series import coupling_of, problem_of, regularization, start_point  # noqa: E402
+from mlsanm_cli.solve.paths import load_path  # noqa: E402
 from mlsanm_cli.solve.stages import factors_at  # noqa: E402
 from mlsanm_cli.solve.state import PathStep  # noqa: E402
 from tests.app.scenes import Quiet, hertz  # noqa: E402
@@ -153,7 +154,7 @@ def slip_rows(built: CondensedScene) -> Iterator[Row]:
         steps: list[PathStep] = []
         reason = "target reached"
         try:
-            steps.extend(path_of(variant))
+            steps.extend(load_path(variant))
         except NumericalError as failure:
             reason = failure.message
         counts = ("iterations", "factorizations", "solves")
@@ -206,7 +207,7 @@ def sweep(folder: Path) -> Iterator[Row]:
             row: Row = {"scene": name, "order": order, "eta": eta, "tolerance": tolerance}
             steps, residual = 0, 0.0
             try:
-                for step in path_of(variant):
+                for step in load_path(variant):
                     steps, residual = steps + 1, max(residual, step.state.residual)
                 row["end"] = "done"
             except NumericalError as failure:

@@ -34,6 +34,12 @@ _BOUNDS = {
     "less_than": ("lt", "must be less than"),
     "less_than_equal": ("le", "must be at most"),
 }
+_REMOVED = {
+    "polish": 'remove it; contact.regularization.law = "exact" gives states of the exact laws',
+    "friction_law": "remove it; friction depends on its history",
+    "ghost": '"least-squares", or "collocation" with the hyperbolic contact law',
+}
+"""Hints for keys and values that no longer exist."""
 _MISSING = {"format": "write format = 1", "model": 'write [model] with plane = "strain" or "stress"'}
 
 UNKNOWN_KEY = "extra_forbidden"
@@ -65,7 +71,7 @@ def fault_of(data: Mapping[str, Any], path: KeyPath, detail: ErrorDetails) -> Fa
     message, hint = _WORDS.get(kind, detail["msg"]), ""
     match kind:
         case "extra_forbidden":
-            message, hint = "unknown key", _unknown_hint(data, path)
+            message, hint = "unknown key", _REMOVED.get(str(path[-1])) or _unknown_hint(data, path)
         case "missing":
             message = "missing (required)"
             if len(path) == 1:
@@ -73,7 +79,8 @@ def fault_of(data: Mapping[str, Any], path: KeyPath, detail: ErrorDetails) -> Fa
         case "literal_error":
             # Pydantic lists the options as text: 'a', 'b' or 'c'.
             options = [part.strip("'") for part in re.split(", | or ", str(context["expected"]))]
-            message, hint = f"{_show(value)} is not a valid value", suggestion(value, options)
+            message = f"{_show(value)} is not a valid value"
+            hint = _REMOVED.get(str(value)) or suggestion(value, options)
         case "union_tag_invalid":
             path, tag = (*path, "kind"), context["tag"]
             options = [part.strip("'") for part in str(context["expected_tags"]).split(", ")]

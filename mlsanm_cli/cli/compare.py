@@ -13,7 +13,7 @@ from mlsanm_cli.cli.results import comparison_text
 from mlsanm_cli.cli.running import console_for, of_app, print_result
 from mlsanm_cli.cli.settings import Settings
 
-METHODS = ("newton", "active-set", "monolithic")
+METHODS = ("newton", "active-set")
 _STATUS_CODES = {"disagree": 1, "failed": 3}
 
 
@@ -21,7 +21,6 @@ _STATUS_CODES = {"disagree": 1, "failed": 3}
     declare.CASE,
     declare.flag("newton", "Newton-Raphson with the regularised law."),
     declare.flag("active-set", "Active-set method with the exact law."),
-    declare.flag("monolithic", "The regularised methods without static condensation."),
     declare.flag("analytic", "Errors relative to the [reference] of the case."),
     click.option(
         "--levels",

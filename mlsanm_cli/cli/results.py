@@ -20,18 +20,6 @@ def run_text(summary: Mapping[str, Any], color: bool, width: int = 100) -> str:
     contacts = summary.get("contacts", {})
     for name, contact in contacts.items():
         parts.append(table(f"contact {name}", _contact(name, contact, summary), color))
-    polish = summary.get("polish")
-    if polish:
-        rows = [
-            (
-                "largest change",
-                f"pressure {100 * polish['pressure']:.2g} %, traction "
-                f"{100 * polish['traction']:.2g} % of the peak pressure",
-            ),
-            ("saved levels", number(polish["levels"])),
-            ("factorizations", number(polish["factorizations"])),
-        ]
-        parts.append(table("polished with the exact laws", rows, color))
     for name, probe in summary.get("probes", {}).items():
         parts.append(table(f"probe {name}", [(label(key), number(probe[key])) for key in probe], color))
     parts.append(table("quality and cost", _quality(summary, width), color))

@@ -24,10 +24,12 @@ MIN_COSINE = 0.9
 
 @dataclass(frozen=True)
 class TaggedNodes:
-    """Nodes ``points`` (n, 2) with ``tags`` (n,), "" inside, and file ``places`` (n,) for messages."""
+    """Nodes ``points`` (n, 2) with ``tags`` (n,), "" inside, ``normals`` (n, 2), nan where not given, and
+    ``places`` (n,) in the file for messages."""
 
     points: FloatArray
     tags: tuple[str, ...]
+    normals: FloatArray
     places: tuple[str, ...]
 
 
@@ -48,10 +50,10 @@ def tagged_loops(nodes: TaggedNodes) -> tuple[Loop, ...]:
     return found
 
 
-def check_normals(nodes: TaggedNodes, loops: Sequence[Loop], normals: FloatArray) -> None:
-    """Raise GeometryError for a given normal (n, 2; nan for none) that does not point out of the material."""
+def check_normals(nodes: TaggedNodes, loops: Sequence[Loop]) -> None:
+    """Raise GeometryError for a given normal that does not point out of the material."""
     for loop in loops:
-        place, given = nodes.points[loop.nodes], normals[loop.nodes]
+        place, given = nodes.points[loop.nodes], nodes.normals[loop.nodes]
         before, after = place - np.roll(place, 1, axis=0), np.roll(place, -1, axis=0) - place
         # At a corner the normal of either side, or one between them, is accepted.
         sides = [step / np.hypot(*step.T)[:, None] for step in (before, after, before + after)]
@@ -66,7 +68,7 @@ def check_normals(nodes: TaggedNodes, loops: Sequence[Loop], normals: FloatArray
                 f'({int(wrong.sum())} such normals on the loop of "{nodes.tags[node]}")',
                 "normals point out of the material; leave nx and ny empty to have them derived",
             )
-    inside = np.flatnonzero(~np.isnan(normals[:, 0]) & np.array([not tag for tag in nodes.tags]))
+    inside = np.flatnonzero(~np.isnan(nodes.normals[:, 0]) & np.array([not tag for tag in nodes.tags]))
     if len(inside):
         raise GeometryError(f"{nodes.places[inside[0]]}: a normal at a node without a tag")
 

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mlsanm_cli.continuation.corrector import Correction, SolveCounts, correct_end, point_at, residual_norm
+from mlsanm_cli.continuation.corrector import Correction, Effort, correct_end, point_at, residual_norm
 from mlsanm_cli.continuation.expansion import ExpansionPoint, expand
 from mlsanm_cli.continuation.path import Follower, Step, Stopped, StopReason
 from mlsanm_cli.continuation.problem import AnmOptions, FloatArray, SingularTangentError
@@ -90,7 +90,7 @@ class AnmFollower(Follower):
     def _series(
         self, here: ExpansionPoint, direction: tuple[FloatArray, float], unit: float
     ) -> tuple[Branch, bool]:
-        self._effort.solves += self._options.order
+        self._effort["solves"] += self._options.order
         with np.errstate(over="ignore", invalid="ignore"):
             return expand(self._problem, self._metric, here, self._options.order, direction, unit)
 
@@ -136,7 +136,7 @@ class AnmFollower(Follower):
 
     def _reach_end(
         self, here: ExpansionPoint, branch: Branch
-    ) -> tuple[Branch, Correction, ExpansionPoint | None, SolveCounts]:
+    ) -> tuple[Branch, Correction, ExpansionPoint | None, Effort]:
         """Determine the end of a step and factorise there; the step is shortened while that fails. Returns
         the piece of path, its end, the next expansion point (None at the target, and where the caller leaves
         the path) and its counts."""
@@ -151,16 +151,16 @@ class AnmFollower(Follower):
             if end.residual > self._options.tolerance:
                 failure = Stopped(StopReason.CORRECTION_FAILED, f"the end of a step did not converge {place}")
             elif self._last is not None and self._last(end.x, end.lam):
-                return piece, end, None, SolveCounts()
+                return piece, end, None, Effort()
             else:
-                effort = SolveCounts()
+                effort = Effort()
                 try:
                     ahead = self._expansion_point(end.x, end.lam, effort)
                     if self._metric.norm(ahead.slope, 0.0) < _MAX_SLOPE:
                         return piece, end, ahead, effort
                 except SingularTangentError:
                     pass
-                self._effort.add(effort)
+                self._effort.update(effort)
                 failure = Stopped(StopReason.SINGULAR_TANGENT, f"the tangent is singular {place}")
             length *= _SHORTENING
         raise failure
@@ -174,12 +174,12 @@ class AnmFollower(Follower):
             raise Stopped(StopReason.CORRECTION_FAILED, f"no state at the event near load factor {lam:.9g}")
         return end
 
-    def _finish(self, here: ExpansionPoint, piece: Branch) -> tuple[Branch, Correction, None, SolveCounts]:
+    def _finish(self, here: ExpansionPoint, piece: Branch) -> tuple[Branch, Correction, None, Effort]:
         """Correct the end of the last step, which lies exactly at the target load factor."""
         x = piece.evaluate(piece.length)[0]
         end = self._corrected(here, (x, self._lam_end))
         # At a fold at the target the end of the series keeps the tolerance.
-        return piece, end or point_at(self._problem, x, self._lam_end), None, SolveCounts()
+        return piece, end or point_at(self._problem, x, self._lam_end), None, Effort()
 
     def _corrected(self, here: ExpansionPoint, end: tuple[FloatArray, float]) -> Correction | None:
         return correct_end(self._problem, here, end, self._options, self._effort)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -39,19 +41,8 @@ class Correction:
     solves: int = 0
 
 
-@dataclass
-class SolveCounts:
-    """Running counts of one step or correction."""
-
-    updates: int = 0
-    factorizations: int = 0
-    solves: int = 0
-
-    def add(self, other: SolveCounts) -> None:
-        """Add the counts of ``other`` to these."""
-        self.updates += other.updates
-        self.factorizations += other.factorizations
-        self.solves += other.solves
+Effort: TypeAlias = Counter[str]
+"""Running counts of one step or correction: updates, factorizations, solves."""
 
 
 def residual_norm(problem: Problem, x: FloatArray, lam: float) -> float:
@@ -75,7 +66,7 @@ def correct(problem: Problem, x: FloatArray, lam: float, options: PathOptions | 
     the residual is ``options.goal``; if round-off prevents that, ``tolerance`` is accepted. Raises
     NumericalError if ``x`` is not admissible, the tangent singular, or the iteration does not converge.
     """
-    options, effort = options or PathOptions(), SolveCounts()
+    options, effort = options or PathOptions(), Effort()
     if not np.isfinite(residual_norm(problem, x, lam)):
         raise NumericalError(
             f"the start point at load factor {lam:.9g} is not admissible", "start from open gaps and no load"
@@ -90,10 +81,11 @@ def correct(problem: Problem, x: FloatArray, lam: float, options: PathOptions | 
     if found.residual > options.tolerance:
         raise NumericalError(
             f"no solution found at load factor {lam:.9g}: residual {found.residual:.3g} after "
-            f"{effort.updates} updates, tolerance {options.tolerance:.3g}",
+            f"{effort['updates']} updates, tolerance {options.tolerance:.3g}",
             'use contact.regularization.law = "exact", or a larger contact.regularization.eta',
         )
-    return replace(found, **asdict(effort))
+    updates, factorizations, solves = effort["updates"], effort["factorizations"], effort["solves"]
+    return replace(found, updates=updates, factorizations=factorizations, solves=solves)
 
 
 @np.errstate(over="ignore", invalid="ignore")
@@ -103,7 +95,7 @@ def iterate(
     lam: float,
     load_update: Callable[[FloatArray, FloatArray], float] | None,
     options: PathOptions,
-    effort: SolveCounts,
+    effort: Effort,
 ) -> Correction:
     """Return the point reached by damped Newton updates from an admissible (x, lam).
 
@@ -117,13 +109,13 @@ def iterate(
         if point.residual <= options.goal:
             break
         residual = problem.residual(point.x, point.lam)
-        effort.factorizations += 1
-        effort.solves += 1
+        effort["factorizations"] += 1
+        effort["solves"] += 1
         try:
             tangent = problem.tangent(point.x, point.lam)
             dx, along = tangent.solve(-residual), 0.0
             if load_update is not None:
-                effort.solves += 1
+                effort["solves"] += 1
                 slope = -tangent.solve(problem.load_derivative(point.x, point.lam))
                 along = load_update(dx, slope)
                 dx = dx + along * slope
@@ -135,7 +127,7 @@ def iterate(
         if damped is None:
             break
         point = damped
-        effort.updates += 1
+        effort["updates"] += 1
     return point
 
 
@@ -145,7 +137,7 @@ def correct_end(
     start: ExpansionPoint,
     end: tuple[FloatArray, float],
     options: PathOptions,
-    effort: SolveCounts,
+    effort: Effort,
 ) -> Correction | None:
     """Correct the end of a step to the path, at its load factor; None when that fails. The factorised tangent
     of the step's start is used, and a new one if that converges slowly. Counts are added to ``effort``."""
@@ -153,13 +145,13 @@ def correct_end(
     for _ in range(_CHORD_UPDATES):
         if point.residual <= options.goal:
             return point
-        effort.solves += 1
+        effort["solves"] += 1
         step = start.tangent.solve(-problem.residual(point.x, point.lam))
         better = point_at(problem, point.x + step, point.lam)
         if not better.residual <= _CHORD_RATE * point.residual:
             break
         point = better
-        effort.updates += 1
+        effort["updates"] += 1
     try:
         point = iterate(problem, point.x, point.lam, None, options, effort)
     except SingularTangentError:

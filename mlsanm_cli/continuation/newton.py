@@ -129,10 +129,10 @@ class NewtonFollower(Follower):
     ) -> _Step:
         """Return a step of ``length``, cut at the first level (arc length) or event in it. Raises _Failed."""
         straight = Branch(np.array([here.x, along[0]]), np.array([here.lam, along[1]]), length)
-        before = self._effort.updates
-        self._effort.updates += 1
+        before = self._effort["updates"]
+        self._effort["updates"] += 1
         leg = self._solved(here, along, straight, length, level)
-        ease = np.sqrt(self._options.wanted / (self._effort.updates - before))
+        ease = np.sqrt(self._options.wanted / (self._effort["updates"] - before))
         pace = length * float(np.clip(ease, 0.5, self._options.growth))
         self._step_length = max(self._step_length, pace) if ease >= 1.0 else pace
         if not self._load_control:

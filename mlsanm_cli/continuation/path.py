@@ -17,7 +17,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from mlsanm_cli.continuation.corrector import Correction, SolveCounts, correct, residual_norm
+from mlsanm_cli.continuation.corrector import Correction, Effort, correct, residual_norm
 from mlsanm_cli.continuation.expansion import ExpansionPoint, Metric, expansion_point
 from mlsanm_cli.continuation.problem import FloatArray, PathOptions, Problem
 from mlsanm_cli.continuation.series import Branch
@@ -116,7 +116,7 @@ class Follower(ABC):
         self._lam_end, self._previous, self._levels = float(lam_end), previous, levels
         self._metric = Metric(problem.scale)
         self._x, self._lam, self._residual = np.array(x0, dtype=np.float64), float(lam0), np.inf
-        self._steps, self._done, self._effort = 0, SolveCounts(), SolveCounts()
+        self._steps, self._done, self._effort = 0, Effort(), Effort()
         self._piece: Branch | None = None
         self._reason, self._message = StopReason.STOPPED_BY_CALLER, "the caller took no more steps"
         self._stopped = False
@@ -135,9 +135,9 @@ class Follower(ABC):
             lam=self._lam,
             residual=self._residual,
             steps=self._steps,
-            iterations=self._done.updates + self._effort.updates,
-            factorizations=self._done.factorizations + self._effort.factorizations,
-            solves=self._done.solves + self._effort.solves,
+            iterations=self._done["updates"] + self._effort["updates"],
+            factorizations=self._done["factorizations"] + self._effort["factorizations"],
+            solves=self._done["solves"] + self._effort["solves"],
             piece=self._piece,
         )
 
@@ -164,23 +164,23 @@ class Follower(ABC):
                 return
         start = correct(self._problem, self._x, self._lam, self._options)
         self._x, self._residual = start.x, start.residual
-        self._effort.add(SolveCounts(start.updates, start.factorizations, start.solves))
+        self._effort.update(updates=start.updates, factorizations=start.factorizations, solves=start.solves)
 
     def _check_step_count(self) -> None:
         """Raise ``Stopped`` at the largest number of steps."""
         if self._steps == self._options.max_steps:
             raise Stopped(StopReason.MAX_STEPS, f"{self._steps} steps end at load factor {self._lam:.9g}")
 
-    def _expansion_point(self, x: FloatArray, lam: float, effort: SolveCounts) -> ExpansionPoint:
-        effort.factorizations += 1
-        effort.solves += 1
+    def _expansion_point(self, x: FloatArray, lam: float, effort: Effort) -> ExpansionPoint:
+        effort["factorizations"] += 1
+        effort["solves"] += 1
         return expansion_point(self._problem, x, lam)
 
     def _record(self, branch: Branch, end: Correction, arc_length: float, order: int) -> Step:
         self._steps += 1
         self._x, self._lam, self._residual = end.x, end.lam, end.residual
-        effort, self._effort = self._effort, SolveCounts()
-        self._done.add(effort)
+        effort, self._effort = self._effort, Effort()
+        self._done.update(effort)
         return Step(
             index=self._steps,
             branch=branch,
@@ -188,8 +188,8 @@ class Follower(ABC):
             lam=end.lam,
             residual=end.residual,
             arc_length=arc_length,
-            iterations=effort.updates,
-            factorizations=effort.factorizations,
-            solves=effort.solves,
+            iterations=effort["updates"],
+            factorizations=effort["factorizations"],
+            solves=effort["solves"],
             order=order,
         )

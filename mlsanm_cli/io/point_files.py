@@ -6,7 +6,7 @@ import csv
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -22,19 +22,10 @@ UNIT_LENGTH_TOLERANCE = 1e-3
 """Largest deviation of normals from unit length; they are normalised."""
 
 
-class PointFile(NamedTuple):
-    """``points`` (n, 2), ``tags`` (n,) ("": interior), ``normals`` (n, 2) (nan: not given), and ``places``
-    (n,), the line or row of each for messages."""
-
-    points: FloatArray
-    tags: tuple[str, ...]
-    normals: FloatArray
-    places: tuple[str, ...]
-
-
-def read_points(path: Path) -> PointFile:
-    """A cloud from a ``.csv`` file or, with any other suffix, an HDF5 file. Raises GeometryError, naming the
-    line or row, if the file is invalid."""
+def read_points(path: Path) -> tuple[FloatArray, tuple[str, ...], FloatArray, tuple[str, ...]]:
+    """Points (n, 2), tags (n,) ("": interior), normals (n, 2) (nan: not given), and the line or row (n,) of
+    each, from a ``.csv`` file or, with any other suffix, an HDF5 file. Raises GeometryError, naming the line
+    or row, if the file is invalid."""
     table, places = _csv(path) if path.suffix.lower() == ".csv" else _hdf5(path)
     numbers = {name: _numbers(name, table[name], places) for name in table if name != "tag"}
     tags = tuple(text.strip() for text in table["tag"])
@@ -58,7 +49,7 @@ def read_points(path: Path) -> PointFile:
     if bad.any():
         first = int(np.argmax(bad))
         raise GeometryError(f"{places[first]}: the normal has length {length[first]:.4g}, not 1")
-    return PointFile(points, tags, normals / length[:, None], places)
+    return points, tags, normals / length[:, None], places
 
 
 def _too_many(count: int) -> GeometryError:

@@ -2,8 +2,7 @@
 
 Least squares uses all rows. Weights: equilibrium h/E, traction 1/E, displacement ``HOLD_WEIGHT``/h, so that
 all rows are strains; they decrease towards singular corners, notches and holes. The equilibrium of the pieces
-(:mod:`mlsanm_cli.mechanics.pieces`) is thousands of times as strong. Square schemes select among the nodes'
-rows (:mod:`mlsanm_cli.mechanics.equations`).
+(:mod:`mlsanm_cli.mechanics.pieces`) is thousands of times as strong.
 
 Equation (2) of docs/method.md.
 """
@@ -11,7 +10,7 @@ Equation (2) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from types import MappingProxyType
 
@@ -25,12 +24,11 @@ from mlsanm_cli.mechanics.body import BodyEquations, ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.corners import corner_weight, one_sided_weight, reentrant_corners, reentrant_weight
 from mlsanm_cli.mechanics.elasticity import traction_rows
-from mlsanm_cli.mechanics.equations import RowTable, choose_equations
 from mlsanm_cli.mechanics.pieces import MAX_MODULUS_RATIO, Pieces
 from mlsanm_cli.mechanics.rigid import FreeSystem, free_motions, pins
-from mlsanm_cli.mechanics.springs import FREE, Held, Springs, restrained
+from mlsanm_cli.mechanics.springs import FREE, NO_SPRING, Held, Springs, restrained
 from mlsanm_cli.memo import digest
-from mlsanm_cli.operators import least_squares, square
+from mlsanm_cli.operators import least_squares
 from mlsanm_cli.operators.least_squares import Strong
 from mlsanm_cli.operators.linear.interface import LinearSolver
 from mlsanm_cli.operators.rows import nodal_rows
@@ -39,6 +37,23 @@ from mlsanm_cli.operators.system import LinearSystem
 
 HOLD_WEIGHT = 5.0
 """Weight of held displacements: measured, the bulk error is the same from 3 to 10."""
+
+
+@dataclass(frozen=True)
+class RowTable:
+    """Positions of a body's rows: ``surfaces[name]`` is the first of a surface's conditions (x of its b
+    nodes, then y), ``nodes`` the first of single held nodes; ``modulus`` and ``springs`` scale tractions."""
+
+    surfaces: Mapping[str, int]
+    nodes: int
+    total: int
+    modulus: float
+    springs: Springs
+
+    def moduli(self, surface: str, component: int, length: FloatArray) -> FloatArray:
+        """Scale (b,) of the tractions of a surface's nodes: modulus plus spring stiffness times ``length``
+        (b,)."""
+        return np.asarray(self.modulus + self.springs.get(surface, NO_SPRING)[component] * length)
 
 
 def assemble(
@@ -70,18 +85,11 @@ def assemble(
     loads = cache(partial(pieces.loads, first_row, count, restraints))
     pulls = spring_rows(cloud, table, len(model.nodes))
     rows = compact(sparse.csr_array(_rows(model, held, single) + pulls))
-    factorise: Callable[[], LinearSystem]
-    weight = np.zeros(0)
-    if model.settings.square:
-        choice = choose_equations(cloud, held, single, table, model.ghosts)
-        choice = sparse.csr_array((choice.data, choice.indices, choice.indptr), (choice.shape[0], count))
-        factorise = partial(square.factorise, rows, choice, model.nodes)
-    else:
-        weight = row_weights(model, held, single, table, restraints, touching)
-        known = pieces.rows_known(list(held_nodes[: len(held_nodes) - unloaded]))
-        strong = partial(_strong, model, pieces, restraints, loads, pulls, known)
-        sums = pieces.sums(known)
-        factorise = partial(_least_squares, model, rows, weight, strong, sums, pieces, solver)
+    weight = row_weights(model, held, single, table, restraints, touching)
+    known = pieces.rows_known(list(held_nodes[: len(held_nodes) - unloaded]))
+    strong = partial(_strong, model, pieces, restraints, loads, pulls, known)
+    sums = pieces.sums(known)
+    factorise = partial(_least_squares, model, rows, weight, strong, sums, pieces, solver)
     # Digest of the input of the rows, which are many times as large. The weights and the points halfway
     # between nodes capture what nodes and normals do not tell of the curves.
     curves = [surface.curve.points(Halves.of(surface).arc) for surface in cloud.surfaces.values()]
@@ -152,6 +160,15 @@ def _first_rows(cloud: Cloud) -> tuple[dict[str, int], int]:
     return first_row, total
 
 
+def node_rows(body: ElasticBody) -> sparse.csr_array:
+    """The rows (r, 2N) of a body's nodes: equilibrium, conditions of surfaces, single held components."""
+    first_row, total = _first_rows(body.model.cloud)
+    last = total + len(body.held_nodes)
+    table = RowTable(first_row, total, last, body.model.material.modulus, body.springs)
+    pulls = spring_rows(body.model.cloud, table, len(body.model.nodes))
+    return sparse.csr_array(_rows(body.model, body.held, body.held_nodes) + pulls)
+
+
 def _rows(
     model: BodyModel, held: Mapping[str, tuple[bool, bool]], single: Sequence[tuple[int, int]]
 ) -> sparse.csr_array:
@@ -184,14 +201,12 @@ def spring_rows(cloud: Cloud, table: RowTable, nodes: int) -> sparse.csr_array:
 
 def _without_pins(body: ElasticBody, pinned: Sequence[tuple[int, int]]) -> FreeSystem:
     """The body's system without the effect of its pins."""
-    model, count = body.model, len(body.model.cloud.points)
+    model = body.model
     patterns = body.free.patterns(model.nodes)
-    # Ghosts carry no displacement of the body.
-    share = np.zeros(model.unknowns)
-    share[: 2 * count] = np.repeat(model.cloud.areas, 2)
+    share = np.repeat(model.cloud.areas, 2)
     mean = np.asarray(np.linalg.solve(patterns.T @ (share[:, None] * patterns), patterns.T * share))
     work = body.resultants(body.free.center)[list(body.free.components)].toarray()
-    balance = np.stack([body.force_source(one[: 2 * count].reshape(-1, 2)) for one in patterns.T], axis=1)
+    balance = np.stack([body.force_source(one.reshape(-1, 2)) for one in patterns.T], axis=1)
     balance = -balance @ np.linalg.inv(work @ balance)
     places = np.array([2 * node + component for node, component in pinned])
     return FreeSystem(body.system, patterns, mean, places, body.first_pin, work, balance)

@@ -135,14 +135,7 @@ class ElasticBody:
 
     def reaction_rows(self, surface: str, center: tuple[float, float] = (0.0, 0.0)) -> sparse.csr_array:
         """Rows (3, 2N) of force x, y and moment about ``center`` that a held surface exerts on the body."""
-        where, inside = self.model.cloud.surfaces[surface], self.depth_of_reactions(surface)
-        return reaction_rows(self.model, where, self.restrained[surface], center, inside)
-
-    def depth_of_reactions(self, surface: str) -> float:
-        """Depth, in spacings, at which the stress is evaluated for the force on a held surface. Square
-        schemes lack the rows of pieces, and their stress near held corners is unreliable: one spacing inside,
-        or two if both directions are held."""
-        return float(sum(self.restrained[surface])) if self.model.settings.square else 0.0
+        return reaction_rows(self.model, self.model.cloud.surfaces[surface], self.restrained[surface], center)
 
     @cached_property
     def restrained(self) -> Held:

@@ -1,14 +1,8 @@
-"""Cloud, material and operators of one body, before its boundary conditions are set up.
-
-Square schemes have ghost nodes outside the boundary nodes, to impose equilibrium there too. Clamped nodes
-need none, and ghosts next to them are harmful: where a fine zone lies on a clamped surface, a mode of ghost
-displacements arises that hardly any equation controls.
-"""
+"""Cloud, material and operators of one body, before its boundary conditions are set up."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -16,7 +10,7 @@ import numpy as np
 import scipy.sparse as sparse
 from scipy.spatial import cKDTree
 
-from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
+from mlsanm_cli.arrays import FloatArray, IndexArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.errors import NumericalError
@@ -54,8 +48,7 @@ MIN_CORNER_ANGLE = 0.3
 class BodyModel:
     """Cloud, material and operators of one body, before its boundary conditions are set up.
 
-    ``nodes`` (N, 2) carry the unknowns: the cloud's points, then the ghosts outside the boundary nodes
-    ``ghosts`` (g,) of the ghost scheme. ``stencils`` are those of the cloud's points, ``near`` (n, k) their
+    ``nodes`` (N, 2), the cloud's points, carry the unknowns. ``stencils`` are theirs, ``near`` (n, k) their
     nearest nodes, kept for later stencils.
     """
 
@@ -63,7 +56,6 @@ class BodyModel:
     cloud: Cloud
     material: PlaneMaterial
     settings: MlsSettings
-    ghosts: IntArray
     nodes: FloatArray
     tree: cKDTree
     near: IndexArray
@@ -76,26 +68,15 @@ class BodyModel:
         cloud: Cloud,
         material: PlaneMaterial,
         settings: MlsSettings,
-        clamped: Collection[str] = (),
         foresight: int = 0,
     ) -> BodyModel:
-        """Build stencils with second derivatives at every node; ``clamped`` surfaces get no ghosts. The
-        neighbour search covers ``foresight`` nodes, for larger stencils made later. Raises NumericalError if
-        two nodes are too close, a part is too thin for the degree, or there is no room for ghosts."""
+        """Build stencils with second derivatives at every node. The neighbour search covers ``foresight``
+        nodes, for larger stencils made later. Raises NumericalError if two nodes are too close or a part is
+        too thin for the degree."""
         _refuse_coincident(name, cloud)
         settings = enough_neighbors(settings, material)
-        ghosts, nodes = np.zeros(0, dtype=np.int64), cloud.points
-        if settings.scheme == "ghost":
-            if cloud.sight is not None:
-                raise NumericalError(
-                    f"body {name} has a slit, whose ghosts would lie in its opposite face",
-                    'use mls.scheme = "least-squares"',
-                )
-            ghosts = ghost_owners(cloud, clamped)
-            nodes = np.concatenate([nodes, ghost_points(cloud, ghosts)])
-        tree = cloud.tree if nodes is cloud.points else cKDTree(nodes)
-        mirror = cloud.mirror if nodes is cloud.points else None
-        points = cloud.points if mirror is None else cloud.points[mirror.own]
+        nodes, tree, mirror = cloud.points, cloud.tree, cloud.mirror
+        points = nodes if mirror is None else nodes[mirror.own]
         near = nearest_nodes(tree, points, max(settings.stencil_size, foresight))
         tips = enriched_tips(cloud.tips, material, settings)
         try:
@@ -106,7 +87,7 @@ class BodyModel:
             near = near[:, :0]
         if mirror is not None:
             stencils, near = reflected(stencils, mirror), reflected_numbers(near, mirror)
-        return cls(name, cloud, material, settings, ghosts, nodes, tree, near, stencils)
+        return cls(name, cloud, material, settings, nodes, tree, near, stencils)
 
     @cached_property
     def tips(self) -> Tips | None:
@@ -121,17 +102,17 @@ class BodyModel:
     @cached_property
     def content(self) -> str:
         """Digest of the nodes, the material and the operators' settings."""
-        return digest(model_key(self.name, self.cloud, self.material, self.settings), self.ghosts)
+        return model_key(self.name, self.cloud, self.material, self.settings)
 
     @cached_property
     def rows_content(self) -> str:
         """Digest of what the body's rows depend on; its name and thermal expansion do not matter."""
         kind = _kind(self.settings)
-        return digest(self.cloud.content, self.ghosts, self.material.stiffness, kind)
+        return digest(self.cloud.content, self.material.stiffness, kind)
 
     @property
     def unknowns(self) -> int:
-        """Number of displacement unknowns, including ghosts."""
+        """Number of displacement unknowns."""
         return 2 * len(self.nodes)
 
     def stencils_at(self, points: FloatArray, order: int) -> Stencils:
@@ -172,14 +153,6 @@ class BodyModel:
         ]
         return sparse.csr_array(sum(nested, force_rows(stencils, c - even, arm, normals)))
 
-    @cached_property
-    def _stress_stencils(self) -> Stencils:
-        """Stencils of the cloud's points on each other, for derivatives of nodal stresses."""
-        if self.settings.scheme != "ghost":
-            return self.stencils
-        points = self.cloud.points
-        return build_stencils(points, self.cloud.tree, points, 1, self.settings, self.cloud.sight)
-
     def equilibrium(self, component: int) -> sparse.csr_array:
         """Rows (n, 2N) of div sigma in x (0) or y (1) at the cloud's points.
 
@@ -192,7 +165,7 @@ class BodyModel:
         if not nested and not self.material.nearly_incompressible:
             return equilibrium_rows(self.stencils, c, component)
         even = c if nested else self.material.bulk_part
-        rows = nested_equilibrium_rows(self.stencils, self._stress_stencils, even, component)
+        rows = nested_equilibrium_rows(self.stencils, self.stencils, even, component)
         if nested:
             return rows
         return sparse.csr_array(equilibrium_rows(self.stencils, c - even, component) + rows)
@@ -211,7 +184,7 @@ class BodyModel:
     def mean_stress(self, displacement: FloatArray) -> FloatArray:
         """The part (n, 3) of :meth:`stress` that is fitted to nodal values."""
         nodal = stress_of(self.stencils.derivatives(displacement), self.material.bulk_part)
-        return np.asarray(self._stress_stencils.derivatives(nodal)[:, 0])
+        return np.asarray(self.stencils.derivatives(nodal)[:, 0])
 
     def divergence_of(self, derivatives: FloatArray) -> FloatArray:
         """div sigma (n, 2) from ``derivatives`` (n, 6, 2) of a displacement, as by :meth:`equilibrium`."""
@@ -225,13 +198,13 @@ class BodyModel:
 
     def stress_divergence(self, stress: FloatArray) -> FloatArray:
         """Divergence (n, 2) of nodal ``stress`` (n, 3) at the cloud's points."""
-        return divergence_of_stress(self._stress_stencils.derivatives(stress))
+        return divergence_of_stress(self.stencils.derivatives(stress))
 
 
 def enriched_tips(tips: Tips | None, material: PlaneMaterial, settings: MlsSettings) -> Tips | None:
-    """Reentrant corners with known singular fields: those of isotropic materials, least-squares scheme."""
+    """Reentrant corners with known singular fields: those of isotropic materials."""
     kernel = kernel_of(material)
-    if tips is None or settings.square or not settings.corners or not isinstance(kernel, Isotropic):
+    if tips is None or not settings.corners or not isinstance(kernel, Isotropic):
         return None
     return isolated_tips(settings, replace(tips, kappa=kernel.kappa))
 
@@ -243,16 +216,14 @@ def enough_neighbors(settings: MlsSettings, material: PlaneMaterial) -> MlsSetti
     return settings
 
 
-def model_key(
-    name: str, cloud: Cloud, material: PlaneMaterial, settings: MlsSettings, clamped: Collection[str] = ()
-) -> str:
+def model_key(name: str, cloud: Cloud, material: PlaneMaterial, settings: MlsSettings) -> str:
     """Digest of the arguments of :meth:`BodyModel.build`."""
     elastic = [material.stiffness, material.across, material.expansion, material.across_heat]
-    return digest(name, cloud.content, elastic, _kind(settings), sorted(clamped))
+    return digest(name, cloud.content, elastic, _kind(settings))
 
 
 def _kind(settings: MlsSettings) -> list[object]:
-    return [settings.degree, settings.neighbors, settings.scheme, settings.corners, settings.narrow]
+    return [settings.degree, settings.neighbors, settings.corners, settings.narrow]
 
 
 def _at_a_tip(name: str, cloud: Cloud, error: NumericalError) -> NumericalError:
@@ -275,37 +246,3 @@ def _refuse_coincident(name: str, cloud: Cloud) -> None:
             f"body {name}: two nodes near ({x:.6g}, {y:.6g}) are only {distance:.2g} of the spacing apart",
             "make the spacing smaller there, or leave out the short side, small arc or sharp tip",
         )
-
-
-MIN_DISTANCE = 0.3
-"""Least distance of ghosts from other nodes, in spacings."""
-
-
-def ghost_owners(cloud: Cloud, clamped: Collection[str]) -> IntArray:
-    """Boundary nodes (g,) with a ghost: those on no ``clamped`` surface."""
-    held = [cloud.surfaces[name].index for name in clamped]
-    return np.setdiff1d(cloud.boundary_nodes, np.concatenate([np.zeros(0, dtype=np.int64), *held]))
-
-
-def ghost_points(cloud: Cloud, owners: IntArray) -> FloatArray:
-    """Ghosts (g, 2) of the nodes ``owners`` (g,), one spacing away along the sum of their normals. Raises
-    NumericalError if there is no room for them, as in a notch or next to a thin slit."""
-    outward = np.zeros_like(cloud.points)
-    for surface in cloud.surfaces.values():
-        np.add.at(outward, surface.index, surface.normal)
-    direction = outward[owners] / np.linalg.norm(outward[owners], axis=1, keepdims=True)
-    spacing = cloud.spacing[owners]
-    ghosts: FloatArray = cloud.points[owners] + spacing[:, None] * direction
-    everything = np.concatenate([cloud.points, ghosts])
-    if not len(ghosts):
-        return ghosts
-    distance = np.asarray(cKDTree(everything).query(ghosts, k=2)[0])[:, 1] / spacing
-    worst = int(np.argmin(distance))
-    if distance[worst] < MIN_DISTANCE:
-        x, y = cloud.points[owners[worst]]
-        raise NumericalError(
-            f"there is no room for the ghost node outside ({x:.6g}, {y:.6g}): another node is only "
-            f"{distance[worst]:.2g} spacings away from it",
-            'make the spacing smaller there, or use mls.scheme = "least-squares"',
-        )
-    return ghosts

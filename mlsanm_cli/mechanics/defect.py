@@ -244,7 +244,7 @@ class NextDegree:
 
     def _derivatives(self, values: FloatArray, places: FloatArray, settings: MlsSettings) -> FloatArray:
         """Value and derivatives (e, 6, c) at ``places`` (e, 2) of nodal displacements (N, 2), or of stresses
-        (n, 3) without ghosts."""
+        (n, 3)."""
         model, cloud = self.model, self.model.cloud
         moved = values.shape[1] == 2
         nodes, tree, tips = (

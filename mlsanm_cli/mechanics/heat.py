@@ -54,10 +54,7 @@ class Heating:
         computed for a held surface from displacements."""
         even, held = stress_of_expansion(body.model.material), body.restrained[surface]
         where = body.model.cloud.surfaces[surface]
-        inside = body.depth_of_reactions(surface)
-        return reaction_of(
-            body.model, where, held, center, lambda points: self._blocked(even, points), inside
-        )
+        return reaction_of(body.model, where, held, center, lambda points: self._blocked(even, points))
 
     def _blocked(self, even: FloatArray, points: FloatArray) -> FloatArray:
         """Minus the stress (..., 3) at points (..., 2) of a body prevented from expanding."""

@@ -285,16 +285,11 @@ def turned_along(start: FloatArray, end: FloatArray) -> FloatArray:
 
 
 def reaction_rows(
-    model: BodyModel,
-    surface: Surface,
-    held: tuple[bool, bool],
-    center: tuple[float, float],
-    inside: float = 0.0,
+    model: BodyModel, surface: Surface, held: tuple[bool, bool], center: tuple[float, float]
 ) -> sparse.csr_array:
     """Rows (3, 2N) of force x, y and moment about ``center`` of a held surface on its body, in ``held``
-    components, as in the rows of the pieces, or from the stress at a depth ``inside`` in spacings."""
-    halves = Halves.of(surface, rule_of(model))
-    points, normals = _beneath(model, surface, halves, inside)
+    components, as in the rows of the pieces."""
+    points, normals = _along(surface, Halves.of(surface, rule_of(model)))
     forces, count = model.forces_through(points, points[:, None], normals[:, None]), len(points)
     x, y = (points - np.array(center)).T
     along, one, none = np.array(held, dtype=float), np.ones(count), np.zeros(count)
@@ -309,21 +304,9 @@ def reaction_of(
     held: tuple[bool, bool],
     center: tuple[float, float],
     stress: Callable[[FloatArray], FloatArray],
-    inside: float = 0.0,
 ) -> FloatArray:
     """The same force and moment (3,) for a ``stress`` function of points (g, 2), values (g, 3)."""
-    points, normals = _beneath(model, surface, Halves.of(surface, rule_of(model)), inside)
+    points, normals = _along(surface, Halves.of(surface, rule_of(model)))
     x, y = (traction_of(stress(points), normals) * np.array(held)).T
     arm = points - np.array(center)
     return np.array([x.sum(), y.sum(), arm[:, 0] @ y - arm[:, 1] @ x])
-
-
-def _beneath(
-    model: BodyModel, surface: Surface, halves: Halves, inside: float
-) -> tuple[FloatArray, FloatArray]:
-    """Points (g, 2) at a depth ``inside`` in spacings below a surface, and normals times weights (g, 2)."""
-    points, normals = _along(surface, halves)
-    if inside:
-        deep = inside * model.cloud.spacing[surface.index[halves.own]][:, None]
-        points = points - deep * surface.curve.normals(halves.arc)
-    return points, normals

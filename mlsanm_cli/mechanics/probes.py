@@ -14,7 +14,6 @@ from mlsanm_cli.mechanics.elasticity import XX, XY, YY, stress_rows
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.operators.rows import scalar_rows, vector_rows
 from mlsanm_cli.operators.stencil_weights import Stencils
-from mlsanm_cli.operators.stencils import build_stencils
 
 ROWS = 5
 """Two displacements and three stresses."""
@@ -32,26 +31,21 @@ class Probe:
 def probe_rows(model: BodyModel, points: FloatArray) -> sparse.csr_array:
     """Rows (5e, 2N) of u_x, u_y, sigma_xx, sigma_yy, sigma_xy at ``points`` (e, 2), quantity by quantity.
     Value and derivatives of the local polynomial at the point itself, as at nodes."""
-    cloud, settings = model.cloud, model.settings
-    among = stencils = model.stencils_at(points, 1)
-    if settings.scheme == "ghost" and model.material.nearly_incompressible:
-        among = build_stencils(cloud.points, cloud.tree, points, 0, settings, cloud.sight)
-    return point_rows(stencils, model.material, among, lambda: model.stencils)
+    return point_rows(model.stencils_at(points, 1), model.material, lambda: model.stencils)
 
 
 def point_rows(
-    stencils: Stencils, material: PlaneMaterial, among: Stencils, nodal: Callable[[], Stencils]
+    stencils: Stencils, material: PlaneMaterial, nodal: Callable[[], Stencils]
 ) -> sparse.csr_array:
     """The same rows at the points of ``stencils``. Nearly incompressible materials interpolate a nodal field
-    of mean pressure, see :meth:`BodyModel.stress`: ``nodal`` gives its stencils, ``among`` those of the
-    points on its nodes."""
+    of mean pressure, see :meth:`BodyModel.stress`: ``nodal`` gives its stencils."""
     hidden = material.nearly_incompressible
     even = material.bulk_part if hidden else np.zeros((3, 3))
     value = stencils.weights[:, 0]
     blocks = [vector_rows(stencils, value, None), vector_rows(stencils, None, value)]
     blocks += [stress_rows(stencils, material.stiffness - even, part) for part in (XX, YY, XY)]
     if hidden:
-        mean = scalar_rows(among, among.weights[:, 0]) @ stress_rows(nodal(), even, XX)
+        mean = scalar_rows(stencils, value) @ stress_rows(nodal(), even, XX)
         blocks[2:4] = [sparse.csr_array(block + mean) for block in blocks[2:4]]
     return sparse.csr_array(sparse.vstack(blocks, format="csr"))
 

@@ -215,12 +215,23 @@ class Scene:
     @property
     def unknown_motions(self) -> list[tuple[RigidConstraint, RigidMotion]]:
         """Unknown motions, in the order of the unknowns q."""
-        return [
-            (constraint, m)
-            for constraint in self.rigid_constraints
-            for m in constraint.motions
-            if m.prescribed is None
+        return [(constraint, motion) for constraint, motion, _ in self.motions if motion.prescribed is None]
+
+    @property
+    def motions(self) -> list[tuple[RigidConstraint, RigidMotion, FloatArray]]:
+        """All rigid motions, and their coefficients (L + k,) of the load factors and of the unknowns q."""
+        every = [
+            (constraint, motion) for constraint in self.rigid_constraints for motion in constraint.motions
         ]
+        unknown = np.cumsum([motion.prescribed is None for _, motion in every])
+        loads, count = len(self.loads), int(unknown[-1]) if every else 0
+        by = np.zeros((len(every), loads + count))
+        for row, (_, motion) in enumerate(every):
+            if motion.prescribed is None:
+                by[row, loads + unknown[row] - 1] = 1.0
+            else:
+                by[row, :loads] = motion.prescribed
+        return [(*each, row) for each, row in zip(every, by, strict=True)]
 
     def floating_patterns(self, body: str) -> FloatArray:
         """Displacements (2N, k) of a body under the unknown motions q. Motions without resistance are fixed
@@ -234,9 +245,7 @@ class Scene:
         weighted = {}
         for name in names:
             model = self.bodies[name].model
-            # Ghosts carry no displacement of the body.
-            areas = np.pad(model.cloud.areas, (0, len(model.ghosts)))
-            weighted[name] = np.repeat(areas, 2)[:, None] * free[name]
+            weighted[name] = np.repeat(model.cloud.areas, 2)[:, None] * free[name]
         gram = sum(weighted[name].T @ free[name] for name in names)
         mean = sum(weighted[name].T @ self._patterns(name) for name in names)
         return patterns - self._loose_patterns(body) @ np.linalg.solve(gram, mean)

@@ -28,12 +28,8 @@ def bulk_stability(body: ElasticBody) -> float:
     factor (Golub and Van Loan, Matrix Computations, section 8.2) from a fixed start.
     """
     model, system = body.model, body.system
-    count = len(model.cloud.points)
-    # Ghosts carry no displacement of the body.
-    measure = np.zeros((model.unknowns, 1))
-    measure[: 2 * count, 0] = np.repeat(model.cloud.spacing, 2)
-    rigid = np.zeros((model.unknowns, len(body.free.components)))
-    rigid[: 2 * count] = np.linalg.qr(measure[: 2 * count] * body.free.patterns(model.cloud.points))[0]
+    measure = np.repeat(model.cloud.spacing, 2)[:, None]
+    rigid = np.linalg.qr(measure * body.free.patterns(model.cloud.points))[0]
 
     def deforming(displacements: FloatArray) -> FloatArray:
         """Displacements, one column each, in the measure and without their free rigid part."""

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
-
-Scheme = Literal["least-squares", "collocation", "ghost"]
 
 NEIGHBORS = {1: 9, 2: 16, 3: 24, 4: 34, 5: 46, 6: 60}
 """Neighbours per stencil by degree: about 2.5 per polynomial coefficient."""
@@ -18,33 +15,22 @@ ONE_SIDED_RADIUS, ONE_SIDED_DEGREE = 0.9, 4
 """Factor on the radius in these weights at boundary nodes, whose stencils reach one and a half times as far,
 from this degree on."""
 
-SQUARE_EXPONENT = 6.0
-"""The same for square schemes from degree 4 on, which become unstable more often with flatter weights."""
-
 
 @dataclass(frozen=True)
 class MlsSettings:
-    """``degree`` of the local polynomial (1 to 6), ``neighbors`` per stencil (None: by degree), and the
-    scheme: "least-squares", "collocation" (one equation per unknown) or "ghost" (the same with a node outside
-    every boundary node). With ``corners`` least squares are enriched by singular functions at reentrant
-    corners; with ``narrow`` one-sided fits have narrower weights from ONE_SIDED_DEGREE on, and their
-    equilibrium counts less."""
+    """``degree`` of the local polynomial (1 to 6) and ``neighbors`` per stencil (None: by degree). With
+    ``corners`` fits are enriched by singular functions at reentrant corners; with ``narrow`` one-sided fits
+    have narrower weights from ONE_SIDED_DEGREE on, and their equilibrium counts less."""
 
     degree: int = 2
     neighbors: int | None = None
-    scheme: Scheme = "least-squares"
     corners: bool = True
     narrow: bool = True
 
     @property
-    def square(self) -> bool:
-        """Whether there are as many equations as unknowns."""
-        return self.scheme != "least-squares"
-
-    @property
     def narrows(self) -> bool:
         """Whether one-sided fits have narrower weights."""
-        return self.narrow and not self.square and self.degree >= ONE_SIDED_DEGREE
+        return self.narrow and self.degree >= ONE_SIDED_DEGREE
 
     @property
     def coefficients(self) -> int:
@@ -55,11 +41,6 @@ class MlsSettings:
     def stencil_size(self) -> int:
         """Neighbours of a stencil before any enlargement."""
         return self.neighbors or NEIGHBORS[self.degree]
-
-    @property
-    def sharpness(self) -> float:
-        """Decay rate of a neighbour's weight with its squared relative distance."""
-        return SQUARE_EXPONENT if self.square and self.degree >= 4 else WEIGHT_EXPONENT
 
     @property
     def rank_tolerance(self) -> float:

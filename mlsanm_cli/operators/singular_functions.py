@@ -28,7 +28,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.operators.neighbors import EXTRA_NODES, TIE_TOLERANCE, distances, neighbors_of
-from mlsanm_cli.operators.settings import MlsSettings
+from mlsanm_cli.operators.settings import WEIGHT_EXPONENT, MlsSettings
 from mlsanm_cli.operators.stencil_weights import Stencils
 from mlsanm_cli.roundoff import ROUND_OFF
 
@@ -192,7 +192,7 @@ def _singular_corner(
     tip, empty = tips.place[number], np.zeros((0, len(nodes)))
     known = (complex(*tip), complex(*tips.axis[number]), float(tips.half[number]), tips.modes[number])
     corner = SingularCorner(*known, tips.kappa, radius, indices, empty)
-    gauss = np.exp(-settings.sharpness * (away**2).sum(axis=1) / radius**2)[:, None]
+    gauss = np.exp(-WEIGHT_EXPONENT * (away**2).sum(axis=1) / radius**2)[:, None]
     q, r = np.linalg.qr(gauss * _monomials(away / radius, settings.degree))
     diagonal = np.abs(np.diagonal(r))
     if corner.beyond(nodes).any() or diagonal.min() < settings.rank_tolerance * diagonal.max():

@@ -16,7 +16,7 @@ from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.kernels.stencils import mls_weights
 from mlsanm_cli.operators.neighbors import neighbors_of, weight_radius
-from mlsanm_cli.operators.settings import MlsSettings
+from mlsanm_cli.operators.settings import WEIGHT_EXPONENT, MlsSettings
 from mlsanm_cli.operators.singular_functions import enriched, singular_corners
 from mlsanm_cli.operators.stencil_weights import Stencils
 
@@ -142,7 +142,7 @@ def _weights(
         indptr = np.arange(here.stop - first + 1, dtype=np.int64) * size
         mls_weights(
             *(points, indptr, indices[here].ravel(), centers[here], targets[here].reshape(-1, 2)),
-            *(radius[here], settings.degree, settings.sharpness, *orders),
+            *(radius[here], settings.degree, WEIGHT_EXPONENT, *orders),
             *(weights[here].reshape(-1, kinds), ratio[here]),
         )
     return weights, ratio

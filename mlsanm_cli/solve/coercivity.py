@@ -19,12 +19,9 @@ from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.mechanics.stability import bulk_stability
 from mlsanm_cli.memo import Memo, digest
 
-BULK_LIMIT = 0.1
-"""Smallest accepted estimate of a body in a square scheme: most with errors more than ten times the usual are
-below."""
-LEAST_SQUARES_LIMIT = 0.03
-"""The same for least squares. Free faces of nearly incompressible rings have 0.065 to 0.15 at degree 4, with
-errors of 2e-4; 300 random bodies were above 0.13."""
+BULK_LIMIT = 0.03
+"""Smallest accepted estimate of a body. Free faces of nearly incompressible rings have 0.065 to 0.15 at
+degree 4, with errors of 2e-4; 300 random bodies were above 0.13."""
 
 CONTACT_LIMIT = 0.15
 """Smallest accepted estimate of a contact. In 100 random Hertz scenes, results with 2.4 to 16 times the usual
@@ -41,36 +38,27 @@ def check_coercivity(
 ) -> float:
     """Smallest coercivity estimate of a scene. UnstableError if one is below its limit: results would be
     invalid. Contacts are checked on the nodes that touch in one of the states ``ends``, bodies without such a
-    contact by themselves, and all bodies of square schemes."""
+    contact by themselves."""
     closed = np.any([state.active for state in ends], axis=0) if ends else np.zeros(0, dtype=bool)
     estimates = _estimates(case, scene, condensed, closed, memo)
     spoken_for = {
         body for pairing in condensed.pairings if pairing.name in estimates for body in pairing.bodies
     }
-    bulk = {
-        name: _bulk(body, memo)
-        for name, body in scene.bodies.items()
-        if name not in spoken_for or body.model.settings.square
-    }
+    bulk = {name: _bulk(body, memo) for name, body in scene.bodies.items() if name not in spoken_for}
     for name, value in bulk.items():
-        limit = _bulk_limit(case)
-        if not value >= limit:
+        if not value >= BULK_LIMIT:
             raise UnstableError(
                 f"the discrete equations of body {name} amplify errors "
-                f"(stability {value:.2g}, below {limit:g})",
-                _bulk_hint(case, name),
+                f"(stability {value:.2g}, below {BULK_LIMIT:g})",
+                f"use another body.{name}.seed, or a more even cloud (lower growth)",
                 value,
             )
     return min(estimates.values()) if estimates else min(bulk.values())
 
 
-def stability_limit(case: Case, ends: Sequence[ExactState]) -> float:
+def stability_limit(ends: Sequence[ExactState]) -> float:
     """Limit of :func:`check_coercivity` for a scene whose contacts touch as in the states ``ends``."""
-    return CONTACT_LIMIT if any(state.active.any() for state in ends) else _bulk_limit(case)
-
-
-def _bulk_limit(case: Case) -> float:
-    return LEAST_SQUARES_LIMIT if case.mls.scheme == "least-squares" else BULK_LIMIT
+    return CONTACT_LIMIT if any(state.active.any() for state in ends) else BULK_LIMIT
 
 
 def check_candidates_coercivity(case: Case, scene: Scene, condensed: Condensed, memo: Memo) -> None:
@@ -95,7 +83,7 @@ def _estimates(
             raise UnstableError(
                 f"contact {name} has almost no stiffness against pressures that alternate from node to node "
                 f"(stability {value:.2g}, below {CONTACT_LIMIT:g})",
-                _contact_hint(case, scene, condensed, name),
+                _contact_hint(scene, condensed, name),
                 value,
             )
     return estimates
@@ -123,10 +111,8 @@ def _bearing(closed: BoolArray, span: slice) -> BoolArray:
     return inner if inner.any() else own
 
 
-def _contact_hint(case: Case, scene: Scene, condensed: Condensed, name: str) -> str:
+def _contact_hint(scene: Scene, condensed: Condensed, name: str) -> str:
     """Hint with the most likely cause of an unstable contact."""
-    if case.mls.scheme != "least-squares":
-        return 'use mls.scheme = "least-squares"'
     pairing = condensed.pairing_of(name)
     models = {body: elastic.model for body, elastic in scene.bodies.items()}
     ratio = stiffness_ratio(pairing, models)
@@ -145,13 +131,4 @@ def _contact_hint(case: Case, scene: Scene, condensed: Condensed, name: str) -> 
     return (
         f"spacings that face each other differ by a factor of {unlike:.3g}: bring those of "
         f"{' and '.join(pairing.names)} closer together"
-    )
-
-
-def _bulk_hint(case: Case, name: str) -> str:
-    another = f"another body.{name}.seed, or a more even cloud (lower growth)"
-    return (
-        f"use {another}"
-        if case.mls.scheme == "least-squares"
-        else f'use mls.scheme = "least-squares", or {another}'
     )

@@ -49,11 +49,3 @@ class CondensedScene:
         """Whether the path uses the exact laws whatever the case says: without pressure a regularised law has
         no scales, and without friction it would follow a separating body without end."""
         return self.stays_open or (self.ends_early and not len(self.condensed.friction_nodes))
-
-    @property
-    def is_holonomic(self) -> bool:
-        """Whether friction depends on the total slip alone."""
-        return any(
-            contact.friction and contact.regularization.friction_law == "holonomic"
-            for contact in self.case.touching
-        )

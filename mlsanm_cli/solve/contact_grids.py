@@ -39,7 +39,7 @@ MAX_ROUNDS = 60
 TURN_ABOVE, TURN_TOLERANCE, MAX_TURNS = 1e-3, 3e-4, 4
 """Directions of pressures are rotated if they are off by the first angle, until they are off by less than the
 second, at most so many times, or twice as many if a motion along them is fixed."""
-EXACT_FACTOR, FRICTION_FACTOR, REGULARIZED_FACTOR = 0.25, 1.7, 10.0
+EXACT_FACTOR, FRICTION_FACTOR = 0.25, 1.7
 """Estimated error of a grid over the requested accuracy at which refinement ends: without friction, at hardly
 any cost; with friction, where every node that starts to slide is an event of the path; and with regularised
 friction, which is 0.6 % off partial slip whatever the grid."""
@@ -238,8 +238,7 @@ def _effort(contact: Contact, few: bool) -> float:
     patches and states or not."""
     if not contact.friction:
         return EXACT_FACTOR if few else 1.0
-    law = contact.regularization
-    return REGULARIZED_FACTOR if law.law == "hyperbolic" and law.friction_law == "memory" else FRICTION_FACTOR
+    return FRICTION_FACTOR
 
 
 def _same(one: Mapping[str, ContactGrid], other: Mapping[str, ContactGrid]) -> bool:

@@ -27,23 +27,14 @@ MIN_ROWS_OF_MANY = 1
 
 
 def load_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
-    """The path of the scene, or its remaining part, polished if requested."""
-    if not built.case.polished or built.follows_exactly:
-        return path_of(built, start)
-    from mlsanm_cli.solve.polish import polished
-
-    return polished(built, start)
-
-
-def path_of(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
     """The path of the scene, or its remaining part, by the method of its contact law."""
     if not built.case.touching:
         return linear_path(built, start)
     # Imported when needed, as each method imports another package.
-    if built.case.touching[0].regularization.law != "exact" and not built.follows_exactly:
-        from mlsanm_cli.solve.regularized import regularized_path
+    if built.case.is_regularized and not built.follows_exactly:
+        from mlsanm_cli.paper.path import paper_path
 
-        return _limited(built, start, regularized_path(built, start))
+        return _limited(built, start, paper_path(built, start))
     if len(built.condensed.friction_nodes):
         from mlsanm_cli.solve.event_driven import friction_path
 

@@ -82,9 +82,9 @@ class Checkpoint:
 
     ``heading`` (size + 1,), of power series and Newton's method, is the direction of the last step in
     unknowns and load parameter per path parameter, and ``pace`` its length, or that of the next increment.
-    ``steps`` is the number of rows so far, and saved levels up to ``told`` have rows of their own. ``armed``
-    (k,) are the stops of the case that have been off their limits before; the one numbered ``ended_by`` has
-    ended the path. ``history`` are further arrays by name: of friction, or the equations of the bodies.
+    ``steps`` is the number of rows so far. ``armed`` (k,) are the stops of the case that have been off their
+    limits before; the one numbered ``ended_by`` has ended the path. ``history`` are further arrays by name:
+    of friction, or the equations of the bodies.
     """
 
     state: State
@@ -92,7 +92,6 @@ class Checkpoint:
     heading: FloatArray = field(default_factory=_none)
     pace: float = 0.0
     steps: int = 0
-    told: float = -1.0
     armed: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     ended_by: int = -1
 
@@ -112,24 +111,9 @@ class Checkpoint:
         return self.position - self.stage
 
 
-def friction_history(
-    sets: ContactStatus, stick_reference: FloatArray, threshold: FloatArray | None = None
-) -> dict[str, Any]:
-    """History of friction: the stick and slip ``sets``, the slips (n,) of sticking nodes at rest without
-    their elastic part, and for the regularised law the pressures (n,) at which friction begins."""
-    history = {"sets": vars(sets), "stick_reference": stick_reference}
-    return history | {"threshold": _none() if threshold is None else threshold}
-
-
-@dataclass(frozen=True)
-class Polish:
-    """Largest changes of pressures and tractions by polishing, over the largest exact pressure at the ends of
-    stages; the number of dense systems; and the change ``overall`` in L2 norm."""
-
-    pressure: float
-    traction: float
-    factorizations: int
-    overall: float = 0.0
+def friction_history(sets: ContactStatus, stick_reference: FloatArray) -> dict[str, Any]:
+    """History of friction: the stick and slip ``sets`` and the slips (n,) of sticking nodes."""
+    return {"sets": vars(sets), "stick_reference": stick_reference}
 
 
 @dataclass(frozen=True)
@@ -139,7 +123,7 @@ class PathStep:
 
     ``series`` holds the arrays from which any state of the step can be evaluated (ANM only), ``order`` that
     of the series or 0; ``iterations`` are updates of the nonlinear solution; ``warning`` is a message for the
-    user, ``polish`` the change by the exact laws at its end.
+    user.
 
     At finite strain: ``limit_points`` of the load factor as (position, whether a maximum); whether the
     equations were ``renewed`` at its end; the work ``kept`` of contact tractions on the displacements that
@@ -157,7 +141,6 @@ class PathStep:
     series: Mapping[str, FloatArray] = field(default_factory=dict)
     series_attributes: Mapping[str, float] = field(default_factory=dict)
     warning: str = ""
-    polish: Polish | None = None
     checkpoint: Checkpoint | None = None
     limit_points: tuple[tuple[float, bool], ...] = ()
     renewed: bool = False

@@ -12,7 +12,7 @@ import pytest
 from mlsanm_cli.app.scene import assemble as scene
 from mlsanm_cli.io.plots import figures
 from mlsanm_cli.system import THREAD_VARIABLES
-from tests.app.scenes import AS_SERIES, BAR, PATCH, PUNCHES, hertz, solve
+from tests.app.scenes import BAR, PATCH, PUNCHES, SMOOTH, hertz, solve
 
 
 @pytest.fixture(autouse=True)
@@ -70,7 +70,7 @@ def _solved_once(name: str, text: str, *overrides: str) -> Any:
 
 
 # Hyperbolic law as it is, fields inside the path and at its end.
-hertz_run = _solved_once("hertz_run", hertz(), "output.at=[0.3, 0.7, 1.0]", *AS_SERIES)
+hertz_run = _solved_once("hertz_run", hertz(), "output.at=[0.3, 0.7, 1.0]", *SMOOTH)
 # Exact law, uniform pressure; no contact and two stages; two contacts.
 patch_run = _solved_once("patch_run", PATCH)
 bar_run = _solved_once("bar_run", BAR)

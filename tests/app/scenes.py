@@ -55,11 +55,15 @@ FAST = "contact.interface.accuracy=0.1"
 """Makes of ``hertz()`` a scene of 30 places, for what does not look at how good its pressures are."""
 
 ANM, NEWTON = "solver.method=anm", "solver.method=newton"
-MONOLITHIC = "solver.formulation=monolithic"
-EXACT_LAW, SMOOTH_LAW = (f"contact.*.regularization.law={law}" for law in ("exact", "hyperbolic"))
-HOLONOMIC = "contact.interface.regularization.friction_law=holonomic"
-AS_SERIES = (ANM, "solver.polish=false")
-"""The regularised law as it is, by power series."""
+EXACT_LAW = "contact.*.regularization.law=exact"
+SMOOTH = (
+    *COARSE,
+    ANM,
+    "solver.increments=4",
+    "contact.interface.regularization.eta=1e-2",
+    "contact.interface.regularization.stick=1e-3",
+)
+"""The regularised law by power series, soft and on nodes that the contact of ``hertz()`` needs."""
 
 PATCH = (
     scene("strain")

@@ -34,7 +34,7 @@ def case(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def run(case: Path) -> mlsanm.Run:
     return mlsanm.run(
         case,
-        {"solver.method": "anm", "solver.polish": False, "output.at": [0.5, 1.0]},
+        {"solver.method": "anm", "output.at": [0.5, 1.0]},
         out=case.parent / "run",
     )
 

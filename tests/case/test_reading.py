@@ -38,11 +38,9 @@ master = "block.top"
         (('contact.interface.regularization.law="hyperbolic"',), "hyperbolic"),
         (("contact.interface.regularization.eta=1e-5",), "hyperbolic"),
         ((RUBS, "contact.interface.regularization.stick=1e-5"), "hyperbolic"),
-        ((RUBS, 'contact.interface.regularization.friction_law="holonomic"'), "hyperbolic"),
         (('solver.method="anm"',), "hyperbolic"),
         ((RUBS, 'solver.method="newton"'), "hyperbolic"),
         ((RUBS, 'solver.formulation="monolithic"'), "hyperbolic"),
-        (("solver.polish=true",), "hyperbolic"),
     ],
 )
 def test_contacts_are_exact_unless_the_regularised_law_is_chosen(chosen: tuple[str, ...], law: str) -> None:
@@ -52,12 +50,6 @@ def test_contacts_are_exact_unless_the_regularised_law_is_chosen(chosen: tuple[s
 def test_a_contact_that_names_the_exact_law_asks_for_no_other() -> None:
     named = 'contact.interface.regularization={law="exact", eta=1e-5}'
     assert {one.regularization.law for one in parse(HERTZ + ROLLER, (named,)).case.contact} == {"exact"}
-
-
-def test_bonds_keep_their_law_where_other_contacts_have_the_regularised_one() -> None:
-    bonded = ('contact.rolling.friction="bonded"', "contact.interface.regularization.eta=1e-5")
-    laws = [one.regularization.law for one in parse(HERTZ + ROLLER, bonded).case.contact]
-    assert laws == ["hyperbolic", "exact"]
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from mlsanm_cli.io.run_reader import RunData
 from mlsanm_cli.operators.rows import scalar_rows
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.stencils import build_stencils
-from tests.app.scenes import EXACT_LAW, SMOOTH_LAW
+from tests.app.scenes import EXACT_LAW
 from tests.cases.test_published import solve
 
 FINE = "contact.interface.accuracy=5e-5"
@@ -93,11 +93,10 @@ def test_the_over_refined_pressure_is_that_of_finite_elements(hertz: Truth) -> N
     "overrides",
     [
         [],
-        [SMOOTH_LAW],
         ["mls.degree=2", "body.cylinder.spacing=0.3", "body.block.spacing=0.4"],
         ["contact.interface.accuracy=1e-2"],
     ],
-    ids=["published", "hyperbolic", "coarser", "coarser grid"],
+    ids=["published", "coarser", "coarser grid"],
 )
 def test_hertz(tmp_path: Path, hertz: Truth, overrides: list[str]) -> None:
     summary, data = solve("hertz", tmp_path / "run", EXACT_LAW, *overrides)

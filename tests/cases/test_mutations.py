@@ -14,19 +14,17 @@ from scipy.spatial import cKDTree
 from mlsanm_cli.app.run import run
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
-from mlsanm_cli.contact.laws.regularized_friction import RegularizedFriction
 from mlsanm_cli.contact.response import load_vectors as sources
 from mlsanm_cli.mechanics import assembly, body_model
+from mlsanm_cli.mechanics.assembly import RowTable
 from mlsanm_cli.mechanics.body_model import BodyModel
-from mlsanm_cli.mechanics.equations import RowTable
 from mlsanm_cli.mechanics.near_field import PointForceField
 from mlsanm_cli.mechanics.pieces import Pieces
 from mlsanm_cli.mechanics.remainder import remainder_sources
 from mlsanm_cli.mechanics.springs import Held
 from mlsanm_cli.operators.stencil_weights import Stencils
 from mlsanm_cli.operators.stencils import build_stencils
-from mlsanm_cli.solve.regularized_events import EventLocator
-from tests.app.scenes import EXACT_LAW, SMOOTH_LAW, Quiet
+from tests.app.scenes import EXACT_LAW, Quiet
 
 CASES = Path(__file__).parents[2] / "cases"
 COARSE = "contact.interface.accuracy=1e-2"
@@ -125,29 +123,3 @@ def test_half_of_a_contact_s_singular_field(monkeypatch: pytest.MonkeyPatch, tmp
 
     monkeypatch.setattr(ContactGrid, "singular", faulty)
     assert outcome("hertz", tmp_path / "run", EXACT_LAW)["status"] == "failed"
-
-
-def test_friction_limits_of_the_step_before(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    changes = (
-        SMOOTH_LAW,
-        "stage=[{press=1.0},{push=1.0},{press=0.5}]",
-        "output.at=[3.0]",
-        COARSE,
-    )
-    assert outcome("block_slide", tmp_path / "sound", *changes)["status"] == "done"
-    proper, first = RegularizedFriction.pressed, dict[bytes, FloatArray]()
-
-    def faulty(problem: RegularizedFriction, p: FloatArray) -> FloatArray:
-        """The pressures at the start of the stage."""
-        return first.setdefault(problem.start.tobytes(), proper(problem, p))
-
-    monkeypatch.setattr(RegularizedFriction, "pressed", faulty)
-    summary = outcome("block_slide", tmp_path / "faulty", *changes)
-    assert summary["status"] == "failed"
-
-
-def test_friction_limits_that_are_never_noticed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    changes = (SMOOTH_LAW, "stage=[{press=1.0},{push=1.0}]", COARSE)
-    monkeypatch.setattr(EventLocator, "__call__", lambda locator, piece: np.inf)
-    summary = outcome("block_slide", tmp_path / "run", *changes)
-    assert "beyond the friction limit" in summary["stop_reason"]

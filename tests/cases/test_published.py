@@ -15,7 +15,7 @@ from benchmarks.formulas.persson import PinInHole
 from mlsanm_cli.app.run import run
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.io.run_reader import RunData, read_run
-from tests.app.scenes import AS_SERIES, Quiet
+from tests.app.scenes import Quiet
 
 CASES = Path(__file__).parents[2] / "cases"
 
@@ -33,11 +33,6 @@ def solve(name: str, directory: Path, *overrides: str) -> Run:
 @pytest.fixture(scope="module")
 def exact(tmp_path_factory: pytest.TempPathFactory) -> Run:
     return solve("hertz", tmp_path_factory.mktemp("published") / "exact")
-
-
-@pytest.fixture(scope="module")
-def regularised(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    return solve("hertz", tmp_path_factory.mktemp("published") / "regularised", *AS_SERIES)
 
 
 def deviations(summary: Mapping[str, Any], name: str = "interface") -> tuple[float, float, float]:
@@ -66,20 +61,6 @@ def test_hertz_forces(exact: Run) -> None:
     # The reaction comes from the stress at the clamped bottom, independent of how the force was applied.
     reaction = np.array(summary["forces"]["block.bottom"])
     np.testing.assert_allclose(reaction, -applied, atol=2e-9 * 226.566)
-
-
-def test_hertz_by_series(exact: Run, regularised: Run) -> None:
-    summary, data = regularised
-    contact, path = data.contacts["interface"], data.path
-    assert summary["steps"] <= 80
-    assert data.rows == summary["steps"] + 1
-    assert path.residual.max() <= 1e-8
-    assert contact.gap.min() > 0.0
-    reference = exact[1].contacts["interface"].pressure[-1]
-    difference = contact.pressure[-1] - reference
-    assert norm(contact.weight, difference) <= 0.01 * norm(contact.weight, reference)
-    forces = (contact.pressure * contact.weight) @ contact.normal[:, 1]
-    np.testing.assert_allclose(forces, 226.566 * path.factors["press"], rtol=1e-9, atol=1e-9 * 226.566)
 
 
 def norm(weight: FloatArray, values: FloatArray) -> float:

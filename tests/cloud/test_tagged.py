@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -14,7 +16,8 @@ from mlsanm_cli.errors import GeometryError
 def nodes(*stretches: tuple[str, FloatArray]) -> TaggedNodes:
     points = np.concatenate([points for _, points in stretches])
     tags = tuple(tag for tag, points in stretches for _ in points)
-    return TaggedNodes(points, tags, tuple(f"line {k + 2}" for k in range(len(points))))
+    places = tuple(f"line {k + 2}" for k in range(len(points)))
+    return TaggedNodes(points, tags, np.full(points.shape, np.nan), places)
 
 
 def line(x: tuple[float, float], y: tuple[float, float], count: int) -> FloatArray:
@@ -84,16 +87,16 @@ def test_what_is_no_boundary_is_refused_with_its_place(given: TaggedNodes, words
 def test_normals_that_do_not_point_outward_are_refused() -> None:
     given = nodes(("rim", ring(24, 1.0)), ("", np.zeros((1, 2))))
     loops = tagged_loops(given)
-    normals = np.concatenate([ring(24, 1.0), [[np.nan, np.nan]]])
-    check_normals(given, loops, normals)
+    given = replace(given, normals=np.concatenate([ring(24, 1.0), [[np.nan, np.nan]]]))
+    check_normals(given, loops)
     for factor, words in ((-1.0, "line 9: the normal at .* points inward"), (0.0, "points sideways")):
-        wrong = normals.copy()
+        wrong = given.normals.copy()
         wrong[7] = factor * wrong[7] + (1.0 - abs(factor)) * np.array([-wrong[7, 1], wrong[7, 0]])
         with pytest.raises(GeometryError, match=words):
-            check_normals(given, loops, wrong)
-    normals[24] = (1.0, 0.0)
+            check_normals(replace(given, normals=wrong), loops)
+    given.normals[24] = (1.0, 0.0)
     with pytest.raises(GeometryError, match="line 26: a normal at a node without a tag"):
-        check_normals(given, loops, normals)
+        check_normals(given, loops)
 
 
 def test_crossings_of_an_outline_are_found() -> None:

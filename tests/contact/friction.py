@@ -9,7 +9,6 @@ import scipy.linalg as linalg
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws.coulomb import CoulombState, event_driven_path, start
-from mlsanm_cli.contact.laws.scales import Regularization
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.linear_map import Columns, LinearMap
 from tests.contact.scenes import synthetic
@@ -119,34 +118,4 @@ def side_by_side(one: Condensed, other: Condensed) -> Condensed:
         gap=joined(one.gap, other.gap),
         slip=joined(one.slip, other.slip),
         balance=joined(one.balance, other.balance),
-    )
-
-
-def in_units(
-    condensed: Condensed, law: Regularization, length: float, stress: float
-) -> tuple[Condensed, Regularization]:
-    """The same problem with lengths and stresses in other units; for powers of two to the last bit."""
-    soft, force = length / stress, length * stress
-
-    def scaled(one: LinearMap, unit: float, per_motion: float, per_stress: float) -> LinearMap:
-        factors = (unit, unit, per_motion, per_stress, per_stress)
-        return LinearMap(*(part * by for part, by in zip(one.parts, factors, strict=True)))
-
-    changed = replace(
-        condensed,
-        weight=condensed.weight * length,
-        gap=scaled(condensed.gap, length, 1.0, soft),
-        slip=scaled(condensed.slip, length, 1.0, soft),
-        balance=scaled(condensed.balance, force, stress, length),
-    )
-    return changed, Regularization(
-        eta=law.eta * stress,
-        delta=law.delta * length,
-        pressure=law.pressure * stress,
-        gap=law.gap * length,
-        force=law.force * force,
-        motion=law.motion * length,
-        slip=law.slip * length,
-        stick_compliance=law.stick_compliance * soft,
-        threshold=law.threshold * stress,
     )

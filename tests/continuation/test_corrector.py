@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.continuation import AnmOptions, FloatArray, Tangent, correct
-from mlsanm_cli.continuation.corrector import SolveCounts, correct_end
+from mlsanm_cli.continuation.corrector import Effort, correct_end
 from mlsanm_cli.continuation.expansion import expansion_point
 from mlsanm_cli.errors import NumericalError
 
@@ -87,7 +87,7 @@ def test_damping_makes_the_residual_fall() -> None:
 
 def test_end_of_step_keeps_the_load_factor() -> None:
     """From a point 1e-4 away from the truss path, with the tangent of the expansion point at w = 0.9."""
-    problem, effort = Truss(), SolveCounts()
+    problem, effort = Truss(), Effort()
     start = expansion_point(problem, np.array([0.9]), problem.load(0.9))
     found = correct_end(problem, start, (np.array([0.8001]), problem.load(0.8)), AnmOptions(), effort)
     assert found is not None
@@ -99,14 +99,14 @@ def test_old_tangent_is_used_first_and_a_fresh_one_when_it_stalls() -> None:
     near, far = Truss(), Truss()
     efforts = []
     for problem, w in ((near, 0.8999), (far, 0.65)):
-        effort = SolveCounts()
+        effort = Effort()
         start = expansion_point(problem, np.array([0.9]), problem.load(0.9))
         end = np.array([w + 1e-7]), problem.load(w)
         assert correct_end(problem, start, end, AnmOptions(), effort) is not None
         # The expansion point took one factorisation and one solve of its own.
-        assert problem.counts.tangents == effort.factorizations + 1
-        assert problem.counts.solves == effort.solves + 1
+        assert problem.counts.tangents == effort["factorizations"] + 1
+        assert problem.counts.solves == effort["solves"] + 1
         efforts.append(effort)
-    assert efforts[0].factorizations == 0
-    assert efforts[1].factorizations >= 1
-    assert efforts[1].updates == efforts[1].factorizations  # the slow update was thrown away
+    assert efforts[0]["factorizations"] == 0
+    assert efforts[1]["factorizations"] >= 1
+    assert efforts[1]["updates"] == efforts[1]["factorizations"]  # the slow update was thrown away

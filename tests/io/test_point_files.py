@@ -21,22 +21,22 @@ TABLE = """x, y, tag, nx, ny
 
 def test_a_table_is_read_with_the_places_of_its_lines(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("\ufeff" + TABLE, encoding="utf-8")
-    cloud = read_points(tmp_path / "a.csv")
-    assert cloud.points.tolist() == [[0.0, 0.0], [1.0, 0.0], [0.5, 0.5]]
-    assert cloud.tags == ("floor", "floor", "")
-    assert cloud.normals[0].tolist() == [0.0, -1.0]
-    assert np.isnan(cloud.normals[1:]).all()
-    assert cloud.places == ("line 2", "line 4", "line 5")
+    points, tags, normals, places = read_points(tmp_path / "a.csv")
+    assert points.tolist() == [[0.0, 0.0], [1.0, 0.0], [0.5, 0.5]]
+    assert tags == ("floor", "floor", "")
+    assert normals[0].tolist() == [0.0, -1.0]
+    assert np.isnan(normals[1:]).all()
+    assert places == ("line 2", "line 4", "line 5")
 
 
 def test_hdf5_holds_the_columns_as_datasets(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["x"], file["y"] = np.array([0.0, 1.0]), np.array([0.1, 1.1])
         file["tag"] = np.array([b"rim", b""])
-    cloud = read_points(tmp_path / "a.h5")
-    assert cloud.points.tolist() == [[0.0, 0.1], [1.0, 1.1]]
-    assert cloud.tags == ("rim", "")
-    assert np.isnan(cloud.normals).all()
+    points, tags, normals, _ = read_points(tmp_path / "a.h5")
+    assert points.tolist() == [[0.0, 0.1], [1.0, 1.1]]
+    assert tags == ("rim", "")
+    assert np.isnan(normals).all()
 
 
 @pytest.mark.parametrize(

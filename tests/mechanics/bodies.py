@@ -17,7 +17,7 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.material import PlaneMaterial, isotropic
-from mlsanm_cli.operators.settings import MlsSettings, Scheme
+from mlsanm_cli.operators.settings import MlsSettings
 
 STEEL = isotropic(210.0, 0.3, "strain")
 Field = Callable[[FloatArray], FloatArray]
@@ -53,16 +53,14 @@ def build(
     degree: int = 2,
     material: PlaneMaterial = STEEL,
     held_nodes: tuple[tuple[int, int], ...] = (),
-    scheme: Scheme = "least-squares",
 ) -> ElasticBody:
     """A factorised body on ``cloud``."""
-    clamped = [surface for surface, components in held.items() if all(components)]
-    model = BodyModel.build("body", cloud, material, MlsSettings(degree, scheme=scheme), clamped)
+    model = BodyModel.build("body", cloud, material, MlsSettings(degree))
     return assemble(model, held, held_nodes, "auto")
 
 
 def solved(body: ElasticBody, source: FloatArray) -> FloatArray:
-    """Displacements (N, 2) of all nodes, ghosts last, for a right-hand side (r,)."""
+    """Displacements (N, 2) of all nodes for a right-hand side (r,)."""
     return body.system.solve(sparse.csc_array(source[:, None])).reshape(-1, 2)
 
 

@@ -14,7 +14,6 @@ from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.material import PlaneMaterial, anisotropic, isotropic, orthotropic
 from mlsanm_cli.mechanics.probes import probe_rows
-from mlsanm_cli.operators.settings import Scheme
 from tests.mechanics.bodies import STEEL, boundary_values, build, jittered_square, solved, with_body_force
 from tests.mechanics.waves import Exact, Wave
 
@@ -43,13 +42,11 @@ WOOD = orthotropic((13.0, 1.0, 1.0), (0.3, 0.3, 0.3), 0.6, np.radians(30.0), "st
 HELDS = [HELD, {"left": (True, False), "bottom": (False, True)}]
 
 
-def patch(
-    degree: int, held: dict[str, tuple[bool, bool]], scheme: Scheme = "least-squares"
-) -> tuple[ElasticBody, Polynomial]:
+def patch(degree: int, held: dict[str, tuple[bool, bool]]) -> tuple[ElasticBody, Polynomial]:
     """A body on a graded cloud, and a field of its degree."""
     spacing = Spacing(0.12, (Zone.around((0.2, 1.0), 0.03, 0.1, 0.12),))
     cloud = build_cloud(rectangle((0.0, 1.5), (0.0, 1.0)), spacing, 0)
-    return build(cloud, held, degree, FULL, scheme=scheme), Polynomial(degree, FULL.stiffness)
+    return build(cloud, held, degree, FULL), Polynomial(degree, FULL.stiffness)
 
 
 def assert_solved(body: ElasticBody, source: FloatArray, exact: Polynomial, bar: float = 1e-10) -> None:
@@ -60,11 +57,10 @@ def assert_solved(body: ElasticBody, source: FloatArray, exact: Polynomial, bar:
     assert np.abs(body.model.stress(u) - stress).max() <= 100.0 * bar * np.abs(stress).max()
 
 
-@pytest.mark.parametrize("scheme", ["least-squares", "collocation", "ghost"])
 @pytest.mark.parametrize("degree", [1, 2, 3, 4, 5, 6])
 @pytest.mark.parametrize("held", HELDS)
-def test_polynomial_patch(degree: int, held: dict[str, tuple[bool, bool]], scheme: Scheme) -> None:
-    body, exact = patch(degree, held, scheme)
+def test_polynomial_patch(degree: int, held: dict[str, tuple[bool, bool]]) -> None:
+    body, exact = patch(degree, held)
     source = boundary_values(body, exact.displacement, exact.stress)
     assert_solved(body, with_body_force(body, source, exact.force), exact)
 
@@ -82,40 +78,37 @@ def test_polynomial_patch_under_forces_known_at_nodes(
 
 
 def wave_solution(
-    side: int, degree: int, seed: int = 0, material: PlaneMaterial = STEEL, scheme: Scheme = "least-squares"
+    side: int, degree: int, seed: int = 0, material: PlaneMaterial = STEEL
 ) -> tuple[ElasticBody, FloatArray, FloatArray]:
     """Body, computed and exact displacements (n, 2); traction on three sides."""
     cloud = jittered_square(side, 0.25, seed)
-    body = build(cloud, HELD, degree, material, scheme=scheme)
+    body = build(cloud, HELD, degree, material)
     wave = Wave(material.stiffness)
     source = with_body_force(body, boundary_values(body, wave.displacement, wave.stress), wave.force)
     return body, solved(body, source)[: len(cloud.points)], wave.displacement(cloud.points)
 
 
-def wave_error(
-    side: int, degree: int, seed: int = 0, material: PlaneMaterial = STEEL, scheme: Scheme = "least-squares"
-) -> float:
+def wave_error(side: int, degree: int, seed: int = 0, material: PlaneMaterial = STEEL) -> float:
     """Root mean square error of the displacement, relative."""
-    _, u, exact = wave_solution(side, degree, seed, material, scheme)
+    _, u, exact = wave_solution(side, degree, seed, material)
     return float(np.sqrt(((u - exact) ** 2).sum() / (exact**2).sum()))
 
 
 @pytest.mark.parametrize(
-    ("scheme", "material", "degree", "sides", "order", "bar"),
+    ("material", "degree", "sides", "order", "bar"),
     [
-        ("least-squares", STEEL, 2, (13, 25), 1.8, 4e-3),
-        ("least-squares", STEEL, 4, (17, 33), 3.7, 3e-6),
-        ("least-squares", STEEL, 6, (15, 25), 5.5, 2e-7),
-        ("ghost", STEEL, 2, (13, 25), 1.8, 9e-3),
-        ("least-squares", WOOD, 2, (17, 33), 1.8, 2.5e-3),
-        ("least-squares", WOOD, 4, (17, 33), 3.3, 6e-6),
+        (STEEL, 2, (13, 25), 1.8, 4e-3),
+        (STEEL, 4, (17, 33), 3.7, 3e-6),
+        (STEEL, 6, (15, 25), 5.5, 2e-7),
+        (WOOD, 2, (17, 33), 1.8, 2.5e-3),
+        (WOOD, 4, (17, 33), 3.3, 6e-6),
     ],
 )
 def test_manufactured_solution_converges(
-    scheme: Scheme, material: PlaneMaterial, degree: int, sides: tuple[int, ...], order: float, bar: float
+    material: PlaneMaterial, degree: int, sides: tuple[int, ...], order: float, bar: float
 ) -> None:
     # Errors scatter from cloud to cloud; the median of three gives the order.
-    errors = [np.median([wave_error(n, degree, s, material, scheme) for s in range(3)]) for n in sides]
+    errors = [np.median([wave_error(n, degree, s, material) for s in range(3)]) for n in sides]
     assert -np.polyfit(np.log(np.array(sides) - 1.0), np.log(errors), 1)[0] >= order
     assert errors[-1] <= bar
 
@@ -188,9 +181,8 @@ def test_a_ring_under_pressure_is_exact_to_a_hundred_thousandth_on_a_bad_cloud()
 
 @pytest.mark.parametrize("degree", [1, 2, 4])
 @pytest.mark.parametrize("nu", [0.3, 0.4999])
-@pytest.mark.parametrize("scheme", ["least-squares", "ghost"])
-def test_divergence_is_what_the_rows_of_equilibrium_make(degree: int, nu: float, scheme: Scheme) -> None:
-    model = build(jittered_square(12), HELD, degree, isotropic(210.0, nu, "strain"), scheme=scheme).model
+def test_divergence_is_what_the_rows_of_equilibrium_make(degree: int, nu: float) -> None:
+    model = build(jittered_square(12), HELD, degree, isotropic(210.0, nu, "strain")).model
     u = np.random.default_rng(0).normal(size=model.nodes.shape)
     found = model.divergence_of(model.stencils.derivatives(u))
     for component in (0, 1):
@@ -213,9 +205,6 @@ def test_equal_rows_are_known_by_their_content() -> None:
         # Of the same mean modulus, and so with the same weights.
         build(cloud, held, material=anisotropic(np.diag([300.0, 200.0, 80.0]), "strain")),
         build(cloud, held, material=anisotropic(np.diag([200.0, 300.0, 80.0]), "strain")),
-        build(cloud, held, scheme="collocation"),
-        build(cloud, {"bottom": (False, True)}, scheme="collocation"),
-        build(cloud, held, scheme="ghost"),
         build(cloud, held, held_nodes=((3, 0),)),
     ]
     contents = {usual, *(body.equations.content for body in others)}

@@ -13,7 +13,7 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.forces import Forces
 from mlsanm_cli.mechanics.finite.law import Law
-from mlsanm_cli.mechanics.finite.loads import FollowerPressure, Loads
+from mlsanm_cli.mechanics.finite.loads import Loads
 from mlsanm_cli.mechanics.finite.response import Kind
 from mlsanm_cli.mechanics.finite.tangent import derivative_pieces, derivative_rows
 from tests.mechanics.bodies import jittered_square, with_body_force
@@ -66,10 +66,10 @@ def mixed(elastic: ElasticBody) -> Loads:
     force[:, 1, 1], force[:, 0, 0] = 0.2, cloud.points[:, 0]
     sources[: force[:, :, 0].size] -= force.transpose(1, 0, 2).reshape(-1, 2)
     sources[elastic.condition_rows("top", 0), 0] = 0.3
-    pressing = FollowerPressure(
-        1, "right", np.full(len(cloud.surfaces["right"].index), 0.2), np.full(len(arc), 0.2)
+    nodal, between = (
+        np.tile([0.0, 0.2], (count, 1)) for count in (len(cloud.surfaces["right"].index), len(arc))
     )
-    return Loads(2, sources, {"top": tractions}, force, [pressing])
+    return Loads(2, sources, {"top": tractions}, force, {"right": (nodal, between)})
 
 
 @pytest.mark.parametrize("kind", KINDS)

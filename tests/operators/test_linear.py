@@ -19,8 +19,6 @@ from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.operators.conditions import independent_sums
 from mlsanm_cli.operators.least_squares import LeastSquares, Strong, factorise
 from mlsanm_cli.operators.linear.superlu import elimination_order
-from mlsanm_cli.operators.square import Square
-from mlsanm_cli.operators.square import factorise as square_of
 
 
 def neighbour_graph(points: FloatArray, count: int) -> sparse.csr_array:
@@ -128,18 +126,9 @@ def test_residual_is_small_at_the_minimum_only() -> None:
     assert system.residual(sparse.csc_array((300, 1)), np.zeros((120, 1))) == 0.0
 
 
-def square() -> Square:
-    rng = np.random.default_rng(3)
-    matrix = sparse.csr_array(
-        np.logspace(0, 2, 120)[:, None] * (20.0 * np.eye(120) + rng.normal(size=(120, 120)))
-    )
-    return square_of(matrix, sparse.eye_array(120, format="csr"), rng.normal(size=(60, 2)))
-
-
-@pytest.mark.parametrize("kind", ["least squares", "square"])
-def test_residual_tells_the_size_of_a_step(kind: str) -> None:
-    system = square() if kind == "square" else least_squares(1.0)[0]
-    b = sparse.csc_array(np.random.default_rng(7).normal(size=(120 if kind == "square" else 300, 1)))
+def test_residual_tells_the_size_of_a_step() -> None:
+    system = least_squares(1.0)[0]
+    b = sparse.csc_array(np.random.default_rng(7).normal(size=(300, 1)))
     best, unit = system.solve(b), np.eye(120)
     # One unknown alone, all together, and what the equations resist most and least.
     shapes = np.linalg.svd(np.linalg.inv(system.inverse_normal(unit)))[0]
@@ -152,25 +141,16 @@ def test_residual_tells_the_size_of_a_step(kind: str) -> None:
         np.testing.assert_allclose(found, best, rtol=0.0, atol=1e-12 * np.abs(best).max())
 
 
-@pytest.mark.parametrize("kind", ["least squares", "square"])
-def test_checked_solutions_tell_what_the_last_update_changed(kind: str) -> None:
-    system = square() if kind == "square" else least_squares(1e-4)[0]
+def test_checked_solutions_tell_what_the_last_update_changed() -> None:
+    system = least_squares(1e-4)[0]
     rng = np.random.default_rng(7)
-    b = sparse.csc_array(rng.normal(size=(120 if kind == "square" else 300, 3)) * [1.0, 0.0, 1e6])
+    b = sparse.csc_array(rng.normal(size=(300, 3)) * [1.0, 0.0, 1e6])
     expected = system.solve(b)
     size = np.linalg.norm(expected, axis=0)
     for start in (None, expected[:, :1] * (1.0 + 1e-5), rng.normal(size=(120, 1))):
         found, change = system.solve_with_error(b, start)
         assert (change <= 1e-7).all()
         assert (np.linalg.norm(found - expected, axis=0) <= 1e-9 * size).all()
-
-
-def test_a_step_of_a_square_system_comes_with_the_solution_for_more() -> None:
-    system, rng = square(), np.random.default_rng(8)
-    one, other = (sparse.csc_array(rng.normal(size=(120, 1))) for _ in range(2))
-    away, expected = 1e-3 * rng.normal(size=(120, 1)), system.solve(other)
-    found = system.step(one, system.solve(one) + away, other)
-    assert np.abs(found - np.hstack([-away, expected])).max() <= 1e-9 * np.abs(expected).max()
 
 
 def strong_ones(seed: int, sums: sparse.csr_array | None = None) -> Strong:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -43,7 +43,7 @@ from mlsanm_cli.solve.fields import NO_STARTS, Fields, fields_of
 from mlsanm_cli.solve.functionals import cone_ratio, contact_values, plates_turned, quantities, slave_arc
 from mlsanm_cli.solve.limit_loads import at_limit
 from mlsanm_cli.solve.paths import load_path
-from mlsanm_cli.solve.state import Checkpoint, PathStep, Polish, State, output_positions
+from mlsanm_cli.solve.state import Checkpoint, PathStep, State, output_positions
 
 WITH_STRESS = {"stress", "von_mises", "strain"}
 """Fields that need stresses."""
@@ -154,14 +154,13 @@ class SmallStrain(Analysis):
             fields = self._stress_fields(last)
             self._energies = energy_error(built, last, fields)
             self._peaks = boundary_peaks(built, last, fields)
-        polished = [Polish(**one) for one in tally["polished"]]
-        figures = tally["linear_residual"], self._energies, self._peaks, polished
+        figures = tally["linear_residual"], self._energies, self._peaks
         yield from end.checks_of(end.End(built, self._first, last, *figures))
         if note := end.idle_note(built, last):
             context.console.note(note)
         self._adapted = self._estimated(last)
         known = self._adapted.accuracy
-        yield from end.estimates(built, known.figures(built, last), known.from_law, known.missing)
+        yield from end.estimates(built, known.figures(built, last), known.missing)
 
     def _overlaps(self, last: State, fields: Mapping[str, Fields]) -> Iterator[Check]:
         """Overlaps of a path without saved states, at the nodes."""
@@ -271,13 +270,12 @@ class SmallStrain(Analysis):
         return contacts, obstacle_lines(self._built, state)
 
     def tallied(self, tally: Mapping[str, Any], before: State | None, step: PathStep) -> dict[str, Any]:
-        """The largest ratio of tractions to friction limits by contact, and the changes by polishing."""
+        """The largest ratio of tractions to friction limits by contact."""
         cone = dict(tally.get("cone", {}))
         for name in self._built.condensed.tangential:
             ratios = [cone_ratio(self._built, name, state) for state in (step.state, *step.saved)]
             cone[name] = max(cone.get(name, 0.0), *ratios)
-        polished = [] if step.polish is None else [asdict(step.polish)]
-        return {"cone": cone, "polished": [*tally.get("polished", ()), *polished]}
+        return {"cone": cone}
 
     def progress(self, step: PathStep) -> list[str]:
         """Closed nodes and peak pressure."""
@@ -311,8 +309,6 @@ class SmallStrain(Analysis):
         """Numbers of nodes, unknowns and factorisations; passes of the refinement."""
         sizes = super().sizes(tally)
         sizes |= {"linear_residual": tally.get("linear_residual"), "stability": None}
-        if tally.get("polished"):
-            sizes["polish"] = _polish_figures(tally["polished"])
         if self._adapted is None:
             return sizes
         built = self._built
@@ -353,16 +349,6 @@ class SmallStrain(Analysis):
     def limits(self) -> dict[str, Any]:
         """The limits of the checks."""
         return end.limits(self.case, None if self._adapted is None else self._adapted.built)
-
-
-def _polish_figures(levels: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """The largest changes by polishing over all levels, and its cost."""
-    return {
-        "levels": len(levels),
-        "pressure": max(level["pressure"] for level in levels),
-        "traction": max(level["traction"] for level in levels),
-        "factorizations": sum(level["factorizations"] for level in levels),
-    }
 
 
 def _contact(built: CondensedScene, pairing: Pairing, state: State) -> dict[str, Any]:

@@ -52,10 +52,9 @@ class Accuracy:
     ``displacement`` is the relative root mean square error over all nodes; ``from_bulk`` and ``from_contact``
     are relative L2 errors of the pressures, by contact, due to the bodies and to the contact's own spacing;
     None without an estimate. ``bodies`` are the corrected ones in that state, empty if not known; ``largest``
-    is the largest displacement, None if not needed. ``from_law`` is the part
-    of ``displacement`` due to a regularised law with friction, ``deflection`` that known from energies,
-    ``probes`` are errors of displacements at probes, ``forces`` relative ones of the contacts' forces,
-    ``missing`` says why there are no estimates, with a hint.
+    is the largest displacement, None if not needed. ``deflection`` is the part of ``displacement`` known from
+    energies, ``probes`` are errors of displacements at probes, ``forces`` relative ones of the contacts'
+    forces, ``missing`` says why there are no estimates, with a hint.
     """
 
     displacement: float | None
@@ -64,7 +63,6 @@ class Accuracy:
     state: ExactState
     largest: float | None = None
     bodies: Mapping[str, Corrected] = field(default_factory=dict)
-    from_law: float = 0.0
     deflection: float = 0.0
     probes: Mapping[str, float] = field(default_factory=dict)
     forces: Mapping[str, float] = field(default_factory=dict)
@@ -152,24 +150,18 @@ def estimated(
     moved: Callable[[Changes], Moved],
     rough: FloatArray,
     halved: Halved | None,
-    by_law: float = 0.0,
 ) -> Accuracy:
     """The estimates of a ``state``: from the corrections of ``bodies``, by which contacts have ``moved``, of
-    what these may miss, from pressures ``rough`` (m,) without smoothing, from nodal contacts of half as many
-    nodes, and from the sum of squares ``by_law`` of the displacements due to a regularised law."""
+    what these may miss, from pressures ``rough`` (m,) without smoothing, and from nodal contacts of half as
+    many nodes."""
     effects, pressures = _effects(built, bodies, state, moved, halved)
     size = float(sum((one.displacement**2).sum() for one in bodies.values()))
-    squares = effects[DISPLACEMENT] ** 2 + by_law
-    displacement, from_law = (
-        float(np.sqrt(part / size)) if size > 0.0 else None for part in (squares, by_law)
-    )
     return Accuracy(
-        displacement,
+        float(effects[DISPLACEMENT] / np.sqrt(size)) if size > 0.0 else None,
         *_pressure_errors(built, state, pressures, rough, halved),
         state,
         _largest_of([one.displacement for one in bodies.values()]),
         bodies,
-        from_law=from_law or 0.0,
         probes={probe.name: effects["probe", probe.name] for probe in built.scene.probes},
         forces={pairing.name: effects["force", pairing.name] for pairing in built.condensed.pairings},
     )

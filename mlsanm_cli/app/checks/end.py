@@ -25,7 +25,7 @@ from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.solve.coercivity import stability_limit
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.direction_updates import moment_error, turns
-from mlsanm_cli.solve.state import Polish, State
+from mlsanm_cli.solve.state import State
 
 END_DISTANCE = 0.75
 """Distance from an end, in spacings, within which nodes belong to it."""
@@ -53,7 +53,6 @@ class End:
     linear_residual: float
     energies: EnergyErrors
     peaks: Mapping[str, Mapping[str, Any]]
-    polished: Sequence[Polish]
 
     @property
     def case(self) -> Case:
@@ -305,18 +304,6 @@ def no_pressure(end: End) -> Iterator[Check]:
     )
 
 
-def polish(end: End) -> Iterator[Check]:
-    """Change of a regularised solution by the exact laws."""
-    change = max((one.overall for one in end.polished), default=0.0)
-    yield Check(
-        "polish",
-        change,
-        f"polishing changed contact pressures or tractions by up to {100 * change:.2g} % overall; between "
-        f"the saved levels the path deviates as much from the exact laws",
-        "lower contact.regularization.eta",
-    )
-
-
 COMMON: Sequence[Callable[[Ended], Iterator[Check]]] = (balance, work, single_nodes)
 """Checks of a completed path at either strain."""
 
@@ -325,7 +312,7 @@ END: Sequence[Callable[[End], Iterator[Check]]] = (
     *(linear_residual, pressed_spacings, initial_overlap, contact_end, peak_pressure, strain, transfer),
     *COMMON,
     *(peak_stress, held_motion, lambda end: body_rotation(end.built, end.last)),
-    *(no_pressure, polish),
+    no_pressure,
 )
 """Checks of a completed path at small strain."""
 
@@ -370,24 +357,12 @@ def idle_note(built: CondensedScene, state: State) -> str:
     )
 
 
-def estimates(
-    built: CondensedScene, figures: Mapping[str, Any], from_law: float, missing: str
-) -> Iterator[Check]:
-    """Estimated errors at small strain, or why they are ``missing``; ``from_law`` is the part of the
-    displacements due to a regularised law."""
+def estimates(built: CondensedScene, figures: Mapping[str, Any], missing: str) -> Iterator[Check]:
+    """Estimated errors at small strain, or why they are ``missing``."""
     if figures["displacement"] is None and missing:
         yield Check("missing_estimates", 1.0, f"errors are not estimated: {missing}")
         return
-    law = Check(
-        "law_error",
-        from_law,
-        f"the regularised contact law accounts for {100 * from_law:.2g} % of the displacements, because "
-        f"lightly loaded bodies float on it",
-        'use contact.regularization.law = "exact", or a lower contact.regularization.eta',
-    )
-    yield law
-    if law.outcome == "passed":
-        yield from displacement_estimate(built.case, figures)
+    yield from displacement_estimate(built.case, figures)
     for pairing in built.condensed.pairings:
         name = pairing.name
         if name in figures.get("force", {}):
@@ -457,4 +432,4 @@ def limits(case: Case, built: CondensedScene | None) -> dict[str, Any]:
         "force": {one.name: level("force_error") for one in pairings},
         "probes": dict.fromkeys(built.condensed.probes, displacement),
     }
-    return found | {"stability": stability_limit(case, built.ends), "estimates": estimates}
+    return found | {"stability": stability_limit(built.ends), "estimates": estimates}

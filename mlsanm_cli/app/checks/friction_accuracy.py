@@ -15,7 +15,7 @@ from mlsanm_cli.app.checks.accuracy import (
     has_nodal_pressures,
 )
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.complementarity.problem import STICK, ContactStatus
+from mlsanm_cli.contact.complementarity.problem import STICK
 from mlsanm_cli.contact.laws.accuracy import (
     Changes,
     frozen_change,
@@ -23,8 +23,6 @@ from mlsanm_cli.contact.laws.accuracy import (
     roughness_of,
 )
 from mlsanm_cli.contact.laws.active_set import ExactState
-from mlsanm_cli.contact.laws.coulomb import CoulombState, increment
-from mlsanm_cli.contact.laws.linearised import ContactSolution
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.memo import Memo
@@ -46,10 +44,8 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo:
     try:
         bodies = corrected_bodies(built, state.unknowns, memo)
         rough = _moved(built, last, roughness_of(condensed, built.scene, bodies))[1]
-        smooth = built.case.touching[0].regularization.law != "exact"
-        by_law = _smoothed(built, state) if smooth else 0.0
         halved = _halved(built, last)
-        return estimated(built, last, bodies, lambda by: _moved(built, last, by), rough, halved, by_law)
+        return estimated(built, last, bodies, lambda by: _moved(built, last, by), rough, halved)
     except NumericalError as error:  # a cloud too small for the next degree, or a singular contact
         return replace(accuracy, missing=error.advice)
 
@@ -62,26 +58,6 @@ def _moved(built: CondensedScene, state: ExactState, by: Changes) -> Moved:
     stuck = state.stuck[condensed.friction_nodes]
     change = frozen_change(condensed, state.pressure, state.traction, gaps, state.active, stuck, by)
     return change.motion, change.pressure, change.traction
-
-
-def _smoothed(built: CondensedScene, state: State) -> float:
-    """Sum of squares of the change of all displacements by the exact laws, in one increment from the
-    ``state`` at its load; 0 if there is no solution. Lightly pressed bodies float on the gap of the
-    regularised law."""
-    condensed = built.condensed
-    stuck = state.status[condensed.friction_nodes] == STICK
-    slides = state.closed[condensed.friction_nodes] & ~stuck
-    sets = ContactStatus(state.closed, stuck, np.where(slides, np.sign(state.traction), 0.0))
-    values = ContactSolution(state.pressure, state.traction, state.motion, state.gap, state.slip)
-    start = CoulombState(state.factors, values, sets, state.slip, state.work)
-    try:
-        exact = increment(condensed, start, state.factors)[0].values
-    except NumericalError:
-        return 0.0
-    before, after = state.unknowns, (state.factors, exact.motion, exact.pressure, exact.traction)
-    moved = tuple(one - other for one, other in zip(after, before, strict=True))
-    changes = (condensed.displacement(built.scene, name, moved) for name in built.scene.bodies)
-    return float(sum((change**2).sum() for change in changes))
 
 
 def _halved(built: CondensedScene, state: ExactState) -> Halved | None:

@@ -44,7 +44,6 @@ MODEL: Mapping[str, Limit] = {
     "reentrant_corners": Limit(ANY, None, "sharp corners that point into the material of a body"),
     "plane_stiffness": Limit(ANY, None, "materials whose stress out of the plane is not known"),
     "friction_coefficient": Limit(4.0, None, "coefficient of friction; that of rubber is up to 4"),
-    "holonomic_reversal": Limit(ANY, None, "loads that reverse, with a friction law without memory"),
     "refinement_pass": Limit(ANY, None, "passes of a refinement that failed; results are those before it"),
 }
 """Checks of the model, before the path."""
@@ -84,10 +83,8 @@ END: Mapping[str, Limit] = {
     "held_motion": Limit(0.01, None, "part of a contact force along a motion that is fixed at 0"),
     "limit_load": Limit(0.01, None, "part of a limit load from contacts that do not move as they should"),
     "no_pressure": Limit(ANY, None, "scenes without contact pressure at the end of any stage"),
-    "polish": Limit(0.1, None, "relative change of pressures or tractions by polishing"),
     "missing_estimates": Limit(ANY, None, "missing error estimates"),
     "displacement_error": Limit(0.02, None, "estimated error of displacements, of the whole or at a probe"),
-    "law_error": Limit(0.02, None, "part of the displacements due to the regularised contact law"),
     "force_error": Limit(0.005, None, "estimated error of a contact force over the sum of its pressures"),
     "pressure_error": Limit(0.02, None, "estimated error of frictionless pressures on contact grids (L2)"),
     "rough_pressure_error": Limit(0.05, None, "estimated error of pressures with friction or on nodes (L2)"),

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -294,8 +293,7 @@ def materials(model: Quality) -> Iterator[Check]:
 
 
 def friction(model: Quality) -> Iterator[Check]:
-    """Coefficients and laws of friction."""
-    reversing = [load.name for load in model.case.load if _reverses(model.case, load.name)]
+    """Coefficients of friction."""
     for contact in model.case.touching:
         place = f"contact {contact.name}"
         if isinstance(contact.friction, float):
@@ -306,23 +304,6 @@ def friction(model: Quality) -> Iterator[Check]:
                 f"if it is a percentage, use {contact.friction / 100.0:g}",
                 place,
             )
-        if contact.friction and contact.regularization.friction_law == "holonomic" and reversing:
-            yield Check(
-                "holonomic_reversal",
-                len(reversing),
-                f"{place}: the holonomic friction law has no memory, but load {reversing[0]} reverses",
-                'use friction_law = "memory"',
-                place,
-            )
-
-
-def _reverses(case: Case, load: str) -> bool:
-    """Whether a load's factor both grows and falls along the stages."""
-    factors = [0.0]
-    for stage in case.stage:
-        factors.append(stage.get(load, factors[-1]))
-    changes = [after - before for before, after in pairwise(factors)]
-    return max(changes) > 0.0 > min(changes)
 
 
 MODEL: Sequence[Callable[[Quality], Iterator[Check]]] = (

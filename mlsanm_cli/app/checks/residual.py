@@ -70,11 +70,9 @@ def residual_zones(
 def _residual(body: ElasticBody, defect: Defect) -> FloatArray:
     """Residual times spacing (n,), with its square averaged over the stencil of each node."""
     cloud, stencils = body.model.cloud, body.model.stencils
-    # Ghost points stand for their boundary nodes.
-    point = np.concatenate([np.arange(len(cloud.points)), body.model.ghosts])[stencils.indices]
     scale = body.model.material.modulus
     square = (defect.stress**2 * np.array([1.0, 1.0, 2.0])).sum(axis=1) / scale**2
-    mean = np.add.reduceat(square[point], stencils.indptr[:-1]) / np.diff(stencils.indptr)
+    mean = np.add.reduceat(square[stencils.indices], stencils.indptr[:-1]) / np.diff(stencils.indptr)
     result: FloatArray = np.sqrt(mean) * cloud.spacing * corner_weight(cloud, body.restrained, body.springs)
     return result
 

@@ -14,9 +14,6 @@ from mlsanm_cli.solve.direction_updates import turned_by_loads
 from mlsanm_cli.solve.stage_ends import passing_error, reach_error
 from mlsanm_cli.solve.state import State
 
-ETA_SHARE = 1e-3
-"""Excess of tractions of regularised laws over their friction limits, relative to eta, their own error."""
-
 
 def residual(built: CondensedScene, state: State) -> Iterator[Check]:
     """The residual of the contact problem."""
@@ -36,21 +33,21 @@ def finite(built: CondensedScene, state: State) -> Iterator[Check]:
 
 
 def friction_limit(built: CondensedScene, state: State) -> Iterator[Check]:
-    """Tractions beyond the friction limit; holonomic laws may exceed it by mu eta."""
+    """Tractions beyond the friction limit; regularised laws may exceed it by mu eta."""
     condensed = built.condensed
-    if not len(condensed.friction_nodes) or built.is_holonomic:
+    if not len(condensed.friction_nodes):
         return
     limit = condensed.friction * np.maximum(state.pressure[condensed.friction_nodes], 0.0)
     beyond = float((np.abs(state.traction) - limit).max())
     peak = max(float(end.pressure.max()) for end in built.ends)
-    laws = [contact.regularization for contact in built.case.touching if contact.friction]
-    smooth = max((law.eta for law in laws if law.law == "hyperbolic"), default=0.0)
+    rough = [contact for contact in built.case.touching if contact.regularization.law != "exact"]
+    smooth = max((contact.coefficient * contact.regularization.eta for contact in rough), default=0.0)
     yield Check(
         "friction_limit",
         max(beyond / peak, 0.0) if peak > 0.0 else beyond,
         f"a traction is beyond the friction limit at position {state.position:.6g}",
         'lower solver.tolerance, or use contact.regularization.law = "exact"',
-        fails=max(level("friction_limit"), ETA_SHARE * smooth),
+        fails=max(level("friction_limit"), smooth),
     )
 
 

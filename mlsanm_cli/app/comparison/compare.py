@@ -42,7 +42,6 @@ from mlsanm_cli.solve.state import State
 SHARED_PHASES = ("cloud", "operators")
 CONDENSED_PHASES = ("factorization", "condensation")
 """Set-up phases of all methods, and of condensed methods only."""
-MONOLITHIC_FORMULATION = 'solver.formulation="monolithic"'
 
 
 @dataclass(frozen=True)
@@ -133,10 +132,8 @@ def _compare(
 
     methods = chosen_methods(loaded.case, options.methods)
     cases = list(map(case_of, methods))
-    # The monolithic formulation has nodal pressures, which all methods must share.
-    monolithic = (MONOLITHIC_FORMULATION,) if any(method.is_monolithic for method in methods) else ()
-    # Contact grids are refined for the levels of the case, not for the additional ones.
-    shared, warnings = changed(*monolithic), list[str]()
+    # All methods share the nodal pressures of the regularised law.
+    shared, warnings = changed(*methods[0].changes), list[str]()
     prepared = build_scene(shared, context)
     verdicts = Verdicts(lambda check: warnings.append(check.text))
     announce(shared.case, prepared, context, verdicts)
@@ -169,9 +166,7 @@ def _refuse(case: Case, options: CompareOptions) -> None:
     if options.analytic and case.reference is None:
         raise RunError("--analytic: the case names no reference", "add [reference] with its solution")
     if len(chosen_methods(case, options.methods)) == 1 and not options.analytic:
-        raise RunError(
-            "no method to compare with ANM", "add --newton, --active-set, --monolithic or --analytic"
-        )
+        raise RunError("no method to compare with ANM", "add --newton, --active-set or --analytic")
 
 
 def _levels(case: Case, count: int) -> list[float]:
@@ -185,7 +180,7 @@ def _levels(case: Case, count: int) -> list[float]:
 def _checked(built: CondensedScene, last: State) -> Iterator[Check]:
     """Checks of the ``last`` state of ANM."""
     fields, _ = fields_of(built, [last], stress=True)[0]
-    done = End(built, None, last, 0.0, energy_error(built, last, fields), {}, ())
+    done = End(built, None, last, 0.0, energy_error(built, last, fields), {})
     for check in (pressed_spacings, balance, work):
         yield from check(done)
 
@@ -224,9 +219,9 @@ def _figures(
     case_of: Callable[[Method], Case],
 ) -> dict[str, Any]:
     """One method as in comparison.json."""
-    sparse = row.method.is_monolithic
-    phases = SHARED_PHASES if sparse else (*SHARED_PHASES, *CONDENSED_PHASES)
-    condensed = None if sparse else (len(built.scene.bodies), built.condensed.solves)
+    exact = row.method.is_exact
+    phases = (*SHARED_PHASES, *CONDENSED_PHASES) if exact else SHARED_PHASES
+    condensed = (len(built.scene.bodies), built.condensed.solves) if exact else None
     found = row.row(sum(clock.seconds[phase] for phase in phases), condensed)
     if not row.done:
         return found
@@ -255,7 +250,7 @@ def _errors_by_law(
 ) -> tuple[float, float]:
     """L2 errors of the regularised law with larger parameters (0 if that fails) and with those of the
     case."""
-    smooth, exact = (against, row) if row.law.startswith("exact") else (row, against)
+    smooth, exact = (against, row) if row.law == "exact" else (row, against)
     method = method_of(built.case, smooth.method.name, SOFTER)
     softer = measure(built, method, case_of(method))
     before = surface_error(built, softer.states, exact.states) if softer.done else 0.0

@@ -17,8 +17,7 @@ from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import PathStep
 
-ANM, NEWTON, ACTIVE_SET, POLISHED = "anm", "newton", "active-set", "anm polished"
-MONOLITHIC = " monolithic"
+ANM, NEWTON, ACTIVE_SET = "anm", "newton", "active-set"
 
 
 @dataclass(frozen=True)
@@ -29,9 +28,9 @@ class Method:
     changes: tuple[str, ...]
 
     @property
-    def is_monolithic(self) -> bool:
-        """Whether the displacements of the bodies are among its unknowns."""
-        return self.name.endswith(MONOLITHIC)
+    def is_exact(self) -> bool:
+        """Whether it solves the exact law, on the condensed system."""
+        return self.name == ACTIVE_SET
 
 
 def method_of(case: Case, name: str, softer: float = 1.0) -> Method:
@@ -44,43 +43,16 @@ def method_of(case: Case, name: str, softer: float = 1.0) -> Method:
             for contact in case.touching
             for key in (("eta", "stick") if contact.friction else ("eta",))
         ]
-    formulation = "monolithic" if name.endswith(MONOLITHIC) else "condensed"
-    solver = name.removesuffix(MONOLITHIC)
-    changes += [
-        f'solver.method="{ANM if solver == POLISHED else solver}"',
-        f'solver.formulation="{formulation}"',
-        f"solver.polish={'true' if solver == POLISHED else 'false'}",
-    ]
-    return Method(name, tuple(changes))
+    if law == "exact":
+        changes.append('solver.formulation="condensed"')
+    return Method(name, (*changes, f'solver.method="{name}"'))
 
 
 def chosen_methods(case: Case, asked: Iterable[str]) -> tuple[Method, ...]:
     """ANM, the methods ``asked`` for, and that of the case, in the order of the table. ``asked`` may contain
-    "newton", "active-set" and "monolithic", which applies to all regularised methods."""
-    wanted = {ANM, *asked, *_own(case)}
-    names = [name for name in (ANM, NEWTON) if name in wanted]
-    if "monolithic" in wanted:
-        names += [f"{name}{MONOLITHIC}" for name in names]
-    names += [name for name in (POLISHED, ACTIVE_SET) if name in wanted]
-    return tuple(method_of(case, name) for name in names)
-
-
-def _own(case: Case) -> Iterator[str]:
-    if case.touching and case.touching[0].regularization.law == "exact":
-        yield ACTIVE_SET
-    if case.solver.polish is True:
-        yield POLISHED
-    yield case.solver.method
-    yield case.solver.formulation
-
-
-def law_of(case: Case) -> str:
-    """The law that the states at the levels satisfy; states of the same law differ by tolerances only."""
-    regular = case.touching[0].regularization
-    holonomic = any(c.friction and c.regularization.friction_law == "holonomic" for c in case.touching)
-    if regular.law == "exact" or case.polished:
-        return "exact holonomic" if holonomic else "exact"
-    return "holonomic" if holonomic else "hyperbolic"
+    "newton" and "active-set"."""
+    wanted = {ANM, *asked, case.solver.method if case.is_regularized else ACTIVE_SET}
+    return tuple(method_of(case, name) for name in (ANM, NEWTON, ACTIVE_SET) if name in wanted)
 
 
 @dataclass
@@ -134,7 +106,7 @@ def measure(built: CondensedScene, method: Method, case: Case, repeat: int = 1) 
         for state in (step.state, *step.saved):
             verdicts.judge(checks_of(chosen, state))
 
-    return measure_path(method, law_of(case), lambda: load_path(chosen), repeat, check)
+    return measure_path(method, case.touching[0].regularization.law, lambda: load_path(chosen), repeat, check)
 
 
 def measure_path(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.app.comparison.differences import surface_error
-from mlsanm_cli.app.comparison.measure import ACTIVE_SET, POLISHED, Measured, Method, measure, method_of
+from mlsanm_cli.app.comparison.measure import ACTIVE_SET, Measured, Method, measure, method_of
 from mlsanm_cli.case import Case
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.plots.curves import Curve, Panel, Picture, draw
@@ -32,29 +32,26 @@ def precision_curves(
     the case of a method. A method that fails at some eta has no point there; there are no points if the exact
     law has no states."""
     case = built.case
-    exact = next((row for row in rows if row.done and row.law.startswith("exact")), None)
+    exact = next((row for row in rows if row.done and row.method.is_exact), None)
 
     def measured(name: str, factor: float = 1.0) -> Measured:
         method = method_of(case, name, factor)
         return measure(built, method, case_of(method))
 
-    # Without an exact method the polished ANM has states of the exact law, unless it fails.
-    of_law = measured(POLISHED) if exact is None else exact
+    of_law = measured(ACTIVE_SET) if exact is None else exact
     if not of_law.done:
         return {"smooth": {}, "exact": None}
     eta = max(contact.regularization.eta for contact in case.touching)
     smooth = {}
     for row in rows:
-        if row.law.startswith("exact"):
+        if row.method.is_exact:
             continue
-        factors = () if row.method.is_monolithic else ETA_FACTORS
-        points = [(f * eta, measured(row.method.name, f)) for f in factors if f * eta <= MAX_ETA]
+        points = [(f * eta, measured(row.method.name, f)) for f in ETA_FACTORS if f * eta <= MAX_ETA]
         points.append((eta, row))
         smooth[row.method.name] = [
             _point(built, of_law.states, value, one) for value, one in points if one.done
         ]
-    own = exact if exact is not None and exact.method.name == ACTIVE_SET else None
-    cost = own and {"seconds": own.seconds, "factorizations": own.factorizations}
+    cost = exact and {"seconds": exact.seconds, "factorizations": exact.factorizations}
     return {"smooth": smooth, "exact": cost}
 
 

@@ -36,15 +36,11 @@ MAX_ITERATIONS = 14
 MIN_INCREMENT = 1e-5
 MAX_FAILED = 3
 """Failed increments after which equations renewed just before keep the residual of their state, as no state
-near it solves them: a bulb seal dragged by its door stopped at a fifth of the way, next to the corner that it
-is clamped in."""
-
+near it solves them."""
 RENEWAL_ANGLE = 0.5
-"""Rotation of a body (radian) relative to the expansion point above which the equations rotate with it: with
-those of the undeformed state a wheel cannot roll by more than a right angle."""
+"""Rotation of a body (radian) relative to the expansion point above which the equations rotate with it."""
 MAX_STRETCH = 1.6
-"""Largest stretch of a node in an increment relative to the expansion point: 1.7 reduced the stability of
-half a disk under a plate from 0.84 to -0.03."""
+"""Largest stretch of a node in an increment relative to the expansion point."""
 
 
 def contact_path(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
@@ -17,17 +18,16 @@ from mlsanm_cli.continuation.roots import root
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.body import far_from
 from mlsanm_cli.mechanics.finite.problem import FiniteProblem
+from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State
 
 MAX_UPDATES = 25
 """Largest number of updates with the factor of the new equations that correct a state; each leaves about a
 fifth."""
-UNLIMITED = 1_000_000
 WORK_PARTS = 8
-"""Parts of a step of power series over which work is integrated: by its ends alone it was 0.7 % off for a
-column with two spacings across, bent beyond a right angle, that was 9 % too stiff."""
-SAME_LEVEL, SAME_STATE = 1e-12, 1e-3
-"""Load factors, and displacements over the scene's length, of one state as two paths find it."""
+"""Parts of a step of power series over which work is integrated by the trapezoidal rule."""
+SAME_STATE = 1e-3
+"""Largest distance of the states that two paths find at a load factor, over the typical displacement."""
 LIMIT_SAMPLES = 65
 """Points of a step at which the slope of the load factor is evaluated to find limit points."""
 
@@ -173,7 +173,7 @@ class _Stage:
             return False
         if self._renewals is None:
             return far_from(self.problem.projector.body, x, self.problem.projector.base_state)
-        if not self._renewals or abs(lam - self._renewal_level()[0]) > SAME_LEVEL:
+        if not self._renewals or abs(lam - self._renewal_level()[0]) > FINE_ROUND_OFF:
             return False
         # A path that turns back passes a load factor more than once.
         apart = np.abs(x - self._renewals[0].displacement).max()
@@ -257,8 +257,8 @@ def _options(scene: FiniteScene) -> AnmOptions | NewtonOptions:
     """Options of the case's method; steps are counted over the whole path, not here."""
     solver = scene.case.solver
     if solver.method == "newton":
-        return NewtonOptions(tolerance=solver.tolerance, max_steps=UNLIMITED, control="arc-length")
-    return AnmOptions(order=solver.order, tolerance=solver.tolerance, pade=solver.pade, max_steps=UNLIMITED)
+        return NewtonOptions(tolerance=solver.tolerance, max_steps=sys.maxsize, control="arc-length")
+    return AnmOptions(order=solver.order, tolerance=solver.tolerance, pade=solver.pade, max_steps=sys.maxsize)
 
 
 def _turns(branch: Branch, stage: int) -> tuple[tuple[float, bool], ...]:

@@ -31,8 +31,7 @@ from mlsanm_cli.errors import CaseError, NumericalError
 MAX_RUNS = 4
 """Largest number of repeated runs."""
 FORCE_ERROR = 0.2
-"""Error of a contact's force times the square of its number of nodes, as its ends are known to its nodes:
-forces of half a disk on a block are 0.85 % off with 5 nodes, 0.14 % with 11."""
+"""Error of a contact's force times the square of its number of nodes, as its ends are known to its nodes."""
 MAX_NODES, COARSENING = 5000, 1.5
 """Largest number of nodes of a refined scene, and the factor by which spacings are increased until it has no
 more."""

@@ -25,7 +25,7 @@ from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.law import Law
-from mlsanm_cli.mechanics.finite.loads import FollowerPressure, Loads
+from mlsanm_cli.mechanics.finite.loads import Loads
 from mlsanm_cli.mechanics.finite.projector import NO_ROWS, Projector, weights_of
 from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.operators.linear.interface import LinearSolver
@@ -36,9 +36,7 @@ TOUCH_TOLERANCE = 0.01
 """Initial gap to an obstacle, relative to the length of a node, below which the node touches."""
 END_WEIGHT, END_NODES = 0.3, 4
 """Weight of the tractions near the ends of sides that friction holds up to their corners, relative to others,
-and number of their nodes. Their error, where stresses are singular, would move the whole body: blocks with
-friction on their whole top, compressed by 30 % with nu = 0.44 or sheared by a fifth, swayed when their
-equations were renewed, and stopped at 0.46 to 0.9 of the path."""
+and number of their nodes. Their error, where stresses are singular, would move the whole body."""
 
 
 @dataclass(frozen=True)
@@ -248,7 +246,7 @@ def _loads(case: Case, prepared: SceneModel, name: str, body: ElasticBody) -> Lo
     count = len(case.moved)
     sources = np.zeros((body.rows, count))
     tractions: dict[str, FloatArray] = {}
-    pressing: list[FollowerPressure] = []
+    pressing: dict[str, tuple[FloatArray, FloatArray]] = {}
     for load in prepared.acting.surface_loads:
         if load.body != name:
             continue
@@ -256,9 +254,13 @@ def _loads(case: Case, prepared: SceneModel, name: str, body: ElasticBody) -> Lo
         if isinstance(given, Pressure) and given.follows:
             assert load.between is not None
             normals = surface.curve.normals(Halves.of(surface, FINE).arc)
-            nodal = -(load.values * surface.normal).sum(axis=1)
-            between = -(load.between * normals).sum(axis=1)
-            pressing.append(FollowerPressure(load.number, load.surface, nodal, between))
+            both = pressing.setdefault(
+                load.surface, (np.zeros((len(load.values), count)), np.zeros((len(normals), count)))
+            )
+            for whole, traction, normal in zip(
+                both, (load.values, load.between), (surface.normal, normals), strict=True
+            ):
+                whole[:, load.number] -= (traction * normal).sum(axis=1)
             continue
         sources[:, load.number] += body.source(load.surface, load.values, load.held)
         if load.between is not None:
@@ -273,4 +275,4 @@ def _loads(case: Case, prepared: SceneModel, name: str, body: ElasticBody) -> Lo
     alpha = material_of(case, name).alpha
     expansion = alpha if isinstance(alpha, float) else 0.0
     warming = tuple(heat for heat in prepared.acting.heatings if heat.body == name and expansion)
-    return Loads(count, sources, tractions, force, tuple(pressing), warming=warming, expansion=expansion)
+    return Loads(count, sources, tractions, force, pressing, warming=warming, expansion=expansion)

@@ -82,13 +82,7 @@ def fields_at(
 ) -> Iterator[tuple[Quantities, str]]:
     """Displacement, stress and von Mises stress of a body at ``points`` (e, 2), at finite strain of Cauchy's
     stress, and their origin, at levels with saved displacements: values and derivatives of the local
-    polynomials of the run's degree, fitted to the nodal displacements. Not for the ghost scheme, whose ghosts
-    are not stored. Raises RunError for points outside."""
-    if case.mls.scheme == "ghost":
-        raise RunError(
-            "the ghosts of the ghost scheme, needed for values between nodes, are not stored",
-            "run again with a [[probe]] at the point",
-        )
+    polynomials of the run's degree, fitted to the nodal displacements. Raises RunError for points outside."""
     saved = [displacement_at(run, level, body) for level in levels]
     stencils = _stencils_at(run, case, body, points)
     if run.is_finite:
@@ -101,7 +95,7 @@ def fields_at(
             yield fields_at(law, stencils.derivatives(displacement), warm), how
         return
     of_nodes = partial(_stencils_at, run, case, body, run.bodies[body].points)
-    rows = point_rows(stencils, _material(case, body), stencils, of_nodes)
+    rows = point_rows(stencils, _material(case, body), of_nodes)
     free = stress_of_expansion(_material(case, body))
     for level, (displacement, how) in zip(levels, saved, strict=True):
         values = (rows @ displacement.ravel()).reshape(5, -1).T

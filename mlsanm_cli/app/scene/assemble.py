@@ -83,10 +83,9 @@ def mls_settings(case: Case, low: bool = False) -> MlsSettings:
     asked = neighbors if isinstance(neighbors, int) else None
     if degree == "auto":
         few = asked is not None and asked < MIN_HIGH_NEIGHBORS
-        low = low or few or case.mls.scheme != "least-squares"
-        degree = LOW_DEGREE if low else HIGH_DEGREE
+        degree = LOW_DEGREE if low or few else HIGH_DEGREE
     # Corner singularities are known for small strains only.
-    return MlsSettings(degree, asked, case.mls.scheme, corners=small, narrow=small)
+    return MlsSettings(degree, asked, corners=small, narrow=small)
 
 
 def prepare(
@@ -187,15 +186,14 @@ def _model(
     settings = mls_settings(case, low)
     if known and known.cloud.content == cloud.content and known.settings.degree == settings.degree:
         return known
-    clamped = sorted(surface for surface, sides in held.items() if all(sides))
     # Errors are estimated at a higher degree; with friction the path would have to be repeated.
     known_next = case.mls.degree == "auto" or case.mls.degree in DEGREES
     ahead = known_next and not any(one.friction for one in case.touching)
     foresight = next_degree(settings, material).stencil_size if ahead else 0
     return memo.value(
         "model",
-        model_key(name, cloud, material, settings, clamped),
-        partial(BodyModel.build, name, cloud, material, settings, clamped, foresight),
+        model_key(name, cloud, material, settings),
+        partial(BodyModel.build, name, cloud, material, settings, foresight),
     )
 
 

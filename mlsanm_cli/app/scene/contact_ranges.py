@@ -41,7 +41,7 @@ def contact_ranges(
 ) -> dict[str, ContactRange]:
     """The contacts that may have contact grids, by name: none on surfaces that are ``held`` or have
     springs."""
-    if case.mls.scheme != "least-squares" or case.solver.formulation != "condensed":
+    if case.is_regularized:
         return {}
     touching: dict[str, set[str]] = {name: set() for name in models}
     for pairing in pairings:

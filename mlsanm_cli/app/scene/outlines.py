@@ -119,11 +119,10 @@ def _read(shape: FileShape) -> ImportedGeometry:
         points = mesh.points
         loops = boundary_loops(points, mesh.rings, mesh.lines, mesh.names, mesh.node_sets)
     else:
-        table = read_points(path)
-        points, normals = table.points, table.normals
-        nodes = TaggedNodes(points, table.tags, table.places)
+        nodes = TaggedNodes(*read_points(path))
+        points, normals = nodes.points, nodes.normals
         loops = tagged_loops(nodes)
-        check_normals(nodes, loops, normals)
+        check_normals(nodes, loops)
     chords = [np.hstack([p, np.roll(p, -1, axis=0)]) for p in (points[loop.nodes] for loop in loops)]
     crossing = first_crossing(np.concatenate(chords))
     if crossing is not None:

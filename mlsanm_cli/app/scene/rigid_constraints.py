@@ -117,14 +117,10 @@ def _floating(
         free = free_motions(clouds[body.name], held[body.name], held_nodes[body.name], springs[body.name])
         if not free.components:
             continue
-        if case.solver.formulation == "monolithic":
-            message = f"body {body.name} is held by contact only, which needs the condensed formulation"
-            hint = 'use "condensed", or fix the body with a [[support]]'
-            raise CaseError((CaseProblem("solver.formulation", message, hint=hint),))
-        if case.mls.scheme != "least-squares":
-            message = f"body {body.name} is held by contact only, which needs the scheme least-squares"
-            hint = 'use "least-squares", or fix the body with a [[support]]'
-            raise CaseError((CaseProblem("mls.scheme", message, hint=hint),))
+        if case.is_regularized:
+            message = f"body {body.name} is held by contact only, which needs the exact contact law"
+            hint = 'use "exact", or fix the body with a [[support]]'
+            raise CaseError((CaseProblem("contact.regularization.law", message, hint=hint),))
         still = np.zeros(len(case.moved))
         motions = tuple(mechanics.RigidMotion(component, None, still) for component in free.components)
         yield mechanics.RigidConstraint(body.name, (body.name,), free.center, motions)

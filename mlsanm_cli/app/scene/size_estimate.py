@@ -43,7 +43,7 @@ def estimate(case: Case) -> Estimate:
 
 def _solver(case: Case) -> str:
     """The solver of the systems of the bodies."""
-    return "superlu" if mls_settings(case).square or case.model.strain == "finite" else case.solver.linear
+    return "superlu" if case.model.strain == "finite" else case.solver.linear
 
 
 def _memory_mb(nodes: Mapping[str, float], stencil: int, solver: str) -> float:
@@ -152,7 +152,7 @@ def cpu_seconds(case: Case, prepared: SceneModel) -> float:
     }
     settings = mls_settings(case)
     stencil = settings.stencil_size / REFERENCE_STENCIL
-    solver = "superlu" if settings.square else case.solver.linear
+    solver = case.solver.linear
     slow = SLOW[solver]
     columns = [count + len(case.load) for count in touching.values()]
     if solver == "auto":

@@ -16,9 +16,9 @@ SAMPLES = 33
 
 
 def line_of(case: Case) -> SymmetryLine | None:
-    """The symmetry line of all bodies, None if there is none. Not used with friction or schemes other than
-    least squares: there asymmetric errors cancel in part, and results are better."""
-    if case.mls.scheme != "least-squares" or any(contact.friction for contact in case.contact):
+    """The symmetry line of all bodies, None if there is none. Not used with friction: there asymmetric
+    errors cancel in part, and results are better."""
+    if any(contact.friction for contact in case.contact):
         return None
     if any(isinstance(body.shape, Mesh | Points) and not body.has_nodes for body in case.body):
         return None

@@ -81,14 +81,9 @@ class Case(Section):
         return tuple(contact for contact in self.contact if not contact.bonded)
 
     @property
-    def polished(self) -> bool:
-        """Whether saved load levels are solved again with the exact laws."""
-        if self.solver.polish != "auto":
-            return self.solver.polish
-        first = self.touching[0].regularization if self.touching else None
-        if first is None or first.law == "exact" or self.solver.formulation == "monolithic":
-            return False
-        return not any(c.friction and c.regularization.friction_law == "memory" for c in self.touching)
+    def is_regularized(self) -> bool:
+        """Whether the contacts have the regularised law."""
+        return any(contact.regularization.law != "exact" for contact in self.touching)
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
         yield from condition_faults(scope)

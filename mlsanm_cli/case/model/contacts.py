@@ -86,16 +86,13 @@ class Regularization(Section):
 
     law: Literal["exact", "hyperbolic"] = "exact"
     """Exact Signorini and Coulomb conditions, or the regularised contact law (a smooth hyperbola), required
-    by power series; the same in all contacts. Hyperbolic by default if another parameter of this table,
-    `solver.method` `"anm"` or `"newton"`, the monolithic formulation or `solver.polish = true` requires it;
-    always exact at finite strain."""
+    by power series and Newton-Raphson; the same in all contacts. Hyperbolic by default if another parameter
+    of this table, `solver.method` `"anm"` or `"newton"` or the monolithic formulation requires it; not with
+    bonds, obstacles, interference, bodies held by contact only, or at finite strain."""
     eta: Annotated[Positive, NUMBER] = 1e-4
     """Regularisation parameter of the hyperbolic law, relative to the largest pressure."""
     stick: Annotated[Positive, NUMBER] = 1e-4
     """Slip at the onset of sliding, relative to the largest slip at full sliding (hyperbolic law only)."""
-    friction_law: Literal["memory", "holonomic"] = "memory"
-    """History-dependent friction, or holonomic friction that depends on the total slip only (hyperbolic law,
-    monotonic loading); the same in all contacts."""
 
 
 class Contact(BoundaryPart):
@@ -187,26 +184,20 @@ class Contact(BoundaryPart):
             yield Fault((), f'the same two boundaries as contact "{other.name}"')
 
     def _law_faults(self, scope: Scope) -> Iterator[Fault]:
-        """All contacts have one law, and one friction law."""
+        """All contacts have one law, the hyperbolic one between elastic bodies drawn without overlap."""
         if self.bonded:
             return
-        law, first = self.regularization, scope.case.touching[0].regularization
-        if law.law != first.law:
-            message = f'"{law.law}" here, "{first.law}" in another contact'
+        law, first, key = self.regularization.law, scope.case.touching[0].regularization.law, "regularization"
+        if law != first:
+            message = f'"{law}" here, "{first}" in another contact'
             hint = "use one law in all contacts; mixed laws are not supported yet"
-            yield Fault(("regularization", "law"), message, hint)
-        if not self.friction:
+            yield Fault((key, "law"), message, hint)
+        if law == "exact":
             return
-        first = next(one.regularization for one in scope.case.touching if one.friction)
-        if law.friction_law != first.friction_law:
-            message = f'"{law.friction_law}" here, "{first.friction_law}" in another contact'
-            yield Fault(("regularization", "friction_law"), message, "use one friction law in all contacts")
-        if law.friction_law == "holonomic" and law.law == "exact":
-            message, hint = (
-                "holonomic friction needs the hyperbolic law",
-                'law = "hyperbolic", or friction_law = "memory"',
-            )
-            yield Fault(("regularization", "friction_law"), message, hint)
+        if self.obstacle is not None or self.interference is not None:
+            yield Fault((key, "law"), "obstacles and interference need the exact law", 'law = "exact"')
+        for bond in [contact.name for contact in scope.case.contact if contact.bonded]:
+            yield Fault((key, "law"), f"bonds (contact {bond}) need the exact law", 'law = "exact"')
 
     def _finite_faults(self, scope: Scope) -> Iterator[Fault]:
         law = self.regularization.law

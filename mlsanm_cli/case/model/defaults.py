@@ -58,15 +58,11 @@ def _with_common_keys(row: Any, rows: tuple[Any, ...]) -> Any:
 
 def _with_law(data: dict[str, Any]) -> dict[str, Any]:
     """The content with the regularised law in contacts that name no law, if another contact, a parameter of
-    that law, the method, the formulation or polishing requires it; never at finite strain."""
+    that law, the method or the formulation requires it; never at finite strain."""
     match data:
         case {"model": {"strain": "finite"}}:
             return data
-        case (
-            {"solver": {"method": "anm" | "newton"}}
-            | {"solver": {"formulation": "monolithic"}}
-            | {"solver": {"polish": True}}
-        ):
+        case {"solver": {"method": "anm" | "newton"}} | {"solver": {"formulation": "monolithic"}}:
             return _with_items(data, "contact", _regularized)
         case {"contact": tuple(contacts)} if any(map(_is_regularized, contacts)):
             return _with_items(data, "contact", _regularized)

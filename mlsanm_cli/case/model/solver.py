@@ -20,8 +20,9 @@ class Mls(Section):
     degree: AutoDegree = "auto"
     """Degree of the local polynomials, 1 to 6; `"auto"` is 4, and 2 for bodies whose contacts have nodal
     pressures at small strain, whose parts are too thin for 4, or that have slits or nodes from a file."""
-    scheme: Literal["least-squares", "collocation", "ghost"] = "least-squares"
-    """All equations solved by least squares, or square systems by collocation or with ghost nodes."""
+    scheme: Literal["least-squares", "collocation"] = "least-squares"
+    """All equations solved by least squares, or as many as there are unknowns by collocation (hyperbolic law
+    only)."""
     neighbors: AutoCount = "auto"
     """Nodes per stencil; `"auto"` is about 2.5 times the number of coefficients."""
 
@@ -40,6 +41,8 @@ class Mls(Section):
                 yield Fault(("neighbors",), f"{self.neighbors} nodes are too many {of}", hint)
         square = self.scheme != "least-squares"
         yield from scope.refused(square, ("scheme",), f'"{self.scheme}"', '"least-squares"')
+        if square and scope.strain == "small" and scope.complete("contact") and not scope.case.is_regularized:
+            yield Fault(("scheme",), f'"{self.scheme}" needs the hyperbolic contact law', '"least-squares"')
         yield from scope.refused(self.degree == 1, ("degree",), "degree 1", "at least 2")
 
 
@@ -71,21 +74,20 @@ class Solver(Section):
     """Power series (anm) or Newton-Raphson for the hyperbolic law, active-set for the exact law; `"auto"`
     selects by the law."""
     formulation: Literal["condensed", "monolithic"] = "condensed"
-    """Static condensation to the contact unknowns, or all displacements as unknowns of the path
-    (monolithic)."""
+    """The exact law is condensed to the contact unknowns; the hyperbolic law has all displacements as
+    unknowns, and `"monolithic"` selects it."""
     order: Annotated[int, Field(ge=2, le=40)] = 20
     """Order of the power series."""
     tolerance: Annotated[float, Field(gt=0.0, lt=1.0), NUMBER] = 1e-8
     """Largest allowed scaled residual on the path."""
     pade: bool = True
     """Use Padé approximants where they extend a step."""
-    polish: bool | Literal["auto"] = "auto"
-    """Solve saved load levels again with the exact laws; `"auto"` does so unless friction depends on the
-    history."""
+    increments: Annotated[int, Field(ge=1, le=10_000)] = 10
+    """Parts of every stage, at whose ends regularised friction updates its history (backward Euler)."""
     max_steps: Annotated[int, Field(ge=1, le=1_000_000)] = 2000
     """Largest number of steps; a path that needs more fails."""
     linear: Literal["auto", "superlu"] = "auto"
-    """Direct solver: `"auto"` is the built-in sparse Cholesky factorisation, SuperLU for square schemes."""
+    """Direct solver: `"auto"` is the built-in sparse Cholesky factorisation."""
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
         if scope.strain == "finite" and self.method == "active-set" and not scope.names["contact"]:
@@ -93,31 +95,13 @@ class Solver(Section):
         law = scope.case.touching[0].regularization.law if scope.case.touching else None
         if law is None and not scope.complete("contact"):
             return
-        if self.polish is True and law != "hyperbolic":
-            why = "the contact law is exact already" if law else "there is no [[contact]]"
-            yield Fault(("polish",), f"nothing to polish: {why}", "remove it, or set it to false")
         fitting = {"anm": "hyperbolic", "newton": "hyperbolic", "active-set": "exact"}.get(self.method, law)
         if law not in (None, fitting):
             hint = f'law = "{fitting}" in [contact.regularization], or method = "auto"'
             yield Fault(("method",), f'"{self.method}" cannot solve the {law} contact law', hint)
-        if self.formulation == "monolithic":
-            yield from self._monolithic_faults(scope, law)
-
-    def _monolithic_faults(self, scope: Scope, law: str | None) -> Iterator[Fault]:
-        key, hint = ("formulation",), 'formulation = "condensed"'
-        if law is None:
-            yield Fault(key, "the monolithic formulation needs a contact", hint)
-        elif law != "hyperbolic":
-            other = 'law = "hyperbolic" in [contact.regularization], or ' + hint
-            yield Fault(key, "the exact contact law is solved on the condensed system only", other)
-        for contact in scope.case.contact:
-            if contact.bonded:
-                yield Fault(key, f"bonds (contact {contact.name}) need the condensed formulation", hint)
-            elif contact.obstacle is not None or contact.interference is not None:
-                message = (
-                    f"obstacles and interference (contact {contact.name}) need the condensed formulation"
-                )
-                yield Fault(key, message, hint)
+        if self.formulation == "monolithic" and law != "hyperbolic":
+            hint = 'formulation = "condensed"'
+            yield Fault(("formulation",), "the monolithic formulation needs the hyperbolic contact law", hint)
 
 
 Symbol = Annotated[str, Field(max_length=20)]

@@ -196,7 +196,7 @@ def moments_of_plates(forces: CondensedForces) -> dict[str, LinearMap]:
 def body_imbalance(forces: CondensedForces) -> LinearMap:
     """Sum of all forces on each body (2 rows per body), with those of held surfaces from the stress there,
     and those on masters from the slaves; components held at single nodes are zero. Least squares keep it at
-    round-off; for square schemes it measures the discretisation error."""
+    round-off."""
     rows, sums = [], body_sums(forces)
     for number, name in enumerate(forces.scene.bodies):
         for component in (0, 1):

@@ -28,7 +28,7 @@ from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.bonds import Bonds
 from mlsanm_cli.contact.response.compressed import compressed, largest
 from mlsanm_cli.contact.response.contact_fields import NearFields
-from mlsanm_cli.contact.response.dense import Blocks, Bordered, Multiplier, scales
+from mlsanm_cli.contact.response.dense import Blocks, Bordered, Multiplier
 from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.mechanics.near_field import as_complex
@@ -168,12 +168,6 @@ class Condensed:
         """The same scaled as in :attr:`problem`."""
         return self.problem.rows * self.unscaled_rows(factors, rates)
 
-    @cached_property
-    def scaled(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Row and column scales of :attr:`whole`, and the transpose of the scaled matrix."""
-        rows, columns = scales(self.whole, len(self.gap.constant) + len(self.slip.constant))
-        return rows, columns, np.ascontiguousarray((rows[:, None] * (self.whole * columns)).T)
-
     def touched(self, f: FloatArray, q: FloatArray, p: FloatArray, t: FloatArray) -> dict[str, BoolArray]:
         """Mask (w,) per contact of paired nodes that overlap without being candidates."""
         overlap = self.watched(f, q, p, t) < 0.0
@@ -240,7 +234,7 @@ class Condensed:
         return scene.bodies[body].system.solve(source), source
 
     def displacement(self, scene: Scene, body: str, unknowns: Sequence[FloatArray]) -> FloatArray:
-        """Displacements (N, 2) of all nodes of a body in a state f, q, p, t, ghosts last."""
+        """Displacements (N, 2) of all nodes of a body in a state f, q, p, t."""
         solution = self.solution(scene, body, unknowns)[0][:, 0]
         rest = (solution + scene.floating_patterns(body) @ unknowns[1]).reshape(-1, 2)
         return np.asarray(rest + self.contact_fields(scene, body, unknowns)[0])

@@ -33,19 +33,10 @@ def body_load_vectors(
             few[:, force.number] += body.force_source(force.values)
     for heating in scene.heated(name):
         few[:, heating.number] += heating.source(body)
-    unknown = columns.loads
-    for platen in scene.platens:
-        for motion in platen.motions:
-            if name in platen.bodies:
-                source = np.zeros(body.rows)
-                for surface in platen.surfaces_of(name):
-                    pattern = platen.pattern(cloud.surfaces[surface], cloud.points, motion)
-                    source += body.source(surface, pattern, held=True)
-                if motion.prescribed is None:
-                    few[:, unknown] = source
-                else:
-                    few[:, : columns.loads] += np.outer(source, motion.prescribed)
-            unknown += motion.prescribed is None
+    for platen, motion, by in scene.motions:
+        for surface in platen.surfaces_of(name):
+            pattern = platen.pattern(cloud.surfaces[surface], cloud.points, motion)
+            few += np.outer(body.source(surface, pattern, held=True), by)
     blocks = [sparse.csc_array(few)]
     centred = any(name in motion for motion in scene.held_motions)
     sampled = {

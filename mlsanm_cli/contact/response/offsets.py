@@ -8,6 +8,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.contact.response.drivers import spans
 from mlsanm_cli.contact.response.linear_map import Columns
 from mlsanm_cli.mechanics.scene import Scene
 
@@ -18,20 +19,13 @@ def of_obstacles(
     """Change of every paired node's gap (w,), or slip along the tangent, by obstacles' motions: per load
     factor (w, L) and per unknown motion (w, k)."""
     rows, count = _rows(pairings), sum(len(pairing.position) for pairing in pairings)
-    load, moved = np.zeros((count, columns.loads)), np.zeros((count, columns.motions))
-    unknown = 0
-    for constraint in scene.rigid_constraints:
-        for motion in constraint.motions:
-            if not constraint.bodies and constraint.name in rows:
-                pairing, own = rows[constraint.name]
-                direction = pairing.normal if along == "normal" else pairing.tangent
-                change = direction @ motion.direction[:2]
-                if motion.prescribed is None:
-                    moved[own, unknown] -= change
-                else:
-                    load[own] -= np.outer(change, motion.prescribed)
-            unknown += motion.prescribed is None
-    return load, moved
+    total = np.zeros((count, columns.loads + columns.motions))
+    for constraint, motion, by in scene.motions:
+        if not constraint.bodies and constraint.name in rows:
+            pairing, own = rows[constraint.name]
+            direction = pairing.normal if along == "normal" else pairing.tangent
+            total[own] -= np.outer(direction @ motion.direction[:2], by)
+    return total[:, : columns.loads], total[:, columns.loads :]
 
 
 def of_fits(scene: Scene, pairings: tuple[Pairing, ...], columns: Columns) -> FloatArray:
@@ -44,6 +38,6 @@ def of_fits(scene: Scene, pairings: tuple[Pairing, ...], columns: Columns) -> Fl
 
 
 def _rows(pairings: tuple[Pairing, ...]) -> dict[str, tuple[Pairing, slice]]:
-    """Range of every contact's paired nodes among those of all contacts."""
-    ends = np.cumsum([0, *(len(pairing.position) for pairing in pairings)]).tolist()
-    return {p.name: (p, slice(a, b)) for p, a, b in zip(pairings, ends[:-1], ends[1:], strict=True)}
+    """Every contact, and the range of its paired nodes among those of all contacts."""
+    found = spans([one.name for one in pairings], [len(one.position) for one in pairings])
+    return {one.name: (one, found[one.name]) for one in pairings}

@@ -107,14 +107,10 @@ def _prescribed(scene: Scene, body: str, unknowns: Sequence[FloatArray]) -> Mapp
     for load in scene.surface_loads:
         if load.body == body and load.held:
             total[load.surface] += factors[load.number] * load.values
-    unknown = 0
-    for platen in scene.platens:
-        for motion in platen.motions:
-            value = motions[unknown] if motion.prescribed is None else motion.prescribed @ factors
-            unknown += motion.prescribed is None
-            for name in platen.surfaces_of(body):
-                surface = cloud.surfaces[name]
-                total[name] += value * platen.pattern(surface, cloud.points, motion)
+    for platen, motion, by in scene.motions:
+        for name in platen.surfaces_of(body):
+            pattern = platen.pattern(cloud.surfaces[name], cloud.points, motion)
+            total[name] += by @ np.concatenate([factors, motions]) * pattern
     return total
 
 

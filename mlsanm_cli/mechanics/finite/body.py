@@ -24,9 +24,8 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cells import cell_quadrature
-from mlsanm_cli.mechanics.assembly import spring_rows
+from mlsanm_cli.mechanics.assembly import RowTable, spring_rows
 from mlsanm_cli.mechanics.body import ElasticBody
-from mlsanm_cli.mechanics.equations import RowTable
 from mlsanm_cli.mechanics.finite.faces import FacePoints, inner_points, outline_points
 from mlsanm_cli.mechanics.finite.law import Law, determinant, gradient_of
 from mlsanm_cli.mechanics.finite.loads import Applied, Loads

@@ -18,17 +18,6 @@ from mlsanm_cli.mechanics.springs import FREE
 
 
 @dataclass(frozen=True)
-class FollowerPressure:
-    """A follower pressure: ``nodal`` (b,) at a surface's nodes and ``between`` (g,) them, at the FINE points,
-    for load ``number`` at factor 1."""
-
-    number: int
-    surface: str
-    nodal: FloatArray
-    between: FloatArray
-
-
-@dataclass(frozen=True)
 class Turning:
     """A rigid plate that rotates by ``rate`` (L,) per load factor: nodes with the ``rows`` (b,) of a
     displacement ``component`` x (0) or y (1) have ``arms`` (b, 2) from its centre."""
@@ -52,15 +41,15 @@ class Loads:
     ``sources`` (r, L) are right-hand sides of the nodes' rows: displacements, tractions, minus forces per
     volume. ``tractions[surface]`` (g, 2, L) are dead ones at the FINE points of a surface, ``force`` (n, 2,
     L) is per volume, linear between nodes unless its force and moment on the undeformed pieces are ``known``
-    (3k, L); ``pressing`` are follower pressures, ``turning`` plates with finite rotation. Temperature changes
-    ``warming`` stretch the body by ``expansion`` per degree.
-    """
+    (3k, L); ``pressing[surface]`` are follower pressures at its nodes (b, L) and its FINE points (g, L),
+    ``turning`` plates with finite rotation. Temperature changes ``warming`` stretch the body by ``expansion``
+    per degree."""
 
     count: int
     sources: FloatArray
     tractions: Mapping[str, FloatArray] = field(default_factory=dict)
     force: FloatArray | None = None
-    pressing: Sequence[FollowerPressure] = ()
+    pressing: Mapping[str, tuple[FloatArray, FloatArray]] = field(default_factory=dict)
     known: FloatArray | None = None
     warming: Sequence[Heating] = ()
     expansion: float = 0.0
@@ -82,8 +71,7 @@ class Applied:
     @classmethod
     def on(cls, body: ElasticBody, loads: Loads) -> Applied:
         """Locate the points and evaluate the loads there."""
-        pressed_on = (one.surface for one in loads.pressing)
-        surfaces = dict.fromkeys([*loads.tractions, *pressed_on, *body.soft_springs])
+        surfaces = dict.fromkeys([*loads.tractions, *loads.pressing, *body.soft_springs])
         kept = {name: [not one for one in body.restrained.get(name, FREE)] for name in surfaces}
         points = outline_points(body, kept, FINE)
         dead = np.zeros((2, points.count, loads.count))
@@ -97,11 +85,11 @@ class Applied:
             if name in loads.tractions:
                 dead[:, here] += length[:, None] * loads.tractions[name].transpose(1, 0, 2)
         dead *= points.kept.T[:, :, None]
-        for one in loads.pressing:
-            pressure[points.along[one.surface], one.number] += one.between
+        for name, (nodal, between) in loads.pressing.items():
+            pressure[points.along[name]] += between
             for component in (0, 1):
-                if not body.held.get(one.surface, FREE)[component]:
-                    pressed[body.condition_rows(one.surface, component), one.number] += one.nodal
+                if not body.held.get(name, FREE)[component]:
+                    pressed[body.condition_rows(name, component)] += nodal
         pulling *= points.kept.T
         return cls(points, dead, pressure, pressed, pulling)
 

@@ -96,14 +96,6 @@ def test_without_contact_nodes_go_where_the_fits_are_poor(tmp_path: Path) -> Non
     assert error <= even_error
 
 
-def test_the_ghost_scheme_refines_too(tmp_path: Path) -> None:
-    ghost = 'mls.scheme="ghost"'
-    _, before = ring_error(tmp_path / "before", ghost, "body.ring.spacing=0.18")
-    nodes, after = ring_error(tmp_path / "after", ghost, "body.ring.spacing=0.18", "adapt.passes=1")
-    assert nodes <= 900
-    assert after <= 0.5 * before
-
-
 def test_singular_corners_do_not_eat_the_nodes(tmp_path: Path) -> None:
     clamped = BAR.changed("ux = 0.0", "ux = 0.0\nuy = 0.0", 1).changed(support("bar.bottom", uy=0.0), "")
     passes = solve(clamped, tmp_path / "bar", "body.bar.spacing=0.1", "adapt.passes=3")["adapt"]

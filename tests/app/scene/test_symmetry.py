@@ -15,7 +15,7 @@ from mlsanm_cli.app.scene.symmetry import line_of
 from mlsanm_cli.case import parse_case
 from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.io.run_reader import read_run
-from tests.app.scene.test_floating_bodies import DISK, SMOOTH
+from tests.app.scene.test_floating_bodies import DISK
 from tests.app.scenes import EXACT_LAW, NODAL, solve
 from tests.case_text import EXACT, Scene, head, load, pushed, scene, stages, support
 
@@ -54,7 +54,7 @@ SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
     "platen and contact": (NODAL, (EXACT_LAW,)),
     "platen that may turn and shift": (HEAD + HELD + FREE_PLATEN, ()),
     "polyline": (HEAD + HELD + UNDER, (f"contact.under.obstacle={PUNCH}",)),
-    "loose and smooth": (DISK, (*SMOOTH, f"body.disk.refine=[{POLES}]", "solver.tolerance=1e-11")),
+    "loose": (DISK, (f"body.disk.refine=[{POLES}]",)),
     "fit": (RINGS, ()),
     "tables on two sides": (HEAD + HELD + SQUEEZED + STAGES, ()),
     "held node": (HEAD + HELD_NODE + SQUEEZED, ()),
@@ -89,8 +89,6 @@ SLIDING = HEAD + HELD + UNDER
 ORDINARY: dict[str, tuple[str, tuple[str, ...]]] = {
     "zone": (SLIDING, ("body.block.refine=[{at=[0.1, 0.0], spacing=0.1, radius=0.2, growth=0.2}]",)),
     "friction": (SLIDING, ("contact.under.friction=0.3",)),
-    "collocation": (SLIDING, ('mls.scheme="collocation"', "body.block.spacing=0.1")),
-    "ghosts": (SLIDING, ('mls.scheme="ghost"', "body.block.spacing=0.1")),
 }
 
 

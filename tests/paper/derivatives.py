@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.laws.friction_tangents import FrictionTangent
 from mlsanm_cli.continuation import Problem
 
 
@@ -26,19 +25,3 @@ def highest_terms(problem: Problem, x: FloatArray, lam: FloatArray) -> tuple[Flo
     expected += problem.load_derivative(x[0], lam[0]) * lam[order]
     expected -= problem.series_rhs(x[:order], lam[:order])
     return coefficients[order], expected, float(np.abs(coefficients).max())
-
-
-def error_of_orders(problem: Problem, tangent: FrictionTangent, x: FloatArray, seed: int) -> float:
-    """Difference of the tangent's own high orders from those solved one by one, relative to each order."""
-    rng, order = np.random.default_rng(seed), 6
-    slope, normal, size = rng.normal(size=problem.size), rng.normal(size=problem.size), 3.0
-    series = np.concatenate([x[None], rng.normal(size=(order, problem.size))])
-    lam = rng.normal(size=order + 1)
-    own, own_lam = series.copy(), lam.copy()
-    tangent.orders(own, own_lam, slope, normal, size)
-    for k in range(2, order + 1):
-        free = tangent.solve(problem.series_rhs(series[:k], lam[:k]))
-        lam[k] = -float(normal @ free) / size
-        series[k] = free + lam[k] * slope
-    sizes = np.abs(series).max(axis=1)
-    return float(max((np.abs(own - series).max(axis=1) / sizes).max(), (np.abs(own_lam - lam) / sizes).max()))

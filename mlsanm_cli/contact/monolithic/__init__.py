@@ -1,1 +1,0 @@
-"""Monolithic solution: the whole system at once, without condensation."""

@@ -1,0 +1,171 @@
+"""Path of the regularised laws along the stages of a case.
+
+With friction a stage is divided into ``solver.increments`` equal parts, at whose ends the stick references
+follow the plastic slips; within a part the path is one smooth curve, whatever method follows it.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Generator, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.complementarity.problem import ContactStatus
+from mlsanm_cli.continuation import AnmOptions, Branch, NewtonOptions, correct, follow
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.paper.system import System
+from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.state import Checkpoint, PathStep, State, output_positions
+
+SYMBOLS = {"pressure": "p", "gap": "h", "motion": "q", "traction": "t"}
+"""Unknowns in /series of run.h5, by name."""
+
+
+def paper_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
+    """Path of the scene, or its remaining part. NumericalError if the path cannot be continued."""
+    system, stages = System.of(built), built.stages
+    ends = np.arange(1.0, built.case.solver.increments + 1.0) / built.case.solver.increments
+    ends = ends if len(system.law.mu) else np.ones(1)
+    solver, stage, position, previous = built.case.solver, 0, 0.0, None
+    options: AnmOptions | NewtonOptions = NewtonOptions(solver.tolerance, sys.maxsize)
+    if solver.method != "newton":
+        options = AnmOptions(solver.tolerance, sys.maxsize, order=solver.order, pade=solver.pade)
+    if start is None:
+        found = correct(system, system.drawn(), 0.0, options)
+        point = Point(system, found.x, 0.0, np.zeros(len(system.law.mu)))
+        state = point.state(0, found.residual)
+        saved = (state,) if 0.0 in output_positions(built) else ()
+        effort = found.updates, found.factorizations, found.solves
+        yield PathStep(state, saved, 0.0, 0, *effort, checkpoint=Checkpoint(state))
+    else:
+        stage, position = min(start.stage, len(stages) - 2), start.position
+        point, previous = _restored(replace(system, start=stages[stage], end=stages[stage + 1]), start, stage)
+        if position in stage + np.append(0.0, ends):
+            point, previous = point.with_moved_references(), None
+    while True:
+        for end in ends[stage + ends > position]:
+            point, previous = (yield from _increment(point, stage, float(end), previous, options)), None
+        stage += 1
+        if stage == len(stages) - 1:
+            return
+        system = replace(point.system, start=stages[stage], end=stages[stage + 1])
+        point = replace(point, system=system, lam=0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """A point of the path: unknowns, fraction of the stage, and the work (n,) dissipated until the stick
+    references moved last."""
+
+    system: System
+    x: FloatArray
+    lam: float
+    work: FloatArray
+
+    def overrun(self) -> FloatArray:
+        """Motion (n,) of the stick references that the plastic slips ask for: beyond the elastic slip."""
+        (a, b), limit = self.system.split(self.x, "ab"), self.system.law.elastic_slip
+        return np.asarray(np.maximum(b - limit, 0.0) - np.maximum(a - limit, 0.0))
+
+    def dissipated(self) -> FloatArray:
+        """Work (n,) dissipated so far."""
+        return np.asarray(self.work - self.system.split(self.x, "t")[0] * self.overrun())
+
+    def with_moved_references(self) -> Point:
+        """The same with stick references that have followed the plastic slips, to be corrected slightly."""
+        system, x = self.system, self.x.copy()
+        for name in "ab":
+            x[system.places[name]] = np.minimum(x[system.places[name]], system.law.elastic_slip)
+        moved = replace(system, reference=system.reference + self.overrun())
+        return Point(moved, x, self.lam, self.dissipated())
+
+    def state(self, stage: int, residual: float) -> State:
+        """The state at this point. A node is closed if its pressure, in units of the scene, exceeds its gap,
+        and slips if it has slipped by more than its asperities deform."""
+        law, nodes = self.system.law, self.system.built.condensed.friction_nodes
+        p, h, q, t, a, b, u = self.system.split(self.x, "phqtabu")
+        closed = p / law.pressure > h / law.gap
+        stuck = closed[nodes] & (np.maximum(a, b) < law.elastic_slip)
+        status = ContactStatus(closed, stuck, np.sign(t)).status(nodes)
+        slip, factors = self.system.reference - law.compliance * t - a + b, self.system.factors(self.lam)
+        return State(stage + self.lam, factors, p, h, q, status, residual, t, slip, self.dissipated(), u)
+
+
+def _increment(
+    point: Point, stage: int, end: float, previous: Branch | None, options: AnmOptions | NewtonOptions
+) -> Generator[PathStep, None, Point]:
+    """Steps to the fraction ``end`` of a stage, continuing a ``previous`` piece; returns the point there,
+    with moved references."""
+    system = point.system
+    wanted = [level for level in output_positions(system.built) if level <= stage + end]
+    levels = [level - stage for level in wanted if stage < level < stage + end]
+    follower = follow(system, point.x, point.lam, end, options, previous, levels=levels)
+    for step in follower.steps():
+        before, point, residual = point, replace(point, x=step.x, lam=step.lam), step.residual
+        saved, updates = list[State](), 0
+        for level in [one for one in wanted if stage + before.lam < one <= stage + step.lam]:
+            found, error = point, residual
+            if step.order:
+                # Series only satisfy the tolerance, while results are compared to the last digit.
+                x, lam = step.x, step.lam
+                if level < stage + lam:
+                    x, lam = step.branch.evaluate(step.branch.parameter_at(level - stage))
+                better = correct(system, x, lam, options)
+                found, error = replace(before, x=better.x, lam=lam), better.residual
+                updates += better.updates
+                if lam == step.lam:
+                    point, residual = found, error
+            saved.append(replace(found.state(stage, error), position=level))
+        state = point.state(stage, residual)
+        if step.lam == end:
+            point = point.with_moved_references()
+        piece = follower.outcome.piece
+        heading = np.zeros(0) if piece is None else np.append(piece.x[1], piece.lam[1])
+        yield PathStep(
+            state,
+            tuple(saved),
+            step.arc_length,
+            step.order,
+            step.iterations + updates,
+            step.factorizations + updates,
+            step.solves + updates,
+            # Predictors of Newton-Raphson between states are not stored.
+            series=_series(system, step.branch, stage) if step.order else {},
+            series_attributes={"length": step.branch.length, "stage": stage},
+            checkpoint=Checkpoint(state, heading=heading, pace=piece.length if piece else 0.0),
+        )
+    outcome = follower.outcome
+    if not outcome.reached:
+        raise NumericalError(
+            f"the path stopped at position {stage + outcome.lam:.6g}: {outcome.reason.value}",
+            f'{outcome.message}; raise contact.regularization.eta, or use its law = "exact"',
+        )
+    return point
+
+
+def _series(system: System, branch: Branch, stage: int) -> dict[str, FloatArray]:
+    """Coefficients of position and unknowns in the path parameter; with ``denominator`` of the Pade form."""
+    found = {name: system.split(branch.x, symbol)[0] for name, symbol in SYMBOLS.items()}
+    position = np.concatenate([[stage + branch.lam[0]], branch.lam[1:]])
+    ratio = {} if branch.denominator is None else {"denominator": branch.denominator}
+    return {"position": position, **{name: one for name, one in found.items() if one.size}, **ratio}
+
+
+def _restored(system: System, start: Checkpoint, stage: int) -> tuple[Point, Branch | None]:
+    """The point of a checkpoint, and the linear piece of path before it."""
+    state, law, x = start.state, system.law, np.zeros(system.size)
+    x[system.places["u"]] = state.displacement
+    for name, symbol in SYMBOLS.items():
+        x[system.places[symbol]] = getattr(state, name)
+    x = system.with_plastic_slips(x)
+    a, b = system.split(x, "ab")
+    system = replace(system, reference=state.slip + law.compliance * state.traction + a - b)
+    point = Point(system, x, state.position - stage, state.work)
+    point = replace(point, work=2.0 * state.work - point.dissipated())
+    if not len(start.heading):
+        return point, None
+    ends = np.array([x, start.heading[:-1]]), np.array([point.lam, start.heading[-1]])
+    return point, Branch(*ends, start.pace)
