@@ -117,9 +117,10 @@ class Search:
         u, _, v = np.linalg.svd(-p.matrix[count:, :count] @ p.matrix[:count, count:])
         near = np.zeros(len(self.free)) if self.near is None else self.near
         for stiffness in SPRINGS if p.k else ():
-            springs = np.zeros(p.matrix.shape)
+            springs, ones = np.zeros(p.matrix.shape), np.ones(len(p.rows))
             springs[count:, count:] = stiffness * (u @ v)
-            held = replace(p, matrix=p.matrix + springs)
+            stiff = p.matrix + springs
+            held = Problem(stiff, p.nodes, p.friction, p.m, ones, ones, stiff)
             search = replace(self, problem=held, free=self.free - springs @ near)
             found, best, _ = search._newton(status, None, set())
             if found is None:

@@ -160,11 +160,13 @@ def event_driven_path(
     stops: Sequence[float],
     begin: FloatArray | None = None,
     fraction: float = 0.0,
+    typical: float | None = None,
 ) -> Iterator[Event]:
     """All events of a stage from ``state`` to load factors ``end`` (L,), and the states at ``stops``.
 
     ``stops`` are increasing fractions up to 1, the last one 1. A resumed path gives the load factors
-    ``begin`` (L,) at the start of the stage and the ``fraction`` already passed. Raises SlidingError if the
+    ``begin`` (L,) at the start of the stage and the ``fraction`` already passed; ``typical`` pressures
+    tell which gaps as drawn are round-off. Raises SlidingError if the
     contact slides as a whole under a force, NoStateError if no state continues the path.
     """
     begin = state.factors if begin is None else begin
@@ -174,7 +176,7 @@ def event_driven_path(
         return
     constant, load = condensed.free_rows(begin), condensed.free_rows(change, rates=True)
     now, settled = _scaled(condensed, state, fraction), bool(state.sets.closed.any())
-    path = history.follow(condensed.problem, now, constant, load, stops)
+    path = history.follow(condensed.problem, now, constant, load, stops, typical)
     while True:
         try:
             found = next(path)

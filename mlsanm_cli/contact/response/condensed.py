@@ -149,7 +149,7 @@ class Condensed:
     @cached_property
     def problem(self) -> Problem:
         """The complementarity problem of the scene, scaled."""
-        return Problem.of(self.whole, self.friction_nodes, self.friction, len(self.weight))
+        return Problem.of(self.whole, self.friction_nodes, self.friction, len(self.weight), self.blocks)
 
     @cached_property
     def frictionless(self) -> Problem:
