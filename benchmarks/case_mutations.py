@@ -52,8 +52,8 @@ ODD: tuple[Any, ...] = (True, False, [], {}, [[]], [{}], [1, 2], [1.0, 2.0, 3.0]
 LINES = (
     "[mls]", "[solver]", "[adapt]", "[output]", "[[stage]]", "[[probe]]", "[[body]]", "[reference]",
     "[body.shape]", "[contact.regularization]", "friction = 0.4", "degree = 3", "passes = 1", "order = 5",
-    'law = "exact"', 'law = "hyperbolic"', 'friction_law = "holonomic"', 'method = "newton"', "= 1", "[",
-    'scheme = "collocation"', 'scheme = "ghost"', "at = [0.5]", "polish = true", "neighbors = 20",
+    'law = "exact"', 'law = "hyperbolic"', 'method = "newton"', "= 1", "[",
+    'scheme = "collocation"', "at = [0.5]", "neighbors = 20",
     'formulation = "monolithic"', "press = 0.5", "reach = 0.1", "interference = 0.01", "x = 1",
     "spring = [1e3, 1e3]", 'rotation = "free"', "spacing = 0.3",
 )  # fmt: skip
@@ -219,7 +219,7 @@ def _set_option(content: Table, chance: random.Random) -> None:
     section, key, value = chance.choice(
         [
             ("mls", "degree", chance.randint(1, 6)),
-            ("mls", "scheme", chance.choice(["collocation", "ghost"])),
+            ("mls", "scheme", "collocation"),
             ("mls", "neighbors", chance.randint(3, 60)),
             ("adapt", "passes", chance.randint(1, 2)),
             ("solver", "method", chance.choice(["anm", "newton", "active-set"])),
@@ -227,7 +227,7 @@ def _set_option(content: Table, chance: random.Random) -> None:
             ("solver", "order", chance.randint(2, 40)),
             ("solver", "tolerance", 10.0 ** chance.randint(-16, -1)),
             ("solver", "pade", False),
-            ("solver", "polish", True),
+            ("solver", "increments", chance.randint(1, 5)),
             ("solver", "max_steps", chance.randint(1, 5)),
             ("solver", "linear", "superlu"),
             ("output", "at", sorted(chance.random() for _ in range(3))),
@@ -248,7 +248,7 @@ def _set_contact(content: Table, chance: random.Random) -> None:
             contact["friction"] = chance.choice([0.0, 0.1, 0.6, 3.0])
         else:
             contact["regularization"] = chance.choice(
-                [{"law": "hyperbolic"}, {"law": "exact"}, {"friction_law": "holonomic"}, {"eta": 1e-2}]
+                [{"law": "hyperbolic"}, {"law": "exact"}, {"stick": 1e-2}, {"eta": 1e-2}]
             )
 
 

@@ -1,4 +1,4 @@
-"""Error against CPU time: Hertz pressure and a manufactured solution, over schemes, degrees and clouds.
+"""Error against CPU time: Hertz pressure and a manufactured solution, over degrees and clouds.
 
     python benchmarks/error_vs_time.py [--repeat 5] [--out benchmarks/results]
 
@@ -35,7 +35,7 @@ sys.path.insert(0, str(ROOT))
 
 from mlsanm_cli.mechanics.assembly import assemble  # noqa: E402
 from mlsanm_cli.mechanics.body import BodyModel  # noqa: E402
-from mlsanm_cli.operators.settings import MlsSettings, Scheme  # noqa: E402
+from mlsanm_cli.operators.settings import MlsSettings  # noqa: E402
 from tests.mechanics.bodies import (  # noqa: E402
     STEEL,
     boundary_values,
@@ -69,7 +69,6 @@ SERIES: dict[str, list[list[str]]] = {
     "degree 2": [[*cloud(scale), EXACT] for scale in (2.0, 1.4, 1.0, 0.7, 0.5)],
     "degree 4": [[*cloud(scale), EXACT, "mls.degree=4"] for scale in (2.0, 1.4, 1.0, 0.7)],
     "degree 2, even zone": [[*coarse(spacing), EXACT] for spacing in (0.01, 0.005, 0.0025)],
-    "ghost, degree 2": [[*cloud(scale), EXACT, 'mls.scheme="ghost"'] for scale in (2.0, 1.4, 1.0)],
     "degree 2, found and refined": [[*coarse(0.01), EXACT, f"adapt.passes={n}"] for n in (1, 2)],
     "hyperbolic law, whole path": [[*cloud(scale), SMOOTH] for scale in (2.0, 1.0)],
 }
@@ -110,15 +109,14 @@ def measure(settings: list[str], repeat: int) -> dict[str, Any]:
 
 SIDES = (17, 33, 65, 129)
 DEGREES = (2, 4, 6)
-SCHEMES: tuple[Scheme, ...] = ("least-squares", "ghost", "collocation")
 
 
-def manufactured_point(side: int, degree: int, scheme: Scheme, seed: int) -> dict[str, float]:
+def manufactured_point(side: int, degree: int, seed: int) -> dict[str, float]:
     """Error and CPU seconds of one cloud."""
     cloud, held = jittered_square(side, 0.25, seed), {"bottom": (True, True)}
     wave = Wave(STEEL.stiffness)
     start = time.process_time()
-    model = BodyModel.build("square", cloud, STEEL, MlsSettings(degree, scheme=scheme), list(held))
+    model = BodyModel.build("square", cloud, STEEL, MlsSettings(degree))
     built = time.process_time()
     body = assemble(model, held, (), "auto")
     factorised = time.process_time()
@@ -138,20 +136,19 @@ def manufactured_point(side: int, degree: int, scheme: Scheme, seed: int) -> dic
 
 def manufactured() -> dict[str, list[dict[str, Any]]]:
     """Medians over three clouds, and the fitted order of every series."""
-    manufactured_point(9, 2, "least-squares", 0)
+    manufactured_point(9, 2, 0)
     results: dict[str, list[dict[str, Any]]] = {}
-    for scheme in SCHEMES:
-        for degree in DEGREES:
-            points = []
-            for side in SIDES:
-                runs = [manufactured_point(side, degree, scheme, seed) for seed in range(3)]
-                errors = [one["error"] for one in runs]
-                median = {key: statistics.median(one[key] for one in runs) for key in runs[0]}
-                points.append({"nodes": side**2, **median, "worst_error": max(errors)})
-            slope = np.polyfit(np.log(np.array(SIDES) - 1.0), np.log([p["error"] for p in points]), 1)[0]
-            results[f"{scheme}, degree {degree}"] = points
-            figures = "  ".join(f"{p['error']:.1e}" for p in points)
-            print(f"{scheme:14} degree {degree}  {figures}  order {-slope:.1f}", flush=True)
+    for degree in DEGREES:
+        points = []
+        for side in SIDES:
+            runs = [manufactured_point(side, degree, seed) for seed in range(3)]
+            errors = [one["error"] for one in runs]
+            median = {key: statistics.median(one[key] for one in runs) for key in runs[0]}
+            points.append({"nodes": side**2, **median, "worst_error": max(errors)})
+        slope = np.polyfit(np.log(np.array(SIDES) - 1.0), np.log([p["error"] for p in points]), 1)[0]
+        results[f"degree {degree}"] = points
+        figures = "  ".join(f"{p['error']:.1e}" for p in points)
+        print(f"degree {degree}  {figures}  order {-slope:.1f}", flush=True)
     return results
 
 
@@ -163,15 +160,13 @@ def draw_manufactured(path: Path, results: dict[str, list[dict[str, Any]]]) -> N
     figure = Figure(figsize=(10.5, 4.6), layout="constrained")
     FigureCanvasAgg(figure)
     left, right = figure.subplots(1, 2, sharey=True)
-    styles: dict[str, str] = dict(zip(SCHEMES, ("-o", "--^", ":s"), strict=True))
     for number, (name, points) in enumerate(results.items()):
-        scheme, colour = name.partition(",")[0], f"C{number % len(DEGREES)}"
         error = [point["error"] for point in points]
         seconds = [point["stencils"] + point["factorization"] + point["solution"] for point in points]
         spacing = [1.0 / (point["nodes"] ** 0.5 - 1.0) for point in points]
-        style: dict[str, Any] = {"color": colour, "ms": 4, "lw": 1.2}
-        left.loglog(seconds, error, styles[scheme], label=name, **style)
-        right.loglog(spacing, error, styles[scheme], **style)
+        style: dict[str, Any] = {"color": f"C{number}", "ms": 4, "lw": 1.2}
+        left.loglog(seconds, error, "-o", label=name, **style)
+        right.loglog(spacing, error, "-o", **style)
     left.set(xlabel="CPU seconds, one thread", ylabel="displacement error, relative")
     left.legend(fontsize=7)
     right.set(xlabel="node spacing")

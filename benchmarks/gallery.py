@@ -76,17 +76,40 @@ def _solved(file: Path, entry: Entry, directory: Path) -> dict[str, Any]:
     summary = json.loads((directory / "summary.json").read_text())
     run = read_run(directory)
     errors = entry.judge(run) if entry.judge else _of_summary(summary)
+    case = tomllib.loads(file.read_text())
+    laws = [contact.get("regularization", {}).get("law") for contact in case.get("contact", ())]
+    compared = {"compared": _compared(file, directory, environment)} if "hyperbolic" in laws else {}
     (drawn,) = sorted(directory.glob(f"plot_{entry.picture}*.png"))
     _shrink(drawn, PICTURES / f"{file.stem}.png")
     return {
-        "title": tomllib.loads(file.read_text())["title"],
+        "title": case["title"],
         "formula": entry.formula,
         "errors": {name: float(error) for name, error in errors.items()},
         "nodes": summary["nodes"],
         "contact_unknowns": summary["contact_unknowns"],
         "steps": summary["steps"],
         "cpu_seconds": summary["seconds"]["total"],
+        **compared,
     }
+
+
+def _compared(file: Path, directory: Path, environment: dict[str, str]) -> list[dict[str, Any]]:
+    """Counts and difference of power series and Newton-Raphson, by `mlsanm compare --newton`."""
+    out = directory.with_name(f"{directory.name}_compared")
+    command = ["compare", str(file), "--newton", "--levels", "2", "--no-picture", "--quiet", "--force"]
+    command = [sys.executable, "-m", "mlsanm_cli", *command, "--out", str(out)]
+    subprocess.run(command, check=True, env=environment, stdout=subprocess.DEVNULL)
+    table = json.loads((out / "comparison.json").read_text())["methods"]
+    return [
+        {
+            "method": row["method"],
+            "steps": row["steps"],
+            "factorisations": row["sparse_factorizations"],
+            "cpu_seconds": row["seconds_path"],
+            "difference": max(row.get("difference", {"": 0.0}).values()),
+        }
+        for row in table
+    ]
 
 
 def _of_summary(summary: dict[str, Any]) -> dict[str, float]:
@@ -143,10 +166,23 @@ def page(figures: dict[str, Any], others: list[str]) -> str:
             f"Errors: {errors}. {case['nodes']:,} nodes, {case['contact_unknowns']} contact unknowns, "
             f"{case['steps']} steps.",
         ]
+        if "compared" in case:
+            lines += ["", f"`mlsanm compare cases/{name}.toml --newton`: {_methods(case['compared'])}"]
     if others:
         listed = ", ".join(f"[{name}.toml](../cases/{name}.toml)" for name in others)
         lines += ["", "## Cases without a closed formula", "", f"{listed}"]
     return "\n".join(lines) + "\n"
+
+
+def _methods(compared: list[dict[str, Any]]) -> str:
+    """Cost and agreement of power series and Newton-Raphson on the same equations."""
+    costs = [
+        f"{row['method']} {row['steps']} steps, {row['factorisations']} factorisations, "
+        f"{row['cpu_seconds']:.1f} s"
+        for row in compared
+    ]
+    difference = max(row["difference"] for row in compared)
+    return f"{'; '.join(costs)}; states differ by {difference:.0e}."
 
 
 def _percent(error: float) -> str:

@@ -69,9 +69,10 @@ def _lame(run: RunData) -> dict[str, float]:
     }
 
 
-def _cattaneo(run: RunData) -> dict[str, float]:
-    """The part of the tractions even about the middle, for the pressing of finite bodies shears a little."""
-    contact, half, peak, friction = _only(run), 0.05, 2884.7, 0.3
+def _cattaneo(half: float, peak: float, end: float, run: RunData) -> dict[str, float]:
+    """The part of the tractions even about the middle, for the pressing of finite bodies shears a little: at
+    position 2, and at the ``end`` of the shear back."""
+    contact, friction = _only(run), 0.3
     x = np.linspace(-1.3 * half, 1.3 * half, 2001)
     order = np.argsort(contact.points[:, 0])
     inner = half * np.sqrt(0.5)
@@ -82,7 +83,7 @@ def _cattaneo(run: RunData) -> dict[str, float]:
         nodes, values = contact.points[order, 0], values[order]
         return 0.5 * (np.interp(x, nodes, values) + np.interp(-x, nodes, values))
 
-    found = {name: even(contact.traction[_at(run, at)]) for name, at in (("sheared", 2.0), ("reversed", 4.0))}
+    found = {name: even(contact.traction[_at(run, at)]) for name, at in (("sheared", 2.0), ("reversed", end))}
     signs = {"sheared": -1.0, "reversed": 1.0}
     return {
         f"traction, {name}, L2": float(
@@ -96,6 +97,22 @@ def _slide(run: RunData) -> dict[str, float]:
     contact = _only(run)
     force = contact.traction @ contact.weight / 200.0
     return {"friction force": max(abs(force[_at(run, 2.0)] + 0.3), abs(force[_at(run, 3.0)] - 0.3)) / 0.3}
+
+
+def _sliding_patch(run: RunData) -> dict[str, float]:
+    contact, friction, shear = _only(run), 0.3, 210e3 / 2.6
+    rows = _at(run, 2.0), _at(run, 3.0)
+    way = 0.002 - friction * 100.0 * 2.0 / shear
+    work = friction * 200.0 * way * np.array([1.0, 3.0])
+    traction = [
+        np.abs(contact.traction[row] / (sign * 30.0) - 1.0).max()
+        for row, sign in zip(rows, (-1.0, 1.0), strict=True)
+    ]
+    return {
+        "pressure": max(np.abs(contact.pressure[row] / 100.0 - 1.0).max() for row in rows),
+        "traction": max(traction),
+        "dissipated work": float(np.abs(contact.dissipated_work[list(rows)] / work - 1.0).max()),
+    }
 
 
 def _wedge(run: RunData) -> dict[str, float]:
@@ -218,7 +235,19 @@ ENTRIES: dict[str, Entry] = {
         "traction",
         "Cattaneo and Mindlin: mu p less the same for the zone that sticks, of half-width "
         "a sqrt(1 - Q/(mu P)); half-planes, from which finite bodies differ by some per cent",
-        _cattaneo,
+        partial(_cattaneo, 0.05, 2884.7, 4.0),
+    ),
+    "paper_partial_slip": Entry(
+        "traction",
+        "Cattaneo and Mindlin: mu p less the same for the zone that sticks, of half-width "
+        "a sqrt(1 - Q/(mu P))",
+        partial(_cattaneo, 0.1, 5769.3, 3.0),
+    ),
+    "paper_sliding_patch": Entry(
+        "loop",
+        "Coulomb: the same pressure p and traction mu p everywhere, and work mu P times the way, the part of "
+        "the blocks' elastic shear mu p h/G taken off",
+        _sliding_patch,
     ),
     "block_slide": Entry("loop", "Coulomb: the friction force of a sliding block is mu P, both ways", _slide),
     "wedge": Entry("bodies", "forces on a slope: F = W (tan b + mu)/(1 - mu tan b)", _wedge),

@@ -36,6 +36,7 @@ DEFERRED = frozenset(
     {
         *(f"numpy.{name}" for name in ("f2py", "testing", "ma", "ctypeslib", "polynomial")),
         *(*COMPILED, "scipy.linalg", "scipy.optimize"),
+        *(f"scipy._lib.{name}" for name in ("array_api_compat.numpy", "array_api_extra")),
         # These only write or read docstrings.
         "numpy._core._add_newdocs",
         "numpy._core._add_newdocs_scalars",

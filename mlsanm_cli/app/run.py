@@ -95,12 +95,12 @@ def carry_out(
     try:
         while True:
             with Recorder(directory, loaded, provenance, analysis.context, earlier) as recorder:
-                ending = _ended(partial(follow, analysis, recorder), directory)
+                ending = ending_of(partial(follow, analysis, recorder), directory)
                 finer = None
                 if ending.status != "stopped":
                     finer = analysis.finer(recorder.tally, ending.error)
                 if finer is None:
-                    return {**_finished(analysis, recorder, ending), "directory": str(directory)}
+                    return {**conclude(analysis, recorder, ending), "directory": str(directory)}
             analysis, earlier = finer, None
             run_dir.prepare(directory, force=True)
             analysis.context.console.note("repeating the run with finer nodes in contact")
@@ -128,14 +128,14 @@ def follow(analysis: Analysis, recorder: Recorder) -> Ending:
         recorder.step(analysis, step)
 
 
-def _judged(analysis: Analysis, recorder: Recorder, ending: Ending) -> Ending:
+def judge(analysis: Analysis, recorder: Recorder, ending: Ending) -> Ending:
     """The ``ending`` of a path whose last state is reliable. Raises NumericalError for another one."""
     assert recorder.last is not None
     recorder.verdicts.judge(analysis.judge(recorder.last, recorder.tally))
     return ending
 
 
-def _ended(part: Callable[[], Ending], directory: Path) -> Ending:
+def ending_of(part: Callable[[], Ending], directory: Path) -> Ending:
     """The ending of a part of a run, also by an error or a signal."""
     try:
         return part()
@@ -145,11 +145,11 @@ def _ended(part: Callable[[], Ending], directory: Path) -> Ending:
         return Ending("stopped", str(stop), f"continue with: {run_dir.resume_command(directory)}")
 
 
-def _finished(analysis: Analysis, recorder: Recorder, ending: Ending) -> Mapping[str, Any]:
+def conclude(analysis: Analysis, recorder: Recorder, ending: Ending) -> Mapping[str, Any]:
     """Checks a completed path, and writes how the run ended; returns the summary."""
     console = analysis.context.console
     if ending.status == "done":
-        ending = _ended(partial(_judged, analysis, recorder, ending), recorder.directory)
+        ending = ending_of(partial(judge, analysis, recorder, ending), recorder.directory)
     if ending.error is not None:
         console.warning(ending.error.advice)
         recorder.failure(analysis, ending.error)

@@ -22,12 +22,12 @@ from mlsanm_cli.case.model.motions import Platen as Platen
 from mlsanm_cli.case.model.places import Place as Place
 from mlsanm_cli.case.model.section import Geometry as Geometry
 from mlsanm_cli.case.model.section import GeometryInspector as GeometryInspector
+from mlsanm_cli.case.model.settings import Solver as Solver
 from mlsanm_cli.case.model.shapes import AnyShape as AnyShape
 from mlsanm_cli.case.model.shapes import HalfDisk as HalfDisk
 from mlsanm_cli.case.model.shapes import Mesh as Mesh
 from mlsanm_cli.case.model.shapes import OutlineShape as OutlineShape
 from mlsanm_cli.case.model.shapes import Points as Points
-from mlsanm_cli.case.model.solver import Solver as Solver
 from mlsanm_cli.case.model.stop import Stop as Stop
 from mlsanm_cli.case.reading.read import LoadedCase as LoadedCase
 from mlsanm_cli.case.reading.read import case_hash as case_hash

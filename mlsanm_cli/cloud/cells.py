@@ -15,6 +15,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.joined import points_of
+from mlsanm_cli.cloud.membership import twice_area
 from mlsanm_cli.cloud.surface import Surface
 
 Rule: TypeAlias = tuple[tuple[float, float], ...]
@@ -145,8 +146,7 @@ def cell_quadrature(
             nodes.append(np.repeat(corners, 3, axis=0))
             shares.append(np.tile(TRIANGLE_POINTS @ part, (len(triangles), 1)))
     node, share = np.concatenate(nodes), np.concatenate(shares)
-    a, b, c = (points[node[:, corner]] for corner in range(3))
-    twice = np.abs((b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0]))
+    twice = np.abs(twice_area(*(points[node[:, corner]] for corner in range(3))))
     return node, (share[:, :, None] * points[node]).sum(axis=1), twice / 36.0, share
 
 

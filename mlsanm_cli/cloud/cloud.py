@@ -16,7 +16,7 @@ from mlsanm_cli.cloud.curves import Outline
 from mlsanm_cli.cloud.front import fill_region, relax
 from mlsanm_cli.cloud.halves import halved, with_line_nodes
 from mlsanm_cli.cloud.joined import SMOOTH_ANGLE
-from mlsanm_cli.cloud.membership import boundary_chords, inside_body, joints
+from mlsanm_cli.cloud.membership import boundary_chords, inside_body, joints, twice_area
 from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
 from mlsanm_cli.cloud.separation import separation, widths
 from mlsanm_cli.cloud.sight import VisibilityCriterion, visibility_criterion
@@ -159,8 +159,7 @@ class Cloud:
     @cached_property
     def areas(self) -> FloatArray:
         """Area (n,) of a node: a third of each of its triangles."""
-        a, b, c = (self.points[self.triangles[:, corner]] for corner in range(3))
-        twice = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+        twice = twice_area(*(self.points[self.triangles[:, corner]] for corner in range(3)))
         shares = np.repeat(twice / 6.0, 3)
         areas: FloatArray = np.bincount(self.triangles.ravel(), shares, len(self.points)).astype(np.float64)
         # Four nodes on a circle have two triangulations, and the mirror image may have the other.

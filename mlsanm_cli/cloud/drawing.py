@@ -11,7 +11,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment
-from mlsanm_cli.cloud.membership import inside_polygon, signed_area
+from mlsanm_cli.cloud.membership import cross, inside_polygon, signed_area, twice_area
 from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
 from mlsanm_cli.errors import Fault, OutlineError
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
@@ -47,7 +47,7 @@ def polygon(
     room = np.hypot(*along.T)
     direction = along / room[:, None]
     came = np.roll(direction, 1, axis=0)
-    turn = np.arctan2(_cross(came, direction), (came * direction).sum(axis=1))
+    turn = np.arctan2(cross(came, direction), (came * direction).sum(axis=1))
     radius = np.array(radii)[order]
     cut = radius * np.abs(np.tan(0.5 * turn))
     _refuse(_rounding_faults(order, radius, cut, room, small))
@@ -256,7 +256,7 @@ def _meetings(chords: FloatArray, small: float) -> Iterator[tuple[int, int]]:
             first, then = chords[[one, other] if (other - one) % count == 1 else [other, one]]
             came, goes = first[2:] - first[:2], then[2:] - then[:2]
             back = float(came @ goes)
-            if back < 0.0 and abs(_cross(came, goes)) <= ROUND_OFF * abs(back):
+            if back < 0.0 and abs(cross(came, goes)) <= ROUND_OFF * abs(back):
                 yield one, other
         others = others[~neighbour]
         for other in others[_apart(chords[one], chords[others]) <= small].tolist():
@@ -267,9 +267,8 @@ def _apart(one: FloatArray, others: FloatArray) -> FloatArray:
     """Distance (m,) of a chord (4,) to ``others`` (m, 4), 0 where they cross."""
     a, b = np.broadcast_to(one[:2], (len(others), 2)), np.broadcast_to(one[2:], (len(others), 2))
     c, d = others[:, :2], others[:, 2:]
-    crossing = (_cross(b - a, c - a) * _cross(b - a, d - a) < 0.0) & (
-        _cross(d - c, a - c) * _cross(d - c, b - c) < 0.0
-    )
+    crossing = twice_area(a, b, c) * twice_area(a, b, d) < 0.0
+    crossing &= twice_area(c, d, a) * twice_area(c, d, b) < 0.0
     ends = np.minimum.reduce([_to_chord(a, c, d), _to_chord(b, c, d), _to_chord(c, a, b), _to_chord(d, a, b)])
     return np.where(crossing, 0.0, ends)
 
@@ -288,10 +287,6 @@ def _chords(curve: Curve) -> FloatArray:
         count = ARC_CHORDS if isinstance(curve, Arc) else 1
         points = curve.points(np.linspace(0.0, curve.length, count + 1))
     return np.hstack([points[:-1], points[1:]])
-
-
-def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
 def _pair(point: FloatArray) -> Point:

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.loops import Loop
-from mlsanm_cli.cloud.membership import signed_area
+from mlsanm_cli.cloud.membership import cross, signed_area
 from mlsanm_cli.errors import GeometryError
 from mlsanm_cli.roundoff import ROUND_OFF
 
@@ -69,7 +69,7 @@ def _counter_clockwise(points: FloatArray, ring: IntArray) -> IntArray:
     corners = points[ring]
     after = np.roll(corners, -1, axis=1) - corners
     before = np.roll(after, 1, axis=1)
-    turn = before[..., 0] * after[..., 1] - before[..., 1] * after[..., 0]
+    turn = cross(before, after)
     x, y = np.moveaxis(corners - corners[:, :1], 2, 0)
     area = 0.5 * (x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y).sum(axis=1)
     extent = np.ptp(corners, axis=1).max(axis=1)

@@ -12,6 +12,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment, chord_zones
+from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.cloud.splines import SplinePart
 from mlsanm_cli.roundoff import ROUND_OFF
 
@@ -134,7 +135,7 @@ class Joined:
 def turn(before: Curve, after: Curve) -> float:
     """Angle (radians) by which the direction turns left from the end of a curve to the start of the next."""
     (a,), (b,) = before.normals(np.array([before.length])), after.normals(np.zeros(1))
-    return math.atan2(float(a[0] * b[1] - a[1] * b[0]), float(a @ b))
+    return math.atan2(float(cross(a, b)), float(a @ b))
 
 
 def corners_of(curve: Curve) -> FloatArray:

@@ -14,7 +14,7 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Curve, Outline, Segment
-from mlsanm_cli.cloud.membership import signed_area
+from mlsanm_cli.cloud.membership import cross, signed_area
 from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
 from mlsanm_cli.cloud.sight import visibility_criterion
 from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
@@ -112,8 +112,7 @@ def turns(points: FloatArray) -> FloatArray:
     """Angles (k,) by which a closed polygon turns left at its vertices."""
     after = np.roll(points, -1, axis=0) - points
     before = np.roll(after, 1, axis=0)
-    cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
-    return np.asarray(np.arctan2(cross, (before * after).sum(axis=1)))
+    return np.asarray(np.arctan2(cross(before, after), (before * after).sum(axis=1)))
 
 
 def _begun(points: FloatArray, loop: Loop, corner: float) -> Loop:
@@ -171,7 +170,7 @@ def _straight(points: FloatArray, small: float) -> bool:
     if length <= small:
         return False
     away = points - points[0]
-    return bool((np.abs(away[:, 0] * along[1] - away[:, 1] * along[0]) <= small * length).all())
+    return bool((np.abs(cross(away, along)) <= small * length).all())
 
 
 def _numbered(names: Sequence[str]) -> tuple[str, ...]:

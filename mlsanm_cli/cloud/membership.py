@@ -96,10 +96,16 @@ def first_crossing(chords: FloatArray) -> FloatArray | None:
     reach = float(np.hypot(*(end - start).T).max())
     pairs = cKDTree(0.5 * (start + end)).query_pairs(reach, output_type="ndarray")
     a, b, c, d = start[pairs[:, 0]], end[pairs[:, 0]], start[pairs[:, 1]], end[pairs[:, 1]]
-    apart = (_side(a, b, c) * _side(a, b, d) < 0.0) & (_side(c, d, a) * _side(c, d, b) < 0.0)
+    apart = twice_area(a, b, c) * twice_area(a, b, d) < 0.0
+    apart &= twice_area(c, d, a) * twice_area(c, d, b) < 0.0
     return np.asarray(0.25 * (a + b + c + d)[np.argmax(apart)]) if apart.any() else None
 
 
-def _side(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
-    u, v = b - a, c - a
-    return np.asarray(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
+def cross(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Cross products (...) of vectors (..., 2)."""
+    return np.asarray(one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0])
+
+
+def twice_area(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
+    """Twice the areas (...) of triangles with corners (..., 2), negative if clockwise."""
+    return cross(b - a, c - a)

@@ -7,6 +7,7 @@ from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.membership import cross
 
 REFINE_DISTANCE = 2.0
 """A triangle closer to a singular point than this times its longest side is divided into four, ..."""
@@ -25,7 +26,7 @@ def graded_quadrature(cloud: Cloud, singular: FloatArray) -> tuple[FloatArray, F
         close = (tree.query(middle)[0] < REFINE_DISTANCE * size) & (time < MAX_REFINEMENTS)
         (a, b) = np.moveaxis(sides[~close, 1:], 1, 0)
         points.append(middle[~close])
-        areas.append(0.5 * np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]))
+        areas.append(0.5 * np.abs(cross(a, b)))
         whole = corners[close]
         middles = 0.5 * (whole + np.roll(whole, -1, axis=1))
         before = np.roll(middles, 1, axis=1)

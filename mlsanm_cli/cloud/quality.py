@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.cloud.search import nearest
 
 BATCH_SIZE = 256
@@ -31,7 +32,7 @@ def _largest_hole(cloud: Cloud) -> float:
     corners = cloud.points[cloud.triangles]
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     ab, ac = b - a, c - a
-    twice = 2.0 * (ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0])
+    twice = 2.0 * cross(ab, ac)
     ab2, ac2 = (ab**2).sum(axis=1), (ac**2).sum(axis=1)
     x = (ac[:, 1] * ab2 - ab[:, 1] * ac2) / twice
     y = (ab[:, 0] * ac2 - ac[:, 0] * ab2) / twice

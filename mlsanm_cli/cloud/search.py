@@ -1,24 +1,18 @@
-"""Long compiled calls in batches or in another thread, so that signals are handled meanwhile."""
+"""Long compiled calls in batches, so that signals are handled meanwhile."""
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
-from typing import Any, TypeVar
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import AnyArray, FloatArray, IntArray
 
-Result = TypeVar("Result")
-
 BATCH_SIZE = 8192
 """Points per batch: a few hundredths of a second."""
 MAX_PAIRS = 2**18
 """Pairs processed at once: large for speed, small for memory."""
-POLL_SECONDS = 0.1
-"""Polling interval of a waiting thread, s, on systems where signals do not wake it."""
 
 
 def nearest(tree: cKDTree, points: FloatArray, k: int | IntArray = 1) -> tuple[FloatArray, IntArray]:
@@ -36,26 +30,3 @@ def in_batches(function: Callable[[AnyArray], AnyArray], rows: AnyArray, piece: 
     if len(rows) <= piece:
         return function(rows)
     return np.concatenate([function(rows[at : at + piece]) for at in range(0, len(rows), piece)])
-
-
-def run_interruptible(call: Callable[[], Result]) -> Result:
-    """Run a compiled ``call`` that releases the GIL in a thread, while this one handles signals. After an
-    interrupt the thread is abandoned."""
-    if threading.current_thread() is not threading.main_thread():
-        return call()
-    done: list[Result] = []
-    failed: list[BaseException] = []
-
-    def work() -> None:
-        try:
-            done.append(call())
-        except BaseException as error:
-            failed.append(error)
-
-    thread: Any = threading.Thread(target=work, daemon=True)
-    thread.start()
-    while thread.is_alive():
-        thread.join(POLL_SECONDS)
-    if failed:
-        raise failed[0]
-    return done[0]

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.cloud.membership import inside_polygon
+from mlsanm_cli.cloud.membership import cross, inside_polygon
 from mlsanm_cli.kernels.sight import cut_lines
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 
@@ -137,7 +137,7 @@ def visibility_criterion(points: FloatArray, edges: IntArray) -> VisibilityCrite
     begins = np.flatnonzero(np.append(True, edges[1:, 0] != edges[:-1, 1]))
     if len(begins) == 1:
         following = np.roll(step, -1, axis=0)
-        turn = step[:, 0] * following[:, 1] - step[:, 1] * following[:, 0]
+        turn = cross(step, following)
         if (turn >= -FINE_ROUND_OFF * length * np.roll(length, -1)).all():
             return None  # a convex outline does not face itself across a void
     number = np.repeat(np.arange(len(begins)), np.diff(np.append(begins, len(edges))))

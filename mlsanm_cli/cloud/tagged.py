@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.loops import Loop, turns
-from mlsanm_cli.cloud.membership import inside_polygon, signed_area
+from mlsanm_cli.cloud.membership import cross, inside_polygon, signed_area
 from mlsanm_cli.errors import GeometryError
 from mlsanm_cli.roundoff import ROUND_OFF
 
@@ -57,7 +57,7 @@ def check_normals(nodes: TaggedNodes, loops: Sequence[Loop]) -> None:
         before, after = place - np.roll(place, 1, axis=0), np.roll(place, -1, axis=0) - place
         # At a corner the normal of either side, or one between them, is accepted.
         sides = [step / np.hypot(*step.T)[:, None] for step in (before, after, before + after)]
-        along = np.max([given[:, 0] * t[:, 1] - given[:, 1] * t[:, 0] for t in sides], axis=0)
+        along = np.max([cross(given, t) for t in sides], axis=0)
         wrong = ~(np.isnan(along) | (along > MIN_COSINE))
         if wrong.any():
             worst = int(np.argmax(wrong))

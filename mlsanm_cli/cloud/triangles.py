@@ -6,25 +6,18 @@ import numpy as np
 from scipy.spatial import Delaunay
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.cloud.membership import inside_polygon
-from mlsanm_cli.cloud.search import run_interruptible
+from mlsanm_cli.cloud.membership import inside_polygon, twice_area
 from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.roundoff import ROUND_OFF
-
-INTERRUPTIBLE_SIZE = 10_000
-"""Below so many points the triangulation is too short to need interrupting."""
 
 
 def triangulate(points: FloatArray, edges: IntArray, sight: VisibilityCriterion | None) -> IntArray:
     """Delaunay triangles (t, 3), counter-clockwise, of ``points`` (n, 2) inside loops of ``edges`` (e, 2).
     Triangles across slits are removed by ``sight``."""
     placed = points if sight is None else sight.opened
-    found = (
-        Delaunay(placed) if len(placed) < INTERRUPTIBLE_SIZE else run_interruptible(lambda: Delaunay(placed))
-    )
-    triangles = np.asarray(found.simplices, dtype=np.int64)
+    triangles = np.asarray(Delaunay(placed).simplices, dtype=np.int64)
     a, b, c = (points[triangles[:, corner]] for corner in range(3))
-    twice = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    twice = twice_area(a, b, c)
     triangles[twice < 0.0] = triangles[twice < 0.0][:, ::-1]
     # Only triangles of three boundary nodes can lie outside, across a hollow or flat along a curve. Where
     # slits are opened: drawn, those next to a slit's end may turn about and lie over their neighbours.

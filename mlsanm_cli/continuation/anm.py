@@ -49,16 +49,9 @@ class AnmFollower(Follower):
             series, keeps_residual = self._series(here, direction, unit)
             if keeps_residual:
                 here, series = self._returned(here, series, direction, unit)
-            cut = self._before_event(series)
-            branch = cut or self._validity.branch(series)
-            if not cut:
-                self._check_length(here, branch, unit)
-                self._piece = branch
-            limit = branch.length if self._locate_event is None or cut else self._locate_event(branch)
-            if cut or limit < branch.length:
-                piece = branch.shortened(limit)
-                yield self._record(piece, self._end_at_event(here, piece), piece.length * unit, piece.order)
-                raise Stopped(StopReason.EVENT, f"after {self._steps} steps")
+            branch = self._validity.branch(series)
+            self._check_length(here, branch, unit)
+            self._piece = branch
             branch, end, ahead, effort = self._reach_end(here, branch)
             if ahead is not None:
                 self._piece = branch
@@ -93,19 +86,6 @@ class AnmFollower(Follower):
         self._effort["solves"] += self._options.order
         with np.errstate(over="ignore", invalid="ignore"):
             return expand(self._problem, self._metric, here, self._options.order, direction, unit)
-
-    def _before_event(self, series: Branch) -> Branch | None:
-        """Return the piece of path up to an event if the power series is valid that far, else None."""
-        if self._locate_event is None:
-            return None
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            piece = series.shortened(self._validity.first_guess(series))
-            crossing = piece.first_crossing(self._lam_end)
-            piece = piece if crossing is None else piece.shortened(crossing)
-            self._piece = piece
-            limit = self._locate_event(piece) if 0.0 < piece.length < np.inf else np.inf
-            good = limit < piece.length and self._validity.valid(piece, limit)
-        return piece.shortened(limit) if good else None
 
     def _returned(
         self, here: ExpansionPoint, series: Branch, direction: tuple[FloatArray, float], unit: float
@@ -164,15 +144,6 @@ class AnmFollower(Follower):
                 failure = Stopped(StopReason.SINGULAR_TANGENT, f"the tangent is singular {place}")
             length *= _SHORTENING
         raise failure
-
-    def _end_at_event(self, here: ExpansionPoint, piece: Branch) -> Correction:
-        """Return the corrected end of a piece that ends at an event: the next series, of another problem, may
-        be too short to remove its residual."""
-        x, lam = piece.evaluate(piece.length)
-        end = self._corrected(here, (x, lam))
-        if end is None:
-            raise Stopped(StopReason.CORRECTION_FAILED, f"no state at the event near load factor {lam:.9g}")
-        return end
 
     def _finish(self, here: ExpansionPoint, piece: Branch) -> tuple[Branch, Correction, None, Effort]:
         """Correct the end of the last step, which lies exactly at the target load factor."""

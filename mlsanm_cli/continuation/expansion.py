@@ -104,11 +104,6 @@ def expand(
         free[:] = 0.0
     lam[1] = rise - float(normal @ free) / denominator
     x[1] = free + lam[1] * slope
-    # By the attribute: isinstance of a Protocol takes as long as some orders.
-    orders = getattr(start.tangent, "orders", None)
-    if orders is not None:
-        orders(x, lam, slope, normal, denominator)
-        return Branch(x, lam, 0.0), keeps_residual
     for k in range(2, order + 1):
         free = solve(problem.series_rhs(x[:k], lam[:k]))
         lam[k] = -float(normal @ free) / denominator

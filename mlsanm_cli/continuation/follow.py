@@ -18,7 +18,6 @@ def follow(
     lam_end: float,
     options: AnmOptions | NewtonOptions | None = None,
     previous: Branch | None = None,
-    locate_event: Callable[[Branch], float] | None = None,
     levels: Sequence[float] = (),
     last: Callable[[FloatArray, float], bool] | None = None,
 ) -> Follower:
@@ -32,8 +31,6 @@ def follow(
     options : they also select the method: power series (default) or Newton-Raphson
     previous : the piece of path that led to the start point; the path continues in its direction with its
         step length, as if it had not been interrupted
-    locate_event : returns the parameter up to which the problem is valid on a piece of path; the path ends
-        there with the reason EVENT
     levels : load factors at which states are wanted. Steps of Newton's method end there; power series
         contain them anyway
     last : whether the caller leaves the path at a state, the end of a step: power series then do not
@@ -41,4 +38,4 @@ def follow(
     """
     options = options or AnmOptions()
     method = NewtonFollower if isinstance(options, NewtonOptions) else AnmFollower
-    return method(problem, x0, lam0, lam_end, options, previous, locate_event, levels, last)
+    return method(problem, x0, lam0, lam_end, options, previous, levels, last)

@@ -3,8 +3,8 @@
 A step starts along the tangent (its first iteration) and ends where damped Newton updates converge: at a
 given load factor, or on the plane normal to the tangent at a given distance, which passes folds. Updates stay
 in the admissible region and lower the norm of the residual. Between its ends a step is interpolated: by the
-cubic with the values and tangents of both. A load factor or an event inside is therefore located on the
-cubic, solved for, and located again on the shorter cubic that ends there.
+cubic with the values and tangents of both. A load factor inside is therefore located on the cubic and
+solved for.
 
 Sources: E. Riks, An incremental approach to the solution of snapping and buckling problems, International
 Journal of Solids and Structures 15 (1979) 529-551; M. A. Crisfield, A fast incremental/iterative solution
@@ -13,12 +13,12 @@ procedure that handles snap-through, Computers & Structures 13 (1981) 55-62.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
-from mlsanm_cli.continuation.corrector import Correction, admissible_part, iterate, residual_norm
+from mlsanm_cli.continuation.corrector import Correction, admissible_part, iterate
 from mlsanm_cli.continuation.expansion import ExpansionPoint
 from mlsanm_cli.continuation.path import Follower, Step, Stopped, StopReason
 from mlsanm_cli.continuation.problem import FloatArray, NewtonOptions, SingularTangentError
@@ -27,18 +27,6 @@ from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 # With arc-length control the direction may turn by an angle of at least this cosine within a step.
 _MIN_COSINE = 0.3
-# Events are located on a cubic whose residual midway is below this. The residual grows as the fourth power of
-# the step, which is shortened by no more than this factor at once.
-_CUBIC_RESIDUAL, _MAX_SHORTENING = 1e-4, 0.2
-# An event is located when its parameter moves by less than this part of the step (the next move would be
-# about the square of that), or no less than half the previous move and within the tolerance, as a load factor
-# or scaled length: problems may return tangents that are slightly out of date.
-_EVENT_CONVERGED, _EVENT_RATE = 1e-10, 0.5
-_MAX_EVENT_ITERATIONS = 20
-# Events are searched on the cubic beyond its end, to this multiple of its length.
-_EXTRAPOLATION = 1.25
-# After an event at some part of a step, the next step is at most this multiple of that part.
-_GROWTH_AFTER_EVENT = 2.0
 
 
 class _Failed(Stopped):
@@ -47,12 +35,11 @@ class _Failed(Stopped):
 
 @dataclass(frozen=True, eq=False)
 class _Step:
-    """A step: the cubic between its ends, its end, the next expansion point, whether an event ends it."""
+    """A step: the cubic between its ends, its end, the next expansion point."""
 
     piece: Branch
     end: Correction
     ahead: ExpansionPoint
-    event: bool = False
 
 
 class NewtonFollower(Follower):
@@ -91,8 +78,6 @@ class NewtonFollower(Follower):
             leg = self._advance(here, along)
             self._piece = leg.piece.shortened(self._step_length)
             yield self._record(leg.piece, leg.end, leg.piece.length * self._metric.norm(*along), 0)
-            if leg.event:
-                raise Stopped(StopReason.EVENT, f"after {self._steps} steps")
             if leg.end.lam == self._lam_end:
                 raise Stopped(StopReason.TARGET_REACHED, f"after {self._steps} steps")
             here, along = leg.ahead, self._along(leg.ahead, along)
@@ -127,7 +112,7 @@ class NewtonFollower(Follower):
     def _attempt(
         self, here: ExpansionPoint, along: tuple[FloatArray, float], length: float, level: float | None
     ) -> _Step:
-        """Return a step of ``length``, cut at the first level (arc length) or event in it. Raises _Failed."""
+        """Return a step of ``length``, cut at the first level in it (arc length). Raises _Failed."""
         straight = Branch(np.array([here.x, along[0]]), np.array([here.lam, along[1]]), length)
         before = self._effort["updates"]
         self._effort["updates"] += 1
@@ -135,11 +120,7 @@ class NewtonFollower(Follower):
         ease = np.sqrt(self._options.wanted / (self._effort["updates"] - before))
         pace = length * float(np.clip(ease, 0.5, self._options.growth))
         self._step_length = max(self._step_length, pace) if ease >= 1.0 else pace
-        if not self._load_control:
-            leg = self._at_level(here, along, leg)
-        if self._locate_event is None:
-            return leg
-        return self._before_event(here, along, self._resolve_events(here, along, leg), self._locate_event)
+        return leg if self._load_control else self._at_level(here, along, leg)
 
     def _solved(
         self,
@@ -199,58 +180,3 @@ class NewtonFollower(Follower):
         found = [(leg.piece.first_crossing(v), v) for v in self._targets if v != here.lam]
         crossings = [(a, v) for a, v in found if a is not None and a > 0.0]
         return self._solved(here, along, leg.piece, *min(crossings)) if crossings else leg
-
-    def _resolve_events(self, here: ExpansionPoint, along: tuple[FloatArray, float], leg: _Step) -> _Step:
-        """Return the step, or a shorter one whose cubic is accurate enough to locate events on it."""
-        while True:
-            length = leg.piece.length
-            error = residual_norm(self._problem, *leg.piece.evaluate(0.5 * length))
-            if error <= _CUBIC_RESIDUAL:
-                return leg
-            part = (
-                max(_MAX_SHORTENING, min(0.5, (0.5 * _CUBIC_RESIDUAL / error) ** 0.25))
-                if np.isfinite(error)
-                else _MAX_SHORTENING
-            )
-            self._step_length = part * length
-            if self._step_length * self._metric.norm(*along) < self._options.min_length:
-                raise _Failed(StopReason.STEP_TOO_SMALL, "the path bends too sharply to look for events")
-            leg = self._solved(here, along, leg.piece, self._step_length)
-
-    def _before_event(
-        self,
-        here: ExpansionPoint,
-        along: tuple[FloatArray, float],
-        leg: _Step,
-        locate_event: Callable[[Branch], float],
-    ) -> _Step:
-        """Return the step, or a shorter one to the first event in it."""
-        whole, a, before = leg.piece.length, locate_event(leg.piece), np.inf
-        if not a < whole:
-            return leg
-        for _ in range(_MAX_EVENT_ITERATIONS):
-            leg = self._at(here, along, leg, a)
-            if a <= COARSE_ROUND_OFF * whole:
-                break
-            found = locate_event(leg.piece.shortened(min(_EXTRAPOLATION * leg.piece.length, whole)))
-            if found == np.inf:
-                return leg  # an event of the first cubic only
-            move = abs(found - leg.piece.length)
-            within = move <= self._options.tolerance and move > _EVENT_RATE * before
-            if move <= _EVENT_CONVERGED * whole or within:
-                break
-            a, before = found, move
-        else:
-            message = f"the location of an event does not converge near load factor {leg.end.lam:.9g}"
-            raise _Failed(StopReason.CORRECTION_FAILED, message)
-        if leg.piece.length > COARSE_ROUND_OFF * whole:
-            self._step_length = min(self._step_length, _GROWTH_AFTER_EVENT * leg.piece.length)
-        return replace(leg, event=True)
-
-    def _at(self, here: ExpansionPoint, along: tuple[FloatArray, float], leg: _Step, a: float) -> _Step:
-        """Return the step that ends at ``a``; near the start it needs no iteration."""
-        x, lam = leg.piece.evaluate(a)
-        if a > COARSE_ROUND_OFF * leg.piece.length:
-            return self._solved(here, along, leg.piece, a)
-        residual = float(np.abs(self._problem.residual(x, lam)).max(initial=0.0))
-        return _Step(leg.piece.shortened(a), Correction(x, lam, residual), here)

@@ -27,7 +27,6 @@ class StopReason(StrEnum):
     """Why a path ended; the values are shown to users."""
 
     TARGET_REACHED = "target reached"
-    EVENT = "event"
     MAX_STEPS = "max steps"
     STEP_TOO_SMALL = "step too small"
     NOT_ADMISSIBLE = "not admissible"
@@ -67,8 +66,7 @@ class Step:
 @dataclass(frozen=True, eq=False)
 class Outcome:
     """How a path ended: the reason with a ``message``, the last valid point, totals of the whole path.
-    ``piece`` is the last step with the length that it would have had without an event: the ``previous`` of a
-    path that continues, which needs only its ``tangent``."""
+    ``piece`` is the last step: the ``previous`` of a path that continues."""
 
     reason: StopReason
     message: str
@@ -107,11 +105,10 @@ class Follower(ABC):
         lam_end: float,
         options: PathOptions,
         previous: Branch | None = None,
-        locate_event: Callable[[Branch], float] | None = None,
         levels: Sequence[float] = (),
         last: Callable[[FloatArray, float], bool] | None = None,
     ) -> None:
-        self._problem, self._options, self._locate_event = problem, options, locate_event
+        self._problem, self._options = problem, options
         self._last = last
         self._lam_end, self._previous, self._levels = float(lam_end), previous, levels
         self._metric = Metric(problem.scale)

@@ -19,9 +19,7 @@ class SingularTangentError(NumericalError):
 
 
 class Tangent(Protocol):
-    """The factorised derivative dR/dx at one point. A tangent may also have a method ``orders(x, lam, slope,
-    normal, size)`` that computes the coefficients ``x`` (N + 1, size) and ``lam`` (N + 1,) of all orders from
-    2 on at once, which is faster."""
+    """The factorised derivative dR/dx at one point."""
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """Return w, shape (size,), with dR/dx w = rhs; ``rhs``, shape (size,), must not be changed."""

@@ -29,8 +29,6 @@ _SHRINK, _GROW = 0.3, 1.5
 _STRAIGHT = 4.0
 # Parts of a range at which the residual is checked, besides its end.
 _INSIDE = (0.25, 0.5, 0.75, 0.9)
-# For a power series shorter than its classical range fewer checks suffice.
-_SHORT_RANGE_CHECKS = (1.0, 0.5)
 # A Padé approximant, which has poles, is used only if it extends the step by this factor.
 _MIN_GAIN, _CLEAR_GAIN = 1.02, 1.15
 # First guess of the range of a Padé approximant over that of its power series.
@@ -68,11 +66,6 @@ class RangeOfValidity:
         if rational is not None and rational.length > _MIN_GAIN * taylor.length:
             return rational
         return taylor
-
-    def valid(self, branch: Branch, a: float) -> bool:
-        """Whether the residual keeps the tolerance at ``a`` and inside."""
-        limit = _LIMIT * self.options.tolerance
-        return all(self.error(branch, part * a) <= limit for part in _SHORT_RANGE_CHECKS)
 
     def first_guess(self, series: Branch) -> float:
         """Return the classical range of a power series."""

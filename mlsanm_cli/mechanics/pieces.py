@@ -26,6 +26,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cells import FINE, GAUSS, Halves, Rule, corner_moments, measure
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.cloud.pieces import divide, pair_up
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.mechanics.body_model import BodyModel
@@ -223,7 +224,7 @@ class Pieces:
             owner = level[corners[:, 0]]
             a, b, c = np.moveaxis(points[corners], 1, 0)
             one, other = b - a, c - a
-            area = 0.5 * np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0])
+            area = 0.5 * np.abs(cross(one, other))
             x, y = np.moveaxis(force[corners] - mean[owner][:, None], 2, 0)
             arm = (points[corners] - self.middle[owner][:, None]) / self.size[owner][:, None, None]
             across, along = np.moveaxis(arm, 2, 0)
@@ -280,7 +281,7 @@ def _along(surface: Surface, halves: Halves) -> tuple[FloatArray, FloatArray]:
 def turned_along(start: FloatArray, end: FloatArray) -> FloatArray:
     """Rotations (e, 2, 2) that map unit vectors ``start`` (e, 2) to ``end`` (e, 2)."""
     cosine = (start * end).sum(axis=1)
-    sine = start[:, 0] * end[:, 1] - start[:, 1] * end[:, 0]
+    sine = cross(start, end)
     return np.stack([np.stack([cosine, -sine], axis=1), np.stack([sine, cosine], axis=1)], axis=1)
 
 

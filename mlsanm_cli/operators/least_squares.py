@@ -266,10 +266,10 @@ class Eliminated:
         """Remark of the full factor."""
         return self.factor.note
 
-    def solve(self, rhs: FloatArray, transposed: bool = False) -> FloatArray:
+    def solve(self, rhs: FloatArray) -> FloatArray:
         """Solution for (n,) or (n, c) right-hand sides."""
         nothing = np.zeros((self.multipliers, *rhs.shape[1:]))
-        return self.factor.solve(np.concatenate([rhs, nothing]), transposed)[: self.unknowns]
+        return self.factor.solve(np.concatenate([rhs, nothing]))[: self.unknowns]
 
     def products(self, left: sparse.csr_array, right: sparse.csc_array) -> FloatArray:
         """``left`` (g, n) times the solutions for ``right`` (n, c)."""

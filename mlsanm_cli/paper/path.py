@@ -26,10 +26,9 @@ SYMBOLS = {"pressure": "p", "gap": "h", "motion": "q", "traction": "t"}
 
 def paper_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
     """Path of the scene, or its remaining part. NumericalError if the path cannot be continued."""
-    system, stages = System.of(built), built.stages
-    ends = np.arange(1.0, built.case.solver.increments + 1.0) / built.case.solver.increments
-    ends = ends if len(system.law.mu) else np.ones(1)
-    solver, stage, position, previous = built.case.solver, 0, 0.0, None
+    system, stages, solver = System(built), built.stages, built.case.solver
+    parts = solver.increments if len(system.law.mu) else 1
+    ends, stage, position = np.arange(1.0, parts + 1.0) / parts, 0, 0.0
     options: AnmOptions | NewtonOptions = NewtonOptions(solver.tolerance, sys.maxsize)
     if solver.method != "newton":
         options = AnmOptions(solver.tolerance, sys.maxsize, order=solver.order, pade=solver.pade)
@@ -42,16 +41,16 @@ def paper_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterat
         yield PathStep(state, saved, 0.0, 0, *effort, checkpoint=Checkpoint(state))
     else:
         stage, position = min(start.stage, len(stages) - 2), start.position
-        point, previous = _restored(replace(system, start=stages[stage], end=stages[stage + 1]), start, stage)
+        point = _restored(system.changed(start=stages[stage], end=stages[stage + 1]), start.state, stage)
         if position in stage + np.append(0.0, ends):
-            point, previous = point.with_moved_references(), None
+            point = point.with_moved_references()
     while True:
         for end in ends[stage + ends > position]:
-            point, previous = (yield from _increment(point, stage, float(end), previous, options)), None
+            point = yield from _increment(point, stage, float(end), options)
         stage += 1
         if stage == len(stages) - 1:
             return
-        system = replace(point.system, start=stages[stage], end=stages[stage + 1])
+        system = point.system.changed(start=stages[stage], end=stages[stage + 1])
         point = replace(point, system=system, lam=0.0)
 
 
@@ -79,8 +78,8 @@ class Point:
         system, x = self.system, self.x.copy()
         for name in "ab":
             x[system.places[name]] = np.minimum(x[system.places[name]], system.law.elastic_slip)
-        moved = replace(system, reference=system.reference + self.overrun())
-        return Point(moved, x, self.lam, self.dissipated())
+        system = system.changed(reference=system.reference + self.overrun())
+        return Point(system, x, self.lam, self.dissipated())
 
     def state(self, stage: int, residual: float) -> State:
         """The state at this point. A node is closed if its pressure, in units of the scene, exceeds its gap,
@@ -95,35 +94,27 @@ class Point:
 
 
 def _increment(
-    point: Point, stage: int, end: float, previous: Branch | None, options: AnmOptions | NewtonOptions
+    point: Point, stage: int, end: float, options: AnmOptions | NewtonOptions
 ) -> Generator[PathStep, None, Point]:
-    """Steps to the fraction ``end`` of a stage, continuing a ``previous`` piece; returns the point there,
-    with moved references."""
+    """Steps to the fraction ``end`` of a stage; returns the point there, with moved references."""
     system = point.system
     wanted = [level for level in output_positions(system.built) if level <= stage + end]
     levels = [level - stage for level in wanted if stage < level < stage + end]
-    follower = follow(system, point.x, point.lam, end, options, previous, levels=levels)
+    follower = follow(system, point.x, point.lam, end, options, levels=levels)
     for step in follower.steps():
         before, point, residual = point, replace(point, x=step.x, lam=step.lam), step.residual
         saved, updates = list[State](), 0
         for level in [one for one in wanted if stage + before.lam < one <= stage + step.lam]:
-            found, error = point, residual
-            if step.order:
-                # Series only satisfy the tolerance, while results are compared to the last digit.
-                x, lam = step.x, step.lam
-                if level < stage + lam:
-                    x, lam = step.branch.evaluate(step.branch.parameter_at(level - stage))
-                better = correct(system, x, lam, options)
-                found, error = replace(before, x=better.x, lam=lam), better.residual
-                updates += better.updates
-                if lam == step.lam:
-                    point, residual = found, error
-            saved.append(replace(found.state(stage, error), position=level))
+            x, lam = step.x, step.lam
+            if level < stage + lam:
+                x, lam = step.branch.evaluate(step.branch.parameter_at(level - stage))
+            # Series only satisfy the tolerance, while results are compared to the last digit.
+            better = correct(system, x, lam, options)
+            found, updates = replace(before, x=better.x, lam=lam), updates + better.updates
+            if lam == step.lam:
+                point, residual = found, better.residual
+            saved.append(replace(found.state(stage, better.residual), position=level))
         state = point.state(stage, residual)
-        if step.lam == end:
-            point = point.with_moved_references()
-        piece = follower.outcome.piece
-        heading = np.zeros(0) if piece is None else np.append(piece.x[1], piece.lam[1])
         yield PathStep(
             state,
             tuple(saved),
@@ -135,7 +126,7 @@ def _increment(
             # Predictors of Newton-Raphson between states are not stored.
             series=_series(system, step.branch, stage) if step.order else {},
             series_attributes={"length": step.branch.length, "stage": stage},
-            checkpoint=Checkpoint(state, heading=heading, pace=piece.length if piece else 0.0),
+            checkpoint=Checkpoint(state),
         )
     outcome = follower.outcome
     if not outcome.reached:
@@ -143,7 +134,7 @@ def _increment(
             f"the path stopped at position {stage + outcome.lam:.6g}: {outcome.reason.value}",
             f'{outcome.message}; raise contact.regularization.eta, or use its law = "exact"',
         )
-    return point
+    return point.with_moved_references()
 
 
 def _series(system: System, branch: Branch, stage: int) -> dict[str, FloatArray]:
@@ -154,18 +145,14 @@ def _series(system: System, branch: Branch, stage: int) -> dict[str, FloatArray]
     return {"position": position, **{name: one for name, one in found.items() if one.size}, **ratio}
 
 
-def _restored(system: System, start: Checkpoint, stage: int) -> tuple[Point, Branch | None]:
-    """The point of a checkpoint, and the linear piece of path before it."""
-    state, law, x = start.state, system.law, np.zeros(system.size)
+def _restored(system: System, state: State, stage: int) -> Point:
+    """The point of a stored state."""
+    law, x = system.law, np.zeros(system.size)
     x[system.places["u"]] = state.displacement
     for name, symbol in SYMBOLS.items():
         x[system.places[symbol]] = getattr(state, name)
     x = system.with_plastic_slips(x)
     a, b = system.split(x, "ab")
-    system = replace(system, reference=state.slip + law.compliance * state.traction + a - b)
+    system = system.changed(reference=state.slip + law.compliance * state.traction + a - b)
     point = Point(system, x, state.position - stage, state.work)
-    point = replace(point, work=2.0 * state.work - point.dissipated())
-    if not len(start.heading):
-        return point, None
-    ends = np.array([x, start.heading[:-1]]), np.array([point.lam, start.heading[-1]])
-    return point, Branch(*ends, start.pace)
+    return replace(point, work=2.0 * state.work - point.dissipated())

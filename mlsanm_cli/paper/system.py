@@ -2,79 +2,50 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TypeAlias
+from copy import copy
 
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.response.functionals import candidate_rows
 from mlsanm_cli.contact.response.short_waves import slip_fit
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators.linear.superlu import THRESHOLD, elimination_order, factor_in_order
-from mlsanm_cli.operators.refinement import Progress, refine
-from mlsanm_cli.operators.system import LinearSystem
+from mlsanm_cli.operators.refinement import FULL_TOLERANCE, Progress, refine
 from mlsanm_cli.paper.collocation import Collocation
 from mlsanm_cli.paper.law import LENGTH, Law
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 
-Matrix: TypeAlias = sparse.csr_array
 
-REFINED = 1e-11
-"""Relative size of the predicted next update to which solutions are refined: normal equations lose half the
-digits, which residuals of the rows themselves restore."""
-
-
-@dataclass(frozen=True, eq=False)
 class System:
-    """R(x, lam) over a stage from load factors ``start`` to ``end`` (L,) with stick ``reference`` (n,).
+    """R(x, lam) over a stage between load factors (L,), a problem for the continuation.
 
-    ``places`` are the ranges of the unknowns and of their rows, ``scale`` typical values of the unknowns and
-    ``divisor`` of the rows, which are divided by these. Q has the products ``factor`` x[``first``]
-    x[``second``] in rows ``first``. The ``bodies`` form their residuals themselves; ``matrix`` and ``load``
-    make the other rows. ``ordered`` is M in scaled unknowns and in the ``order`` of elimination, with
-    ``threshold`` of pivoting.
+    ``places`` are the ranges of the ``size`` unknowns and of their rows, ``scale`` typical values of the
+    unknowns and ``divisor`` of the rows, which are divided by these. Q has the products ``factor``
+    x[``first``] x[``second``] in rows ``first``. The ``bodies`` form their residuals themselves; ``matrix``
+    and ``load`` make the other rows. ``ordered`` is M in scaled unknowns and in the ``order`` of elimination,
+    with ``threshold`` of pivoting.
     """
 
-    built: CondensedScene
-    law: Law
-    bodies: dict[str, LinearSystem | Collocation]
-    places: dict[str, slice]
-    scale: FloatArray
-    divisor: FloatArray
-    matrix: Matrix
-    constant: FloatArray
-    load: FloatArray
-    first: IntArray
-    second: IntArray
-    factor: FloatArray
-    order: IntArray
-    ordered: sparse.csc_array
-    threshold: float
-    start: FloatArray
-    end: FloatArray
-    reference: FloatArray
-
-    @classmethod
-    def of(cls, built: CondensedScene) -> System:
-        """The equations of the first stage of a scene. Raises NumericalError if contacts carry nothing."""
-        c, scene, law = built.condensed, built.scene, Law.of(built)
+    def __init__(self, built: CondensedScene) -> None:
+        """The equations of a scene in its first stage. Raises NumericalError if contacts carry nothing."""
+        c, scene, law = built.condensed, built.scene, Law(built)
         m, n, k, loads = len(c.weight), len(c.friction_nodes), len(scene.unknown_motions), len(scene.loads)
         square = built.case.mls.scheme == "collocation"
-        bodies = {name: Collocation.of(one) if square else one.system for name, one in scene.bodies.items()}
-        equations = [one.equations(c.sources[name]) for name, one in bodies.items()]
+        self.built, self.law = built, law
+        self.bodies = {
+            name: Collocation.of(body) if square else body.system for name, body in scene.bodies.items()
+        }
+        equations = [body.equations(c.sources[name]) for name, body in self.bodies.items()]
         stiffness = sparse.csr_array(sparse.block_diag([one.matrix for one in equations]))
-        caused = -sparse.vstack([one.sources for one in equations], format="csc")
-        by_q, by_p, by_t = (
-            caused[:, one] for one in np.split(np.arange(loads, loads + k + m + n), [k, k + m])
-        )
+        caused = -sparse.vstack([one.sources for one in equations], format="csc")[:, loads:]
         normal, tangential = _relative_motions(built)
         cone, one_n = sparse.diags_array(law.mu * law.eta[c.friction_nodes]), sparse.eye_array(n)
         near, along = np.split(c.beyond.toarray(), [m])
         along[:, m:] += np.diag(law.compliance)
         blocks = {
-            "u": {"u": stiffness, "p": by_p, "t": by_t, "q": by_q},
+            "u": {"u": stiffness, "q": caused[:, :k], "p": caused[:, k : k + m], "t": caused[:, k + m :]},
             "h": {"u": -normal, "h": sparse.eye_array(m), "p": -near[:, :m], "t": -near[:, m:]},
             "a": {"a": cone},
             "b": {"b": cone},
@@ -85,57 +56,50 @@ class System:
         largest = np.asarray(abs(stiffness).max(axis=1).toarray()).ravel()
         force = np.abs(c.balance.pressure) @ np.full(m, law.pressure)
         motion = np.max([np.abs(end.motion) for end in built.ends], axis=0)
-        # Typical values of unknowns and rows.
+        force, motion = np.where(force > 0.0, force, 1.0), np.where(motion > 0.0, motion, law.elastic)
+        slip_work = law.mu * law.pressure * law.elastic_slip
+        # Typical values of unknowns and rows, and the constant part of the rows.
         typical = {
-            "u": (np.full(len(largest), law.elastic), law.elastic * largest),
-            "h": (np.full(m, law.gap), np.full(m, law.gap)),
-            "a": (np.full(n, law.slip), law.mu * law.pressure * law.elastic_slip),
-            "b": (np.full(n, law.slip), law.mu * law.pressure * law.elastic_slip),
-            "p": (np.full(m, law.pressure), np.full(m, law.pressure * law.gap)),
-            "t": (law.mu * law.pressure, np.full(n, law.slip)),
-            "q": (np.where(motion > 0.0, motion, law.elastic), np.where(force > 0.0, force, 1.0)),
+            "u": (np.full(len(largest), law.elastic), law.elastic * largest, 0.0 * largest),
+            "h": (np.full(m, law.gap), np.full(m, law.gap), -c.gap.constant),
+            "a": (np.full(n, law.slip), slip_work, -law.eps),
+            "b": (np.full(n, law.slip), slip_work, -law.eps),
+            "p": (np.full(m, law.pressure), np.full(m, law.pressure * law.gap), -law.eta * law.delta),
+            "t": (law.mu * law.pressure, np.full(n, law.slip), np.zeros(n)),
+            "q": (motion, force, c.balance.constant),
         }
-        scale, divisor = map(np.concatenate, zip(*typical.values(), strict=True))
-        ends = np.cumsum([0, *(len(values) for values, _ in typical.values())]).tolist()
-        places = dict(zip(typical, map(slice, ends[:-1], ends[1:]), strict=True))
+        self.scale: FloatArray
+        self.divisor: FloatArray
+        self.scale, self.divisor, constant = map(np.concatenate, zip(*typical.values(), strict=True))
+        self.size, self.constant = len(self.scale), constant / self.divisor
+        ends = np.cumsum([0, *(len(values[0]) for values in typical.values())]).tolist()
+        self.places = dict(zip(typical, map(slice, ends[:-1], ends[1:]), strict=True))
         linear = sparse.block_array([[row.get(name) for name in blocks] for row in blocks.values()])
-        linear = sparse.csr_array(sparse.diags_array(1.0 / divisor) @ linear)
-        known = {"h": -c.gap.constant, "a": -law.eps, "b": -law.eps, "p": -law.eta * law.delta}
-        known |= {"u": np.zeros(len(largest)), "t": np.zeros(n), "q": c.balance.constant}
-        load = np.zeros((len(scale), loads))
-        load[places["q"]] = c.balance.load
-        a, b, p, h, t = (np.arange(places[name].start, places[name].stop) for name in "abpht")
-        first, pressed = np.concatenate([p, a, a, b, b]), p[c.friction_nodes]
+        linear = sparse.csr_array(sparse.diags_array(1.0 / self.divisor) @ linear)
+        self.matrix = linear[self.places["h"].start :]
+        load = np.zeros((self.size, loads))
+        load[self.places["q"]] = c.balance.load
+        self.load: FloatArray = (load / self.divisor[:, None])[self.places["h"].start :]
+        a, b, p, h, t = (np.arange(self.places[name].start, self.places[name].stop) for name in "abpht")
+        pressed = p[c.friction_nodes]
+        self.first, self.second = np.concatenate([p, a, a, b, b]), np.concatenate([h, pressed, t, pressed, t])
         factor = np.concatenate([np.ones(m), law.mu, -np.ones(n), law.mu, np.ones(n)])
-        points = np.concatenate([body.model.nodes for body in scene.bodies.values()])
+        self.factor: FloatArray = factor / self.divisor[self.first]
         # Bodies first, by nested dissection: the Schur complement of the contact is the condensed problem.
+        points = np.concatenate([body.model.cloud.points for body in scene.bodies.values()])
         order = elimination_order(sparse.csc_array(abs(stiffness) + abs(stiffness).T), points)
-        order = np.concatenate([order, np.arange(len(order), len(scale))])
-        return cls(
-            built=built,
-            law=law,
-            bodies=bodies,
-            places=places,
-            scale=scale,
-            divisor=divisor,
-            matrix=linear[places["h"].start :],
-            constant=np.concatenate([known[name] for name in places]) / divisor,
-            load=(load / divisor[:, None])[places["h"].start :],
-            first=first,
-            second=np.concatenate([h, pressed, t, pressed, t]),
-            factor=factor / divisor[first],
-            order=order,
-            ordered=sparse.csc_array((linear @ sparse.diags_array(scale))[order][:, order]),
-            threshold=0.0 if all(one.definite for one in equations) else THRESHOLD,
-            start=built.stages[0],
-            end=built.stages[1],
-            reference=np.zeros(n),
-        )
+        self.order = np.concatenate([order, np.arange(len(order), self.size)])
+        ordered = (linear @ sparse.diags_array(self.scale))[self.order][:, self.order]
+        self.ordered = sparse.csc_array(ordered)
+        self.threshold = 0.0 if all(one.definite for one in equations) else THRESHOLD
+        self.reference: FloatArray = np.zeros(n)
+        self.start, self.end = built.stages[:2]
 
-    @property
-    def size(self) -> int:
-        """Number of unknowns."""
-        return len(self.scale)
+    def changed(self, **values: FloatArray) -> System:
+        """The equations with another ``start``, ``end`` (L,) or ``reference`` (n,)."""
+        other = copy(self)
+        vars(other).update(values)
+        return other
 
     def split(self, x: FloatArray, names: str) -> list[FloatArray]:
         """The unknowns of these names among x (..., size)."""
@@ -158,7 +122,7 @@ class System:
 
     def factors(self, lam: float) -> FloatArray:
         """Load factors (L,) at the fraction ``lam`` of the stage."""
-        return self.start + lam * (self.end - self.start)
+        return np.asarray(self.start + lam * (self.end - self.start))
 
     def linear(self, f: FloatArray, x: FloatArray) -> FloatArray:
         """M x and the part of C that is due to load factors f (L,)."""
@@ -205,7 +169,7 @@ class System:
 class Tangent:
     """M + ``local`` factorised. Raises numpy's LinAlgError if it is singular."""
 
-    def __init__(self, system: System, local: Matrix) -> None:
+    def __init__(self, system: System, local: sparse.csr_array) -> None:
         self._system, self._local = system, local
         ordered = (local @ sparse.diags_array(system.scale))[system.order][:, system.order]
         whole = sparse.csc_array(system.ordered + ordered)
@@ -215,7 +179,7 @@ class Tangent:
             raise np.linalg.LinAlgError("singular tangent of the contact problem") from error
 
     def solve(self, rhs: FloatArray) -> FloatArray:
-        """Solution (size,)."""
+        """Solution (size,). Normal equations lose half the digits, which residuals of the rows restore."""
         system, unloaded = self._system, np.zeros(len(self._system.start))
 
         def by_factor(rest: FloatArray) -> FloatArray:
@@ -227,10 +191,10 @@ class Tangent:
             return by_factor(rhs - system.linear(unloaded, y[:, 0]) - self._local @ y[:, 0])
 
         start = by_factor(rhs)
-        return np.asarray(refine(start, update, Progress.of(start, REFINED))[0][:, 0])
+        return np.asarray(refine(start, update, Progress.of(start, FULL_TOLERANCE))[0][:, 0])
 
 
-def _relative_motions(built: CondensedScene) -> list[Matrix]:
+def _relative_motions(built: CondensedScene) -> list[sparse.csr_array]:
     """N (m, 2N) and T (n, 2N): normal and tangential motions of slaves relative to masters."""
     bodies = built.scene.bodies
     normal, tangential = [], [sparse.csr_array((0, sum(body.model.unknowns for body in bodies.values())))]

@@ -26,6 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.contact.complementarity.basis import SingularError
 from mlsanm_cli.contact.complementarity.problem import ContactStatus
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
@@ -271,7 +272,7 @@ def moment_error(
         carried = 0.0
         for at, force in _forces(condensed, constraint.bodies, none, traction):
             arm = at - center
-            carried += abs(float((arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]).sum()))
+            carried += abs(float(cross(arm, force).sum()))
         if carried > 0.0:
             found.append(Turned(constraint.bodies, float(angle), omitted / carried))
     return max(found, key=lambda one: one.share, default=None)

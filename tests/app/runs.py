@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,11 @@ import numpy as np
 
 from mlsanm_cli.io import schema
 from mlsanm_cli.io.run_reader import read_run
+
+
+def warned(summary: Mapping[str, Any]) -> list[str]:
+    """Names of the checks that warned."""
+    return [check["name"] for check in summary["checks"] if check["outcome"] == "warned"]
 
 
 def summary_of(directory: Path) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Outline, annulus, disk, half_disk, rectangle, sector
 from mlsanm_cli.cloud.quality import measure
-from mlsanm_cli.cloud.search import BATCH_SIZE, nearest, run_interruptible
+from mlsanm_cli.cloud.search import BATCH_SIZE, nearest
 from mlsanm_cli.cloud.spacing import Spacing, Zone, estimate_nodes
 from tests.cloud.shapes import polygon
 
@@ -156,21 +156,6 @@ def test_a_signal_is_heard_while_nodes_are_placed() -> None:
         signal.signal(signal.SIGALRM, before)
     assert time.process_time() - begun[0] < 0.5
     assert begun[0] > 0.0
-
-
-def test_a_call_beside_hears_signals_and_hands_on_what_it_raises() -> None:
-    assert run_interruptible(lambda: 7) == 7
-    with pytest.raises(ZeroDivisionError):
-        run_interruptible(lambda: 1 // 0)
-    before = signal.signal(signal.SIGALRM, signal.default_int_handler)
-    begun = time.monotonic()
-    try:
-        signal.setitimer(signal.ITIMER_REAL, 0.1)
-        with pytest.raises(KeyboardInterrupt):
-            run_interruptible(lambda: time.sleep(2.0))
-    finally:
-        signal.signal(signal.SIGALRM, before)
-    assert time.monotonic() - begun < 1.5
 
 
 def test_searches_in_pieces_are_searches() -> None:

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from mlsanm_cli.continuation import Branch, FloatArray, NewtonOptions, StopReason, Tangent, follow
+from mlsanm_cli.continuation import NewtonOptions, StopReason, follow
 
 from .contact_problems import open_start
 from .problems import Circle, Scalar, Truss
@@ -50,59 +50,6 @@ def test_load_control_says_that_it_cannot_pass_a_fold() -> None:
     assert not follower.outcome.reached
     assert follower.outcome.reason in (StopReason.CORRECTION_FAILED, StopReason.SINGULAR_TANGENT)
     assert 0.99 < steps[-1].lam <= 1.0 + 1e-8
-
-
-@pytest.mark.parametrize("control", ["load", "arc-length"])
-@pytest.mark.parametrize("level", [1e-9, 0.01, 0.4])
-def test_events_are_located_by_solving_again(level: float, control: Literal["load", "arc-length"]) -> None:
-    calls = []
-
-    def locate_event(piece: Branch) -> float:
-        calls.append(piece)
-        high = piece.length
-        if piece.evaluate(high)[0][0] < level:
-            return np.inf
-        low = 0.0
-        while high - low > 1e-16 + 1e-15 * high:
-            middle = 0.5 * (low + high)
-            low, high = (low, middle) if piece.evaluate(middle)[0][0] >= level else (middle, high)
-        return high
-
-    problem = Scalar(0.0, 1.0, 1.0)
-    options = NewtonOptions(control=control, first=1.0)
-    follower = follow(problem, np.zeros(1), 0.0, 1.0, options, locate_event=locate_event)
-    steps = list(follower.steps())
-    assert follower.outcome.reason is StopReason.EVENT
-    assert steps[-1].x[0] == pytest.approx(level, rel=1e-7)
-    assert steps[-1].lam == pytest.approx(level + level**2, rel=1e-7)
-    assert len(calls) - len(steps) <= 8
-
-
-class Bent(Scalar):
-    """x - 2 exp(-(lam - 0.5)^2 / 0.02) = 0: a bump that a long step does not see."""
-
-    def residual(self, x: FloatArray, lam: float) -> FloatArray:
-        return np.asarray(x - 2.0 * np.exp(-((lam - 0.5) ** 2) / 2e-2))
-
-    def tangent(self, x: FloatArray, lam: float) -> Tangent:
-        return super().tangent(np.zeros(1), lam)
-
-    def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
-        return np.array([4.0 * (lam - 0.5) / 2e-2 * np.exp(-((lam - 0.5) ** 2) / 2e-2)])
-
-
-def test_events_inside_a_long_step_are_seen() -> None:
-    def locate_event(piece: Branch) -> float:
-        grid = np.linspace(0.0, piece.length, 17)
-        past = np.flatnonzero((piece.weights(grid) @ piece.terms[0])[:, 0] >= 1.0)
-        return float(grid[past[0]]) if past.size else np.inf
-
-    follower = follow(
-        Bent(0.0, 1.0), np.zeros(1), 0.0, 1.0, NewtonOptions(first=1.0), locate_event=locate_event
-    )
-    list(follower.steps())
-    assert follower.outcome.reason is StopReason.EVENT
-    assert follower.outcome.lam == pytest.approx(0.5 - np.sqrt(2e-2 * np.log(2.0)), abs=0.02)
 
 
 def test_no_trial_leaves_the_admissible_region() -> None:

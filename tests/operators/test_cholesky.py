@@ -104,7 +104,6 @@ def test_solutions_against_dense_ones(count: int, apiece: int, definite: bool, s
         expected = np.linalg.solve(dense, rhs)
         size = np.linalg.cond(dense) * np.abs(expected).max()
         assert np.abs(factor.solve(rhs) - expected).max() <= (1e-13 if negative else 1e-14) * size
-        assert np.array_equal(factor.solve(rhs), factor.solve(rhs, transposed=True))
 
 
 @settings(max_examples=15)
@@ -232,8 +231,8 @@ class Rough:
     part: float
     note: str = ""
 
-    def solve(self, rhs: FloatArray, transposed: bool = False) -> FloatArray:
-        return np.asarray((1.0 + self.part) * self.factor.solve(rhs, transposed))
+    def solve(self, rhs: FloatArray) -> FloatArray:
+        return np.asarray((1.0 + self.part) * self.factor.solve(rhs))
 
     def products(self, left: sparse.csr_array, right: sparse.csc_array) -> FloatArray:
         raise NotImplementedError

@@ -103,8 +103,8 @@ def test_refinement_finds_what_the_factor_has_lost() -> None:
     class Flawed:
         note = ""
 
-        def solve(self, rhs: FloatArray, transposed: bool = False) -> FloatArray:
-            found = proper.solve(rhs, transposed)
+        def solve(self, rhs: FloatArray) -> FloatArray:
+            found = proper.solve(rhs)
             return np.asarray(found + lost @ found)
 
         def products(self, left: sparse.csr_array, right: sparse.csc_array) -> FloatArray:

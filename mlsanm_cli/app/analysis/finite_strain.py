@@ -10,12 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from mlsanm_cli.app.analysis.finite_lines import contact_lines, obstacle_lines
 from mlsanm_cli.app.checks.check import Check, Verdicts
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.finite.checks import FiniteEnd, checks_of, finite_limits
 from mlsanm_cli.app.finite.contact_path import contact_path
 from mlsanm_cli.app.finite.estimate import (
-    EnergyError,
+    energy_errors,
     energy_estimate,
     missing_figures,
     missing_works,
@@ -31,7 +32,6 @@ from mlsanm_cli.app.finite.fields import (
     quantities,
     resultants,
 )
-from mlsanm_cli.app.finite.lines import contact_lines, obstacle_lines
 from mlsanm_cli.app.finite.patches import touched_after
 from mlsanm_cli.app.finite.path import finite_path
 from mlsanm_cli.app.finite.refinement import contact_errors, refined
@@ -157,7 +157,8 @@ class FiniteStrain(Analysis):
     def tallied(self, tally: Mapping[str, Any], before: State | None, step: PathStep) -> dict[str, Any]:
         """Balance, energies, works that are missing, limit points, and the patches of contacts."""
         scene, state = self.scene, step.state
-        forces, errors = SceneForces.of(scene, state), EnergyError.of(scene, state)
+        forces, (nodal, energy) = SceneForces.of(scene, state), energy_errors(scene, state)
+        error = sum(float(each.sum()) for each in nodal.values())
         largest = max(tally.get("largest", 0.0), forces.size)
         # Rigid motion leaves round-off in the forces.
         stiffest = max(body.elastic.model.material.modulus for body in scene.bodies.values())
@@ -174,8 +175,8 @@ class FiniteStrain(Analysis):
             "largest": largest,
             "balance": forces.rest / max(largest, tiny) if largest else 0.0,
             "kept": max(tally.get("kept", 0.0), abs(step.kept)),
-            "unaccounted": max(tally.get("unaccounted", 0.0), errors.total + abs(step.kept)),
-            "energy": max(tally.get("energy", 0.0), errors.energy),
+            "unaccounted": max(tally.get("unaccounted", 0.0), error + abs(step.kept)),
+            "energy": max(tally.get("energy", 0.0), energy),
             "missing": missing,
             "touched": touched_after(tally.get("touched", {}), scene, step),
         }

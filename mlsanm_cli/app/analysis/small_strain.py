@@ -15,7 +15,7 @@ from mlsanm_cli.app.checks.balance import force_balance, force_mismatch, worst_o
 from mlsanm_cli.app.checks.check import Check, Verdicts
 from mlsanm_cli.app.checks.diagnosis import diagnose, node_fields, worst_nodes
 from mlsanm_cli.app.checks.energy import EnergyErrors, energy_error
-from mlsanm_cli.app.checks.overlaps import overlaps, self_overlaps
+from mlsanm_cli.app.checks.overlaps import overlaps
 from mlsanm_cli.app.checks.peaks import boundary_peaks
 from mlsanm_cli.app.checks.quality import assess, factor_notes, nodal_contacts, refinement_pass
 from mlsanm_cli.app.checks.references import reference_profile
@@ -262,7 +262,6 @@ class SmallStrain(Analysis):
         moved = {name: one["displacement"] for name, one in fields.items()}
         yield from overlaps(self._built, state, self.clouds, moved)
         yield from sliding_distance(self._built, state, self.clouds, moved)
-        yield from self_overlaps(state, self.clouds, moved)
 
     def lines(self, state: State, fields: BodyFields) -> tuple[Mapping[str, VtuPart], Mapping[str, VtuPart]]:
         """Slave surfaces and obstacles."""

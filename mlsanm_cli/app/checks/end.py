@@ -100,6 +100,12 @@ def single_nodes(end: Ended) -> Iterator[Check]:
         )
 
 
+def stability(end: End) -> Iterator[Check]:
+    """Coercivity of the contacts, without which no path begins."""
+    message = "the discretised contact is not coercive"
+    yield Check("stability", end.built.stability, message, fails=stability_limit(end.built.ends))
+
+
 def linear_residual(end: End) -> Iterator[Check]:
     """Error of the linear systems of the bodies."""
     yield Check(
@@ -309,7 +315,16 @@ COMMON: Sequence[Callable[[Ended], Iterator[Check]]] = (balance, work, single_no
 
 # The strain comes before the checks that fail for inconsistent units, so that the warning names the cause.
 END: Sequence[Callable[[End], Iterator[Check]]] = (
-    *(linear_residual, pressed_spacings, initial_overlap, contact_end, peak_pressure, strain, transfer),
+    *(
+        stability,
+        linear_residual,
+        pressed_spacings,
+        initial_overlap,
+        contact_end,
+        peak_pressure,
+        strain,
+        transfer,
+    ),
     *COMMON,
     *(peak_stress, held_motion, lambda end: body_rotation(end.built, end.last)),
     no_pressure,

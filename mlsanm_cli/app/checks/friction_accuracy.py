@@ -14,7 +14,6 @@ from mlsanm_cli.app.checks.accuracy import (
     estimated,
     has_nodal_pressures,
 )
-from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.complementarity.problem import STICK
 from mlsanm_cli.contact.laws.accuracy import (
     Changes,
@@ -61,27 +60,32 @@ def _moved(built: CondensedScene, state: ExactState, by: Changes) -> Moved:
 
 
 def _halved(built: CondensedScene, state: ExactState) -> Halved | None:
-    """Motions and pressures from every second node with the tractions of the state as loads; None if there is
-    no contact with nodal pressures, or no solution."""
+    """Motions and pressures from every second node, with the tractions of the state as loads and motions
+    along the contacts, which friction resists, as they are; None if there is no contact with nodal pressures,
+    or no solution."""
     condensed = built.condensed
     if not has_nodal_pressures(built):
         return None
-    pushed = replace(
+    across, along = (
+        np.abs(linear.motion).max(axis=0, initial=0.0) for linear in (condensed.gap, condensed.slip)
+    )
+    free, motion = across >= along, state.motion.copy()
+
+    def pushed(linear: LinearMap) -> LinearMap:
+        known = linear.constant + linear.traction @ state.traction + linear.motion[:, ~free] @ motion[~free]
+        return replace(linear, constant=known, motion=linear.motion[:, free], traction=linear.traction[:, :0])
+
+    frictionless = replace(
         condensed,
         friction_nodes=condensed.friction_nodes[:0],
         friction=condensed.friction[:0],
         tangential={},
-        gap=_with_tractions(condensed.gap, state.traction),
-        slip=_with_tractions(condensed.slip.take(slice(0, 0)), state.traction),
-        balance=_with_tractions(condensed.balance, state.traction),
+        gap=pushed(condensed.gap),
+        slip=pushed(condensed.slip.take(slice(0, 0))),
+        balance=pushed(condensed.balance.take(free)),
     )
     try:
-        return halved_state(pushed, state)
+        motion[free], pressure = halved_state(frictionless, replace(state, motion=motion[free]))
     except NumericalError:
         return None
-
-
-def _with_tractions(linear: LinearMap, traction: FloatArray) -> LinearMap:
-    """The map with the tractions included in its constant."""
-    constant = linear.constant + linear.traction @ traction
-    return replace(linear, constant=constant, traction=linear.traction[:, :0])
+    return motion, pressure

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
+from mlsanm_cli.solve.coercivity import CONTACT_LIMIT
 from mlsanm_cli.solve.direction_updates import INSTABILITY_RATIO
 
 
@@ -59,6 +60,9 @@ STATE: Mapping[str, Limit] = {
     "snap": Limit(ANY, None, "jumps of a contact with friction, whose path is not continuous"),
     "body_rotation": Limit(
         0.03, INSTABILITY_RATIO, "moment of forces by the rotation of a body over the moment that resists it"
+    ),
+    "stability": Limit(
+        None, CONTACT_LIMIT, "stiffness against pressures that alternate from node to node", lower=True
     ),
     "volume_ratio": Limit(None, 0.0, "least determinant of the deformation gradient", lower=True),
     "ellipticity": Limit(

@@ -26,7 +26,7 @@ from mlsanm_cli.app.checks.deformed import (
 from mlsanm_cli.app.scene.contact_pairs import profile_of, shape_of
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.cloud.membership import inside_polygon
+from mlsanm_cli.cloud.membership import cross, inside_polygon
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
@@ -35,8 +35,6 @@ from mlsanm_cli.solve.state import State
 
 CORNER_ANGLE = 0.1
 """Angle (radian) above which surfaces meet in a corner."""
-MAX_INWARD_TURN = 0.05
-"""Inward turning angle (radian) between chords below which a boundary cannot touch itself."""
 SLIDE_FACTOR = 4.0
 """Overlaps at corners in contact are ignored within this multiple of the sliding distance."""
 
@@ -44,8 +42,8 @@ SLIDE_FACTOR = 4.0
 def overlaps(
     built: CondensedScene, state: State, clouds: Mapping[str, Cloud], displacements: Mapping[str, FloatArray]
 ) -> Iterator[Check]:
-    """Boundaries inside another body or an obstacle in a state with the ``displacements`` (n, 2) of all
-    bodies at the points of ``clouds``."""
+    """Boundaries inside another body, an obstacle, or their own body, in a state with the ``displacements``
+    (n, 2) of all bodies at the points of ``clouds``."""
     outlines = {name: outline_of(clouds[name], values) for name, values in displacements.items()}
     pairings, given = built.condensed.reported, _given_gaps(built)
     found = [
@@ -55,6 +53,7 @@ def overlaps(
     ]
     found += list(_with_obstacles(built, state, outlines, given))
     yield overlap_check(found, state.position, partial(_hint, built))
+    yield from _self_overlaps(state.position, outlines)
 
 
 def overlap_check(
@@ -84,45 +83,31 @@ def _given_gaps(built: CondensedScene) -> dict[str, float]:
     return found
 
 
-def self_overlaps(
-    state: State, clouds: Mapping[str, Cloud], displacements: Mapping[str, FloatArray]
-) -> Iterator[Check]:
+def _self_overlaps(position: float, outlines: Mapping[str, DeformedOutline]) -> Iterator[Check]:
     """Boundaries inside their own body, as where slits close."""
-    for name, values in displacements.items():
-        own = outline_of(clouds[name], values)
-        if _is_convex(own):
-            continue
+    for name, own in outlines.items():
         step = own.uncertainty[:, None] * own.normal
-        inside = np.flatnonzero(inside_polygon(own.edges, own.points + step))
+        within = np.flatnonzero(inside_polygon(own.edges, own.points + step))
         # Next to a re-entrant corner the outward step crosses the other side.
         corners = own.points[own.ends.ravel()]
-        apart = np.hypot(*(own.points[inside][:, None] - corners).transpose(2, 0, 1)).min(
+        apart = np.hypot(*(own.points[within][:, None] - corners).transpose(2, 0, 1)).min(
             axis=1, initial=np.inf
         )
-        inside = inside[apart > SLIDE_FACTOR * np.hypot(*step[inside].T)]
-        if not len(inside):
-            continue
+        within = within[apart > SLIDE_FACTOR * np.hypot(*step[within].T)]
         before = np.hstack([own.drawn[own.chords[:, 0]], own.drawn[own.chords[:, 1]]])
-        inside = inside[~inside_polygon(before, (own.drawn + step)[inside])]
-        if len(inside):
-            depth, _ = distances(own.points[inside] + step[inside], own.edges)
-            x, y = own.points[inside[int(np.argmax(depth))]].tolist()
-            yield Check(
-                "self_overlap",
-                len(inside),
-                f"body {name} overlaps itself near ({x:.6g}, {y:.6g}) from position {state.position:.6g} on: "
-                f"self-contact is not supported, and results beyond that position are invalid",
-                place=f"body {name}",
-            )
-
-
-def _is_convex(outline: DeformedOutline) -> bool:
-    """Whether the outline is convex, so that it cannot overlap itself."""
-    way = np.diff(outline.points[outline.chords], axis=1)[:, 0]
-    corner = np.roll(way, -1, axis=0)
-    turns = way[:, 0] * corner[:, 1] - way[:, 1] * corner[:, 0]
-    long = np.hypot(*way.T)
-    return bool((turns >= -MAX_INWARD_TURN * long * np.roll(long, -1)).all())
+        within = within[~inside_polygon(before, (own.drawn + step)[within])] if len(within) else within
+        near = ""
+        if len(within):
+            depth, _ = distances(own.points[within] + step[within], own.edges)
+            x, y = own.points[within[int(np.argmax(depth))]].tolist()
+            near = f"near ({x:.6g}, {y:.6g}) "
+        yield Check(
+            "self_overlap",
+            len(within),
+            f"body {name} overlaps itself {near}from position {position:.6g} on: self-contact is not "
+            f"supported, and results beyond that position are invalid",
+            place=f"body {name}",
+        )
 
 
 def _of_bodies(
@@ -162,7 +147,7 @@ def _with_obstacles(
             partner, normal = shape.closest(own.points - shift, own.normal)
             away = own.points - shift - partner
             depth = -(away * normal).sum(axis=1)
-            adjacent = np.abs(away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0])
+            adjacent = np.abs(cross(away, normal))
             deep = (depth > given[body] + own.uncertainty) & (
                 adjacent <= COARSE_ROUND_OFF * own.size + 1e-3 * depth
             )

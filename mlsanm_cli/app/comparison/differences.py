@@ -81,6 +81,12 @@ def surface_error(built: CondensedScene, found: Mapping[float, State], exact: Ma
     return worst / max(norm(state.pressure, state.traction) for state in exact.values())
 
 
+def compared(against: str, apart: Mapping[str, float], limit: float) -> dict[str, Any]:
+    """Entries of a method in comparison.json: its differences ``apart`` from the method ``against``."""
+    agrees = all(value <= limit for value in apart.values())
+    return {"against": against, "difference": apart, "limit": limit, "agrees": agrees}
+
+
 def agreement(table: Sequence[Mapping[str, Any]]) -> str:
     """The status of a comparison from its rows, ANM first: "agree", "disagree", or "failed" if ANM failed."""
     if table[0]["status"] == "failed":

@@ -10,14 +10,15 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.app.checks.check import Verdicts
-from mlsanm_cli.app.comparison.differences import agreement, same_law_limit
+from mlsanm_cli.app.comparison.compare import Changed, CompareOptions
+from mlsanm_cli.app.comparison.differences import agreement, compared, same_law_limit
 from mlsanm_cli.app.comparison.measure import ANM, NEWTON, Measured, Method, measure_path
 from mlsanm_cli.app.context import Clock, RunContext
 from mlsanm_cli.app.finite.path import finite_path
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
 from mlsanm_cli.app.finite.states import deformation
 from mlsanm_cli.app.scene.build import build_scene
-from mlsanm_cli.case import LoadedCase
+from mlsanm_cli.case import Case
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.solve.state import PathStep, State
 
@@ -26,22 +27,23 @@ OTHER_EQUATIONS_LIMIT = 1e-2
 the power series and renewed them in other states: a part of the discretisation error."""
 
 
-def compare_finite(
-    loaded: LoadedCase, tolerance: float | None, repeat: int, context: RunContext
-) -> dict[str, Any]:
-    """Follows the path by both methods, with states at the levels of the case; entries of comparison.json."""
+def followed(
+    options: CompareOptions, context: RunContext, changed: Changed, with_levels: Changed
+) -> tuple[dict[str, Any], Mapping[str, Any]]:
+    """Follows the path by both methods; entries of comparison.json, and no curves of the picture."""
+    loaded = with_levels()
     prepared = build_scene(loaded, context)
     with context.phase("operators"):
         scene = finite_scene(loaded.case, prepared)
     context.console.phase(f"following the path: {ANM}")
-    series, renewals = _followed(scene, ANM, repeat, None)
+    series, renewals = _followed(scene, ANM, options.repeat, None)
     context.console.phase(f"following the path: {NEWTON}")
-    newton, renewed = _followed(scene, NEWTON, repeat, renewals)
+    newton, renewed = _followed(scene, NEWTON, options.repeat, renewals)
     shared = len(renewed) == len(renewals)
     limit = same_law_limit(loaded.case) if shared else OTHER_EQUATIONS_LIMIT
-    limit = limit if tolerance is None else tolerance
+    limit = limit if options.tolerance is None else options.tolerance
     table = [_figures(row, series, limit, context.clock) for row in (series, newton)]
-    return {
+    entries = {
         "status": agreement(table),
         "levels": sorted(series.states),
         "limits": {"displacement": limit},
@@ -49,20 +51,21 @@ def compare_finite(
         "contact_unknowns": 0,
         "methods": table,
     }
+    return entries, {}
 
 
-def refuse(contact: bool, methods: tuple[str, ...], analytic: bool) -> None:
+def refuse(case: Case, options: CompareOptions) -> None:
     """Raises RunError for methods not available at finite strain, and if there is only one."""
-    if contact:
+    if case.contact or len(case.body) > 1:
         raise RunError(
             "finite strain with contact or several bodies has a single method: there is nothing to compare"
         )
-    for name in methods:
+    for name in options.methods:
         if name != "newton":
             raise RunError(f"--{name}: finite strain has power series and Newton's method only", "--newton")
-    if analytic:
+    if options.analytic:
         raise RunError("--analytic: there is no closed formula for finite strain", "--newton")
-    if not methods:
+    if not options.methods:
         raise RunError("nothing to compare ANM with", "add --newton")
 
 
@@ -99,12 +102,8 @@ def _figures(row: Measured, base: Measured, limit: float, clock: Clock) -> dict[
     if row is base or not (row.done and base.done):
         return found
     apart = _apart(row.states, base.states)
-    return found | {
-        "against": base.method.name,
-        "difference": {"pressure": 0.0, "traction": 0.0, "displacement": apart},
-        "limit": limit,
-        "agrees": apart <= limit,
-    }
+    differences = {"pressure": 0.0, "traction": 0.0, "displacement": apart}
+    return found | compared(base.method.name, differences, limit)
 
 
 def _apart(one: Mapping[float, State], other: Mapping[float, State]) -> float:

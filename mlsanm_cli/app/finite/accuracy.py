@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.finite.answers import Closer
-from mlsanm_cli.contact.finite.exact import ExactContact, Pressed
+from mlsanm_cli.contact.finite.exact import ExactContact, FiniteContactState
 from mlsanm_cli.contact.finite.iteration import Iteration
+from mlsanm_cli.contact.finite.side_response import SideResponse
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.defect import DEGREES, next_degree
 from mlsanm_cli.mechanics.finite.body import FiniteBody
@@ -38,38 +38,38 @@ class Missing:
 
 
 def missed_in_contact(
-    pressing: ExactContact,
+    system: ExactContact,
     undeformed: Mapping[str, Projector],
-    now: Pressed,
+    now: FiniteContactState,
     before: FloatArray | None,
     factors: FloatArray,
 ) -> Missing:
     """Of the solution ``now`` at load ``factors`` (L + d,), with slips since the places ``before`` (c,).
     Raises NumericalError or LinAlgError."""
-    moved, left, known = now.displacement[pressing.numbers], {}, np.zeros(len(pressing.numbers))
-    sides = pressing.contacts.sides
-    closer = Closer.of(sides, pressing.corrections, moved, now.traction)
-    surface = closer.moved(moved, now.traction)
+    moved, left, known = now.displacement[system.numbers], {}, np.zeros(len(system.numbers))
+    sides = system.contacts.sides
+    response = SideResponse.of(sides, system.corrections, moved, now.traction)
+    surface = response.moved(moved, now.traction)
     turns = (side.turned(surface[here].reshape(-1, 2))[0] for side, here in sides)
     turn = np.concatenate([np.zeros(0, dtype=complex), *turns])
     upright = as_real(as_complex(now.traction.reshape(-1, 2)) / turn).ravel()
-    for name, projector in pressing.projectors.items():
-        better, own = _next(projector.body), pressing.columns[name]
-        here = pressing.bodies[name]
+    for name, projector in system.projectors.items():
+        better, own = _next(projector.body), system.columns[name]
+        here = system.bodies[name]
         acting = np.concatenate([factors, now.traction[own]])
         left[name] = BodySeries.at(better, now.displacement[here], acting).rows(0)
         change = _of_tractions(undeformed[name], better, upright[own])
-        known[own] = change[pressing.numbers[own] - here.start]
+        known[own] = change[system.numbers[own] - here.start]
     # What fields in closed form replace is not missing.
-    for (_, here), (_, missing) in zip(sides, pressing.corrections, strict=True):
+    for (_, here), (_, missing) in zip(sides, system.corrections, strict=True):
         known[here] *= missing.any()
     known = as_real(as_complex(known.reshape(-1, 2)) * turn).ravel()
-    met = pressing.meet(surface - closer.smooth @ known, factors, before, now.sets.closed)
-    step = Iteration(pressing, factors, closer, left=left)
+    met = system.meet(surface - response.smooth @ known, factors, before, now.sets.closed)
+    step = Iteration(system, factors, response, left=left)
     state = (now.displacement, now.traction, now.pressure, now.shear, now.sets, met)
-    done = step.taken(*state, first=False)
-    pressure = np.where(now.sets.closed | done.sets.closed, done.dp, 0.0)
-    return Missing(done.du, pressure, done.traction)
+    result = step.taken(*state, first=False)
+    pressure = np.where(now.sets.closed | result.sets.closed, result.dp, 0.0)
+    return Missing(result.du, pressure, result.traction)
 
 
 def _of_tractions(projector: Projector, better: FiniteBody, traction: FloatArray) -> FloatArray:

@@ -13,7 +13,7 @@ from mlsanm_cli.app.checks.check import Check
 from mlsanm_cli.app.checks.end import COMMON, displacement_estimate, force_estimate, pressure_estimate
 from mlsanm_cli.app.checks.energy import NODE_FORCE_SHIFT, EnergyErrors, thin_part
 from mlsanm_cli.app.checks.limits import LIMITS, level
-from mlsanm_cli.app.finite.estimate import EnergyError, work_error
+from mlsanm_cli.app.finite.estimate import energy_errors, work_error
 from mlsanm_cli.app.finite.fields import SceneForces
 from mlsanm_cli.app.finite.patches import between_nodes
 from mlsanm_cli.app.finite.refinement import MAX_NODES, is_automatic
@@ -64,12 +64,31 @@ class FiniteEnd:
 
 
 def energy_estimate(end: FiniteEnd) -> Iterator[Check]:
-    """Estimated error of the energy by residuals."""
-    estimate, text = end.errors["energy"], ("", "")
-    if not estimate <= level("energy_estimate"):
-        kept = end.tally["kept"] / end.tally["energy"]
-        text = EnergyError.of(end.scene, end.last).message(end.scene, estimate, kept)
-    yield Check("energy_estimate", estimate, *text)
+    """Estimated error of the energy by residuals, with the place of its largest contribution, or that most of
+    it is due to residuals kept by equations."""
+    estimate = end.errors["energy"]
+    if estimate <= level("energy_estimate"):
+        yield Check("energy_estimate", estimate, "")
+        return
+    message = f"estimated error of the energy: {100.0 * estimate:.2g} % (forces may be as far off), "
+    kept = end.tally["kept"] / end.tally["energy"]
+    if kept > 0.5 * estimate:
+        message += f"{100.0 * kept:.2g} % of it due to residuals that renewed equations keep next to crushed "
+        hint = "make the loads smaller, or round these corners"
+        yield Check("energy_estimate", estimate, f"{message}corners", hint)
+        return
+    nodal, size = energy_errors(end.scene, end.last)[0], end.scene.size
+    body = max(nodal, key=lambda name: float(nodal[name].max()))
+    cloud, node = end.scene.bodies[body].elastic.model.cloud, int(np.argmax(nodal[body]))
+    x, y = np.round(cloud.points[node] / size, 9) * size + 0.0
+    yield Check(
+        "energy_estimate",
+        estimate,
+        f"{message}most of it at ({x:.6g}, {y:.6g}) of body {body}",
+        f"refine there and at similar places, with slow growth, as in [[body.refine]] at = "
+        f"[{x:.6g}, {y:.6g}], spacing = {cloud.spacing[node] / RECOMMENDED_REFINEMENT:.2g}, radius = 0, "
+        f"growth = 0.1",
+    )
 
 
 def estimates(end: FiniteEnd) -> Iterator[Check]:
@@ -98,6 +117,8 @@ def refinement(end: FiniteEnd) -> Iterator[Check]:
     )
 
 
+RECOMMENDED_REFINEMENT = 8.0
+"""Factor by which the message of a large estimate of the energy proposes to refine."""
 MIN_FREE_NODES = 6
 """Least number of nodes in a contact that ends between nodes."""
 MIN_LATERAL_SHARE = 1e-3

@@ -15,15 +15,14 @@ from mlsanm_cli.app.finite.scene import TOUCH_TOLERANCE, FiniteScene
 from mlsanm_cli.app.finite.states import place_of
 from mlsanm_cli.app.scene.void import void_center
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.finite.answers import Correction, no_correction, side_correction
-from mlsanm_cli.contact.finite.exact import ExactContact, Pressed, undeformed
+from mlsanm_cli.contact.finite.exact import ExactContact, FiniteContactState, undeformed
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.sets import NodeSets
-from mlsanm_cli.errors import NumericalError, UnstableError
+from mlsanm_cli.contact.finite.side_response import Correction, no_correction, side_correction
+from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.body import far_from, most_stretched
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.near_field import as_complex
-from mlsanm_cli.solve.coercivity import CONTACT_LIMIT
 from mlsanm_cli.solve.stages import factors_at
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State
 
@@ -69,23 +68,10 @@ def contact_path(
                     f"the path stopped at position {reached:.6g}: max steps", "raise solver.max_steps"
                 )
             state = path.state(reached)
-            _check_stability(reached, path.now.stability)
             missed = path.missed(state)
             done = path.finished(state, reached - position, (state,) if reached in wanted else ())
             position = reached
             yield replace(done, checkpoint=path.checkpoint(state, size), missed=missed)
-
-
-def _check_stability(position: float, stability: float) -> None:
-    """UnstableError if pressures that alternate from node to node meet no stiffness."""
-    if not stability >= CONTACT_LIMIT:
-        raise UnstableError(
-            f"the contact has almost no stiffness against pressures that alternate from node to node at "
-            f"position {position:.6g} (stability {stability:.2g}, below {CONTACT_LIMIT:g})",
-            "choose the softer body, or the one with larger spacings, as the slave; or use a more even cloud "
-            "(lower growth)",
-            stability,
-        )
 
 
 class _Path:
@@ -199,7 +185,7 @@ class _Path:
             self.spent += 1
         return bool(fresh)
 
-    def _stretched(self, found: Pressed) -> tuple[float, str, int]:
+    def _stretched(self, found: FiniteContactState) -> tuple[float, str, int]:
         """Largest stretch of a node relative to the expansion point of its equations, its body and number."""
         parts = self._scene.parts(found.displacement)
         stretched = (
@@ -209,20 +195,20 @@ class _Path:
         (most, node), name = max(stretched)
         return most, name, node
 
-    def _add_slip(self, found: Pressed) -> None:
+    def _add_slip(self, found: FiniteContactState) -> None:
         """Accumulate slips and dissipated work, by the trapezoidal rule."""
         closed = found.sets.closed | self.now.sets.closed
         self._slip = self._slip + np.where(closed, found.slip, 0.0)
         mean = 0.5 * (found.shear + self.now.shear)
         self._work = self._work - np.where(closed, mean * found.slip, 0.0)
 
-    def _solved(self, position: float) -> Pressed | None:
+    def _solved(self, position: float) -> FiniteContactState | None:
         factors = factors_at(self._scene.stages, position)
-        pressing, tolerance = self._system(), self._scene.case.solver.tolerance
+        system, tolerance = self._system(), self._scene.case.solver.tolerance
         before = self.now.place if self._settled else None
         with np.errstate(all="ignore"):
             try:
-                found = pressing.solved(self.now, factors, tolerance, MAX_ITERATIONS, before)
+                found = system.solved(self.now, factors, tolerance, MAX_ITERATIONS, before)
             except (np.linalg.LinAlgError, NumericalError):
                 found = None
         tried = MAX_ITERATIONS if found is None else found.iterations
@@ -242,7 +228,7 @@ class _Path:
             missed_in_contact, self._system(), self._undeformed, self.now, self._before, state.driven
         )
 
-    def _failed(self, position: float, found: Pressed | None) -> NoReturn:
+    def _failed(self, position: float, found: FiniteContactState | None) -> NoReturn:
         """Raise the error of an increment that fails, ``found`` but too long or not."""
         where = f"the path stopped at position {position:.6g}"
         if found is not None:
@@ -283,7 +269,7 @@ class _Path:
                 base_state, self._fresh = own, self._fresh | {name}
             elif abs(np.exp(1j * angle) - 1.0) > RENEWAL_ANGLE:
                 upright = name in self._scene.upright
-                base_state = own if upright else _turned(body.elastic.model.nodes, base_state, angle)
+                base_state = own if upright else _turned(body.elastic.model.cloud.points, base_state, angle)
             else:
                 continue
             self._projectors[name] = self._scene.projector(name, base_state, acting[name])
@@ -334,10 +320,10 @@ class _Path:
         return State(position, factors, *contact, self._slip, self._work, now.displacement, solver)
 
 
-def _solution(state: State) -> Pressed:
+def _solution(state: State) -> FiniteContactState:
     """The solution of a state of the path."""
     own = state.solver
-    return Pressed(
+    return FiniteContactState(
         displacement=state.displacement,
         pressure=state.pressure,
         shear=state.traction,

@@ -4,7 +4,6 @@ fits of the next degree."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,55 +19,23 @@ from mlsanm_cli.solve.state import State
 PRESSED_DISTANCE = 1.5
 """Distance in spacings from pressed nodes within which the estimate is not evaluated: the near field of
 pressures is known in closed form, independent of the cloud."""
-RECOMMENDED_REFINEMENT = 8.0
-"""Factor by which the message of a large estimate proposes to refine."""
 
 
-@dataclass(frozen=True)
-class EnergyError:
-    """Contributions (n,) of the nodes to the error, by body, and the ``energy`` of all bodies."""
-
-    nodal: dict[str, FloatArray]
-    energy: float
-
-    @classmethod
-    def of(cls, scene: FiniteScene, state: State) -> EnergyError:
-        """Estimate of a state."""
-        acting, parts = scene.acting(state.driven, state.side_traction), scene.parts(state.displacement)
-        pressed = {name: [np.zeros(0, dtype=np.int64)] for name in scene.bodies}
-        for side, here in scene.contacts.sides:
-            pressed[side.body].append(side.nodes[state.side_traction[here].reshape(-1, 2).any(axis=1)])
-        found, total = {}, 0.0
-        for name, body in scene.bodies.items():
-            found[name] = unaccounted(body, parts[name], acting[name])
-            total += energy(body, parts[name], acting[name])
-            cloud, nodes = body.elastic.model.cloud, np.concatenate(pressed[name])
-            if len(nodes):
-                away = nearest(cKDTree(cloud.points[nodes]), cloud.points)[0]
-                found[name][away <= PRESSED_DISTANCE * cloud.spacing] = 0.0
-        return cls(found, total)
-
-    @property
-    def total(self) -> float:
-        """Estimated error."""
-        return sum(float(one.sum()) for one in self.nodal.values())
-
-    def message(self, scene: FiniteScene, estimate: float, kept: float) -> tuple[str, str]:
-        """Message and hint for a relative ``estimate``, with the place of its largest contribution, or that
-        most of it is due to residuals ``kept`` by equations."""
-        message = f"estimated error of the energy: {100.0 * estimate:.2g} % (forces may be as far off), "
-        if kept > 0.5 * estimate:
-            message += f"{100.0 * kept:.2g} % of it due to residuals that renewed equations keep next to "
-            return f"{message}crushed corners", "make the loads smaller, or round these corners"
-        name = max(self.nodal, key=lambda one: float(self.nodal[one].max()))
-        cloud, node = scene.bodies[name].elastic.model.cloud, int(np.argmax(self.nodal[name]))
-        x, y = np.round(cloud.points[node] / scene.size, 9) * scene.size + 0.0
-        return (
-            f"{message}most of it at ({x:.6g}, {y:.6g}) of body {name}",
-            f"refine there and at similar places, with slow growth, as in [[body.refine]] at = "
-            f"[{x:.6g}, {y:.6g}], spacing = {cloud.spacing[node] / RECOMMENDED_REFINEMENT:.2g}, radius = 0, "
-            f"growth = 0.1",
-        )
+def energy_errors(scene: FiniteScene, state: State) -> tuple[dict[str, FloatArray], float]:
+    """Contributions (n,) of the nodes to the estimated error of the energy, by body, and the energy."""
+    acting, parts = scene.acting(state.driven, state.side_traction), scene.parts(state.displacement)
+    pressed = {name: [np.zeros(0, dtype=np.int64)] for name in scene.bodies}
+    for side, here in scene.contacts.sides:
+        pressed[side.body].append(side.nodes[state.side_traction[here].reshape(-1, 2).any(axis=1)])
+    nodal, total = {}, 0.0
+    for name, body in scene.bodies.items():
+        nodal[name] = unaccounted(body, parts[name], acting[name])
+        total += energy(body, parts[name], acting[name])
+        cloud, nodes = body.elastic.model.cloud, np.concatenate(pressed[name])
+        if len(nodes):
+            distance = nearest(cKDTree(cloud.points[nodes]), cloud.points)[0]
+            nodal[name][distance <= PRESSED_DISTANCE * cloud.spacing] = 0.0
+    return nodal, total
 
 
 def missing_works(scene: FiniteScene, before: State, now: State) -> dict[str, float]:
@@ -78,7 +45,7 @@ def missing_works(scene: FiniteScene, before: State, now: State) -> dict[str, fl
     found, then, at = {}, scene.parts(before.displacement), scene.parts(now.displacement)
     factors = [scene.acting(one.driven, one.side_traction) for one in (before, now)]
     for name, body in scene.bodies.items():
-        nodes, elastic = body.elastic.model.nodes, body.elastic
+        nodes, elastic = body.elastic.model.cloud.points, body.elastic
         turn = 0.0
         if not any(map(any, elastic.held.values())) and len(elastic.held_nodes) == body.pins:
             turn = body.turn(at[name]) - body.turn(then[name])

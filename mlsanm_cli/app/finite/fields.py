@@ -12,6 +12,7 @@ from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.output.parts import contact_figures
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Displacement, ObstacleMotion, Platen
+from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.contact.finite.meeting import NO_GAP
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.sides import ContactSide
@@ -73,7 +74,9 @@ def probe_values(scene: FiniteScene, state: State) -> dict[str, dict[str, Any]]:
     for probe in scene.probes:
         body, own = scene.bodies[probe.body], scene.parts(state.displacement)[probe.body]
         model, warm = body.elastic.model, body.stretch_at(probe.point, state.factors)
-        stencils = build_stencils(model.nodes, model.tree, probe.point, 1, model.settings, model.cloud.sight)
+        stencils = build_stencils(
+            model.cloud.points, model.cloud.tree, probe.point, 1, model.settings, model.cloud.sight
+        )
         seen = fields_at(body.law, stencils.derivatives(own.reshape(-1, 2)), warm)
         vectors = {key: seen[key][0] for key in ("displacement", "stress")}
         values[probe.name] = {**vectors, "von_mises": float(seen["von_mises"][0])}
@@ -188,7 +191,7 @@ def _moment(contact: RigidContact, state: State, here: slice) -> float:
     slave, pivot = contact.slave, contact.pivot + contact.motion @ state.driven
     at = slave.places + state.solver["surface"][here].reshape(-1, 2) - pivot
     force = slave.weight[:, None] * state.side_traction[here].reshape(-1, 2)
-    return float((at[:, 0] * force[:, 1] - at[:, 1] * force[:, 0]).sum())
+    return float(cross(at, force).sum())
 
 
 def platen_displacements(scene: FiniteScene, state: State) -> dict[str, FloatArray]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.contact.complementarity.problem import SLIP
-from mlsanm_cli.contact.finite.exact import Pressed
+from mlsanm_cli.contact.finite.exact import FiniteContactState
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.geometry.obstacles import Round
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
@@ -20,7 +20,7 @@ MAX_APPROACH = 0.5
 body or disk, so that contact is not missed. No body moves further than this part of the smallest."""
 
 
-def slip_ratio(scene: FiniteScene, now: Pressed, found: Pressed) -> float:
+def slip_ratio(scene: FiniteScene, now: FiniteContactState, found: FiniteContactState) -> float:
     """Largest slip in an increment with friction over its limit, a part of the width of the contact."""
     largest = 0.0
     for contact, here, _ in scene.contacts.each:
@@ -32,9 +32,11 @@ def slip_ratio(scene: FiniteScene, now: Pressed, found: Pressed) -> float:
     return largest
 
 
-def motion_ratio(scene: FiniteScene, now: Pressed, found: Pressed, position: float, reached: float) -> float:
+def motion_ratio(
+    scene: FiniteScene, now: FiniteContactState, found: FiniteContactState, position: float, reached: float
+) -> float:
     """Largest motion of a body, or of a node relative to its possible partner, over its limit."""
-    sizes = {name: np.ptp(body.elastic.model.nodes, axis=0) for name, body in scene.bodies.items()}
+    sizes = {name: np.ptp(body.elastic.model.cloud.points, axis=0) for name, body in scene.bodies.items()}
     moved = np.abs(found.displacement - now.displacement).max()
     farthest = float(moved / (MAX_APPROACH * min(size.max() for size in sizes.values())))
     before, after = (
@@ -52,7 +54,7 @@ def motion_ratio(scene: FiniteScene, now: Pressed, found: Pressed, position: flo
     return farthest
 
 
-def _slides(now: Pressed, found: Pressed, here: slice) -> bool:
+def _slides(now: FiniteContactState, found: FiniteContactState, here: slice) -> bool:
     """Whether all closed nodes of a contact slide in one direction before and after the increment."""
     senses, least = [], COARSE_ROUND_OFF * float(found.pressure[here].max())
     for state in (now, found):

@@ -18,6 +18,7 @@ from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.continuation import Outcome
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.law import determinant
+from mlsanm_cli.solve.coercivity import CONTACT_LIMIT
 from mlsanm_cli.solve.state import State
 
 _LAWS = 'use law = "neo-hookean", which admits any compression, or smaller loads'
@@ -72,7 +73,21 @@ def overlap(scene: FiniteScene, state: State) -> Iterator[Check]:
     yield overlap_check(found, state.position, lambda *_: hint)
 
 
-STATE: Sequence[Callable[[FiniteScene, State], Iterator[Check]]] = (deformation, overlap)
+def stability(scene: FiniteScene, state: State) -> Iterator[Check]:
+    """Stiffness of contacts against pressures that alternate from node to node."""
+    value = float(state.solver.get("stability", np.inf))
+    if value != np.inf:
+        yield Check(
+            "stability",
+            value,
+            f"the contact has almost no stiffness against pressures that alternate from node to node at "
+            f"position {state.position:.6g} (stability {value:.2g}, below {CONTACT_LIMIT:g})",
+            "choose the softer body, or the one with larger spacings, as the slave; or use a more even cloud "
+            "(lower growth)",
+        )
+
+
+STATE: Sequence[Callable[[FiniteScene, State], Iterator[Check]]] = (deformation, overlap, stability)
 """Checks of every state."""
 
 

@@ -119,52 +119,28 @@ def _cause(case: Case, size: Estimate, room: float) -> tuple[str, str]:
     return f"body.{body.name}.refine.{finest}.spacing", hint
 
 
-START = 1.0
-PER_NODE = 1.0e-5
-FACTOR = 5.0e-7
-COLUMN = 3.7e-8
-REFINED = 60
+START, STAGE = 0.8, 0.1
+"""CPU seconds of the program, and of a stage with contact."""
+PER_NODE, FACTOR, FINITE_NODE = 5.0e-5, 5.0e-7, 2.0e-3
+"""CPU seconds per node, per node^1.5, and at finite strain per node and stage, with REFERENCE_STENCIL."""
 SLOW = {"auto": 1.0, "superlu": 3.0}
 """Time of factorisation and solution relative to the built-in solver, by ``solver.linear``."""
-STAGE = 0.06
-STAGE_NODE = 5.0e-4
-STEPS = 70
-DENSE_STEP = 7.0e-11
-FIELDS = 1.0e-5
 REFERENCE_STENCIL = 16.0
-FINITE_STEPS = 6
-FINITE_NODE = 3.5e-4
-"""Steps of a stage at finite strain, and seconds of one per node: an unsymmetric factorisation and series."""
 
 
 def cpu_seconds(case: Case, prepared: SceneModel) -> float:
-    """Estimated CPU seconds of ``mlsanm run``: a model fitted to Hertz scenes of 1300 to 17500 nodes,
-    accurate to about a factor of two on one core of a current machine with compiled kernels.
+    """Estimated CPU seconds of ``mlsanm run``, fitted to the published cases and to clouds of up to 34,000
+    nodes; accurate to about a factor of two on one core with compiled kernels.
 
-    Clouds and operators take time of order n, the number of nodes, the factorisation n^1.5 (nested dissection
-    in the plane), the condensation n log n per solution: few with the built-in solver, which has half
-    solutions, else one per contact node. Each step of the path takes time of order m^3 for m contact nodes.
+    Clouds, operators and fields take time of order n, the number of nodes, the factorisation n^1.5 (nested
+    dissection in the plane).
     """
     sizes = [len(model.cloud.points) for model in prepared.models.values()]
-    touching = {
-        name: sum(int(p.candidate.sum()) for p in prepared.pairings if name in p.bodies)
-        for name in prepared.models
-    }
-    settings = mls_settings(case)
+    settings, stages = mls_settings(case), len(case.stage)
     stencil = settings.stencil_size / REFERENCE_STENCIL
-    solver = case.solver.linear
-    slow = SLOW[solver]
-    columns = [count + len(case.load) for count in touching.values()]
-    if solver == "auto":
-        columns = [min(count, REFINED) for count in columns]
-    unknown = sum(int(pairing.candidate.sum()) for pairing in prepared.pairings)
+    slow = SLOW[case.solver.linear]
     bulk = PER_NODE * stencil * sum(sizes) + slow * FACTOR * stencil**1.2 * sum(n**1.5 for n in sizes)
-    condensing = (
-        slow * COLUMN * stencil**0.6 * sum(m * n * math.log2(n) for m, n in zip(columns, sizes, strict=True))
-    )
-    path: float = (
-        len(case.stage) * (STAGE + STAGE_NODE * unknown + STEPS * DENSE_STEP * unknown**3) if unknown else 0.0
-    )
+    path = STAGE * stages if prepared.pairings else 0.0
     if case.model.strain == "finite":
-        path = FINITE_STEPS * FINITE_NODE * len(case.stage) * stencil**0.7 * sum(sizes)
-    return float(START + bulk + condensing + path + FIELDS * max(len(case.output.at), 1) * sum(sizes))
+        path = FINITE_NODE * stencil**0.7 * stages * sum(sizes)
+    return float(START + bulk + path)

@@ -15,7 +15,7 @@ from mlsanm_cli.case.model.fields import Name
 from mlsanm_cli.case.model.materials import Material
 from mlsanm_cli.case.model.motions import AnyLoad
 from mlsanm_cli.case.model.section import Scope, Section
-from mlsanm_cli.case.model.solver import Adapt, Mls, Output, Probe, Reference, Solver, Units
+from mlsanm_cli.case.model.settings import Adapt, Mls, Output, Probe, Reference, Solver, Units
 from mlsanm_cli.case.model.stop import Stop
 from mlsanm_cli.case.model.supports import Support
 from mlsanm_cli.case.report import suggestion

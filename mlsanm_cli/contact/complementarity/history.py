@@ -100,7 +100,7 @@ def follow(
     p, halts, standing, jumps = problem, list(stops), 0, 0
     span = abs(halts[-1] - state.lam)
     if typical is None:
-        typical = _bound(p, constant + halts[-1] * load)
+        typical = _mean(p, constant + halts[-1] * load)
     if state.status.closed.any():
         typical = 0.0
     while halts:
@@ -125,10 +125,14 @@ def follow(
         yield state
 
 
-def _bound(problem: Problem, free: FloatArray) -> float:
-    """Pressure that carries the loads, or undoes the overlaps, of ``free`` rows (N,) at a single node."""
-    force = np.abs(free[problem.contacts :]).max(initial=0.0)
-    return float(max(force, -free[: problem.m].min(initial=0.0)))
+def _mean(problem: Problem, free: FloatArray) -> float:
+    """Pressure that carries the loads, or undoes the overlaps, of ``free`` rows (N,) if all nodes share in
+    it."""
+    p = problem
+    carried = np.abs(p.matrix[p.contacts :, : p.m]).sum(axis=1)
+    force = np.abs(free[p.contacts :]) / np.where(carried > 0.0, carried, np.inf)
+    overlap = -p.exchange[: p.m] * free[: p.m]
+    return float(max(force.max(initial=0.0), overlap.max(initial=0.0)))
 
 
 def _until_event(problem: Problem, state: State, rate: Solution, allowed: Changes) -> float:

@@ -17,11 +17,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.contact.finite.answers import Closer
 from mlsanm_cli.contact.finite.iteration import Iteration
 from mlsanm_cli.contact.finite.meeting import Meeting
 from mlsanm_cli.contact.finite.sets import NodeSets
-from mlsanm_cli.contact.finite.update import Contacts, ContactSystem, Done, Responses
+from mlsanm_cli.contact.finite.side_response import SideResponse
+from mlsanm_cli.contact.finite.update import Contacts, ContactSystem, IterationResult, Responses
 
 MIN_JACOBIAN = 0.05
 """Updates are shortened until det F exceeds this everywhere."""
@@ -39,7 +39,7 @@ displacement."""
 
 
 @dataclass(frozen=True)
-class Pressed:
+class FiniteContactState:
     """A state in contact.
 
     ``displacement`` (2N,) of all bodies in turn; at the slaves' nodes of all contacts nominal ``pressure``,
@@ -85,12 +85,12 @@ class ExactContact(ContactSystem):
 
     def solved(
         self,
-        start: Pressed,
+        start: FiniteContactState,
         factors: FloatArray,
         tolerance: float,
         most: int,
         before: FloatArray | None = None,
-    ) -> Pressed | None:
+    ) -> FiniteContactState | None:
         """The state at load ``factors`` (L,), searched from ``start``, with slips relative to the places
         ``before`` (c,). None if ``most`` iterations do not converge. Raises LinAlgError or NumericalError for
         singular derivatives."""
@@ -100,27 +100,27 @@ class ExactContact(ContactSystem):
         responses: Responses | None = None
         for count in range(1, most + 1):
             factors = np.concatenate([given, free])
-            closer = Closer.of(self.contacts.sides, self.corrections, u[self.numbers], traction)
-            surface = closer.moved(u[self.numbers], traction)
+            response = SideResponse.of(self.contacts.sides, self.corrections, u[self.numbers], traction)
+            surface = response.moved(u[self.numbers], traction)
             met = self.meet(surface, factors, before, start.sets.closed)
             args = (u, traction, p, q, sets, met)
             # After slow convergence, as of thin bodies in rotation, derivatives are not reused.
             slow = len(updates) > 2 and updates[-1] > REUSE_RATE * updates[-2]
             close = responses if updates[-1] <= REUSE_BELOW and not slow else None
-            done = Iteration(self, factors, closer, close).taken(*args, first=count == 1)
+            result = Iteration(self, factors, response, close).taken(*args, first=count == 1)
             spent += 0 if close else len(self.projectors)
-            solves, responses = solves + done.solves, done.responses
-            part = self._until_touch(met, done)
-            while part > 1e-3 and not self._volume(u + part * done.du) > MIN_JACOBIAN:
+            solves, responses = solves + result.solves, result.responses
+            part = self._until_touch(met, result)
+            while part > 1e-3 and not self._volume(u + part * result.du) > MIN_JACOBIAN:
                 part *= 0.5
-            u, p, q = u + part * done.du, p + part * done.dp, q + part * done.dq
-            free = free + part * done.free
-            traction = traction + part * done.traction
+            u, p, q = u + part * result.du, p + part * result.dp, q + part * result.dq
+            free = free + part * result.free
+            traction = traction + part * result.traction
             # At light touch the status of nodes is decided by round-off and may be ignored.
-            still = max(float(np.abs(one).max(initial=0.0)) for one in (done.dp, done.dq)) <= self.nothing
-            settled = count > 1 and (still or done.sets.same(sets))
-            sets = done.sets
-            last = float(np.abs(done.du).max()) / self.length
+            still = max(float(np.abs(one).max(initial=0.0)) for one in (result.dp, result.dq)) <= self.nothing
+            settled = count > 1 and (still or result.sets.same(sets))
+            sets = result.sets
+            last = float(np.abs(result.du).max()) / self.length
             if not part * last <= MAX_UPDATE or _stalls(updates, last):
                 return None
             # Estimated next update, assuming the same rate of convergence.
@@ -128,21 +128,21 @@ class ExactContact(ContactSystem):
             updates.append(last)
             if part == 1.0 and settled and left <= tolerance:
                 counts = (left, count, spent, solves)
-                surface = closer.moved(u[self.numbers], traction)
+                surface = response.moved(u[self.numbers], traction)
                 met = self.meet(surface, np.concatenate([given, free]), before, start.sets.closed)
-                return self._state(u, p, q, sets, met, surface, free, counts, done)
+                return self._state(u, p, q, sets, met, surface, free, counts, result)
         return None
 
-    def _until_touch(self, met: Sequence[Meeting], done: Done) -> float:
+    def _until_touch(self, met: Sequence[Meeting], result: IterationResult) -> float:
         """Fraction of an update after which a body that nothing holds meets something: the full update would
         penetrate it, as hardly anything resists."""
-        if not self.contacts.free or done.sets.closed.any():
+        if not self.contacts.free or result.sets.closed.any():
             return 1.0
         least = 1.0
         for place, (one, (contact, _, there)) in enumerate(zip(met, self.contacts.each, strict=True)):
-            moved = done.du[self.numbers[there]]
+            moved = result.du[self.numbers[there]]
             for driven in (some for some in self.contacts.driven if some.contact == place):
-                moved[driven.component : 2 * contact.slave.count : 2] -= done.free[driven.number]
+                moved[driven.component : 2 * contact.slave.count : 2] -= result.free[driven.number]
             falls = -(one.d_gap @ moved)
             near = one.facing & (falls > 0.0) & (one.gap > 0.0)
             ways = (one.gap[near] + INITIAL_OVERLAP * self.length) / falls[near]
@@ -162,8 +162,8 @@ class ExactContact(ContactSystem):
         surface: FloatArray,
         free: FloatArray,
         counts: tuple[float, int, int, int],
-        done: Done,
-    ) -> Pressed:
+        result: IterationResult,
+    ) -> FiniteContactState:
         p, q = np.where(sets.closed, p, 0.0), np.where(sets.closed, q, 0.0)
         gap, place, slip = (
             np.concatenate([*(getattr(one, name) for one in met), np.zeros(0)])
@@ -171,9 +171,9 @@ class ExactContact(ContactSystem):
         )
         normal = np.concatenate([*(one.normal for one in met), np.zeros((0, 2))])
         traction = self.contacts.tractions(met, p, q)
-        stable = done.stability(self, met)
+        stable = result.stability(self, met)
         args = (u, p, q, gap, place, slip, normal, sets, traction, surface, free)
-        return Pressed(*args, *counts, stable)
+        return FiniteContactState(*args, *counts, stable)
 
 
 def _stalls(updates: Sequence[float], last: float) -> bool:
@@ -183,9 +183,11 @@ def _stalls(updates: Sequence[float], last: float) -> bool:
     )
 
 
-def undeformed(unknowns: int, contacts: Contacts) -> Pressed:
+def undeformed(unknowns: int, contacts: Contacts) -> FiniteContactState:
     """The undeformed state of bodies with ``unknowns`` unknowns."""
     none, zero = np.zeros(contacts.count), np.zeros(contacts.size)
     sets = NodeSets(none.astype(np.int8), none)
     args = (sets, zero, zero, np.zeros(contacts.free), 0.0, 0, 0, 0)
-    return Pressed(np.zeros(unknowns), none, none, none, none, none, np.zeros((len(none), 2)), *args)
+    return FiniteContactState(
+        np.zeros(unknowns), none, none, none, none, none, np.zeros((len(none), 2)), *args
+    )

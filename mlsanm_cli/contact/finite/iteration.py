@@ -10,11 +10,11 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.complementarity.problem import OPEN, SLIP, STICK
-from mlsanm_cli.contact.finite.answers import Closer
 from mlsanm_cli.contact.finite.free import DrivenObstacle
 from mlsanm_cli.contact.finite.meeting import Meeting
 from mlsanm_cli.contact.finite.sets import NodeSets, settled
-from mlsanm_cli.contact.finite.update import ContactSystem, Done, Responses
+from mlsanm_cli.contact.finite.side_response import SideResponse
+from mlsanm_cli.contact.finite.update import ContactSystem, IterationResult, Responses
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.projector import Factorised
 from mlsanm_cli.mechanics.finite.tangent import derivative_pieces, load_columns
@@ -32,9 +32,9 @@ class Iteration:
     """Newton steps at load ``factors`` (L,), with ``known`` responses of the bodies if given. ``left`` (r,)
     are the residuals of bodies, by name, if they are not to be those of their equations."""
 
-    pressing: ContactSystem
+    system: ContactSystem
     factors: FloatArray
-    closer: Closer
+    response: SideResponse
     known: Responses | None = None
     left: Mapping[str, FloatArray] = field(default_factory=dict)
 
@@ -47,16 +47,16 @@ class Iteration:
         sets: NodeSets,
         met: Sequence[Meeting],
         first: bool,
-    ) -> Done:
+    ) -> IterationResult:
         """One step from displacements (2N,), pressures and friction (c,), which correspond to the
         ``traction`` (2s,) of all sides up to rotations since."""
-        pressing, contacts = self.pressing, self.pressing.contacts
+        system, contacts = self.system, self.system.contacts
         applied = contacts.tractions(met, p, q)
         jump = applied - traction
         factorised, z = {}, np.zeros(len(u))
-        for name, projector in pressing.projectors.items():
-            here = pressing.bodies[name]
-            whole = np.concatenate([self.factors, applied[pressing.columns[name]]])
+        for name, projector in system.projectors.items():
+            here = system.bodies[name]
+            whole = np.concatenate([self.factors, applied[system.columns[name]]])
             left = self.left[name] if self.left else projector.left(u[here], whole)
             if self.known is not None:
                 factorised[name] = self.known.factorised[name]
@@ -68,7 +68,7 @@ class Iteration:
             none, nothing = np.zeros(len(p)), np.zeros((0, 0))
             sets = NodeSets(none.astype(np.int8), none)
             counts = (len(factorised), Responses(factorised, touched))
-            return Done(z, -p, -q, np.zeros(0), -traction, sets, chosen, nothing, nothing, *counts)
+            return IterationResult(z, -p, -q, np.zeros(0), -traction, sets, chosen, nothing, nothing, *counts)
         responses = self.known
         if responses is None or not responses.moved or not np.array_equal(responses.touched, touched):
             responses = self._responses(u, factorised, touched)
@@ -79,9 +79,9 @@ class Iteration:
         """The nodes that may touch after the displacements ``z`` (2N,), and the tractions (t,) of all sides
         that these affect."""
         chosen, touched = [], []
-        reach = REACH_WITH_MOTIONS * self.pressing.length if self.pressing.contacts.free else 0.0
-        for one, (contact, here, there) in zip(met, self.pressing.contacts.each, strict=True):
-            gap = one.gap + one.d_gap @ z[self.pressing.numbers[there]]
+        reach = REACH_WITH_MOTIONS * self.system.length if self.system.contacts.free else 0.0
+        for one, (contact, here, there) in zip(met, self.system.contacts.each, strict=True):
+            gap = one.gap + one.d_gap @ z[self.system.numbers[there]]
             near = one.facing & ((gap <= reach) | (p[here] > 0.0))
             for _ in range(ADJACENT_NODES):
                 adjacent = near.copy()
@@ -103,15 +103,15 @@ class Iteration:
 
     def _responses(self, u: FloatArray, factorised: Mapping[str, Factorised], touched: IntArray) -> Responses:
         """The bodies' responses to the ``touched`` tractions and to their free motions."""
-        pressing, free = self.pressing, self.pressing.contacts.free
+        system, free = self.system, self.system.contacts.free
         columns, moved, pieces = {}, {}, {}
         for name, one in factorised.items():
-            projector, tractions = pressing.projectors[name], pressing.columns[name]
+            projector, tractions = system.projectors[name], system.columns[name]
             place = np.minimum(np.searchsorted(tractions, touched), max(len(tractions) - 1, 0))
-            acting, moves = np.flatnonzero(np.isin(touched, tractions)), pressing.contacts.moving(name)
+            acting, moves = np.flatnonzero(np.isin(touched, tractions)), system.contacts.moving(name)
             whole = np.append(self.factors, np.zeros(projector.body.loads.count - len(self.factors)))
             known = slice(len(self.factors) - free, None)
-            loads = load_columns(projector.body, u[pressing.bodies[name]], whole, known)
+            loads = load_columns(projector.body, u[system.bodies[name]], whole, known)
             loads = sparse.csr_array(loads[:, np.concatenate([free + place[acting], moves])])
             columns[name] = np.concatenate([acting, len(touched) + moves])
             moved[name] = -one.solve_unrefined(projector.scaled(loads.toarray()))
@@ -123,13 +123,13 @@ class Iteration:
     ) -> tuple[FloatArray, FloatArray]:
         """Force imbalance (d,) after the displacements ``z`` (2N,), and its derivatives (d, t + d) by touched
         tractions and free motions."""
-        pressing, contacts = self.pressing, self.pressing.contacts
+        system, contacts = self.system, self.system.contacts
         free, count = contacts.free, len(responses.touched)
         imbalance, derivative = np.zeros(free), np.zeros((free, count + free))
         for one in (some for some in contacts.loose if some.count):
-            here, rows, columns = pressing.bodies[one.body], one.numbers, responses.columns[one.body]
-            body = pressing.projectors[one.body].body
-            whole = np.concatenate([self.factors, applied[pressing.columns[one.body]]])
+            here, rows, columns = system.bodies[one.body], one.numbers, responses.columns[one.body]
+            body = system.projectors[one.body].body
+            whole = np.concatenate([self.factors, applied[system.columns[one.body]]])
             series = BodySeries.at(body, u[here], whole)
             sums, moving = one.sums(body, series, u[here])
             moved = sums @ derivative_pieces(body, u[here], whole) + moving
@@ -141,9 +141,9 @@ class Iteration:
             rows, known = plate.numbers, plate.force.shape[1]
             imbalance[rows] -= plate.given(self.factors[:known])
             for name in plate.surfaces:
-                here, columns = pressing.bodies[name], responses.columns[name]
-                body = pressing.projectors[name].body
-                whole = np.concatenate([self.factors, applied[pressing.columns[name]]])
+                here, columns = system.bodies[name], responses.columns[name]
+                body = system.projectors[name].body
+                whole = np.concatenate([self.factors, applied[system.columns[name]]])
                 pull, by_moving = plate.pulled(body, name, u[here], whole)
                 moved = plate.unknown(by_moving.toarray())
                 imbalance[rows] += plate.unknown(pull) + moved @ z[here]
@@ -156,13 +156,13 @@ class Iteration:
             weight[self._driven(driven)] = contact.slave.weight
             imbalance[number] = weight @ applied - driven.force @ self.factors[: len(driven.force)]
             derivative[number, :count] = weight[responses.touched]
-            modulus = pressing.projectors[contact.slave.body].body.elastic.model.material.modulus
+            modulus = system.projectors[contact.slave.body].body.elastic.model.material.modulus
             derivative[number, count + number] = DAMPING * modulus
         return imbalance, derivative
 
     def _driven(self, driven: DrivenObstacle) -> IntArray:
         """The tractions of all sides that act on an obstacle along its motion."""
-        contact, _, there = self.pressing.contacts.each[driven.contact]
+        contact, _, there = self.system.contacts.each[driven.contact]
         first = there.start + driven.component
         return np.arange(first, first + 2 * contact.slave.count, 2)
 
@@ -178,16 +178,16 @@ class Iteration:
         responses: Responses,
         imbalance: tuple[FloatArray, FloatArray],
         first: bool,
-    ) -> Done:
-        pressing, contacts, touched = self.pressing, self.pressing.contacts, responses.touched
-        mu, numbers, closer, count = contacts.friction[chosen], pressing.numbers, self.closer, len(touched)
+    ) -> IterationResult:
+        system, contacts, touched = self.system, self.system.contacts, responses.touched
+        mu, numbers, response, count = contacts.friction[chosen], system.numbers, self.response, len(touched)
         # Displacements of all sides due to the touched tractions and the free motions.
         moved = np.zeros((len(numbers), count + contacts.free))
         for name, columns in responses.columns.items():
-            here, rows = pressing.bodies[name], pressing.columns[name]
+            here, rows = system.bodies[name], system.columns[name]
             moved[np.ix_(rows, columns)] = responses.moved[name][numbers[rows] - here.start]
-        seen, shifted = np.split(closer.changed(moved), [count], axis=1)
-        seen = seen + closer.by_traction[:, touched]
+        seen, shifted = np.split(response.changed(moved), [count], axis=1)
+        seen = seen + response.by_traction[:, touched]
         for driven in contacts.driven:
             shifted[self._driven(driven), driven.number] -= 1.0
         turns = [one.turning(p[at], q[at]) for one, (_, at, _) in zip(met, contacts.each, strict=True)]
@@ -197,7 +197,7 @@ class Iteration:
             for key in ("normal", "tangent")
         )
         d_gap, d_slip = (_diagonal([getattr(one, k) for one in met])[chosen] for k in ("d_gap", "d_slip"))
-        surface = closer.changed(z[numbers]) + closer.by_traction @ jump
+        surface = response.changed(z[numbers]) + response.by_traction @ jump
         inverse = np.linalg.inv(np.eye(len(touched)) - turning @ seen)
         loads = inverse @ np.hstack([push, friction_slope, turning @ shifted])
         follow = inverse @ (turning @ surface)
@@ -216,7 +216,7 @@ class Iteration:
         now = np.concatenate([p[chosen], q[chosen], np.zeros(contacts.free)])
         guess = NodeSets(sets.status[chosen], sets.slip_sign[chosen])
         if first:
-            closed = p[chosen] > pressing.stiffness * gap
+            closed = p[chosen] > system.stiffness * gap
             held = np.where(mu > 0.0, STICK, SLIP)
             status = np.where(closed, np.where(guess.closed, guess.status, held), OPEN).astype(np.int8)
             guess = NodeSets(status, np.where(status == SLIP, guess.slip_sign, 0.0))
@@ -227,7 +227,7 @@ class Iteration:
         moving[touched] += tractions
         acting = np.concatenate([tractions, free])
         for name, columns in responses.columns.items():
-            du[pressing.bodies[name]] += responses.moved[name] @ acting[columns]
+            du[system.bodies[name]] += responses.moved[name] @ acting[columns]
         whole_p, whole_q = -p, -q
         whole_p[chosen], whole_q[chosen] = dp, dq
         status, slip_sign = np.zeros(len(p), dtype=np.int8), np.zeros(len(p))
@@ -240,7 +240,7 @@ class Iteration:
             compliance = compliance - d_gap @ held @ np.linalg.solve(d_slip[stuck] @ held, slips)
         on_bodies = by_traction[: sum(one.count for one in contacts.loose)] @ push
         args = (chosen, compliance, on_bodies, len(responses.columns) + count, responses)
-        return Done(du, whole_p, whole_q, free, moving, NodeSets(status, slip_sign), *args)
+        return IterationResult(du, whole_p, whole_q, free, moving, NodeSets(status, slip_sign), *args)
 
 
 def _diagonal(blocks: Sequence[sparse.csr_array]) -> sparse.csr_array:

@@ -12,12 +12,12 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.contact.finite.answers import Correction
 from mlsanm_cli.contact.finite.free import DrivenObstacle, LooseMotions, Plate
 from mlsanm_cli.contact.finite.meeting import Meeting
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.sets import NodeSets
+from mlsanm_cli.contact.finite.side_response import Correction
 from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.response.coercivity import constrained_resistance
 from mlsanm_cli.mechanics.finite.projector import Factorised, Projector
@@ -150,7 +150,7 @@ class Responses:
 
 
 @dataclass(frozen=True)
-class Done:
+class IterationResult:
     """Result of an iteration: updates of displacements, pressures, friction and ``free`` motions, and
     ``sets`` of all nodes.
 
@@ -171,20 +171,18 @@ class Done:
     solves: int
     responses: Responses
 
-    def stability(self, pressing: ContactSystem, met: Sequence[Meeting]) -> float:
+    def stability(self, system: ContactSystem, met: Sequence[Meeting]) -> float:
         """Least resistance of a contact with closed nodes, at closed nodes between two others, to pressures
         that oscillate from node to node; held nodes are excluded."""
         least = np.inf
         number = np.full(len(self.sets.status), -1, dtype=np.int64)
         number[self.chosen] = np.arange(len(self.chosen))
-        for one, (contact, here, _) in zip(met, pressing.contacts.each, strict=True):
+        for one, (contact, here, _) in zip(met, system.contacts.each, strict=True):
             own = self.sets.closed[here] & ~contact.slave.held
             inner = own[1:-1] & own[:-2] & own[2:]
             some = 1 + np.flatnonzero(inner) if inner.any() else np.flatnonzero(own)
             soft = sum(
-                pressing.projectors[side.body].body.elastic.model.material.contact_compliance(
-                    one.normal[some]
-                )
+                system.projectors[side.body].body.elastic.model.material.contact_compliance(one.normal[some])
                 for side in contact.sides
             )
             place = number[here][some]

@@ -10,6 +10,7 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.joined import normals_towards
+from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.facing import turned
@@ -182,7 +183,7 @@ def pair_surfaces(
     else:
         partner, normal = master.closest(points, slave.normal)
     away = points - partner
-    tangential = np.abs(away[:, 0] * normal[:, 1] - away[:, 1] * normal[:, 0])
+    tangential = np.abs(cross(away, normal))
     spacing = slave_cloud.spacing[slave.index]
     facing = (slave.normal * normal).sum(axis=1) < MAX_FACING_COSINE
     gap = (away * normal).sum(axis=1)

@@ -73,7 +73,7 @@ class CholeskyFactor:
         shape = self.fronts
         return (shape.start, shape.negative, shape.begin, shape.border, shape.panel, self.values)
 
-    def solve(self, rhs: FloatArray, transposed: bool = False) -> FloatArray:
+    def solve(self, rhs: FloatArray) -> FloatArray:
         """Solution for (n,) or (n, c) right-hand sides; the matrix is symmetric. Raises ValueError for
         another n."""
         if len(rhs) != len(self.order):

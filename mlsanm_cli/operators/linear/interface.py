@@ -22,8 +22,8 @@ class Factor(Protocol):
     def note(self) -> str:
         """Remark on the factorisation for users; usually ""."""
 
-    def solve(self, rhs: FloatArray, transposed: bool = False) -> FloatArray:
-        """Solution for right-hand sides (n,) or (n, c), with the transposed matrix if ``transposed``."""
+    def solve(self, rhs: FloatArray) -> FloatArray:
+        """Solution for right-hand sides (n,) or (n, c)."""
 
     def products(self, left: sparse.csr_array, right: sparse.csc_array) -> FloatArray:
         """``left`` (g, n) times the solutions for ``right`` (n, c): (g, c)."""

@@ -30,14 +30,10 @@ class SuperLUFactor:
     order: IntArray
     note: str = ""
 
-    def solve(self, rhs: FloatArray, transposed: bool = False) -> FloatArray:
+    def solve(self, rhs: FloatArray) -> FloatArray:
         """Solution for (n,) or (n, c) right-hand sides."""
         solution = np.empty_like(rhs)
-        if transposed:
-            # The type stubs lack the transposed solve.
-            solution[self.order] = self.factor.solve(rhs[self.order], "T")  # type: ignore[call-overload]
-        else:
-            solution[self.order] = self.factor.solve(rhs[self.order])
+        solution[self.order] = self.factor.solve(rhs[self.order])
         return solution
 
     def products(self, left: sparse.csr_array, right: sparse.csc_array) -> FloatArray:

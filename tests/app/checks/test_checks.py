@@ -15,7 +15,7 @@ from mlsanm_cli.app.checks.check import Check, Verdicts
 from mlsanm_cli.app.checks.energy import EnergyErrors
 from mlsanm_cli.app.checks.limits import LIMITS
 from mlsanm_cli.app.finite import checks as finite
-from mlsanm_cli.app.finite.states import deformation, overlap
+from mlsanm_cli.app.finite.states import deformation, overlap, stability
 from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import rectangle
 from mlsanm_cli.cloud.spacing import Spacing
@@ -62,8 +62,8 @@ def rough(coefficient: float) -> Any:
     return SimpleNamespace(case=SimpleNamespace(load=(), touching=[contact]))
 
 
-def state(residual: float = 0.0, is_finite: bool = True) -> Any:
-    return SimpleNamespace(residual=residual, position=0.5, is_finite=is_finite)
+def state(residual: float = 0.0, is_finite: bool = True, **more: Any) -> Any:
+    return SimpleNamespace(residual=residual, position=0.5, is_finite=is_finite, **more)
 
 
 def deformed(stretch: float, waves: float) -> Iterable[Check]:
@@ -160,6 +160,7 @@ CASES: dict[str, tuple[Found, float, float]] = {
     "finite": (lambda x: states.finite(BUILT, state(is_finite=not x)), 0.0, 1.0),
     "volume_ratio": (lambda x: deformed(x, 1.0), 0.2, -0.1),
     "ellipticity": (lambda x: deformed(1.0, x), 0.2, 0.05),
+    "stability": (lambda x: stability(BUILT, state(solver={"stability": x})), 0.5, 0.1),
     "few_contact_nodes": (lambda x: finite.few_contact_nodes(pressed(x)), 8, 2),
     "contact_nodes": (lambda x: finite.refinement(refined(fewer=bool(x))), 0.0, 1.0),
     "finite_force_error": (lambda x: finite.estimates(touched(contacts={"pin": x})), 0.01, 0.02),

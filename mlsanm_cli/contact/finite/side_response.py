@@ -64,7 +64,7 @@ def side_correction(
     exact, inside = exact_compliance(side, body, center, np.flatnonzero(share), deep)
     # The motion of a loose body on the whole is that of the cloud.
     apart = inside - moved[(2 * deep[:, None] + np.arange(2)).ravel()]
-    offset = free(side.places) @ np.linalg.lstsq(free(body.model.nodes[deep]), apart)[0]
+    offset = free(side.places) @ np.linalg.lstsq(free(body.model.cloud.points[deep]), apart)[0]
     return fit, _uneven(side, both[:, None] * (exact - fitted - offset) * both, share)
 
 
@@ -74,7 +74,7 @@ def no_correction(side: ContactSide) -> Correction:
 
 
 @dataclass(frozen=True)
-class Closer:
+class SideResponse:
     """Displacements (2s,) of sides in a state: ``smooth`` (2s, 2s) applied to the cloud's, plus
     ``by_traction`` (2s, 2s), which changes with the former by ``by_turning`` (2s, 2s)."""
 
@@ -89,7 +89,7 @@ class Closer:
         corrections: Sequence[Correction],
         displacement: FloatArray,
         traction: FloatArray,
-    ) -> Closer:
+    ) -> SideResponse:
         """From the sides and their ranges, their corrections, the cloud's ``displacement`` (2s,) of their
         nodes, and their ``traction``."""
         fits = [fit for fit, _ in corrections] or [np.zeros((0, 0))]
