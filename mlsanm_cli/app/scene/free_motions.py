@@ -50,8 +50,8 @@ class Restrained:
     rigid_constraints: tuple[RigidConstraint, ...]
     notes: tuple[str, ...]
     held: tuple[Mapping[str, FloatArray], ...]
-    loose: tuple[Mapping[str, FloatArray], ...] = ()
-    weak: tuple[str, ...] = ()
+    loose: tuple[Mapping[str, FloatArray], ...]
+    weak: tuple[str, ...]
 
 
 def constrain_free_rigid_modes(
