@@ -106,7 +106,7 @@ def measure(scale: float, friction: float, repeat: int) -> dict[str, Any]:
     observed = sparse.csr_array(sparse.vstack(relative, format="csr"))
     system = body.system
     assert isinstance(system, LeastSquares)
-    equations = bordered_equations(system, body.model.nodes)
+    equations = bordered_equations(system, body.model.cloud.points)
     matrix = equations[0]
     factor, own = factor_definite(*equations, solver="superlu"), factor_definite(*equations)
     block = np.random.default_rng(0).normal(size=(matrix.shape[0], BLOCK_COLUMNS))
@@ -126,7 +126,7 @@ def measure(scale: float, friction: float, repeat: int) -> dict[str, Any]:
         return float((np.linalg.norm(found[:, judged] - exact, axis=0) / size).max())
 
     return {
-        "nodes": len(body.model.nodes),
+        "nodes": len(body.model.cloud.points),
         "columns": sources.shape[1],
         "functionals": observed.shape[0],
         "factor": cpu_of(lambda: factor_definite(*equations), repeat),

@@ -83,7 +83,7 @@ def assemble(
     count = table.total + 3 * pieces.count
     # Computed on first use, by the equations or for the body's forces.
     loads = cache(partial(pieces.loads, first_row, count, restraints))
-    pulls = spring_rows(cloud, table, len(model.nodes))
+    pulls = spring_rows(cloud, table, len(model.cloud.points))
     rows = compact(sparse.csr_array(_rows(model, held, single) + pulls))
     weight = row_weights(model, held, single, table, restraints, touching)
     known = pieces.rows_known(list(held_nodes[: len(held_nodes) - unloaded]))
@@ -143,12 +143,12 @@ def _least_squares(
     rows.data *= np.repeat(weight, np.diff(rows.indptr))
     node = [np.flatnonzero(level >= 0) for level in pieces.levels]
     piece = np.concatenate([level[some] for level, some in zip(pieces.levels, node, strict=True)])
-    times, at = np.bincount(piece, minlength=pieces.count), model.nodes[np.concatenate(node)]
+    times, at = np.bincount(piece, minlength=pieces.count), model.cloud.points[np.concatenate(node)]
     sums_of = [np.bincount(piece, values, pieces.count) for values in at.T]
     places = np.stack(sums_of, axis=1) / np.maximum(times, 1)[:, None]
     sums = sparse.csr_array(sums @ sparse.diags_array(1.0 / np.where(scale > 0.0, scale, 1.0)))
     strong_rows = Strong(lines, loads, owner, places, sums)
-    return least_squares.factorise(rows, weight, model.nodes, solver, strong_rows)
+    return least_squares.factorise(rows, weight, model.cloud.points, solver, strong_rows)
 
 
 def _first_rows(cloud: Cloud) -> tuple[dict[str, int], int]:
@@ -165,7 +165,7 @@ def node_rows(body: ElasticBody) -> sparse.csr_array:
     first_row, total = _first_rows(body.model.cloud)
     last = total + len(body.held_nodes)
     table = RowTable(first_row, total, last, body.model.material.modulus, body.springs)
-    pulls = spring_rows(body.model.cloud, table, len(body.model.nodes))
+    pulls = spring_rows(body.model.cloud, table, len(body.model.cloud.points))
     return sparse.csr_array(_rows(body.model, body.held, body.held_nodes) + pulls)
 
 
@@ -173,7 +173,7 @@ def _rows(
     model: BodyModel, held: Mapping[str, tuple[bool, bool]], single: Sequence[tuple[int, int]]
 ) -> sparse.csr_array:
     """All rows (r, 2N), without springs."""
-    cloud, c, count = model.cloud, model.material.stiffness, len(model.nodes)
+    cloud, c, count = model.cloud, model.material.stiffness, len(model.cloud.points)
     blocks = [model.equilibrium(component) for component in (0, 1)]
     for name, surface in cloud.surfaces.items():
         stencils = model.stencils.take(surface.index)
@@ -202,7 +202,7 @@ def spring_rows(cloud: Cloud, table: RowTable, nodes: int) -> sparse.csr_array:
 def _without_pins(body: ElasticBody, pinned: Sequence[tuple[int, int]]) -> FreeSystem:
     """The body's system without the effect of its pins."""
     model = body.model
-    patterns = body.free.patterns(model.nodes)
+    patterns = body.free.patterns(model.cloud.points)
     share = np.repeat(model.cloud.areas, 2)
     mean = np.asarray(np.linalg.solve(patterns.T @ (share[:, None] * patterns), patterns.T * share))
     work = body.resultants(body.free.center)[list(body.free.components)].toarray()

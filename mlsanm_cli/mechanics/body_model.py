@@ -8,7 +8,6 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sparse
-from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IndexArray
 from mlsanm_cli.cloud.cloud import Cloud
@@ -48,7 +47,7 @@ MIN_CORNER_ANGLE = 0.3
 class BodyModel:
     """Cloud, material and operators of one body, before its boundary conditions are set up.
 
-    ``nodes`` (N, 2), the cloud's points, carry the unknowns. ``stencils`` are theirs, ``near`` (n, k) their
+    The cloud's points are the nodes, which carry the unknowns. ``stencils`` are theirs, ``near`` (n, k) their
     nearest nodes, kept for later stencils.
     """
 
@@ -56,8 +55,6 @@ class BodyModel:
     cloud: Cloud
     material: PlaneMaterial
     settings: MlsSettings
-    nodes: FloatArray
-    tree: cKDTree
     near: IndexArray
     stencils: Stencils
 
@@ -87,7 +84,7 @@ class BodyModel:
             near = near[:, :0]
         if mirror is not None:
             stencils, near = reflected(stencils, mirror), reflected_numbers(near, mirror)
-        return cls(name, cloud, material, settings, nodes, tree, near, stencils)
+        return cls(name, cloud, material, settings, near, stencils)
 
     @cached_property
     def tips(self) -> Tips | None:
@@ -113,12 +110,12 @@ class BodyModel:
     @property
     def unknowns(self) -> int:
         """Number of displacement unknowns."""
-        return 2 * len(self.nodes)
+        return 2 * len(self.cloud.points)
 
     def stencils_at(self, points: FloatArray, order: int) -> Stencils:
         """Stencils at ``points`` (e, 2) with derivatives up to ``order``."""
         return build_stencils(
-            self.nodes, self.tree, points, order, self.settings, self.cloud.sight, tips=self.tips
+            self.cloud.points, self.cloud.tree, points, order, self.settings, self.cloud.sight, tips=self.tips
         )
 
     def values_along(self, points: FloatArray, directions: FloatArray) -> sparse.csr_array:
@@ -138,7 +135,13 @@ class BodyModel:
         over the t ``points`` (e, t, 2) of each centre; ``normals`` (e, t, 2) include the quadrature
         weights."""
         stencils = build_gradients(
-            self.nodes, self.tree, centers, points, self.settings, self.cloud.sight, tips=self.tips
+            self.cloud.points,
+            self.cloud.tree,
+            centers,
+            points,
+            self.settings,
+            self.cloud.sight,
+            tips=self.tips,
         )
         arm, c = points - centers[:, None], self.material.stiffness
         if not self.material.nearly_incompressible:

@@ -246,18 +246,16 @@ class NextDegree:
         """Value and derivatives (e, 6, c) at ``places`` (e, 2) of nodal displacements (N, 2), or of stresses
         (n, 3)."""
         model, cloud = self.model, self.model.cloud
-        moved = values.shape[1] == 2
-        nodes, tree, tips = (
-            (model.nodes, model.tree, model.tips) if moved else (cloud.points, cloud.tree, None)
-        )
-        at_nodes = places is cloud.points and len(nodes) == len(model.nodes)
+        tips = model.tips if values.shape[1] == 2 else None
 
         def fits(some: IntArray) -> Stencils:
-            near = model.near[some] if at_nodes else None
-            return build_stencils(nodes, tree, places[some], 2, settings, cloud.sight, near, tips)
+            near = model.near[some] if places is cloud.points else None
+            return build_stencils(
+                cloud.points, cloud.tree, places[some], 2, settings, cloud.sight, near, tips
+            )
 
         numbers = np.arange(len(places))
-        if len(nodes) > MAX_KEPT_NODES:
+        if len(cloud.points) > MAX_KEPT_NODES:
             return in_batches(lambda some: fits(some).derivatives(values), numbers)
         key = (settings, values.shape[1], places.tobytes())
         if key not in self.kept:

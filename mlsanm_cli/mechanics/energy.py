@@ -122,8 +122,6 @@ def energy_at_tips(model: BodyModel, displacement: FloatArray, stress: FloatArra
 def energy_between_nodes(model: BodyModel, displacement: FloatArray, stress: FloatArray) -> float:
     """The same correction by all other triangles: near the surface fits are less accurate at nodes than
     between them."""
-    if len(model.nodes) > len(displacement):
-        return 0.0
     own = model.cloud.triangles[~_at_tips(model)[0]]
     return _beyond_linear(model, displacement, stress, own, TRIANGLE_POINTS, np.full(3, 1.0 / 3.0))
 

@@ -252,7 +252,7 @@ class Scene:
 
     def _patterns(self, body: str) -> FloatArray:
         """Displacements (2N, k) under unit motions of the unknowns."""
-        nodes = self.bodies[body].model.nodes
+        nodes = self.bodies[body].model.cloud.points
         patterns = np.zeros((2 * len(nodes), len(self.unknown_motions)))
         for column, (constraint, motion) in enumerate(self.unknown_motions):
             if constraint.floats and body in constraint.bodies:
@@ -263,4 +263,4 @@ class Scene:
         """Displacements (2N, d) of a body in the ``loose_motions``."""
         motions = np.stack([motion.get(body, np.zeros(3)) for motion in self.loose_motions], axis=1)
         modes = RigidBodyModes((0.0, 0.0), (0, 1, ROTATION))
-        return np.asarray(modes.patterns(self.bodies[body].model.nodes) @ motions)
+        return np.asarray(modes.patterns(self.bodies[body].model.cloud.points) @ motions)

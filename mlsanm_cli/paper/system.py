@@ -86,7 +86,7 @@ class System:
         factor = np.concatenate([np.ones(m), law.mu, -np.ones(n), law.mu, np.ones(n)])
         self.factor: FloatArray = factor / self.divisor[self.first]
         # Bodies first, by nested dissection: the Schur complement of the contact is the condensed problem.
-        points = np.concatenate([body.model.nodes for body in scene.bodies.values()])
+        points = np.concatenate([body.model.cloud.points for body in scene.bodies.values()])
         order = elimination_order(sparse.csc_array(abs(stiffness) + abs(stiffness).T), points)
         self.order = np.concatenate([order, np.arange(len(order), self.size)])
         ordered = (linear @ sparse.diags_array(self.scale))[self.order][:, self.order]

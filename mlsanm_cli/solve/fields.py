@@ -51,17 +51,16 @@ def fields_of(
 
 
 def _fields(built: CondensedScene, name: str, state: State, displacement: FloatArray, stress: bool) -> Fields:
-    """Fields of a body from the ``displacement`` (N, 2) of its elastic system, ghosts last."""
+    """Fields of a body from the ``displacement`` (n, 2) of its elastic system."""
     model = built.scene.bodies[name].model
     moved, stressed = built.condensed.contact_fields(built.scene, name, state.unknowns)
     sigma, degrees, near = np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3))
     if stress:
         degrees = built.scene.degrees(name, state.factors)
-        # Stresses are reported at the nodes, not at ghosts.
-        near = stressed[: len(model.cloud.points)]
+        near = stressed
         sigma = model.stress(displacement) + near
         sigma = sigma - degrees[:, None] * stress_of_expansion(model.material)
-    whole = (displacement + moved)[: len(model.cloud.points)]
+    whole = displacement + moved
     return {**named_fields(model.material, whole, sigma, degrees), "rest": displacement, "near": near}
 
 
@@ -82,7 +81,7 @@ def named_fields(
 def _displacements(
     built: CondensedScene, name: str, states: Sequence[State], start: FloatArray | None
 ) -> tuple[list[FloatArray], FloatArray]:
-    """Displacements (N, 2) of a body in each state, ghosts last, and the relative change (c,) by iterative
+    """Displacements (n, 2) of a body in each state, and the relative change (c,) by iterative
     refinement."""
     condensed = built.condensed
     if not len(states[0].displacement):

@@ -69,8 +69,9 @@ def _solved_once(name: str, text: str, *overrides: str) -> Any:
     return directory
 
 
-# Hyperbolic law as it is, fields inside the path and at its end.
-hertz_run = _solved_once("hertz_run", hertz(), "output.at=[0.3, 0.7, 1.0]", *SMOOTH)
+# Fields inside the path and at its end: exact law, and power series of the hyperbolic law.
+hertz_run = _solved_once("hertz_run", hertz(), "output.at=[0.3, 0.7, 1.0]")
+series_run = _solved_once("series_run", hertz(), "output.at=[0.3, 0.7, 1.0]", *SMOOTH)
 # Exact law, uniform pressure; no contact and two stages; two contacts.
 patch_run = _solved_once("patch_run", PATCH)
 bar_run = _solved_once("bar_run", BAR)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.scene.causes import strain_of
+from mlsanm_cli.app.checks.energy import strain_of
 from mlsanm_cli.app.sweep.run_sweep import sweep
 from mlsanm_cli.case.starters import starter
 from mlsanm_cli.cli import main

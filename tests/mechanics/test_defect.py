@@ -86,7 +86,7 @@ def test_corrections_are_those_of_refined_solutions(
     held: dict[str, tuple[bool, bool]], poisson: float
 ) -> None:
     body = build(jittered_square(14), held, material=isotropic(210.0, poisson, "strain"))
-    source, moved = loaded(body), np.tile([0.1, -0.2], len(body.model.nodes))
+    source, moved = loaded(body), np.tile([0.1, -0.2], len(body.model.cloud.points))
     found = correct(body, source, moved)
     solution = body.system.solve(source)[:, 0] + moved
     np.testing.assert_allclose(found.displacement.ravel(), solution, atol=1e-6 * np.abs(solution).max())

@@ -75,7 +75,7 @@ def mixed(elastic: ElasticBody) -> Loads:
 @pytest.mark.parametrize("kind", KINDS)
 def test_derivatives_and_series_are_those_of_the_rows(kind: Kind) -> None:
     body, rng = finite_body(jittered_square(9), kind, BOTTOM, mixed), np.random.default_rng(0)
-    bent = body.elastic.model.nodes @ np.array([[0.1, -0.2], [0.3, 0.2]])
+    bent = body.elastic.model.cloud.points @ np.array([[0.1, -0.2], [0.3, 0.2]])
     u, factors = bent.ravel() + 0.002 * rng.normal(size=body.unknowns), np.array([0.7, 0.6])
     step, h = rng.normal(size=body.unknowns), 1e-6
     difference = (left_of(body, u + h * step, factors) - left_of(body, u - h * step, factors)) / (2.0 * h)
@@ -115,7 +115,7 @@ def test_a_turned_body_without_loads_is_a_solution() -> None:
         jittered_square(9), "neo-hookean", BOTTOM, lambda elastic: Loads(1, np.zeros((elastic.rows, 1)))
     )
     turn = np.array([[-1.0, -1.0], [1.0, -1.0]])  # by 90 degrees, less the identity
-    left = left_of(body, (body.elastic.model.nodes @ turn.T).ravel(), np.zeros(1))
+    left = left_of(body, (body.elastic.model.cloud.points @ turn.T).ravel(), np.zeros(1))
     held = np.concatenate([body.elastic.condition_rows("bottom", k) for k in (0, 1)])
     assert np.abs(np.delete(left, held)).max() <= 1e-11
 

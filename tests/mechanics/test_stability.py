@@ -58,6 +58,6 @@ def test_equations_that_hardly_know_a_mode_are_found_out() -> None:
     dropped = np.random.default_rng(0).permutation(nodes)[: int(0.6 * nodes)]
     weight[np.concatenate([dropped, nodes + dropped])] *= 1e-3
     rows = sparse.csr_array(system.rows.multiply((weight / system.weight)[:, None]))
-    weak = least_squares.factorise(rows, weight, body.model.nodes, "auto", system.strong)
+    weak = least_squares.factorise(rows, weight, body.model.cloud.points, "auto", system.strong)
     spoilt = replace(body, equations=BodyEquations("weak", lambda: weak))
     assert bulk_stability(spoilt) <= 0.5 * bulk_stability(body)

@@ -39,7 +39,7 @@ def contact_lines(scene: FiniteScene, state: State, fields: Mapping[str, Any]) -
 
 def obstacle_lines(scene: FiniteScene, state: State) -> dict[str, VtuPart]:
     """Rigid obstacles in a state, by contact."""
-    points = np.concatenate([body.elastic.model.nodes for body in scene.bodies.values()])
+    points = np.concatenate([body.elastic.model.cloud.points for body in scene.bodies.values()])
     drawn = obstacles(scene.case, points.min(axis=0), points.max(axis=0))
     lines = {}
     for contact in scene.contacts.pairs:

@@ -10,7 +10,7 @@ import numpy as np
 from mlsanm_cli.app.checks.balance import largest_force, least_force
 from mlsanm_cli.app.checks.limits import level
 from mlsanm_cli.app.scene.assemble import single_nodes
-from mlsanm_cli.app.scene.causes import strain_of
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.response.work import work_on
 from mlsanm_cli.mechanics.energy import energy_at_tips, energy_between_nodes, twice_strain_energy
@@ -34,6 +34,8 @@ MIN_ENERGY_DEGREE = 3
 """Degree from which on energies estimate errors of clamped bodies better than fits of the next degree."""
 MIN_BENDING_SHARE = 0.1
 """Not if contacts with contact grids do more than this part of the work by themselves."""
+STRAIN_QUANTILE = 0.99
+"""Larger strains are those at corners, where they are unbounded."""
 
 
 @dataclass(frozen=True)
@@ -171,3 +173,10 @@ def _near_work(built: CondensedScene, state: State) -> dict[str, float]:
         for body, part in zip(pairing.bodies, contact_compliance, strict=True):
             found[body] += abs(work) * part / sum(contact_compliance)
     return found
+
+
+def strain_of(points: FloatArray, displacement: FloatArray, von_mises: FloatArray, modulus: float) -> float:
+    """Strain of a body: the range of its displacements (n, 2) over its size, or a high quantile of its
+    stresses (n,) over its stiffness, whichever is larger."""
+    apart = float(np.ptp(displacement, axis=0).max()) / float(np.ptp(points, axis=0).max())
+    return max(apart, float(np.quantile(von_mises, STRAIN_QUANTILE)) / modulus)

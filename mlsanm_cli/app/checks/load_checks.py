@@ -70,7 +70,7 @@ def loaded_length(case: Case, boundaries: Boundaries, clouds: Mapping[str, Cloud
         surfaces = clouds[load.owner].surfaces
         found = sum(surfaces[name].curve.length for name in boundaries.names(load.place))
         body = next(one for one in case.body if one.name == load.owner)
-        wanted = sum(curve.length for _, _, curve in runs_of(body.shape, load.place))
+        wanted = sum(run.part.length for run in runs_of(body.shape, load.place))
         yield Check(
             "loaded_length",
             abs(found - wanted) / wanted,

@@ -269,7 +269,7 @@ class _Path:
                 base_state, self._fresh = own, self._fresh | {name}
             elif abs(np.exp(1j * angle) - 1.0) > RENEWAL_ANGLE:
                 upright = name in self._scene.upright
-                base_state = own if upright else _turned(body.elastic.model.nodes, base_state, angle)
+                base_state = own if upright else _turned(body.elastic.model.cloud.points, base_state, angle)
             else:
                 continue
             self._projectors[name] = self._scene.projector(name, base_state, acting[name])

@@ -45,7 +45,7 @@ def missing_works(scene: FiniteScene, before: State, now: State) -> dict[str, fl
     found, then, at = {}, scene.parts(before.displacement), scene.parts(now.displacement)
     factors = [scene.acting(one.driven, one.side_traction) for one in (before, now)]
     for name, body in scene.bodies.items():
-        nodes, elastic = body.elastic.model.nodes, body.elastic
+        nodes, elastic = body.elastic.model.cloud.points, body.elastic
         turn = 0.0
         if not any(map(any, elastic.held.values())) and len(elastic.held_nodes) == body.pins:
             turn = body.turn(at[name]) - body.turn(then[name])

@@ -74,7 +74,9 @@ def probe_values(scene: FiniteScene, state: State) -> dict[str, dict[str, Any]]:
     for probe in scene.probes:
         body, own = scene.bodies[probe.body], scene.parts(state.displacement)[probe.body]
         model, warm = body.elastic.model, body.stretch_at(probe.point, state.factors)
-        stencils = build_stencils(model.nodes, model.tree, probe.point, 1, model.settings, model.cloud.sight)
+        stencils = build_stencils(
+            model.cloud.points, model.cloud.tree, probe.point, 1, model.settings, model.cloud.sight
+        )
         seen = fields_at(body.law, stencils.derivatives(own.reshape(-1, 2)), warm)
         vectors = {key: seen[key][0] for key in ("displacement", "stress")}
         values[probe.name] = {**vectors, "von_mises": float(seen["von_mises"][0])}

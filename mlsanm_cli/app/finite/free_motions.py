@@ -47,7 +47,7 @@ def _pinned(prepared: SceneModel, name: str, unknown: tuple[int, ...], number: i
     inner = np.setdiff1d(np.arange(len(cloud.points)), outer)
     pinned = tuple((int(inner[node]), component) for node, component in pins(cloud.points[inner], free))
     places = [2 * node + component for node, component in pinned]
-    size = float(np.ptp(prepared.models[name].nodes, axis=0).max())
+    size = float(np.ptp(prepared.models[name].cloud.points, axis=0).max())
     scale = np.array([size if one == ROTATION else 1.0 for one in free.components])
     known = [free.components.index(component) for component in unknown]
     moves = (free.patterns(cloud.points)[places] / scale)[:, known]
@@ -62,7 +62,7 @@ def _plates(case: Case, prepared: SceneModel, number: int) -> list[Plate]:
     for platen in platens:
         unknown = [one for one in platen.motions if one.prescribed is None]
         surfaces = {body: platen.surfaces_of(body) for body in platen.bodies}
-        size = max(float(np.ptp(prepared.models[body].nodes, axis=0).max()) for body in surfaces)
+        size = max(float(np.ptp(prepared.models[body].cloud.points, axis=0).max()) for body in surfaces)
         components = tuple(one.component for one in unknown)
         force = np.array([one.force for one in unknown]).reshape(len(unknown), loads)
         motion = np.zeros((3, count))

@@ -36,7 +36,7 @@ def motion_ratio(
     scene: FiniteScene, now: FiniteContactState, found: FiniteContactState, position: float, reached: float
 ) -> float:
     """Largest motion of a body, or of a node relative to its possible partner, over its limit."""
-    sizes = {name: np.ptp(body.elastic.model.nodes, axis=0) for name, body in scene.bodies.items()}
+    sizes = {name: np.ptp(body.elastic.model.cloud.points, axis=0) for name, body in scene.bodies.items()}
     moved = np.abs(found.displacement - now.displacement).max()
     farthest = float(moved / (MAX_APPROACH * min(size.max() for size in sizes.values())))
     before, after = (

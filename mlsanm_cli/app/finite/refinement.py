@@ -17,9 +17,9 @@ from mlsanm_cli.app.finite.patches import Touched, wanted_spacings
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.build import place
-from mlsanm_cli.app.scene.default_spacing import NODAL_BAND, NODAL_GROWTH
+from mlsanm_cli.app.scene.clouds import line_of
+from mlsanm_cli.app.scene.contact_spacing import NODAL_BAND, NODAL_GROWTH
 from mlsanm_cli.app.scene.refinement import Refinement
-from mlsanm_cli.app.scene.symmetry import line_of
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.curves import Curve, Segment
@@ -67,7 +67,10 @@ def refined(
         except (NumericalError, CaseError):
             return None
         count = sum(len(model.cloud.points) for model in finer.models.values())
-        before = ((scene.bodies[name].elastic.model.nodes, one.nodes) for name, one in finer.models.items())
+        before = (
+            (scene.bodies[name].elastic.model.cloud.points, one.cloud.points)
+            for name, one in finer.models.items()
+        )
         if all(np.array_equal(*nodes) for nodes in before):
             return None
         if count <= MAX_NODES:

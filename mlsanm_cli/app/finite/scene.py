@@ -80,7 +80,9 @@ class FiniteScene:
     @property
     def size(self) -> float:
         """Largest extent of a body."""
-        return max(float(np.ptp(body.elastic.model.nodes, axis=0).max()) for body in self.bodies.values())
+        return max(
+            float(np.ptp(body.elastic.model.cloud.points, axis=0).max()) for body in self.bodies.values()
+        )
 
     def parts(self, displacement: FloatArray) -> dict[str, FloatArray]:
         """Displacements (2N,) of all bodies divided by body."""

@@ -90,7 +90,7 @@ def _zones(condensed: Condensed, ends: Sequence[ExactState], model: BodyModel) -
             for first, last in patches:
                 half = 0.5 * (last - first)
                 place = pairing.grid.facing.side(np.array([0.5 * (first + last)]), slave)[0][0]
-                nearest = model.tree.query([place.real, place.imag])[1]
+                nearest = model.cloud.tree.query([place.real, place.imag])[1]
                 if (
                     half / PER_HALF_WIDTH
                     < MIN_REFINEMENT * model.cloud.spacing[min(nearest, len(model.cloud.points) - 1)]

@@ -11,17 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.scene.boundaries import Boundaries
-from mlsanm_cli.app.scene.conflicts import refuse_conflicts
+from mlsanm_cli.app.scene.boundaries import Boundaries, refuse_conflicts
+from mlsanm_cli.app.scene.conditions import conditions, prescribes
 from mlsanm_cli.app.scene.contact_pairs import pair
 from mlsanm_cli.app.scene.contact_ranges import contact_ranges, directed
+from mlsanm_cli.app.scene.facing import check_tips
 from mlsanm_cli.app.scene.free_motions import constrain_free_rigid_modes
 from mlsanm_cli.app.scene.loads import Acting, acting
 from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.app.scene.rigid_constraints import components, rigid_constraints
-from mlsanm_cli.app.scene.tips import check_tips
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Body, Case, Displacement, Place, Platen
+from mlsanm_cli.case import Body, Case
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.geometry.pairing import Pairing, facing_parts
@@ -237,10 +237,12 @@ def assemble_bodies(
             partial(assemble, model, held, held_nodes, solver, springs, touching=touching),
         )
         bodies[name].equations.timed = timed
-    places = {s.place.label: s.place for s in case.support if s.place is not None}
     supports = {
-        label: tuple((place.body, name) for name in prepared.boundaries.names(place))
-        for label, place in places.items()
+        support.place.label: tuple(
+            (support.place.body, name) for name in prepared.boundaries.names(support.place)
+        )
+        for support in case.support
+        if support.place is not None
     }
     return mechanics.Scene(
         bodies=bodies,
@@ -258,24 +260,14 @@ def assemble_bodies(
 
 
 def _held_surfaces(case: Case, boundaries: Boundaries, body: str) -> dict[str, tuple[bool, bool]]:
+    """The fixed components of the surfaces of a body."""
     held: dict[str, tuple[bool, bool]] = {}
-
-    def hold(place: Place, x: bool, y: bool) -> None:
+    for _, condition, place in conditions(case):
+        x, y = prescribes(condition)
         if place.body == body and (x or y):
             for surface in boundaries.names(place):
                 before = held.get(surface, (False, False))
                 held[surface] = (before[0] or x, before[1] or y)
-
-    for support in case.support:
-        if support.place is not None:
-            hold(support.place, support.ux is not None, support.uy is not None)
-    for load in case.load:
-        if isinstance(load, Displacement):
-            x, y = load.components
-            hold(load.place, x is not None, y is not None)
-        elif isinstance(load, Platen):
-            for place in load.places:
-                hold(place, "x" in load.control, "y" in load.control)
     return held
 
 

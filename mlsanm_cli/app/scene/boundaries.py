@@ -7,20 +7,22 @@ supports and loads act on each piece. A contact joins its pieces to one surface.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
 
 import numpy as np
 
-from mlsanm_cli.app.scene.boundary_runs import BoundaryRun, chains_at, run_of
+from mlsanm_cli.app.scene.conditions import conditions
 from mlsanm_cli.app.scene.contact_sides import sides_of
 from mlsanm_cli.app.scene.load_profiles import profiles
-from mlsanm_cli.app.scene.outlines import drawn, imported_geometry
-from mlsanm_cli.case import Body, Case, Displacement, Place, Platen, Pressure, Traction
+from mlsanm_cli.app.scene.outlines import BoundaryRun, chains_at, drawn, imported_geometry, numbers_of, run_of
+from mlsanm_cli.case import Body, Case, Place, Platen, Pressure, Traction
+from mlsanm_cli.case.model.conditions import Kind, compatible
 from mlsanm_cli.case.model.shapes import Mesh, Points
+from mlsanm_cli.case.model.supports import Support
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.cloud.curves import Curve, Outline
+from mlsanm_cli.cloud.curves import Curve, Outline, Segment
 from mlsanm_cli.cloud.joined import cut
 from mlsanm_cli.cloud.surface import Surface, joined_surface
 from mlsanm_cli.errors import CaseError, CaseProblem
@@ -30,16 +32,6 @@ MAX_END_DISTANCE = 0.1
 """Largest distance of the given end of a part from the boundary, relative to the boundary's length."""
 Cuts = Mapping[int, Sequence[float]]
 """Arc lengths at which the curves of an outline are cut, by curve number."""
-
-
-@dataclass(frozen=True)
-class SurfacePart:
-    """A surface in a loaded region: the arc length ``first`` at its start, and the ``total`` of the
-    region."""
-
-    surface: Surface
-    first: float
-    total: float
 
 
 @dataclass(frozen=True)
@@ -55,7 +47,9 @@ class Boundaries:
         """Raises CaseError for invalid parts, and for pieces of a contact's side that do not join."""
         outlines = {body.name: drawn(body.shape) for body in case.body}
         sides = {contact.name: sides_of(case, outlines, contact) for contact in case.contact}
-        parts = [*_partial_conditions(case, sides)]
+        conditioned = [(key, place) for key, _, place in conditions(case)]
+        touching = [(f"contact.{name}", place) for name, places in sides.items() for place in places]
+        parts = [(key, place) for key, place in (*conditioned, *touching) if place.ends is not None]
         cuts = {body.name: _cuts_of(case, body, outlines, parts) for body in case.body}
         return cls(outlines, cuts, sides)
 
@@ -67,22 +61,25 @@ class Boundaries:
         """The curve of a side of a contact, and the other curves of the body's outline. Raises CaseError."""
         run = run_of(self.drawn, place, key)
         others = tuple(curve for k, curve in enumerate(run.outline.curves) if k not in run.numbers)
-        return run.part(place), others
+        return run.part, others
+
+    def keyed(self, contact: str) -> list[tuple[Place, str]]:
+        """The sides of a contact, slave first, with their keys in the case."""
+        roles = zip(self.sides[contact], ("slave", "master"), strict=False)
+        return [(place, f"contact.{contact}.{role}") for place, role in roles]
 
     def surface(self, cloud: Cloud, place: Place, key: str) -> Surface:
         """A side of a contact as one surface. Raises CaseError if its pieces do not join."""
-        around = run_of(self.drawn, place, key).around and place.ends is None
+        run = run_of(self.drawn, place, key)
         pieces = [cloud.surfaces[name] for name in self.names(place)]
-        return joined_surface(place.label.partition(".")[2], pieces, around)
+        return joined_surface(place.label.partition(".")[2], pieces, run.around and run.ends is None)
 
-    def parts(self, cloud: Cloud, place: Place) -> list[SurfacePart]:
-        """The surfaces of a place with their arc lengths along it, also across pieces that do not join, in
-        the order of the outline."""
+    def parts(self, cloud: Cloud, place: Place) -> list[tuple[Surface, float]]:
+        """The surfaces of a place in the order of the outline, and the arc lengths along it, also across
+        pieces that do not join, at which they start."""
         surfaces = [cloud.surfaces[name] for name in self.names(place)]
-        starts = [*accumulate((surface.curve.length for surface in surfaces), initial=0.0)]
-        return [
-            SurfacePart(surface, start, starts[-1]) for surface, start in zip(surfaces, starts, strict=False)
-        ]
+        starts = accumulate((surface.curve.length for surface in surfaces), initial=0.0)
+        return list(zip(surfaces, starts, strict=False))
 
     def names(self, place: Place) -> tuple[str, ...]:
         """The names of the surfaces of a place, in order along the outline."""
@@ -90,8 +87,8 @@ class Boundaries:
         chains = chains_at(outline, place.edges)
         # Loaded and held boundaries need not join.
         numbers = chains[0][0] if len(chains) == 1 else sorted(k for chain, _ in chains for k in chain)
-        run = BoundaryRun(outline, tuple(numbers), chains[0][1])
-        (first, length), found = run.range_of(place), []
+        run = BoundaryRun(outline, tuple(numbers), chains[0][1], place.ends)
+        (first, length), found = run.range, []
         for number, curve, start in zip(run.numbers, run.curves, run.starts, strict=False):
             name, places = outline.names[number], sorted(cuts.get(number, ()))
             whole = [*places, places[0] + curve.length] if places and curve.closed else None
@@ -130,20 +127,6 @@ class Boundaries:
         return found
 
 
-def _partial_conditions(case: Case, sides: Mapping[str, tuple[Place, ...]]) -> Iterator[tuple[str, Place]]:
-    """Keys and places of all conditions on parts of boundaries."""
-    for index, support in enumerate(case.support):
-        if support.place is not None and support.ends is not None:
-            yield f"support.{index}", support.place
-    for load in case.load:
-        if isinstance(load, Platen | Pressure | Traction | Displacement) and load.ends is not None:
-            yield f"load.{load.name}", load.place
-    for contact, places in sides.items():
-        for place in places:
-            if place.ends is not None:
-                yield f"contact.{contact}", place
-
-
 def _cuts_of(
     case: Case, body: Body, outlines: Mapping[str, Outline], parts: Sequence[tuple[str, Place]]
 ) -> Cuts:
@@ -161,7 +144,7 @@ def _cuts_of(
                 message = f"({end[0]:g}, {end[1]:g}) is {away:g} away from the boundary"
                 raise CaseError((CaseProblem(f"{key}.{name}", message, hint="give a point on or near it"),))
             _add_cut(cuts, run, body, at)
-        if run.range_of(place)[1] <= COARSE_ROUND_OFF * whole:
+        if run.range[1] <= COARSE_ROUND_OFF * whole:
             message = "the part of the boundary between these points has no length"
             raise CaseError((CaseProblem(f"{key}.to", message, hint="give two different points"),))
     for load in case.load:
@@ -169,7 +152,7 @@ def _cuts_of(
             for profile in profiles(body.shape, load):
                 whole = profile.run.starts[-1]
                 for jump in profile.jumps:
-                    _add_cut(cuts, profile.run, body, (profile.first + jump) % whole)
+                    _add_cut(cuts, profile.run, body, (profile.run.range[0] + jump) % whole)
     return cuts
 
 
@@ -197,3 +180,46 @@ def _split(surface: Surface, places: Sequence[float]) -> list[list[int]]:
     if surface.curve.closed:
         return [[k % count for k in range(a, b + 1)] for a, b in pairwise([*at, at[0] + count])]
     return [list(range(a, b + 1)) for a, b in pairwise([0, *at, count - 1])]
+
+
+def refuse_conflicts(case: Case, boundaries: Boundaries) -> None:
+    """Raises CaseError for conflicting conditions on lists and parts of boundaries."""
+    taken: dict[tuple[str, str, int], list[tuple[Kind, str, str]]] = {}
+    problems = []
+    for key, condition, place in conditions(case):
+        owner = condition.label if isinstance(condition, Platen) else place.label
+        if isinstance(condition, Support):
+            kinds = list(condition.conditions())
+        else:
+            kinds = list(condition.conditions(_normal(boundaries.drawn[place.body], place)))
+        for surface in boundaries.names(place):
+            for component, kind in kinds:
+                others = taken.setdefault((place.body, surface, component), [])
+                for other, name, label in others:
+                    plates = kind.startswith("platen") and label != owner
+                    if plates or not compatible(other, kind):
+                        message = f"{key} and {name} both act on a part of {place.label} in {'xy'[component]}"
+                        hint = "one condition per boundary and direction"
+                        problems.append(CaseProblem(key, message, hint=hint))
+                others.append((kind, key, owner))
+    for contact in case.contact:
+        side = contact.sides[0]
+        if contact.ends is not None:
+            there = [taken.get((side.body, s, c), []) for s in boundaries.names(side) for c in (0, 1)]
+            for kind, key, _ in [condition for acting in there for condition in acting]:
+                if kind != "traction":
+                    message = f"{key} acts on a part of the contact surface {side.label}"
+                    hint = "only tractions and pressures may act on a contact surface"
+                    problems.append(CaseProblem(f"contact.{contact.name}.slave", message, hint=hint))
+    if problems:
+        raise CaseError(tuple(dict.fromkeys(problems)))
+
+
+def _normal(outline: Outline, place: Place) -> tuple[float, float] | None:
+    """The outward normal of a straight place, None for others."""
+    curves = [outline.curves[k] for edge in place.edges for k in numbers_of(outline, edge)]
+    if not all(isinstance(curve, Segment) for curve in curves):
+        return None
+    normals = {tuple(np.round(curve.normals(np.zeros(1))[0], 9).tolist()) for curve in curves}
+    (x, y), *more = normals
+    return None if more else (float(x), float(y))

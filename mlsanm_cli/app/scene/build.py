@@ -7,10 +7,9 @@ from functools import partial
 
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.assemble import NOTHING, SceneModel, prepare
-from mlsanm_cli.app.scene.clouds import clouds
+from mlsanm_cli.app.scene.clouds import clouds, line_of
 from mlsanm_cli.app.scene.contact_pairs import refuse_overlap
 from mlsanm_cli.app.scene.size_estimate import refuse_too_large, refuse_too_many_contacts
-from mlsanm_cli.app.scene.symmetry import line_of
 from mlsanm_cli.case import Case, LoadedCase, resolved_mapping
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.errors import CaseError

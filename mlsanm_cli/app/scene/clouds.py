@@ -1,36 +1,40 @@
-"""Spacings and node clouds of the bodies of a case."""
+"""Spacings and node clouds of the bodies of a case, and the line about which they are symmetric."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from mlsanm_cli.app.scene.boundaries import Boundaries
+from mlsanm_cli.app.scene.conditions import conditions, prescribes
 from mlsanm_cli.app.scene.contact_pairs import shape_of
-from mlsanm_cli.app.scene.default_spacing import (
-    GROWTH,
+from mlsanm_cli.app.scene.contact_spacing import (
     NODAL_BAND,
     NODAL_GROWTH,
     NODAL_RATIO,
-    PER_THICKNESS,
-    arc_zones,
-    automatic_spacing,
-    bends,
     bond_zones,
     clamped_zones,
     contact_zone,
     crack_zones,
+    sharp_ends,
+)
+from mlsanm_cli.app.scene.default_spacing import (
+    PER_THICKNESS,
+    arc_zones,
+    automatic_spacing,
+    bends,
     leans,
+    narrow_zones,
+    root_zones,
 )
 from mlsanm_cli.app.scene.load_profiles import runs_of
 from mlsanm_cli.app.scene.load_spacing import field_zones, load_zones
 from mlsanm_cli.app.scene.materials import materials
-from mlsanm_cli.app.scene.narrow_parts import narrow_zones, sharp_ends
 from mlsanm_cli.app.scene.outlines import drawn, imported_geometry, numbers_of
-from mlsanm_cli.app.scene.roots import root_zones
-from mlsanm_cli.case import Body, Case, Contact, Displacement, Place, Platen
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case import Body, Case, Place
 from mlsanm_cli.case.model.shapes import Mesh, Points
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Curve
@@ -38,6 +42,10 @@ from mlsanm_cli.cloud.loops import mirrored
 from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.memo import NO_CACHE, Memo
+from mlsanm_cli.roundoff import ROUND_OFF
+
+OUTLINE_SAMPLES = 33
+"""Points along every curve of an outline, by which its bounding box is compared."""
 
 
 def spacing_of(case: Case, boundaries: Boundaries, body: Body) -> Spacing:
@@ -47,21 +55,26 @@ def spacing_of(case: Case, boundaries: Boundaries, body: Body) -> Spacing:
     if isinstance(far, str):
         finer = _finer(case, body)
         far = automatic_spacing(outline) / finer
-        clamped = [one for place in _clamped(case, body.name) for _, _, one in runs_of(body.shape, place)]
+        clamped = [
+            curve
+            for _, condition, place in conditions(case)
+            if place.body == body.name and all(prescribes(condition))
+            for curve in (run.part for run in runs_of(body.shape, place))
+        ]
         alone = all(side.body != body.name for contact in case.contact for side in contact.sides)
         if not (alone or bends(outline) or leans(outline, clamped, materials(case)[body.material].stretch)):
             clamped = []  # under a contact the far ends of a bulky body matter little
-        finite = case.model.strain == "finite" and not bends(outline)
-        sides = [side for contact in case.contact for side in _sides(boundaries, contact)]
-        touching = [curve for place, curve, _ in sides if place.body == body.name]
+        finite = case.model.strain == "finite"
+        sides = _sides(boundaries)
+        touching = [curve for both in sides.values() for place, curve, _ in both if place.body == body.name]
         zones = [
             *arc_zones(outline, far, finer),
-            *root_zones(outline, far, GROWTH, None if case.model.strain == "finite" else touching),
-            *narrow_zones(outline, far, PER_THICKNESS * finer, GROWTH),
-            *_contact_zones(case, boundaries, body, far),
+            *root_zones(outline, far, None if finite else touching),
+            *narrow_zones(outline, far, PER_THICKNESS * finer),
+            *_contact_zones(case, boundaries, sides, body, far),
             *load_zones(case, body, far),
             *field_zones(case, body, far),
-            *(zone for curve in clamped for zone in clamped_zones(curve, far, finite)),
+            *(zone for curve in clamped for zone in clamped_zones(curve, far, finite and not bends(outline))),
         ]
     for refine in body.refine:
         if refine.at is not None:
@@ -72,42 +85,37 @@ def spacing_of(case: Case, boundaries: Boundaries, body: Body) -> Spacing:
     return Spacing(far, tuple(zones))
 
 
-def _clamped(case: Case, body: str) -> Iterator[Place]:
-    """The sides of a body on which both displacements are prescribed."""
-    given: list[Place | None] = [one.place for one in case.support if None not in (one.ux, one.uy)]
-    for load in case.load:
-        if isinstance(load, Displacement) and None not in load.components:
-            given.append(load.place)
-        elif isinstance(load, Platen) and {"x", "y"} <= set(load.control):
-            given += load.places
-    for place in given:
-        if place is not None and place.body == body:
-            yield place
+def _sides(boundaries: Boundaries) -> dict[str, list[tuple[Place, Curve, tuple[Curve, ...]]]]:
+    """The slave and, if there is one, the master of every contact: place, curve, and the rest of the
+    outline."""
+    return {
+        name: [(place, *boundaries.curve(place, key)) for place, key in boundaries.keyed(name)]
+        for name in boundaries.sides
+    }
 
 
-def _sides(boundaries: Boundaries, contact: Contact) -> list[tuple[Place, Curve, tuple[Curve, ...]]]:
-    """The slave and, if there is one, the master of a contact: place, curve, and the rest of the outline."""
-    roles = zip(("slave", "master"), boundaries.sides[contact.name], strict=False)
-    return [(place, *boundaries.curve(place, f"contact.{contact.name}.{role}")) for role, place in roles]
-
-
-def _contact_zones(case: Case, boundaries: Boundaries, body: Body, far: float) -> Iterator[Zone]:
+def _contact_zones(
+    case: Case,
+    boundaries: Boundaries,
+    sides: Mapping[str, list[tuple[Place, Curve, tuple[Curve, ...]]]],
+    body: Body,
+    far: float,
+) -> Iterator[Zone]:
     """Zones of finer nodes where contacts of a body are close to its other boundaries."""
-    bonds = (contact.name for contact in case.contact if contact.bonded)
-    bond_ends = [end for name in bonds for end in boundaries.bond_ends(name)]
+    bonds = [contact.name for contact in case.contact if contact.bonded]
+    bond_ends = {name: boundaries.bond_ends(name) for name in bonds}
+    all_ends = [end for ends in bond_ends.values() for end in ends]
     for contact in case.contact:
-        sides = _sides(boundaries, contact)
+        both = sides[contact.name]
         obstacle = None if contact.obstacle is None else shape_of(contact.obstacle)
-        for (place, own, rest), (partner, other, _) in zip(sides, sides[::-1], strict=True):
+        for (place, own, rest), (partner, other, _) in zip(both, both[::-1], strict=True):
             if place.body != body.name:
                 continue
             if contact.bonded:
-                ends = boundaries.bond_ends(contact.name)
-                yield from bond_zones(own, ends, min(far, _far(case, partner.body)))
+                yield from bond_zones(own, bond_ends[contact.name], min(far, _far(case, partner.body)))
                 continue
-            facing = other if len(sides) > 1 else None
-            yield from contact_zone(rest, own, facing, obstacle, far)
-            yield from crack_zones(sides[0][1], bond_ends)
+            yield from contact_zone(rest, own, other if len(both) > 1 else None, obstacle, far)
+            yield from crack_zones(both[0][1], all_ends)
             if case.model.strain == "finite":
                 fine = far / NODAL_RATIO
                 yield Zone(own, fine, NODAL_BAND * fine, NODAL_GROWTH)
@@ -146,3 +154,37 @@ def clouds(
                 boundaries.outline(body.name), spacing, body.seed, memo=memo, line=line, wanted=wanted
             )
     return placed
+
+
+def line_of(case: Case) -> SymmetryLine | None:
+    """The symmetry line of all bodies, None if there is none. Not used with friction: there asymmetric
+    errors cancel in part, and results are better."""
+    if any(contact.friction for contact in case.contact):
+        return None
+    if any(isinstance(body.shape, Mesh | Points) and not body.has_nodes for body in case.body):
+        return None
+    boundaries = Boundaries.of(case)
+    points = [_points(boundaries, body) for body in case.body]
+    boxes = np.array([[cloud.min(axis=0), cloud.max(axis=0)] for cloud in points])
+    size = np.ptp(boxes.reshape(-1, 2), axis=0).max()
+    middle = boxes.mean(axis=1)
+    for axis in (0, 1):
+        line = SymmetryLine(axis, float(middle[0, axis]))
+        same = np.abs(middle[:, axis] - line.at).max() <= ROUND_OFF * size
+        if same and all(
+            line.images(nodes, np.full(len(nodes), size / np.sqrt(len(nodes)))) is not None
+            if body.has_nodes
+            else spacing_of(case, boundaries, body).symmetric(line)
+            for body, nodes in zip(case.body, points, strict=True)
+        ):
+            return line
+    return None
+
+
+def _points(boundaries: Boundaries, body: Body) -> FloatArray:
+    """The nodes (n, 2) of a body from a file, or points along its outline."""
+    if isinstance(body.shape, Mesh | Points):
+        return imported_geometry(body.shape).points
+    fractions = np.linspace(0.0, 1.0, OUTLINE_SAMPLES)
+    curves = boundaries.drawn[body.name].curves
+    return np.concatenate([curve.points(curve.length * fractions) for curve in curves])

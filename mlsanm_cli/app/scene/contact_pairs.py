@@ -7,13 +7,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.app.scene.boundaries import Boundaries
-from mlsanm_cli.app.scene.causes import no_opposite_surface_hint
 from mlsanm_cli.app.scene.load_profiles import AmountField
 from mlsanm_cli.app.scene.materials import materials
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import AnyObstacle, Case, Contact, DiskObstacle, Place, PlaneObstacle
+from mlsanm_cli.case.model.contacts import PolylineObstacle
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.contact.geometry.obstacles import Chain, Plane, Round, Shape
 from mlsanm_cli.contact.geometry.pairing import Pairing, pair_surfaces
 from mlsanm_cli.errors import CaseError, CaseProblem
@@ -43,7 +46,7 @@ def _paired(case: Case, boundaries: Boundaries, contact: Contact, clouds: Mappin
     pairing, key = _facing(case, boundaries, contact, clouds), f"contact.{contact.name}"
     if not len(pairing.position):
         slave, other = (*contact.names, "the obstacle")[:2]
-        hint = no_opposite_surface_hint(boundaries, contact, clouds)
+        hint = _unfaced_hint(boundaries, contact, clouds)
         raise CaseError((CaseProblem(key, f"no node of {slave} faces {other}", hint=hint),))
     if contact.bonded:
         return _bonded(pairing)
@@ -60,30 +63,61 @@ def _paired(case: Case, boundaries: Boundaries, contact: Contact, clouds: Mappin
     return pairing
 
 
+def _unfaced_hint(boundaries: Boundaries, contact: Contact, clouds: Mapping[str, Cloud]) -> str:
+    """A hint on why no node of a contact's slave faces the other side."""
+    if isinstance(contact.obstacle, PolylineObstacle):
+        return "the obstacle lies to the left of its line, seen in the order of its points: reverse the order"
+    if contact.obstacle is not None:
+        return "bodies must lie on the side of the obstacle to which its normal points, or outside its circle"
+    places, directions = [], []
+    for side in contact.sides:
+        surface = boundaries.surface(clouds[side.body], side, f"contact.{contact.name}")
+        places.append(clouds[side.body].points[surface.index])
+        directions.append(surface.normal.mean(axis=0))
+    distance = float(nearest(cKDTree(places[1]), places[0])[0].min())
+    facing = [f"{side} faces {_direction(way)}" for side, way in zip(contact.names, directions, strict=True)]
+    return (
+        f"{' and '.join(facing)}, at least {distance:.3g} apart: contact surfaces must face each other; turn "
+        "a body (shape.side, for instance), move it, or choose another boundary"
+    )
+
+
+def _direction(way: FloatArray) -> str:
+    """A direction in words: up, down, left, right."""
+    x, y = (float(part) for part in way)
+    if max(abs(x), abs(y)) < 0.1:
+        return "all directions"
+    words = [
+        word
+        for part, (less, more) in ((y, ("down", "up")), (x, ("left", "right")))
+        for word in ([more if part > 0.0 else less] if abs(part) > 0.4 * max(abs(x), abs(y)) else [])
+    ]
+    return " and ".join(words)
+
+
 def profile_of(contact: Contact) -> AmountField | None:
     """The gap of a contact in addition to its geometric one, None if there is none."""
     return AmountField(f"contact.{contact.name}.gap", contact.gap) if contact.gap else None
 
 
 def _facing(case: Case, boundaries: Boundaries, contact: Contact, clouds: Mapping[str, Cloud]) -> Pairing:
-    places = list(zip(boundaries.sides[contact.name], ("slave", "master"), strict=False))
+    places = boundaries.keyed(contact.name)
     exchanged = case.model.strain == "finite" and _stiff_slave(case, [place for place, _ in places])
     if exchanged:
         places.reverse()
     (body, slave), *others = [
-        (place.body, boundaries.surface(clouds[place.body], place, f"contact.{contact.name}.{key}"))
-        for place, key in places
+        (place.body, boundaries.surface(clouds[place.body], place, key)) for place, key in places
     ]
     master = others[0] if contact.obstacle is None else shape_of(contact.obstacle)
-    found = pair_surfaces(contact.name, body, clouds[body], slave, master, contact.coefficient)
-    return replace(found, exchanged=exchanged)
+    pairing = pair_surfaces(contact.name, body, clouds[body], slave, master, contact.coefficient)
+    return replace(pairing, exchanged=exchanged)
 
 
 def _stiff_slave(case: Case, places: Sequence[Place]) -> bool:
     """Whether the slave is the stiffer body. At finite strain pressures are nodal values of the softer body,
     which would not resist pressures that vary faster than its spacing."""
     stiffness = materials(case)
-    names = [next(one.material for one in case.body if one.name == place.body) for place in places]
+    names = [next(body.material for body in case.body if body.name == place.body) for place in places]
     slave, *masters = (float(stiffness[name].contact_compliance(np.array([[0.0, 1.0]]))[0]) for name in names)
     return any(slave < (1.0 - COARSE_ROUND_OFF) * master for master in masters)
 

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 
 import numpy as np
 
-from mlsanm_cli.app.scene.boundary_runs import run_of
-from mlsanm_cli.app.scene.outlines import numbers_of
-from mlsanm_cli.case import Case, Contact, Displacement, Place, Platen
-from mlsanm_cli.case.model.places import listed
+from mlsanm_cli.app.scene.conditions import conditions
+from mlsanm_cli.app.scene.outlines import neighbours, numbers_of, run_of
+from mlsanm_cli.case import Case, Contact, Place, Pressure, Traction
 from mlsanm_cli.cloud.curves import Arc, Outline
-from mlsanm_cli.cloud.joined import SMOOTH_ANGLE
+from mlsanm_cli.cloud.joined import SMOOTH_ANGLE, turn
 
 COINCIDENCE = 1e-4
 """Largest distance of coincident surfaces, relative to their length."""
@@ -42,18 +40,15 @@ def _with_roundings(
     if run.around:
         return place
     outline, found = run.outline, list[tuple[str, int]]()
-    loop = next(loop for loop in outline.loops if loop.start <= run.numbers[0] < loop.stop)
-    count = loop.stop - loop.start
-    for last, step in ((run.numbers[0], -1), (run.numbers[-1], 1)):
-        adjacent, beyond = (loop.start + (last - loop.start + k * step) % count for k in (1, 2))
+    for last, ahead in ((run.numbers[0], 0), (run.numbers[-1], 1)):
+        adjacent = neighbours(outline, last)[ahead]
+        beyond = neighbours(outline, adjacent)[ahead]
         curve = outline.curves[adjacent]
         if not isinstance(curve, Arc) or curve.sweep <= 0.0 or curve.closed:
             continue
-        own = outline.curves[last]
-        ends = (own.length, 0.0) if step > 0 else (0.0, curve.length)
-        here, there = own.normals(np.array([ends[0]]))[0], curve.normals(np.array([ends[1]]))[0]
+        before, after = (outline.curves[last], curve)[:: 1 if ahead else -1]
         names = [f"{place.body}.{outline.names[k].partition('/')[0]}" for k in (adjacent, beyond)]
-        if float(here @ there) > math.cos(SMOOTH_ANGLE) and _is_free(case, contact, place, *names):
+        if abs(turn(before, after)) < SMOOTH_ANGLE and _is_free(case, contact, place, *names):
             found.append((names[0], adjacent))
     # All arcs of a name are included, or none.
     taken = {number for _, number in found}
@@ -63,11 +58,11 @@ def _with_roundings(
 
 def _is_free(case: Case, contact: Contact, place: Place, rounding: str, beyond: str) -> bool:
     """Whether a ``rounding`` has no conditions except tractions, and the side ``beyond`` no other contact."""
-    taken = [name for support in case.support for name in listed(support.boundary)]
-    for load in case.load:
-        if isinstance(load, Platen | Displacement):
-            taken += [name for one in load.places for name in one.boundaries]
-    others = [name for one in case.contact if one is not contact for name in one.boundaries]
+    acting = (
+        place for _, condition, place in conditions(case) if not isinstance(condition, Pressure | Traction)
+    )
+    taken = [name for place in acting for name in place.boundaries]
+    others = [name for other in case.contact if other is not contact for name in other.boundaries]
     apart = contact.boundaries if beyond not in place.boundaries else ()
     return rounding not in (*taken, *others, *contact.boundaries) and beyond not in (*others, *apart)
 
@@ -78,8 +73,7 @@ def _facing_part(outlines: Mapping[str, Outline], contact: Contact, which: int) 
     if own.ends is not None:
         return own
     run = run_of(outlines, own, f"contact.{contact.name}")
-    facing = run_of(outlines, Place(other.boundaries), f"contact.{contact.name}")
-    theirs = facing.part(other)
+    theirs = run_of(outlines, other, f"contact.{contact.name}").part
     if theirs.closed:
         return own
     whole = run.starts[-1]
@@ -97,5 +91,5 @@ def _facing_part(outlines: Mapping[str, Outline], contact: Contact, which: int) 
     else:
         both = sorted(zip((start, end), inside, strict=True))
         low, high = (at if within else far for (at, within), far in zip(both, (0.0, whole), strict=True))
-    (a, b), (c, d) = run.curve.points(np.array([low, high])).tolist()
+    (a, b), (c, d) = run.whole.points(np.array([low, high])).tolist()
     return Place(own.boundaries, ((a, b), (c, d)))

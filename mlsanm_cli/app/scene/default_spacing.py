@@ -1,76 +1,66 @@
-"""Automatic spacing.
+"""Automatic spacing of a body by its outline.
 
 Contacts need no fine nodes, as the fields of their pressures are known in closed form; the remainder varies
 over the distance from the contact to the nearest other boundary. Bodies that bend need some nodes across
-their thickness, and arcs some along them.
+their thickness, arcs and hollows some along them, and corners that point into the material enough between
+them that fits know the singular fields of both.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
-from mlsanm_cli.app.scene.roots import PER_ROOT, roots_of
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.app.scene.outlines import neighbours
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment
-from mlsanm_cli.cloud.joined import part_of, points_of
+from mlsanm_cli.cloud.joined import part_of, points_of, turn
 from mlsanm_cli.cloud.spacing import Zone
-from mlsanm_cli.contact.geometry.obstacles import Shape
+from mlsanm_cli.cloud.tips import SMOOTH_TURN
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 PER_SIZE, PER_THICKNESS = 20.0, 6.0
 """Spacings over the size of a body, and over its mean thickness, twice its area divided by its perimeter."""
-PER_CONTACT_DEPTH = 5.0
-"""Spacings between a contact and the nearest other boundary."""
 PER_RADIUS, PER_CONCAVE_RADIUS = 5.0, 14.0
-"""Spacings over the radius of an arc; stresses concentrate around holes and in hollows: their peaks were 2 to
-4 % low with 10, and are 1 % low. In orthotropic bodies concave arcs have more by the ratio of decay lengths:
-at a hole in plates of E1/E2 = 4 to 14 peaks were 2 to 9 % low with its root, and are 1 % low."""
+"""Spacings over the radius of an arc; stresses concentrate around holes and in hollows. Orthotropic bodies
+have more along concave arcs, by the ratio of decay lengths."""
 GROWTH = 0.15
-"""Increase of the spacing per unit length. At 0.25 the wide, flat stencils where the spacing grows hardly
-resist displacements that alternate from node to node: pressures at the lip of a keyway were three times too
-high, and frames with sharp corners 0.7 % too soft (0.15), for as much CPU time."""
+"""Increase of the spacing per unit length: with faster growth the wide, flat stencils hardly resist
+displacements that alternate from node to node."""
+PER_ROOT, PER_ROOT_DISTANCE = 20.0, 14.0
+"""Spacings along sides between two corners that point into the material, and at such corners over their
+distance across the material: fits then know the fields of both corners."""
+ROOT_RATIO = 4.0
+"""The coarse spacing over that at corners that point into the material: what is lost there, other than at its
+mirror image by another cloud, bends a body that should not."""
 MIN_SIDE_RATIO, MIN_ROOT_RATIO = 1.0 / 64.0, 1.0 / 256.0
-"""Least spacing at short sides over the coarse one, and at such roots: with 1/64 a slit opened by 4 to 8 %
-too little."""
+"""Least spacing at short sides over the coarse one, and at such roots."""
 SAMPLES, PER_POINT = 200, 4
-LEVELS, LEVEL_RATIO = 12, 2.0**-0.5
-"""Number and ratio of the spacings that are tried on curves."""
+"""Samples along a curve, and at least for each of its data points."""
+LEVELS, TURN_RATIO, WIDTH_RATIO = 12, 2.0**-0.5, 2.0**-0.25
+"""Number of the spacings that are tried, and their ratio on curves and in narrow parts."""
 HOLLOW_ANGLE = 0.5
 """Curves that turn to the concave side by more than this angle (radian) within a coarse spacing are
 hollows."""
-EQUAL_MINIMA = 0.05
-"""Another minimum of the gap counts if it is larger by less than this part of its distance from the end."""
-PER_END_DISTANCE = 10.0
-"""Spacings between the outermost of several such minima and the end of the surface."""
-TOUCHING = 0.01
-PER_TIP_SPAN, TIP_RADIUS = 20.0, 3.0
-"""For curved conforming surfaces (gap up to this part of the span over which fields of a corner decay) that
-end at a corner: spacings over the span at the tip, and the radius of the fine zone as a part of the span. A
-hub on a keyed shaft opened 1.3 % too far without, and opens within 0.5 %."""
-SMOOTH = float(np.cos(np.radians(10.0)))
-"""Faces whose normals have at least this cosine form no corner."""
-BOND_RATIO, BOND_END_RATIO, BOND_GROWTH = 2.0, 4.0, 0.12
-"""The spacing of the finer body over those along a bond that ends on a surface that continues, and at its
-end. A post on a block was then within 1 % of one piece, with 678 nodes, and its energies within 6 %; with
-spacings that grow faster energies were up to 26 % off."""
-PER_CRACK = 40.0
-"""Spacings at its tips over the length of a crack that is in contact. One pressed and sheared with friction
-slipped 11 % too little with 10 nodes of the bonds' spacing along it, and does so within 0.2 %."""
-CLAMPED_RATIO = 4.0
-"""The coarse spacing over that at the ends of clamped sides. A cantilever with 6 spacings across was 1.2 %
-too soft at degree 4 without, and 0.2 % with; at degree 2 0.3 % and 0.4 %."""
-CRUSHED_RATIO, CRUSHED_GROWTH = 8.0, 0.1
-"""The same at finite strain, where such corners are crushed, and the growth. A block between bonded plates,
-compressed by 30 % with nu = 0.44, was 4 to 5 % too stiff with a quarter of the spacing that grows by 0.25,
-and is within 1 %; with a sixteenth that grows by 0.25 it was 3 to 4 % off."""
-NODAL_RATIO, NODAL_BAND, NODAL_GROWTH = 1.5, 3.0, 0.2
-"""The coarse spacing over that along surfaces in contact at finite strain, where pressures are nodal; depth
-of the fine band in its spacings, and growth. A tyre pressed by 0.15 and pushed aside by 0.3 was 1.6 % too
-soft vertically and 2.3 % horizontally without, and is within 0.2 %; without the band equations of degree 4 do
-not converge."""
+SAMPLES_PER_SPACING, MIN_SAMPLES = 2.0, 8
+"""Samples of the outline per coarse spacing, and of every curve at least, in the search for narrow parts."""
+OPPOSITE_COSINE = 0.9
+"""Faces are opposite if the cosine of the angle between their normals is below minus this."""
+
+
+def zone_at(point: FloatArray, spacing: float, radius: float = 0.0, growth: float = GROWTH) -> Zone:
+    """The zone about a ``point`` (2,)."""
+    x, y = point.tolist()
+    return Zone.around((x, y), spacing, radius, growth)
+
+
+def even_ranges(values: FloatArray) -> Iterator[tuple[int, int]]:
+    """First index and the one past the last of the ranges over which ``values`` (n,) are equal."""
+    return pairwise([0, *(np.flatnonzero(np.diff(values)) + 1).tolist(), len(values)])
 
 
 def automatic_spacing(outline: Outline) -> float:
@@ -100,7 +90,7 @@ def _area(outline: Outline) -> float:
     """Enclosed area."""
     area = 0.0
     for curve in outline.curves:
-        (x, y), (ahead_x, ahead_y) = (points := _along(curve))[:-1].T, points[1:].T
+        (x, y), (ahead_x, ahead_y) = (points := along(curve))[:-1].T, points[1:].T
         area += 0.5 * float((x * ahead_y - ahead_x * y).sum())
     return area
 
@@ -108,14 +98,14 @@ def _area(outline: Outline) -> float:
 def _extent(outline: Outline) -> float:
     """The longer side of the smallest bounding box parallel to a straight side, or the largest width of a
     body without one: invariant under rotation."""
-    points = [_along(curve) for curve in outline.curves]
+    points = [along(curve) for curve in outline.curves]
     straight = [
-        one[-1] - one[0] for one, c in zip(points, outline.curves, strict=True) if isinstance(c, Segment)
+        ends[-1] - ends[0] for ends, c in zip(points, outline.curves, strict=True) if isinstance(c, Segment)
     ]
-    along = np.array(straight) if straight else np.concatenate([np.diff(one, axis=0) for one in points])
-    along = along[np.hypot(*along.T) > 0.0]
-    along /= np.hypot(*along.T)[:, None]
-    both = np.stack([along, along[:, ::-1] * [-1.0, 1.0]])
+    axes = np.array(straight) if straight else np.concatenate([np.diff(chain, axis=0) for chain in points])
+    axes = axes[np.hypot(*axes.T) > 0.0]
+    axes /= np.hypot(*axes.T)[:, None]
+    both = np.stack([axes, axes[:, ::-1] * [-1.0, 1.0]])
     sides = np.ptp(np.einsum("nc,bkc->bkn", np.concatenate(points), both), axis=2).max(axis=0)
     return float(sides.min() if straight else sides.max())
 
@@ -123,7 +113,8 @@ def _extent(outline: Outline) -> float:
 def arc_zones(outline: Outline, far: float, finer: float = 1.0) -> Iterator[Zone]:
     """Zones along arcs of small radius and where curves turn, with a further factor ``finer``, in hollows
     with its square; and at short sides, whose ends are nodes, above all at roots of slits."""
-    roots = roots_of(outline)
+    corners = _inward_corners(outline)
+    roots = {before for before, _ in corners.values() if before in corners}
     for number, curve in enumerate(outline.curves):
         if isinstance(curve, Segment):
             parts, least = (PER_ROOT, MIN_ROOT_RATIO) if number in roots else (1.0, MIN_SIDE_RATIO)
@@ -149,7 +140,7 @@ def _turning_zones(curve: Curve, far: float, finer: float) -> Iterator[Zone]:
     wanted = np.full(len(s), np.inf)
     whole = _turns(angle, max(round(far / step), 1), curve.closed)
     for level in range(LEVELS):
-        size = far * LEVEL_RATIO**level
+        size = far * TURN_RATIO**level
         width = round(size / step)
         if width < 1:
             break
@@ -159,10 +150,9 @@ def _turning_zones(curve: Curve, far: float, finer: float) -> Iterator[Zone]:
         wanted = np.where(np.isinf(wanted) & (most - least <= allowed), size, wanted)
         if np.isfinite(wanted).all():
             break
-    wanted = np.where(np.isinf(wanted), far * LEVEL_RATIO**LEVELS, wanted)
-    cuts = np.flatnonzero(np.diff(wanted)) + 1
-    for first, last in pairwise([0, *cuts.tolist(), len(s) - 1]):
-        if wanted[first] < far and last > first:
+    wanted = np.where(np.isinf(wanted), far * TURN_RATIO**LEVELS, wanted)
+    for first, last in even_ranges(wanted[:-1]):
+        if wanted[first] < far:
             yield Zone(part_of(curve, float(s[first]), float(s[last])), float(wanted[first]), 0.0, GROWTH)
 
 
@@ -182,126 +172,112 @@ def _turns(angle: FloatArray, width: int, closed: bool) -> tuple[FloatArray, Flo
     return windows.min(axis=1), windows.max(axis=1), windows[:, -1] - windows[:, 0]
 
 
-def contact_zone(
-    rest: Sequence[Curve], own: Curve, other: Curve | None, obstacle: Shape | None, far: float
-) -> Iterator[Zone]:
-    """Zones of a body where its boundary ``own`` is nearest to the ``other`` surface or a rigid ``obstacle``,
-    if the ``rest`` of its outline or an end is close."""
-    points = _along(own)
-    if other is not None:
-        partner = other.points(other.closest(points))
-    else:
-        assert obstacle is not None
-        partner, _ = obstacle.closest(points, own.normals(_places(own)))
-    apart = np.hypot(*(points - partner).T)
-    if not own.closed:
-        yield from _end_zones(points, apart, far)
-        if other is not None:
-            yield from _tip_zones(own, rest, other, far)
-    nearest = np.flatnonzero(apart <= apart.min() + COARSE_ROUND_OFF * own.length)
-    place = points[nearest[len(nearest) // 2]]
-    distances = [float(np.hypot(*(_along(curve) - place).T).min()) for curve in rest]
-    if not own.closed:
-        distances += np.hypot(*(points[[0, -1]] - place).T).tolist()
-    distance = min(distances, default=np.inf)
-    if COARSE_ROUND_OFF * own.length < distance < PER_CONTACT_DEPTH * far:
-        yield Zone.around((float(place[0]), float(place[1])), distance / PER_CONTACT_DEPTH, distance, GROWTH)
+def root_zones(outline: Outline, far: float, touching: Sequence[Curve] | None) -> Iterator[Zone]:
+    """Zones at the corners of an outline with the spacing ``far`` that point into the material; ``touching``
+    are its sides in contact, None at finite strain.
 
-
-def joints(own: Curve, others: Sequence[Curve]) -> Iterator[tuple[FloatArray, Curve, float]]:
-    """The ends of a curve at which one of the ``others`` begins or ends: arc length (1,), the other curve,
-    and the cosine of the angle between the normals."""
-    for at in (np.zeros(1), np.array([own.length])):
-        for curve in others:
-            ends = np.array([0.0, curve.length])
-            apart = np.hypot(*(curve.points(ends) - own.points(at)).T)
-            for cosine in (curve.normals(ends) @ own.normals(at)[0])[
-                apart <= COARSE_ROUND_OFF * own.length
-            ].tolist():
-                yield at, curve, cosine
-
-
-def _tip_zones(own: Curve, rest: Sequence[Curve], other: Curve, far: float) -> Iterator[Zone]:
-    """Zones where a curved surface that conforms to the ``other`` one ends at a corner."""
-    curved = float(np.abs(own.curvature(_places(own))).max())
-    for at, curve, cosine in joints(own, rest) if curved else ():
-        point = own.points(at)
-        span = min(own.length, curve.length, 1.0 / curved)
-        gap = float(np.hypot(*(other.points(other.closest(point)) - point)[0]))
-        if cosine < SMOOTH and gap < TOUCHING * span < TOUCHING * PER_TIP_SPAN * far:
-            x, y = point[0].tolist()
-            yield Zone.around((x, y), span / PER_TIP_SPAN, span / TIP_RADIUS, GROWTH)
-
-
-def bond_zones(own: Curve, ends: Sequence[tuple[float, float]], fine: float) -> Iterator[Zone]:
-    """The zone along a bonded boundary with the spacing ``fine`` of the finer body; finer if the bond has
-    ``ends`` where a surface continues, at which stresses are singular."""
-    if not ends:
-        yield Zone(own, fine, 0.0, GROWTH)
+    Corners of sides in contact have no finer nodes than others across the material require: pressures would
+    follow the trace of the singular field into the corner. Nor have those at finite strain.
+    """
+    corners = _inward_corners(outline)
+    if not corners:
         return
-    yield Zone(own, fine / BOND_RATIO, 0.0, BOND_GROWTH)
-    for end in ends:
-        yield Zone.around(end, fine / BOND_END_RATIO, 0.0, BOND_GROWTH)
+    at = np.concatenate([outline.curves[number].points(np.zeros(1)) for number in corners])
+    for place, apart in zip(at, _apart(outline, corners, at).tolist(), strict=True):
+        fine = apart / PER_ROOT_DISTANCE
+        away = [(curve, curve.points(curve.closest(place[None]))[0] - place) for curve in touching or ()]
+        if touching is not None and all(
+            np.hypot(*way) > COARSE_ROUND_OFF * curve.length for curve, way in away
+        ):
+            fine = min(fine, far / ROOT_RATIO)
+        if fine < far:
+            yield zone_at(place, fine)
 
 
-def crack_zones(part: Curve, ends: Sequence[tuple[float, float]]) -> Iterator[Zone]:
-    """Zones where the ``part`` of a surface in contact ends at one of the ``ends`` of bonds: at the tips of a
-    closed crack."""
-    for tip in part.points(np.array([0.0, part.length])):
-        if any(np.hypot(*(tip - end)) <= COARSE_ROUND_OFF * part.length for end in ends):
-            x, y = tip.tolist()
-            yield Zone.around((x, y), part.length / PER_CRACK, 0.0, BOND_GROWTH)
+def _inward_corners(outline: Outline) -> dict[int, tuple[int, float]]:
+    """The corners that point into the material, by the number of the curve that begins there: that of the
+    curve that ends there, and the angle between the two."""
+    befores = {number: neighbours(outline, number)[0] for number in range(len(outline.curves))}
+    angles = {
+        number: turn(outline.curves[before], outline.curves[number]) for number, before in befores.items()
+    }
+    return {number: (befores[number], angle) for number, angle in angles.items() if angle < -SMOOTH_TURN}
 
 
-def _end_zones(points: FloatArray, apart: FloatArray, far: float) -> Iterator[Zone]:
-    """Zones at the ends of a surface whose gap ``apart`` (s,) at ``points`` (s, 2) has several minima, the
-    outermost of which is near the end."""
-    least = np.array(
-        valleys(apart, COARSE_ROUND_OFF * len(apart) * float(np.hypot(*(points[1] - points[0])))), dtype=int
-    )
-    for end in (0, -1):
-        away = np.hypot(*(points[least] - points[end]).T)
-        close = apart[least] <= apart.min() + EQUAL_MINIMA * away
-        if close.sum() < 2:
-            continue
-        distance = float(away[close].min())
-        if 0.0 < distance < PER_END_DISTANCE * far:
-            x, y = points[end].tolist()
-            yield Zone.around((x, y), distance / PER_END_DISTANCE, distance, GROWTH)
+def _apart(outline: Outline, corners: Mapping[int, tuple[int, float]], at: FloatArray) -> FloatArray:
+    """Distance (c,) of every corner ``at`` (c, 2) to the nearest other one that is seen across the material,
+    infinite without any."""
+    into, least = [], []
+    for number, (before, angle) in corners.items():
+        one, other = outline.curves[before], outline.curves[number]
+        normal = one.normals(np.array([one.length]))[0] + other.normals(np.zeros(1))[0]
+        into.append(-normal / np.hypot(*normal))
+        least.append(np.cos(0.5 * (np.pi - angle) - SMOOTH_TURN))
+    way = at - at[:, None]
+    away = np.hypot(*way.T)
+    np.fill_diagonal(away, np.inf)
+    seen = (way * np.array(into)[:, None]).sum(axis=2) > np.array(least)[:, None] * away
+    return np.asarray(np.where(seen & seen.T, away, np.inf).min(axis=1))
 
 
-def valleys(values: FloatArray, slack: float) -> list[int]:
-    """Indices of the local minima of ``values`` (n,) between rises and falls of more than ``slack``, which
-    ignores round-off."""
-    found, falling, lowest, highest = list[int](), True, 0, 0
-    row = values.tolist()
-    for k, value in enumerate(row):
-        if falling:
-            lowest = k if value < row[lowest] else lowest
-            if value > row[lowest] + slack:
-                found.append(lowest)
-                falling, highest = False, k
-        else:
-            highest = k if value > row[highest] else highest
-            if value < row[highest] - slack:
-                falling, lowest = True, k
-    return [*found, lowest] if falling else found
+def narrow_zones(outline: Outline, far: float, across: float) -> Iterator[Zone]:
+    """Zones with ``across`` spacings between opposite faces, if the spacing ``far`` is coarser. Faces that
+    meet in a corner are excluded: wedges would have arbitrarily fine nodes."""
+    owner, arc, step, points, normals = _samples(outline, far)
+    width = np.full(len(owner), np.inf)
+    pairs = cKDTree(points).query_pairs(across * far, output_type="ndarray")
+    one, other = np.concatenate([pairs, pairs[:, ::-1]]).T
+    kept = (normals[one] * normals[other]).sum(axis=1) < -OPPOSITE_COSINE
+    kept &= ~_adjacent(outline)[owner[one], owner[other]]
+    one, other = one[kept], other[kept]
+    away = points[one] - points[other]
+    depth = (away * normals[one]).sum(axis=1)
+    aside = np.sqrt(np.maximum((away**2).sum(axis=1) - depth**2, 0.0))
+    # The opposite point may lie between samples.
+    aside = np.maximum(aside - step[other], 0.0)
+    inside = depth > 0.0
+    np.minimum.at(width, one[inside], depth[inside] + aside[inside] ** 2 / depth[inside])
+    level = np.ceil(np.log(np.minimum(width / (across * far), 1.0)) / np.log(WIDTH_RATIO) - COARSE_ROUND_OFF)
+    level = np.clip(level, 0, LEVELS)
+    for number, curve in enumerate(outline.curves):
+        own = np.flatnonzero(owner == number)
+        half = 0.5 * curve.length / len(own)
+        for first, last in even_ranges(level[own]):
+            steps = float(level[own[first]])
+            if steps:
+                ends = float(arc[own[first]]) - half, float(arc[own[last - 1]]) + half
+                whole = last - first == len(own)
+                fine = far * WIDTH_RATIO**steps
+                piece = curve if whole else part_of(curve, *ends)
+                yield Zone(piece, fine, 0.5 * across * fine, GROWTH)
 
 
-def clamped_zones(curve: Curve, far: float, finite: bool = False) -> Iterator[Zone]:
-    """Zones at both ends of a clamped side, where stresses are singular beside a free one; they determine the
-    stiffness of the clamping. At ``finite`` strain these corners are also crushed."""
-    finer, growth = (CRUSHED_RATIO, CRUSHED_GROWTH) if finite else (CLAMPED_RATIO, GROWTH)
-    if not curve.closed:
-        for x, y in curve.points(np.array([0.0, curve.length])).tolist():
-            yield Zone.around((x, y), far / finer, 0.0, growth)
+def _samples(outline: Outline, far: float) -> tuple[IntArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Curve number (m,), arc length (m,), sample distance (m,), points and normals (m, 2) of samples."""
+    parts: list[tuple[Any, ...]] = []
+    for number, curve in enumerate(outline.curves):
+        count = 4 * max(MIN_SAMPLES // 4, int(np.ceil(0.25 * SAMPLES_PER_SPACING * curve.length / far)))
+        size = curve.length / count
+        s: FloatArray = size * (0.5 + np.arange(count, dtype=np.float64))
+        parts.append((np.full(count, number), s, np.full(count, size), curve.points(s), curve.normals(s)))
+    owner, arc, step, points, normals = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return owner, arc, step, points, normals
 
 
-def _along(curve: Curve) -> FloatArray:
+def _adjacent(outline: Outline) -> BoolArray:
+    """Which pairs (c, c) of curves are adjacent."""
+    result = np.zeros((len(outline.curves),) * 2, dtype=bool)
+    for number in range(len(outline.curves)):
+        result[number, list(neighbours(outline, number))] = True
+    np.fill_diagonal(result, False)
+    return result
+
+
+def along(curve: Curve) -> FloatArray:
     """Points (s, 2) along a curve, both ends included."""
-    return curve.points(_places(curve))
+    return curve.points(places_along(curve))
 
 
-def _places(curve: Curve) -> FloatArray:
+def places_along(curve: Curve) -> FloatArray:
     """Arc lengths (s,) that sample a curve."""
     return np.linspace(0.0, curve.length, max(SAMPLES, PER_POINT * points_of(curve)) + 1)

@@ -8,8 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from mlsanm_cli.app.scene.boundary_runs import BoundaryRun, chains_at
-from mlsanm_cli.app.scene.outlines import drawn
+from mlsanm_cli.app.scene.outlines import BoundaryRun, chains_at, drawn
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Displacement, ExpressionError, Place, Pressure, Traction, value_at
 from mlsanm_cli.case.model.shapes import AnyShape
@@ -29,23 +28,21 @@ MAX_JUMPS = 64
 
 @dataclass(frozen=True)
 class LoadProfile:
-    """``values`` (SAMPLES + 1, c) of a load, relative to the largest, at even steps along a ``curve`` that
-    starts at arc length ``first`` of its ``run``, and the arc lengths of ``jumps`` along the curve."""
+    """``values`` (SAMPLES + 1, c) of a load, relative to the largest, at even steps along the part of a
+    ``run``, and the arc lengths of ``jumps`` along the part."""
 
     run: BoundaryRun
-    first: float
-    curve: Curve
     values: FloatArray
     jumps: tuple[float, ...]
 
 
-def runs_of(shape: AnyShape, place: Place) -> list[tuple[BoundaryRun, float, Curve]]:
-    """The runs of a place on the outline of a shape, the arc length along them at which it starts, and its
-    curves. Loaded boundaries need not join."""
+def runs_of(shape: AnyShape, place: Place) -> list[BoundaryRun]:
+    """The runs of a place on the outline of a shape. Loaded boundaries need not join."""
     outline = drawn(shape)
     groups = [place.edges] if place.ends else [(edge,) for edge in place.edges]
-    runs = [BoundaryRun(outline, *chain) for edges in groups for chain in chains_at(outline, edges)]
-    return [(run, run.range_of(place)[0], run.part(place)) for run in runs]
+    return [
+        BoundaryRun(outline, *chain, place.ends) for edges in groups for chain in chains_at(outline, edges)
+    ]
 
 
 def profiles(shape: AnyShape, load: Pressure | Traction | Displacement) -> tuple[LoadProfile, ...]:
@@ -68,7 +65,8 @@ def _profiles(
 ) -> tuple[LoadProfile, ...]:
     found, start = [], 0.0
     rows = np.array(table)
-    for run, first, curve in runs_of(shape, place):
+    for run in runs_of(shape, place):
+        curve = run.part
 
         def values(arc: FloatArray, curve: Curve = curve, start: float = start) -> FloatArray:
             if table:
@@ -81,7 +79,7 @@ def _profiles(
             scale = float(np.abs(sampled).max())
             if scale > 0.0:
                 jumps = _jumps(values, arc, sampled, MIN_JUMP * scale)
-                found.append(LoadProfile(run, first, curve, sampled / scale, jumps))
+                found.append(LoadProfile(run, sampled / scale, jumps))
         except ExpressionError:
             # Reported when loads are evaluated at the nodes.
             return ()

@@ -9,14 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import lru_cache
-from itertools import pairwise
 
 import numpy as np
 
-from mlsanm_cli.app.scene.boundary_runs import BoundaryRun
-from mlsanm_cli.app.scene.default_spacing import GROWTH, SMOOTH
+from mlsanm_cli.app.scene.conditions import conditions
+from mlsanm_cli.app.scene.contact_spacing import SMOOTH
+from mlsanm_cli.app.scene.default_spacing import GROWTH, LEVELS, even_ranges, zone_at
 from mlsanm_cli.app.scene.load_profiles import LoadProfile, profiles, runs_of
-from mlsanm_cli.app.scene.outlines import drawn
+from mlsanm_cli.app.scene.outlines import BoundaryRun, drawn, neighbours
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import (
     Body,
@@ -24,56 +24,51 @@ from mlsanm_cli.case import (
     Case,
     Displacement,
     ExpressionError,
-    Place,
-    Platen,
     Pressure,
     Temperature,
     Traction,
     value_at,
 )
 from mlsanm_cli.case.model.shapes import AnyShape
-from mlsanm_cli.cloud.curves import Curve
-from mlsanm_cli.cloud.joined import part_of
+from mlsanm_cli.case.model.supports import Support
+from mlsanm_cli.cloud.joined import part_of, turn
 from mlsanm_cli.cloud.membership import inside_polygon
 from mlsanm_cli.cloud.spacing import Zone
 
 PER_LENGTH, PER_LENGTH_AT_ENDS, PER_LENGTH_AT_FIXED_ENDS = 8.0, 32.0, 256.0
-"""Length of a loaded or fixed part over the spacing along it, and over that at its ends. Stresses under an
-even pressure are within 0.7 % of their largest, at the ends within 1.3 %; with 16 at the ends within 1.1 and
-2.8 %. At the ends of fixed parts stresses are unbounded: a disk clamped along 10 degrees and pulled sideways
-moves 0.8 % too far, with 64 2.4 %; a beam on short rollers bends 0.15 and 0.45 % too far."""
+"""Length of a loaded or fixed part over the spacing along it, and over that at its ends; at those of fixed
+parts stresses are unbounded."""
 MIN_SPACING = 2.0**-14
 """Least spacing relative to that far away: with 6e-6 of it factors lose their digits."""
 LINEARITY_TOLERANCE = 0.02
 """Largest deviation of values from linear over a spacing, relative to the largest value."""
+SAMPLES = 5
+"""Samples per direction of a square."""
+OVERLAP = 1.5
+"""Size of the sampled region over that of the square, so that a kink lies inside one."""
+MAX_SQUARES = 64
+"""Largest number of squares of one size that are divided: along lines of discontinuity no size suffices."""
+CURVE_SAMPLES = 100
+"""Chords per curve of an outline, to determine which points are inside."""
 
 
 def load_zones(case: Case, body: Body, far: float) -> Iterator[Zone]:
     """Zones of all conditions on the boundaries of a body for which the spacing ``far`` is too coarse."""
-    for place, at_edge in _places(case, body.name):
-        for run, first, curve in runs_of(body.shape, place):
-            yield from _edge_zones(run, first, curve, far, at_edge)
+    for _, condition, place in conditions(case):
+        sprung = isinstance(condition, Support) and condition.spring is not None
+        loose = sprung or isinstance(condition, Pressure | Traction)
+        at_edge = PER_LENGTH_AT_ENDS if loose else PER_LENGTH_AT_FIXED_ENDS
+        for run in runs_of(body.shape, place) if place.body == body.name else ():
+            yield from _edge_zones(run, far, at_edge)
     for load in case.load:
         if isinstance(load, Pressure | Traction | Displacement) and load.owner == body.name:
             for profile in profiles(body.shape, load):
                 yield from _varying_zones(profile, far)
 
 
-def _places(case: Case, body: str) -> Iterator[tuple[Place, float]]:
-    """The boundaries of a body with conditions, and their length over the spacing at their ends."""
-    for support in case.support:
-        if support.place is not None and support.place.body == body:
-            yield support.place, PER_LENGTH_AT_ENDS if support.spring else PER_LENGTH_AT_FIXED_ENDS
-    for load in case.load:
-        if isinstance(load, Pressure | Traction | Displacement | Platen):
-            fixed = isinstance(load, Displacement | Platen)
-            at_ends = PER_LENGTH_AT_FIXED_ENDS if fixed else PER_LENGTH_AT_ENDS
-            yield from ((place, at_ends) for place in load.places if place.body == body)
-
-
-def _edge_zones(run: BoundaryRun, first: float, curve: Curve, far: float, at_edge: float) -> Iterator[Zone]:
-    """Zones along a ``curve`` from arc length ``first`` of a run, and at its ends where the boundary
-    continues smoothly."""
+def _edge_zones(run: BoundaryRun, far: float, at_edge: float) -> Iterator[Zone]:
+    """Zones along the part of a run, and at its ends where the boundary continues smoothly."""
+    curve, first = run.part, run.range[0]
     if curve.closed:
         return
     places = np.array([0.0, curve.length])
@@ -81,8 +76,8 @@ def _edge_zones(run: BoundaryRun, first: float, curve: Curve, far: float, at_edg
     if edges and curve.length < PER_LENGTH * far:
         yield Zone(curve, max(curve.length / PER_LENGTH, MIN_SPACING * far), 0.0, GROWTH)
     if curve.length < at_edge * far:
-        for x, y in curve.points(places[edges]).tolist():
-            yield Zone.around((x, y), max(curve.length / at_edge, MIN_SPACING * far), 0.0, GROWTH)
+        for end in curve.points(places[edges]):
+            yield zone_at(end, max(curve.length / at_edge, MIN_SPACING * far))
 
 
 def _continues(run: BoundaryRun, at: float, end: int) -> bool:
@@ -90,17 +85,15 @@ def _continues(run: BoundaryRun, at: float, end: int) -> bool:
     (0) or last (1) ``end``."""
     if run.continues(at):
         return True
-    outline, number = run.outline, run.numbers[-end]
-    loop = next(loop for loop in outline.loops if loop.start <= number < loop.stop)
-    own, loop_length = outline.curves[number], loop.stop - loop.start
-    other = outline.curves[loop.start + (number + (1 if end else -1) - loop.start) % loop_length]
-    one = own.normals(np.array([own.length if end else 0.0]))
-    return bool((one * other.normals(np.array([0.0 if end else other.length]))).sum() > SMOOTH)
+    number = run.numbers[-end]
+    sides = (number, neighbours(run.outline, number)[end])[:: 1 if end else -1]
+    return bool(np.cos(turn(*(run.outline.curves[side] for side in sides))) > SMOOTH)
 
 
 def _varying_zones(profile: LoadProfile, far: float) -> Iterator[Zone]:
     """Zones along a boundary where a load varies, and at its discontinuities."""
-    curve, arc = profile.curve, np.linspace(0.0, profile.curve.length, len(profile.values))
+    curve = profile.run.part
+    arc = np.linspace(0.0, curve.length, len(profile.values))
     sizes = resolved_sizes(profile.values, curve.length, far)
     marks = np.array([0.0, *profile.jumps, curve.length])
     for k, jump in enumerate(profile.jumps, start=1):
@@ -109,10 +102,8 @@ def _varying_zones(profile: LoadProfile, far: float) -> Iterator[Zone]:
         # On each side of a jump the load is resolved by linear interpolation.
         near = np.abs(0.5 * (arc[1:] + arc[:-1]) - jump) < 0.5 * apart
         sizes = np.where(near, np.maximum(sizes, least), sizes)
-        (x, y) = curve.points(np.array([jump]))[0].tolist()
-        yield Zone.around((x, y), least, 0.0, GROWTH)
-    cuts = np.flatnonzero(np.diff(sizes)) + 1
-    for low, high in pairwise([0, *cuts.tolist(), len(sizes)]):
+        yield zone_at(curve.points(np.array([jump]))[0], least)
+    for low, high in even_ranges(sizes):
         if sizes[low] < far:
             yield Zone(part_of(curve, float(arc[low]), float(arc[high])), float(sizes[low]), 0.0, GROWTH)
 
@@ -137,17 +128,6 @@ def resolved_sizes(values: FloatArray, length: float, far: float) -> FloatArray:
             inside = slice(start, start + 2 * width)
             sizes[inside] = np.minimum(sizes[inside], width * length / count)
     return sizes
-
-
-SAMPLES = 5
-"""Samples per direction of a square."""
-OVERLAP = 1.5
-"""Size of the sampled region over that of the square, so that a kink lies inside one."""
-MAX_SQUARES = 64
-"""Largest number of squares of one size that are divided: along lines of discontinuity no size suffices."""
-LEVELS = 12
-CURVE_SAMPLES = 100
-"""Chords per curve of an outline, to determine which points are inside."""
 
 
 def field_zones(case: Case, body: Body, far: float) -> Iterator[Zone]:
@@ -178,12 +158,15 @@ def _zones(shape: AnyShape, expression: str, far: float) -> tuple[Zone, ...]:
         if not level:
             scale = float(np.nanmax(np.abs(values), initial=0.0))
         bent = np.array(
-            [_nonlinearity(*one) > LINEARITY_TOLERANCE * scale for one in zip(values, points, strict=True)]
+            [
+                _nonlinearity(*square) > LINEARITY_TOLERANCE * scale
+                for square in zip(values, points, strict=True)
+            ]
         )
         if scale == 0.0 or not bent.any() or (level and bent.sum() > MAX_SQUARES):
             break
         size *= 0.5
-        found += [Zone.around((x, y), size, size, GROWTH) for x, y in centers[bent].tolist()]
+        found += [zone_at(center, size, size) for center in centers[bent]]
         quarters = 0.5 * size * np.array([[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]])
         centers = (centers[bent][:, None] + quarters).reshape(-1, 2)
     return tuple(found)

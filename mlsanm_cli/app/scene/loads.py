@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from mlsanm_cli.app.scene.boundaries import Boundaries, SurfacePart
+from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.load_profiles import AmountField, amounts_at, profiles
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import (
@@ -23,6 +23,8 @@ from mlsanm_cli.case import (
 )
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.curves import Curve
+from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics import scene as mechanics
 from mlsanm_cli.mechanics.heat import Heating
@@ -70,16 +72,21 @@ def acting(case: Case, boundaries: Boundaries, clouds: Mapping[str, Cloud]) -> A
                 heatings.append(Heating(number, load.body, field, field.at(cloud.points)))
             else:
                 held = isinstance(load, Displacement)
-                for part in boundaries.parts(cloud, load.place):
-                    surface = part.surface
-                    values = _on_surface(load, part, surface.arc_length, cloud.points[surface.index])
-                    if not held and not surface.curve.closed:
+                parts = boundaries.parts(cloud, load.place)
+                if not isinstance(load, Displacement):
+                    _check_table(load, sum(surface.curve.length for surface, _ in parts))
+                for surface, first in parts:
+                    curve = surface.curve
+                    points = cloud.points[surface.index]
+                    values = _on_surface(load, curve, first, surface.arc_length, points)
+                    if not held and not curve.closed:
                         # Tractions may be discontinuous at the end of a surface.
-                        just = np.array([ROUND_OFF, 1.0 - ROUND_OFF]) * surface.curve.length
-                        values[[0, -1]] = _on_surface(load, part, just, surface.curve.points(just))
-                    between = None if isinstance(load, Displacement) else _between(case, load, part)
-                    own = mechanics.SurfaceLoad(number, load.owner, surface.name, values, held, between)
-                    surface_loads.append(own)
+                        just = np.array([ROUND_OFF, 1.0 - ROUND_OFF]) * curve.length
+                        values[[0, -1]] = _on_surface(load, curve, first, just, curve.points(just))
+                    between = None if isinstance(load, Displacement) else _between(case, load, surface, first)
+                    surface_loads.append(
+                        mechanics.SurfaceLoad(number, load.owner, surface.name, values, held, between)
+                    )
         except ExpressionError as error:
             problems.append(CaseProblem(key, str(error)))
         except CaseError as error:
@@ -89,56 +96,52 @@ def acting(case: Case, boundaries: Boundaries, clouds: Mapping[str, Cloud]) -> A
     return Acting(tuple(surface_loads), tuple(body_forces), tuple(heatings), _springs(case, boundaries))
 
 
-def _between(case: Case, load: Traction | Pressure, part: SurfacePart) -> FloatArray:
+def _between(case: Case, load: Traction | Pressure, surface: Surface, first: float) -> FloatArray:
     """Values (g, 2) at the FINE quadrature points of a surface; if tractions are discontinuous between nodes
     of a file, means over the length of each point."""
-    surface, halves = part.surface, Halves.of(part.surface, FINE)
-    body = next(one for one in case.body if one.name == load.owner)
-    if not body.has_nodes or not any(one.jumps for one in profiles(body.shape, load)):
-        return _on_surface(load, part, halves.arc, surface.curve.points(halves.arc))
+    halves, curve = Halves.of(surface, FINE), surface.curve
+    body = next(body for body in case.body if body.name == load.owner)
+    if not body.has_nodes or not any(profile.jumps for profile in profiles(body.shape, load)):
+        return _on_surface(load, curve, first, halves.arc, curve.points(halves.arc))
     order = np.argsort(halves.arc)
     length = halves.length[order]
     share = (np.arange(SAMPLES_PER_POINT) + 0.5) / SAMPLES_PER_POINT
     arc = ((np.cumsum(length) - length)[:, None] + share * length[:, None]).ravel()
     values = np.zeros((len(order), 2))
-    values[order] = (
-        _on_surface(load, part, arc, surface.curve.points(arc)).reshape(-1, SAMPLES_PER_POINT, 2).mean(axis=1)
-    )
+    sampled = _on_surface(load, curve, first, arc, curve.points(arc))
+    values[order] = sampled.reshape(-1, SAMPLES_PER_POINT, 2).mean(axis=1)
     return values
 
 
 def _on_surface(
-    load: Traction | Pressure | Displacement, part: SurfacePart, arc: FloatArray, points: FloatArray
+    load: Traction | Pressure | Displacement,
+    curve: Curve,
+    first: float,
+    arc: FloatArray,
+    points: FloatArray,
 ) -> FloatArray:
-    """Values (e, 2) of a load at ``points`` (e, 2) and arc lengths ``arc`` (e,) of a loaded part; 0 in free
-    directions."""
-    surface = part.surface
+    """Values (e, 2) of a load at ``points`` (e, 2), arc lengths ``arc`` (e,) of a curve that starts at
+    ``first`` of the loaded region; 0 in free directions."""
     if isinstance(load, Displacement):
         return amounts_at([0.0 if part is None else part for part in load.components], points)
-    if isinstance(load, Traction):
-        if load.table is not None:
-            return _from_table(load, load.table, part, arc)
-        assert load.traction is not None
-        return amounts_at(load.traction, points)
     if load.table is not None:
-        return -_from_table(load, load.table, part, arc) * surface.curve.normals(arc)
-    assert load.pressure is not None
-    return -amounts_at([load.pressure], points) * surface.curve.normals(arc)
+        table = np.array(load.table)
+        columns = [np.interp(arc + first, table[:, 0], column) for column in table[:, 1:].T]
+        values = np.stack(columns, axis=1)
+    elif isinstance(load, Traction):
+        values = amounts_at(load.traction or (), points)
+    else:
+        values = amounts_at([load.pressure or 0.0], points)
+    return -values * curve.normals(arc) if isinstance(load, Pressure) else values
 
 
-def _from_table(
-    load: Traction | Pressure, rows: Sequence[tuple[float, ...]], part: SurfacePart, arc: FloatArray
-) -> FloatArray:
-    """Values (e, c) at ``arc`` (e,), interpolated linearly between rows of arc length and c values. Raises
-    CaseError for tables that do not cover their boundary."""
-    table = np.array(rows)
-    length = part.total
-    first, last = float(table[0, 0]), float(table[-1, 0])
-    if first > COARSE_ROUND_OFF * length or last < (1.0 - COARSE_ROUND_OFF) * length:
-        message = f"goes from {first:.6g} to {last:.6g}, the boundary from 0 to {length:.9g}"
-        raise CaseError((CaseProblem(f"load.{load.name}.table", message),))
-    columns = [np.interp(arc + part.first, table[:, 0], column) for column in table[:, 1:].T]
-    return np.stack(columns, axis=1)
+def _check_table(load: Traction | Pressure, length: float) -> None:
+    """CaseError for a table that does not cover the ``length`` of its region."""
+    if load.table is not None:
+        first, last = load.table[0][0], load.table[-1][0]
+        if first > COARSE_ROUND_OFF * length or last < (1.0 - COARSE_ROUND_OFF) * length:
+            message = f"goes from {first:.6g} to {last:.6g}, the boundary from 0 to {length:.9g}"
+            raise CaseError((CaseProblem(f"load.{load.name}.table", message),))
 
 
 def _springs(case: Case, boundaries: Boundaries) -> dict[str, dict[str, tuple[float, float]]]:

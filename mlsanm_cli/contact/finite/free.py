@@ -61,7 +61,7 @@ class LooseMotions:
         # A node held in x reacts along x only: its moment vanishes about points on that line alone.
         for node, component in self.anchors:
             other = 1 - component
-            center[other] = body.elastic.model.nodes[node, other] + displacement[2 * node + other]
+            center[other] = body.elastic.model.cloud.points[node, other] + displacement[2 * node + other]
         arm = (middle - center[:, None]) / self.size
         none, ones = np.zeros(count), np.ones(count)
         turned = [-arm[1], arm[0], pieces.size / self.size * ones]

@@ -52,7 +52,7 @@ def exact_compliance(
         columns = rows[2 * first : 2 * (first + len(some))]
         moved = smooth * np.repeat(side.weight[some], 2)
         total[np.ix_(rows, columns)] += moved[:count]
-        field = near.displaced(some, as_complex(body.model.nodes[deep]))
+        field = near.displaced(some, as_complex(body.model.cloud.points[deep]))
         inside[:, columns] = moved[count:] + field * np.repeat(side.weight[some], 2)
     return total, inside
 

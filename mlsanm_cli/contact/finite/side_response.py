@@ -64,7 +64,7 @@ def side_correction(
     exact, inside = exact_compliance(side, body, center, np.flatnonzero(share), deep)
     # The motion of a loose body on the whole is that of the cloud.
     apart = inside - moved[(2 * deep[:, None] + np.arange(2)).ravel()]
-    offset = free(side.places) @ np.linalg.lstsq(free(body.model.nodes[deep]), apart)[0]
+    offset = free(side.places) @ np.linalg.lstsq(free(body.model.cloud.points[deep]), apart)[0]
     return fit, _uneven(side, both[:, None] * (exact - fitted - offset) * both, share)
 
 

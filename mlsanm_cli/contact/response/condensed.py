@@ -252,7 +252,7 @@ class Condensed:
         its nodes, in a state f, q, p, t. The elastic system gives the rest of both. What depends on the
         points alone is kept for other states."""
         model = scene.bodies[body].model
-        seen = model.nodes if points is None else points
+        seen = model.cloud.points if points is None else points
         displacement, stress = np.zeros((len(seen), 2)), np.zeros((len(seen), 3))
         for pairing in self.reported:
             if pairing.grid is None or body not in pairing.bodies:

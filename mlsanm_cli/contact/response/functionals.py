@@ -59,7 +59,7 @@ def _moved(body: ElasticBody, grid: ContactGrid, slave: bool, lost: bool) -> spa
         finest = float(cloud.spacing[cloud.tree.query(points)[1]].min())
         fitted = smoothing(points, grid.last - grid.first, finest, grid.hats.period is not None)
     if lost and fitted is None:
-        return sparse.csr_array((2 * grid.count, 2 * len(body.model.nodes)))
+        return sparse.csr_array((2 * grid.count, 2 * len(body.model.cloud.points)))
     along = [body.model.values_along(points, np.tile(axis, (grid.count, 1))) for axis in np.eye(2)]
     if fitted is not None:
         taken = np.eye(grid.count) - fitted if lost else fitted
@@ -74,7 +74,7 @@ def relative_rows(
     of indices ``at``. The slave moves with its node, the master by its moving least-squares value at the
     closest point."""
     at = np.arange(len(pairing.position)) if at is None else at
-    nodes = len(body.model.nodes)
+    nodes = len(body.model.cloud.points)
     block = sparse.csr_array((len(at), 2 * nodes))
     if not len(at):
         return block
@@ -87,7 +87,7 @@ def relative_rows(
 
 def spring_rows(body: ElasticBody, surface_name: str) -> sparse.csr_array:
     """Force x, y and moment about the origin (3, 2N) of the soft springs along a surface on their body."""
-    index, nodes = body.model.cloud.surfaces[surface_name].index, len(body.model.nodes)
+    index, nodes = body.model.cloud.surfaces[surface_name].index, len(body.model.cloud.points)
     total = sparse.csr_array((3, 2 * nodes))
     for component, spring in enumerate(body.soft_springs[surface_name]):
         along = body.resultants()[:, body.condition_rows(surface_name, component)]

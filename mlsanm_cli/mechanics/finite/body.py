@@ -118,7 +118,7 @@ class FiniteBody:
     def pulls(self) -> sparse.csr_array:
         """Contribution (r - 3k, 2N) of springs to the nodes' rows."""
         model = self.elastic.model
-        return spring_rows(model.cloud, self.table, len(model.nodes))
+        return spring_rows(model.cloud, self.table, len(model.cloud.points))
 
     @cached_property
     def _face_expansion(self) -> list[FloatArray]:

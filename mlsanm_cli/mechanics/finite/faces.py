@@ -84,4 +84,6 @@ def outline_points(body: ElasticBody, kept: Mapping[str, Sequence[bool]], rule: 
 
 def _stencils(model: BodyModel, centers: FloatArray, points: FloatArray) -> Stencils:
     sight = model.cloud.sight
-    return build_gradients(model.nodes, model.tree, centers, points, model.settings, sight, values=True)
+    return build_gradients(
+        model.cloud.points, model.cloud.tree, centers, points, model.settings, sight, values=True
+    )

@@ -78,7 +78,7 @@ class Projector:
     ) -> Projector:
         """The projector at ``displacement`` (2N,) and load ``factors`` (L,); with ``keeps`` that state solves
         the nodes' rows by definition. Raises NumericalError if singular."""
-        nodes, split = body.elastic.model.nodes, body.node_rows
+        nodes, split = body.elastic.model.cloud.points, body.node_rows
         rows, strong_rows = weighted_rows(body, weights, displacement, factors)
         count = 3 * body.count
         loads = sparse.csr_array(sparse.diags_array(weights, format="csr")[split:])
@@ -126,7 +126,7 @@ class Projector:
         down = place @ strong
         whole = [[normal, up], [down, -sparse.eye_array(place.shape[0])]]
         matrix = sparse.csc_array(sparse.block_array(whole, format="csc"))
-        points = [self.body.elastic.model.nodes, np.repeat(self.system.strong.places, 2, axis=0)]
+        points = [self.body.elastic.model.cloud.points, np.repeat(self.system.strong.places, 2, axis=0)]
         order = elimination_order(matrix, np.concatenate(points))
         return Factorised(self, rows, strong, factor_in_order(matrix, order, PIVOT_THRESHOLD))
 

@@ -27,7 +27,7 @@ def derivative_rows(body: FiniteBody, displacement: FloatArray, factors: FloatAr
         some = stencils.take(index)
         for component in (0, 1):
             if held[component]:
-                blocks.append(nodal_rows(index, component, len(model.nodes)))
+                blocks.append(nodal_rows(index, component, len(model.cloud.points)))
                 continue
             row = stress[2 * component : 2 * component + 2][..., index]
             chosen = row[0] * normal[:, 0] + row[1] * normal[:, 1]

@@ -133,10 +133,10 @@ def test_a_limit_has_to_be_come_to_from_the_other_side(tmp_path: Path) -> None:
     assert position == pytest.approx(2.0 - 100.0 / 226.0, rel=1e-9)
 
 
-def test_a_stop_that_is_never_reached_changes_nothing(hertz_run: Path, tmp_path: Path) -> None:
+def test_a_stop_that_is_never_reached_changes_nothing(series_run: Path, tmp_path: Path) -> None:
     text = hertz() + HERTZ_STOP.changed("1500.0", "1e6")
     summary = solve(text, tmp_path / "run", "output.at=[0.3, 0.7, 1.0]", *SMOOTH)
-    plain = summary_of(hertz_run)
+    plain = summary_of(series_run)
     assert summary["stop_reason"] == plain["stop_reason"]
     assert "stopped_by" not in summary
     peaks = [one["contacts"]["interface"]["peak_pressure"] for one in (summary, plain)]

@@ -162,9 +162,11 @@ def test_tractions_and_hysteresis_are_drawn(tmp_path: Path) -> None:
     assert (np.abs(traction.y) <= limit.y * (1.0 + 1e-9)).all()
 
 
-def test_a_path_is_a_moving_picture(hertz_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_path_is_a_moving_picture(
+    series_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(plot_module, "FRAMES", 5)
-    (file,) = plot(hertz_run, choice=Choice(animate=True, out=tmp_path / "p.gif"))
+    (file,) = plot(series_run, choice=Choice(animate=True, out=tmp_path / "p.gif"))
     with Image.open(file) as picture:
         assert getattr(picture, "n_frames") == 5  # noqa: B009
         first = np.asarray(picture.convert("RGB")).astype(int)
@@ -172,23 +174,23 @@ def test_a_path_is_a_moving_picture(hertz_run: Path, tmp_path: Path, monkeypatch
         last = np.asarray(picture.convert("RGB")).astype(int)
     assert np.abs(first - last).sum() > 0
     assert file.stat().st_size < 1e6
-    (file,) = plot(hertz_run, choice=Choice(animate=True, what=("bodies",)))
+    (file,) = plot(series_run, choice=Choice(animate=True, what=("bodies",)))
     assert file.name == "plot_bodies.gif"
     with Image.open(file) as picture:
         assert getattr(picture, "n_frames") == 3  # noqa: B009
 
 
-def test_mp4_by_ffmpeg(hertz_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_mp4_by_ffmpeg(series_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A program of this name gets all frames and says where it failed; the real one was tried by hand."""
     monkeypatch.setattr(plot_module, "FRAMES", 5)
     monkeypatch.setenv("PATH", str(tmp_path))
     moving = Choice(animate=True, out=tmp_path / "p.mp4")
     with pytest.raises(RunError, match="ffmpeg, which is not on PATH"):
-        plot(hertz_run, choice=moving)
+        plot(series_run, choice=moving)
     program = tmp_path / "ffmpeg"
     program.write_text(f"#!{sys.executable}\nimport sys\n" + FFMPEG)
     program.chmod(0o755)
-    assert plot(hertz_run, choice=moving) == [tmp_path / "p.mp4"]
+    assert plot(series_run, choice=moving) == [tmp_path / "p.mp4"]
     size, rate, frames = (tmp_path / "p.mp4").read_text().split()
     width, height = map(int, size.split("x"))
     # Five frames, half a second each, the last one three times as long.
@@ -196,7 +198,7 @@ def test_mp4_by_ffmpeg(hertz_run: Path, tmp_path: Path, monkeypatch: pytest.Monk
     assert int(frames) == 3 * width * height * (5 + 2)
     program.write_text(f"#!{sys.executable}\nimport sys\nsys.exit('Unknown encoder')")
     with pytest.raises(RunError, match="ffmpeg failed: Unknown encoder"):
-        plot(hertz_run, choice=moving)
+        plot(series_run, choice=moving)
 
 
 def test_arrows_point_as_their_factors_say_and_go_with_the_bodies(tmp_path: Path) -> None:

@@ -190,7 +190,7 @@ def test_changes_of_gaps_and_slips_are_those_of_their_rows(tmp_path: Path) -> No
     made = built(text, tmp_path, "contact.interface.friction=0.3", "contact.*.accuracy=0.1")
     (pairing,) = made.condensed.pairings
     for name, elastic in made.scene.bodies.items():
-        x, y = elastic.model.nodes.T
+        x, y = elastic.model.cloud.points.T
         moved = np.stack([np.sin(x + 0.3 * y), x * y - 0.2 * x], axis=1)
         gap, slip = changes(elastic, name, pairing, moved)
         expected = [one @ moved.ravel() for one in candidate_rows(elastic, name, pairing)]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.scene.clouds import clouds
-from mlsanm_cli.app.scene.narrow_parts import narrow_zones
+from mlsanm_cli.app.scene.default_spacing import narrow_zones
 from mlsanm_cli.cloud.curves import Arc, Outline, Segment, rectangle
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.mechanics.body_model import enriched_tips
@@ -83,15 +83,15 @@ def test_stresses_round_a_hole_in_an_orthotropic_plate(tmp_path: Path) -> None:
 
 def test_only_narrow_parts_are_finer() -> None:
     plate = rectangle((0.0, 10.0), (0.0, 10.0))
-    assert not list(narrow_zones(plate, 0.5, 6.0, 0.25))
+    assert not list(narrow_zones(plate, 0.5, 6.0))
     hole = Arc((5.0, 1.8), 1.0, 0.5 * np.pi, -2.0 * np.pi)
     outline = Outline((*plate.names, "hole"), (*plate.curves, hole), (0, 4))
-    zones = list(narrow_zones(outline, 0.5, 6.0, 0.25))
+    zones = list(narrow_zones(outline, 0.5, 6.0))
     assert min(zone.spacing for zone in zones) == pytest.approx(0.8 / 6.0, rel=0.2)
     # Wedges get no ever finer nodes towards their tips.
     corners = [(0.0, 0.0), (10.0, 0.0), (10.0, 2.0)]
     sides = tuple(Segment(*ends) for ends in zip(corners, corners[1:] + corners[:1], strict=True))
-    assert not list(narrow_zones(Outline(("a", "b", "c"), sides), 0.3, 6.0, 0.25))
+    assert not list(narrow_zones(Outline(("a", "b", "c"), sides), 0.3, 6.0))
 
 
 @pytest.mark.parametrize("degree", [2, 4])

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.scene.default_spacing import arc_zones, valleys
+from mlsanm_cli.app.scene.contact_spacing import valleys
+from mlsanm_cli.app.scene.default_spacing import arc_zones
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Outline
 from mlsanm_cli.cloud.splines import NodeSpline, SplinePart

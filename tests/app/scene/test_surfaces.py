@@ -11,9 +11,9 @@ import pytest
 from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.clouds import clouds
 from mlsanm_cli.app.scene.contact_pairs import pair
+from mlsanm_cli.app.scene.facing import check_tips
 from mlsanm_cli.app.scene.imported import load_with_files
 from mlsanm_cli.app.scene.outlines import drawn
-from mlsanm_cli.app.scene.tips import check_tips
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import OutlineShape
 from mlsanm_cli.errors import CaseError

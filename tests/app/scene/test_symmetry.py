@@ -11,7 +11,7 @@ import pytest
 from mlsanm_cli.app.checks import refinement as adapt
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.build import place
-from mlsanm_cli.app.scene.symmetry import line_of
+from mlsanm_cli.app.scene.clouds import line_of
 from mlsanm_cli.case import parse_case
 from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.io.run_reader import read_run
