@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.laws.contact_status import ContactStatus
+from mlsanm_cli.contact.complementarity.problem import ContactStatus
 from mlsanm_cli.continuation import AnmOptions, Branch, NewtonOptions, correct, follow
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.paper.system import System

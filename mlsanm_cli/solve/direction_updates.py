@@ -27,12 +27,13 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.membership import cross
+from mlsanm_cli.contact.complementarity.basis import SingularError
+from mlsanm_cli.contact.complementarity.problem import ContactStatus
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.laws.active_set import ExactState
-from mlsanm_cli.contact.laws.contact_status import ContactStatus, SetSystem
 from mlsanm_cli.contact.laws.failures import UnbalancedError
+from mlsanm_cli.contact.laws.linearised import Linearised
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.contact.response.dense import SingularSystemError
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.near_field import as_real
 from mlsanm_cli.mechanics.rigid import ROTATION
@@ -209,8 +210,7 @@ class Turned:
 def rolling(scene: Scene, condensed: Condensed, state: ExactState) -> UnbalancedError | None:
     """The error that loads rotate a body without resistance in a state, which then is not on any path."""
     nodes = condensed.friction_nodes
-    stuck, closed = state.stuck[nodes], state.active[nodes]
-    sets = ContactStatus(state.active, stuck, np.where(closed & ~stuck, np.sign(state.traction), 0.0))
+    sets = ContactStatus.with_tractions(state.active, state.stuck[nodes], state.traction, nodes)
     turned = turned_by_loads(scene, condensed, state.unknowns[1:], sets)
     return turned.error if turned else None
 
@@ -234,8 +234,10 @@ def turned_by_loads(
     if not turning:
         return None
     try:
-        system = SetSystem(condensed, sets)
-    except SingularSystemError:
+        system = Linearised(condensed, sets)
+    except SingularError:
+        return None
+    if system.holds:
         return None
     numbers = [number for number, *_ in turning]
     rotations = np.zeros((len(numbers), len(numbers)))

@@ -6,10 +6,11 @@ from collections.abc import Callable, Generator, Iterator
 from dataclasses import replace
 from functools import partial
 
-from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus
+from mlsanm_cli.contact.complementarity.problem import ContactStatus
 from mlsanm_cli.contact.laws.coulomb import CoulombState, Event, event_driven_path, residual
 from mlsanm_cli.contact.laws.coulomb import start as first_event
 from mlsanm_cli.contact.laws.failures import SlidingError
+from mlsanm_cli.contact.laws.linearised import ContactSolution
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import (
@@ -29,8 +30,7 @@ MAX_ROWS = 40
 def friction_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
     """Path of exact contact with Coulomb friction, from event to event."""
     if start is None:
-        typical = max((float(end.pressure.max(initial=0.0)) for end in built.ends), default=0.0)
-        event = first_event(built.condensed, built.stages[0], typical)
+        event = first_event(built.condensed, built.stages[0], _typical(built) or 0.0)
         state, begun, reached = event.state, 0, 0.0
         yield replace(_row(built, 0, event, event.solves), iterations=0, solves=0)
     else:
@@ -38,6 +38,11 @@ def friction_path(built: CondensedScene, start: Checkpoint | None = None) -> Ite
     for stage in range(begun, len(built.stages) - 1):
         state = yield from _stage_path(built, stage, state, reached)
         reached = 0.0
+
+
+def _typical(built: CondensedScene) -> float | None:
+    """Largest pressure at the ends of stages, None without any."""
+    return max((float(end.pressure.max(initial=0.0)) for end in built.ends), default=0.0) or None
 
 
 def _stage_path(
@@ -50,7 +55,8 @@ def _stage_path(
     pending: Callable[[], PathStep] | None = None
     begin, end = built.stages[stage], built.stages[stage + 1]
     try:
-        for event in event_driven_path(built.condensed, state, end, halts, begin, reached):
+        path = event_driven_path(built.condensed, state, end, halts, begin, reached, _typical(built))
+        for event in path:
             state, reached = event.state, event.fraction
             solves += event.solves
             if event.jumped and not unloaded:

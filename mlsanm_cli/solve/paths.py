@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from mlsanm_cli.contact.complementarity.problem import OPEN, SLIP
 from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
-from mlsanm_cli.contact.laws.contact_status import OPEN, SLIP
 from mlsanm_cli.contact.laws.failures import EndlessError, UnbalancedError
 from mlsanm_cli.contact.response.compressed import compressed
 from mlsanm_cli.errors import NumericalError

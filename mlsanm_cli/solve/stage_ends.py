@@ -11,8 +11,8 @@ import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case
+from mlsanm_cli.contact.complementarity.problem import STICK, ContactStatus
 from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
-from mlsanm_cli.contact.laws.contact_status import STICK, ContactStatus
 from mlsanm_cli.contact.laws.coulomb import CoulombState, increment, residual, unloaded
 from mlsanm_cli.contact.laws.failures import EndlessError, NoStateError, UnbalancedError
 from mlsanm_cli.contact.response.condensed import Condensed

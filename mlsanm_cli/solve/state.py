@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.contact.laws.contact_status import OPEN, ContactStatus
+from mlsanm_cli.contact.complementarity.problem import OPEN, ContactStatus
 
 if TYPE_CHECKING:
     from mlsanm_cli.solve.condensed_scene import CondensedScene

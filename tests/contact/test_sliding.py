@@ -7,13 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.laws.complementary_path import admissible_sets
-from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus, SetSystem
+from mlsanm_cli.contact.complementarity.problem import Changes, ContactStatus
+from mlsanm_cli.contact.complementarity.solution import Search
 from mlsanm_cli.contact.laws.coulomb import event_driven_path, start
 from mlsanm_cli.contact.laws.failures import SlidingError
 from mlsanm_cli.contact.laws.limit_load import slides_freely
-from mlsanm_cli.contact.laws.set_search import AdmissibleChanges
+from mlsanm_cli.contact.laws.linearised import ContactSolution
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from tests.contact.friction import half_planes, side_by_side
@@ -126,13 +125,10 @@ def test_a_body_that_slips_both_ways_rests_somewhere() -> None:
     # A clamped strip spreads both ways; when its last sticking node gives way another one comes to rest.
     c = half_planes(20, beta=0.5).condensed
     slip_sign, never = np.where(np.arange(20) < 9, 1.0, -1.0), np.zeros(20, dtype=bool)
-    watch = AdmissibleChanges(never, never, ~never, slip_sign.copy())
-
-    def solve(sets: ContactStatus) -> tuple[SetSystem, ContactSolution, FloatArray]:
-        system = SetSystem(c, sets)
-        rates = system.rate(np.array([1.0, 0.0]))
-        return system, rates, rates.slip
-
-    sets, *_ = admissible_sets(c, ContactStatus(~never, never, slip_sign), watch, solve)
+    allowed = Changes(never, never, slip_sign > 0.0, slip_sign < 0.0)
+    load = c.free_rows(np.array([1.0, 0.0]), rates=True)
+    sets = (
+        Search(c.problem, load, np.zeros(20), allowed).solved(ContactStatus(~never, never, slip_sign)).status
+    )
     assert sets.stuck.any()
     assert not slides_freely(c, sets)

@@ -14,6 +14,7 @@ from mlsanm_cli.app.checks.accuracy import (
     estimated,
     has_nodal_pressures,
 )
+from mlsanm_cli.contact.complementarity.problem import STICK
 from mlsanm_cli.contact.laws.accuracy import (
     Changes,
     frozen_change,
@@ -21,7 +22,6 @@ from mlsanm_cli.contact.laws.accuracy import (
     roughness_of,
 )
 from mlsanm_cli.contact.laws.active_set import ExactState
-from mlsanm_cli.contact.laws.contact_status import STICK
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.memo import Memo

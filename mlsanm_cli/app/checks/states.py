@@ -8,7 +8,7 @@ import numpy as np
 
 from mlsanm_cli.app.checks.check import Check
 from mlsanm_cli.app.checks.limits import level
-from mlsanm_cli.contact.laws.contact_status import STICK, ContactStatus
+from mlsanm_cli.contact.complementarity.problem import STICK, ContactStatus
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.direction_updates import turned_by_loads
 from mlsanm_cli.solve.stage_ends import passing_error, reach_error

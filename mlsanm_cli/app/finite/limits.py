@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.app.finite.scene import FiniteScene
+from mlsanm_cli.contact.complementarity.problem import SLIP
 from mlsanm_cli.contact.finite.exact import FiniteContactState
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.geometry.obstacles import Round
-from mlsanm_cli.contact.laws.contact_status import SLIP
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 from mlsanm_cli.solve.stages import factors_at
 

@@ -21,8 +21,8 @@ from mlsanm_cli.app.results.path_lookup import (
 from mlsanm_cli.app.results.probe import probe_contact
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import Case, Place
+from mlsanm_cli.contact.complementarity.problem import SLIP, STICK
 from mlsanm_cli.contact.geometry.profile import regular_peak, unrolled
-from mlsanm_cli.contact.laws.contact_status import SLIP, STICK
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.plots.curves import (
     OUTSIDE,

@@ -45,8 +45,7 @@ HIGH_DEGREE, LOW_DEGREE = 4, 2
 MIN_HIGH_NEIGHBORS = 30
 """Neighbours required by the high degree."""
 MIN_HIGH_SPACINGS = 3.5
-"""Spacings across all parts required by the high degree: portal frames with four nodes across were useless at
-degree 4 and 2 % off at degree 2, rings with three were 42 and 20 % off."""
+"""Spacings across all parts required by the high degree."""
 MAX_SUPPORT_OFFSET = 1e-3
 """Distance from the point of a support to its node, in spacings, above which there is a note."""
 
@@ -116,8 +115,7 @@ def prepare(
     models = {}
     for body in case.body:
         try:
-            # Nodes of meshes are not suited to wide stencils: errors of an eye with eight elements across
-            # were 1 % at degree 2 and 12 % at degree 4. Nor are tips of slits smooth enough.
+            # Nodes of meshes are not suited to wide stencils, and tips of slits are not smooth enough.
             cloud = clouds[body.name]
             difficult = cloud.sight is not None or cloud.spacings_across < MIN_HIGH_SPACINGS
             models[body.name] = modelled(body, low or body.has_nodes or difficult)
@@ -143,10 +141,9 @@ def prepare(
         check_tips(case, pairings)
     grids = grids and small
     ranges = contact_ranges(case, models, pairings, occupied) if grids else {}
-    # Contacts with nodal pressures are less stable at higher degrees. Tractions of bonds vary slowly between
-    # nodes: at degree 2 the stress in a fibre was 1.9 % off.
-    nodal = [one for one in pairings if not (one.bonded or one.name in ranges)]
-    low_bodies = {name for one in nodal for name in one.bodies} if small else ()
+    # Contacts with nodal pressures are less stable at higher degrees; tractions of bonds vary slowly.
+    nodal = [pairing for pairing in pairings if not (pairing.bonded or pairing.name in ranges)]
+    low_bodies = {name for pairing in nodal for name in pairing.bodies} if small else ()
     models |= {body.name: modelled(body, low=True) for body in case.body if body.name in low_bodies}
     try:
         found = constrain_free_rigid_modes(case, clouds, directed(pairings, ranges), free, loads, ranges)

@@ -148,7 +148,10 @@ class Basis:
         if index >= self.problem.m:
             self._turn(index - self.problem.m, status)
         pivot = float(inverse[at, at])
-        size = np.sqrt(np.abs(inverse[at]).max() * np.abs(inverse[:, at]).max())
+        rows, columns = (level[self.active] for level in self.problem.levels)
+        across = np.abs(inverse[at] / rows).max() * rows[at]
+        along = np.abs(inverse[:, at] / columns).max() * columns[at]
+        size = np.sqrt(across * along)
         if abs(pivot) <= self.least * size:
             raise SingularError
         if at != last:
@@ -230,6 +233,12 @@ class Basis:
                 raise SingularError
         w[active] = aim[active]
         return x, w
+
+    def undriven(self, rows: FloatArray) -> FloatArray:
+        """Rows (N,) without loads on held motions."""
+        found, count = rows.copy(), self.problem.contacts
+        found[count:] -= self.left @ (self.left.T @ rows[count:])
+        return found
 
     def _applied(self, rhs: FloatArray) -> FloatArray:
         return self.inverse @ rhs if len(self._store) else self._factor.solve(rhs)

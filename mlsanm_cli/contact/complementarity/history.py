@@ -27,7 +27,6 @@ from mlsanm_cli.contact.complementarity.solution import (
     Search,
     Solution,
     opened,
-    solve,
     touching,
 )
 from mlsanm_cli.contact.complementarity.tracing import Point, Ray, trace
@@ -93,12 +92,17 @@ def follow(
     constant: FloatArray,
     load: FloatArray,
     stops: Sequence[float],
+    typical: float | None = None,
 ) -> Iterator[State]:
     """All events of the path from a state, with free rows ``constant + lam load`` (N,), and the states at
-    ``stops``, increasing up to the end. Raises the Ray of a limit load."""
+    ``stops``, increasing up to the end. Gaps as drawn that are round-off against ``typical`` pressures to
+    come are closed. Raises the Ray of a limit load."""
     p, halts, standing, jumps = problem, list(stops), 0, 0
     span = abs(halts[-1] - state.lam)
-    typical = _typical(p, state, constant + halts[-1] * load)
+    if typical is None:
+        typical = _mean(p, constant + halts[-1] * load)
+    if state.status.closed.any():
+        typical = 0.0
     while halts:
         allowed = admissible(p, state, typical)
         try:
@@ -121,17 +125,14 @@ def follow(
         yield state
 
 
-def _typical(problem: Problem, state: State, free: FloatArray) -> float:
-    """Pressures that the ``free`` rows (N,) at the end of a path will cause: gaps as drawn that are round-off
-    against these are closed."""
-    if state.status.closed.any():
-        return 0.0
-    gap = state.w[: problem.m]
-    first = touching(problem, gap <= GRAZING * float(np.abs(gap).max(initial=0.0)))
-    try:
-        return problem.size(solve(problem, free, first, state.reference, state.x).x)
-    except Ray:
-        return 0.0
+def _mean(problem: Problem, free: FloatArray) -> float:
+    """Pressure that carries the loads, or undoes the overlaps, of ``free`` rows (N,) if all nodes share in
+    it."""
+    p = problem
+    carried = np.abs(p.matrix[p.contacts :, : p.m]).sum(axis=1)
+    force = np.abs(free[p.contacts :]) / np.where(carried > 0.0, carried, np.inf)
+    overlap = -p.exchange[: p.m] * free[: p.m]
+    return float(max(force.max(initial=0.0), overlap.max(initial=0.0)))
 
 
 def _until_event(problem: Problem, state: State, rate: Solution, allowed: Changes) -> float:
@@ -185,13 +186,12 @@ def increment(
     start: ContactStatus | None = None,
     basis: Basis | None = None,
     allowed: Changes | None = None,
-    thorough: bool = True,
 ) -> State:
     """The state with ``free`` rows (N,) at ``lam`` after a jump, with slips opposed from those of a
     ``state``, and all changes of status ``allowed`` if not given. Raises Ray."""
     p, before = problem, state.w[problem.m : problem.contacts]
     search = Search(p, free, before, allowed or p.everything, state.x)
-    found = search.solved(start or state.status, basis=basis, thorough=thorough)
+    found = search.solved(start or state.status, basis=basis)
     slip, traction = found.w[p.m : p.contacts], found.x[p.m : p.contacts]
     slid = np.where(found.status.slip_sign != 0.0, slip - before, 0.0)
     reference = np.where(found.status.stuck, before, slip)
@@ -219,13 +219,13 @@ def _jumped(
     try:
         point = Point(status, state.x, state.w, state.lam, Basis(p, status))
         point = trace(p, point, load, reference, p.everything, ahead)
-        return increment(p, state, constant + ahead * load, ahead, point.status, point.basis, thorough=False)
+        return increment(p, state, constant + ahead * load, ahead, point.status, point.basis)
     except (Ray, SingularError):
         pass
     for part in INCREMENTS[jumps:]:
         lam = min(state.lam + part * span, most)
         try:
-            return increment(p, state, constant + lam * load, lam, thorough=False)
+            return increment(p, state, constant + lam * load, lam)
         except (Ray, SingularError):
             continue
     raise Ray(ray.direction, state.lam) from ray

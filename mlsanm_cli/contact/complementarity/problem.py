@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +43,12 @@ OPENS, CLOSES, FORWARD, BACKWARD, RESTS = range(5)
 """Changes of status of a node: it opens, closes, slips with traction mu p or -mu p, comes to rest."""
 
 
+class Multiplier(Protocol):
+    """An operator that multiplies vectors."""
+
+    def __matmul__(self, vector: FloatArray, /) -> FloatArray: ...
+
+
 @dataclass(frozen=True, eq=False)
 class ContactStatus:
     """``closed`` (m,) nodes, ``stuck`` (n,) nodes with friction, and the ``slip_sign`` (n,) of friction on
@@ -50,6 +57,16 @@ class ContactStatus:
     closed: BoolArray
     stuck: BoolArray
     slip_sign: FloatArray
+
+    @classmethod
+    def with_tractions(
+        cls, closed: BoolArray, stuck: BoolArray, traction: FloatArray, nodes: IntArray
+    ) -> ContactStatus:
+        """The status of a state whose ``closed`` nodes slip in the direction of their ``traction`` (n,)
+        unless they are ``stuck``."""
+        slides = closed[nodes] & ~stuck
+        sign = np.where(slides, np.where(traction < 0.0, -1.0, 1.0), 0.0)
+        return cls(closed, stuck & closed[nodes], sign)
 
     @property
     def key(self) -> bytes:
@@ -90,7 +107,8 @@ class Changes:
 class Problem:
     """The scaled ``matrix`` (N, N) of the problem, N = m + n + k. Friction acts at ``nodes`` (n,) of the m
     with coefficients ``friction`` (n,). Scaled quantities are ``rows`` (N,) times gaps, slips and balances,
-    and unknowns over ``columns`` (N,)."""
+    and unknowns over ``columns`` (N,); ``unscaled`` multiplies by
+    the matrix before that."""
 
     matrix: FloatArray
     nodes: IntArray
@@ -98,10 +116,19 @@ class Problem:
     m: int
     rows: FloatArray
     columns: FloatArray
+    unscaled: Multiplier
 
     @classmethod
-    def of(cls, matrix: FloatArray, nodes: IntArray, friction: FloatArray, m: int) -> Problem:
-        """Scale a ``matrix`` (N, N) in any units.
+    def of(
+        cls,
+        matrix: FloatArray,
+        nodes: IntArray,
+        friction: FloatArray,
+        m: int,
+        unscaled: Multiplier | None = None,
+    ) -> Problem:
+        """Scale a ``matrix`` (N, N) in any units. Products are those of ``unscaled``, if given: of a matrix
+        with zero blocks.
 
         A node's own compliance is the scale of its gap and slip: next to corners of graded grids it is as
         little as 1e-4 of what other nodes cause there, and a gap that is small against the latter may still
@@ -114,7 +141,8 @@ class Problem:
         rows[:count] = 1.0 / np.where(own > WEAK * largest, own, largest)
         columns[count:] = _inverse((rows[:count, None] * moving).max(axis=0, initial=0.0))
         rows[count:] = _inverse(np.abs(matrix[count:] * columns).max(axis=1, initial=0.0))
-        return cls(rows[:, None] * matrix * columns, nodes, friction, m, rows, columns)
+        scaled = rows[:, None] * matrix * columns
+        return cls(scaled, nodes, friction, m, rows, columns, matrix if unscaled is None else unscaled)
 
     @property
     def n(self) -> int:
@@ -158,6 +186,13 @@ class Problem:
         return np.asarray(np.maximum(1.0, GRAIN / FEASIBLE * largest))
 
     @cached_property
+    def levels(self) -> tuple[FloatArray, FloatArray]:
+        """Factors (N,) of rows and columns after which their largest coefficients are 1, as own compliances
+        differ by several orders of magnitude."""
+        rows = _inverse(np.abs(self.matrix).max(axis=1, initial=0.0))
+        return rows, _inverse((rows[:, None] * np.abs(self.matrix)).max(axis=0, initial=0.0))
+
+    @cached_property
     def everything(self) -> Changes:
         """All changes are admissible: the problem of a state."""
         nodes, rubbing = np.ones(self.m, dtype=bool), np.ones(self.n, dtype=bool)
@@ -165,7 +200,7 @@ class Problem:
 
     def product(self, x: FloatArray) -> FloatArray:
         """Rows (N,) caused by unknowns."""
-        return self.matrix @ x
+        return np.asarray(self.rows * (self.unscaled @ (self.columns * x)))
 
     def size(self, x: FloatArray) -> float:
         """Largest pressure or traction, which round-off is relative to; of motions without any, what they

@@ -117,9 +117,10 @@ class Search:
         u, _, v = np.linalg.svd(-p.matrix[count:, :count] @ p.matrix[:count, count:])
         near = np.zeros(len(self.free)) if self.near is None else self.near
         for stiffness in SPRINGS if p.k else ():
-            springs = np.zeros(p.matrix.shape)
+            springs, ones = np.zeros(p.matrix.shape), np.ones(len(p.rows))
             springs[count:, count:] = stiffness * (u @ v)
-            held = replace(p, matrix=p.matrix + springs)
+            stiff = p.matrix + springs
+            held = Problem(stiff, p.nodes, p.friction, p.m, ones, ones, stiff)
             search = replace(self, problem=held, free=self.free - springs @ near)
             found, best, _ = search._newton(status, None, set())
             if found is None:
@@ -213,9 +214,8 @@ class Search:
         if not self._violated(status, x, w).any():
             return Solution(status, x, w, basis, systems + 1)
         y, v = self._covered(status, x, w)
-        load = v - p.product(y) - self.free
         # Bodies that still are loose must not be driven by the added load.
-        load[p.contacts :] -= basis.left @ (basis.left.T @ load[p.contacts :])
+        load = basis.undriven(v - p.product(y) - self.free)
         start = Point(status, y, v, 1.0, basis)
         point = trace(p, start, load, self.reference, self.allowed, 0.0)
         # Round-off of many pivots may have misled the last ones.

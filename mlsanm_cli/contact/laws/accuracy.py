@@ -10,12 +10,13 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.contact.complementarity.basis import SingularError
+from mlsanm_cli.contact.complementarity.problem import ContactStatus
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
-from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus, SetSystem
+from mlsanm_cli.contact.laws.linearised import ContactSolution, Linearised
 from mlsanm_cli.contact.response.bonds import Bonds
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.contact.response.dense import SingularSystemError
 from mlsanm_cli.contact.response.drivers import spans
 from mlsanm_cli.contact.response.functionals import changes
 from mlsanm_cli.contact.response.linear_map import LinearMap
@@ -178,18 +179,17 @@ def frozen_change(
     overlap = least * min(1.0, compliance or 1.0)
     for _ in range(MAX_CHANGES):
         touching = closed[nodes]
-        slides = np.where(touching & ~stuck, np.sign(traction), 0.0)
         # Open nodes carry nothing.
         lost = np.concatenate([np.where(closed, 0.0, -pressure), np.where(touching, 0.0, -traction), still])
         caused = condensed.blocks @ lost
+        gap, slip, imbalance = np.split(caused, [m, m + n])
         try:
-            system = SetSystem(condensed, ContactStatus(closed, stuck & touching, slides), force=still)
-        except SingularSystemError as error:
+            system = Linearised(condensed, ContactStatus.with_tractions(closed, stuck, traction, nodes))
+            more = system.response(by.gaps + gaps + gap, by.slips + slip, by.imbalance + imbalance)
+        except SingularError as error:
             raise NumericalError(
                 "the contact state is singular", "hold the bodies with a [[support]]"
             ) from error
-        gap, slip, imbalance = np.split(caused, [m, m + n])
-        more = system.response(by.gaps + gaps + gap, by.slips + slip, by.imbalance + imbalance)
         found = replace(more, pressure=more.pressure + lost[:m], traction=more.traction + lost[m : m + n])
         changed = np.where(closed, pressure + found.pressure < -least, found.gap < -overlap)
         if not changed.any():

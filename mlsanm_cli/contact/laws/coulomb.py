@@ -14,9 +14,9 @@ from mlsanm_cli.contact.complementarity import history
 from mlsanm_cli.contact.complementarity.problem import GRAZING, Changes, ContactStatus, Problem
 from mlsanm_cli.contact.complementarity.solution import solve, touching
 from mlsanm_cli.contact.complementarity.tracing import Ray
-from mlsanm_cli.contact.laws.contact_status import ContactSolution
 from mlsanm_cli.contact.laws.failures import NoStateError, SlidingError
 from mlsanm_cli.contact.laws.limit_load import slides_freely
+from mlsanm_cli.contact.laws.linearised import ContactSolution
 from mlsanm_cli.contact.laws.residual import kkt_residual
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
@@ -84,9 +84,13 @@ def increment(
     p, before = condensed.problem, _scaled(condensed, state)
     if guess is None:
         closed = state.sets.closed | (state.values.gap <= ROUND_OFF * condensed.weight)
-        rests = closed[p.nodes] & (state.sets.slip_sign == 0.0)
-        sign = np.where(closed[p.nodes], state.sets.slip_sign, 0.0)
-        guess = ContactStatus(closed, rests & p.rubs, np.where(rests & ~p.rubs, 1.0, sign))
+        guess = replace(state.sets, closed=closed)
+    # Nodes that do not slip stick.
+    on, sign = guess.closed[p.nodes], guess.slip_sign
+    rests = on & (guess.stuck | (sign == 0.0))
+    guess = ContactStatus(
+        guess.closed, rests & p.rubs, np.where(rests & ~p.rubs, 1.0, np.where(on, sign, 0.0))
+    )
     free, allowed = condensed.free_rows(factors), p.everything
     if not slipping:
         none = np.zeros(p.n, dtype=bool)
@@ -156,11 +160,13 @@ def event_driven_path(
     stops: Sequence[float],
     begin: FloatArray | None = None,
     fraction: float = 0.0,
+    typical: float | None = None,
 ) -> Iterator[Event]:
     """All events of a stage from ``state`` to load factors ``end`` (L,), and the states at ``stops``.
 
     ``stops`` are increasing fractions up to 1, the last one 1. A resumed path gives the load factors
-    ``begin`` (L,) at the start of the stage and the ``fraction`` already passed. Raises SlidingError if the
+    ``begin`` (L,) at the start of the stage and the ``fraction`` already passed; ``typical`` pressures
+    tell which gaps as drawn are round-off. Raises SlidingError if the
     contact slides as a whole under a force, NoStateError if no state continues the path.
     """
     begin = state.factors if begin is None else begin
@@ -170,7 +176,7 @@ def event_driven_path(
         return
     constant, load = condensed.free_rows(begin), condensed.free_rows(change, rates=True)
     now, settled = _scaled(condensed, state, fraction), bool(state.sets.closed.any())
-    path = history.follow(condensed.problem, now, constant, load, stops)
+    path = history.follow(condensed.problem, now, constant, load, stops, typical)
     while True:
         try:
             found = next(path)
@@ -189,11 +195,9 @@ def event_driven_path(
 
 def _at_limits(problem: Problem, state: history.State) -> ContactStatus:
     """The status of a state in which all nodes at their friction limits slip."""
-    p, status, traction = problem, state.status, state.x[problem.m : problem.contacts]
-    at = history.admissible(p, state)
-    slips = status.stuck & (at.forward | at.backward)
-    sign = np.where(slips, np.where(traction < 0.0, -1.0, 1.0), status.slip_sign)
-    return ContactStatus(status.closed, status.stuck & ~slips, sign)
+    p, at = problem, history.admissible(problem, state)
+    stuck = state.status.stuck & ~(at.forward | at.backward)
+    return ContactStatus.with_tractions(state.status.closed, stuck, state.x[p.m : p.contacts], p.nodes)
 
 
 def _slides(
@@ -206,7 +210,7 @@ def _slides(
     """Whether the rates from one state to the next are those of a contact that slides as a whole and is
     driven by loads, not of bodies that others graze."""
     assert after.rates is not None
-    rates = _values(condensed.problem, after.rates.x, after.rates.w)
+    rates = ContactSolution.unscaled(condensed.problem, after.rates.x, after.rates.w)
     if not slides_freely(condensed, after.status, rates):
         return False
     p = condensed.problem
@@ -216,17 +220,10 @@ def _slides(
     return bool(load[moved > MIN_SPEED * moved.max()].any())
 
 
-def _values(problem: Problem, x: FloatArray, w: FloatArray) -> ContactSolution:
-    """Unscaled pressures, tractions, motions, gaps and slips."""
-    unknowns, rows = problem.columns * x, w / problem.rows
-    m, count = problem.m, problem.contacts
-    return ContactSolution(unknowns[:m], unknowns[m:count], unknowns[count:], rows[:m], rows[m:count])
-
-
 def _unscaled(condensed: Condensed, state: history.State, factors: FloatArray) -> CoulombState:
     p = condensed.problem
     slips = p.rows[p.m : p.contacts]
-    values = _values(p, state.x, state.w)
+    values = ContactSolution.unscaled(p, state.x, state.w)
     return CoulombState(factors, values, state.status, state.reference / slips, state.work / slips)
 
 

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus
+from mlsanm_cli.contact.complementarity.problem import ContactStatus
+from mlsanm_cli.contact.laws.linearised import ContactSolution
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import null_space
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF

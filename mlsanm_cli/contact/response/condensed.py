@@ -28,7 +28,7 @@ from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.bonds import Bonds
 from mlsanm_cli.contact.response.compressed import compressed, largest
 from mlsanm_cli.contact.response.contact_fields import NearFields
-from mlsanm_cli.contact.response.dense import Blocks, Bordered, Multiplier, scales
+from mlsanm_cli.contact.response.dense import Blocks, Bordered, Multiplier
 from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.mechanics.near_field import as_complex
@@ -149,7 +149,7 @@ class Condensed:
     @cached_property
     def problem(self) -> Problem:
         """The complementarity problem of the scene, scaled."""
-        return Problem.of(self.whole, self.friction_nodes, self.friction, len(self.weight))
+        return Problem.of(self.whole, self.friction_nodes, self.friction, len(self.weight), self.blocks)
 
     @cached_property
     def frictionless(self) -> Problem:
@@ -167,12 +167,6 @@ class Condensed:
     def free_rows(self, factors: FloatArray, rates: bool = False) -> FloatArray:
         """The same scaled as in :attr:`problem`."""
         return self.problem.rows * self.unscaled_rows(factors, rates)
-
-    @cached_property
-    def scaled(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Row and column scales of :attr:`whole`, and the transpose of the scaled matrix."""
-        rows, columns = scales(self.whole, len(self.gap.constant) + len(self.slip.constant))
-        return rows, columns, np.ascontiguousarray((rows[:, None] * (self.whole * columns)).T)
 
     def touched(self, f: FloatArray, q: FloatArray, p: FloatArray, t: FloatArray) -> dict[str, BoolArray]:
         """Mask (w,) per contact of paired nodes that overlap without being candidates."""

@@ -13,8 +13,9 @@ import pytest
 from mlsanm_cli.app.checks import energy
 from mlsanm_cli.app.checks.balance import force_balance
 from mlsanm_cli.app.results.info import info
-from mlsanm_cli.contact.laws.contact_status import ContactSolution, ContactStatus
+from mlsanm_cli.contact.complementarity.problem import ContactStatus
 from mlsanm_cli.contact.laws.coulomb import CoulombState
+from mlsanm_cli.contact.laws.linearised import ContactSolution
 from mlsanm_cli.contact.response.work import work_on
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.mechanics import pieces

@@ -10,7 +10,7 @@ import pytest
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws import many_unknowns
-from mlsanm_cli.contact.response import condensation, contact_fields
+from mlsanm_cli.contact.response import condensation
 from mlsanm_cli.contact.response.functionals import candidate_rows, changes
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.reference.hertz import HertzLine
@@ -111,12 +111,6 @@ def test_stresses_beneath_are_mcewen_s(tmp_path: Path) -> None:
     # The block bends as a whole: 0.34 a / R of the peak along it, that changes with the depth in the block.
     assert np.abs(off[:, 0]).max() <= 5e-3
     assert np.ptp(off[:, 0]) <= 5e-4
-
-
-def test_stresses_beneath_need_points_of_their_own(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    # A fault put in on purpose: the points of the grid nearby.
-    monkeypatch.setattr(contact_fields, "GRID_POINT_DISTANCE", 0.0)
-    assert np.abs(stresses_off(tmp_path / "run")[:, 1:]).max() > 1.5e-4
 
 
 RECEDING = (

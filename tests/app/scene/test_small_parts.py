@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.scene import clouds, load_spacing
+from mlsanm_cli.app.scene import clouds
 from mlsanm_cli.app.scene.load_spacing import resolved_sizes
-from mlsanm_cli.mechanics import corners
 from tests.app.runs import warned
 from tests.app.scenes import done, solve
 from tests.case_text import Scene, item, load, scene
@@ -43,19 +42,9 @@ def off(directory: Path, pressure: float | str = 1.0, **part: Any) -> float:
     return float(np.abs(np.subtract(found, exact)).max())
 
 
-def test_a_pressure_on_a_part_of_a_side(tmp_path: Path) -> None:
-    assert off(tmp_path, **STRIP) < 0.01
-
-
-def test_a_pressure_that_an_expression_ends(tmp_path: Path) -> None:
-    assert off(tmp_path, f"1 if abs(x) < {HALF} else 0") < 0.01
-
-
-def test_nodes_by_the_body_alone_are_not_enough(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(load_spacing, "PER_LENGTH", 1.0)
-    monkeypatch.setattr(load_spacing, "PER_LENGTH_AT_ENDS", 2.0)
-    with pytest.raises(AssertionError):
-        assert off(tmp_path, **STRIP) < 0.03
+@pytest.mark.parametrize("strip", [STRIP, {"pressure": f"1 if abs(x) < {HALF} else 0"}])
+def test_a_pressure_ends_within_a_side(strip: dict[str, Any], tmp_path: Path) -> None:
+    assert off(tmp_path, **strip) < 0.01
 
 
 def test_spacings_resolve_what_is_not_linear() -> None:
@@ -78,12 +67,6 @@ def under_plate(directory: Path) -> float:
 
 def test_a_smooth_plate_on_a_part_of_a_side(tmp_path: Path) -> None:
     assert under_plate(tmp_path) == pytest.approx(1.0, abs=0.015)
-
-
-def test_rows_at_the_ends_need_their_weights(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(corners, "MAX_MIXED_ANGLE", -np.inf)
-    with pytest.raises(AssertionError):
-        assert under_plate(tmp_path) == pytest.approx(1.0, abs=0.1)
 
 
 @pytest.mark.parametrize(
