@@ -18,7 +18,7 @@ from mlsanm_cli.cloud.joined import points_of
 from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
-from mlsanm_cli.contact.geometry.facing import turned
+from mlsanm_cli.contact.geometry.facing import Facing, turned
 from mlsanm_cli.contact.geometry.obstacles import Chain
 from mlsanm_cli.contact.geometry.pairing import MAX_FACING_COSINE, Pairing
 from mlsanm_cli.mechanics.body_model import BodyModel
@@ -72,6 +72,8 @@ def _clear(
     held: Mapping[str, Restraints],
     touching: Mapping[str, Collection[str]],
 ) -> ContactRange | None:
+    """The range of a contact around the place where its surfaces are nearest, None if that is at a corner or
+    without a place at which fields of forces end."""
     if pairing.master_body == pairing.slave_body or pairing.bonded:
         return None
     facing = facing_of(case, pairing)
@@ -81,12 +83,7 @@ def _clear(
     count = SAMPLES if facing.profile is None else PROFILE_SAMPLES
     count = max(count, SAMPLES_PER_POINT * max(map(points_of, facing.curves)))
     s = np.linspace(0.0, base.length, count + 1)[: count if base.closed else count + 1]
-    points, partner, normal = ahead.opposite(s)
-    away, outward = points - partner, as_real(-ahead.side(s, True)[1])
-    gap = ahead.gap(s)
-    offset = np.abs(cross(away, normal))
-    across = (outward * normal).sum(axis=1)
-    faces = (across < MAX_FACING_COSINE) & (offset <= COARSE_ROUND_OFF * base.length)
+    faces, gap = _faces(ahead, s), ahead.gap(s)
     if not faces.any():
         return None
     surfaces = [pairing.surface_of(slave) for _, slave, _ in pairing.sides]
@@ -122,36 +119,51 @@ def _clear(
     around = base.closed and bool(off.all())
     first, last = float(s[stretch[0]]), float(s[0] + base.length if around else s[stretch[1]])
     corners = [tuple(filter(None, part.corners)) for part in chosen]
-    tips = [tip for surface, part in zip(surfaces, chosen, strict=True) for tip in _tips(surface.curve, part)]
+    curves = [surface.curve for surface in surfaces]
+    exact_ends = _exact_ends(facing, list(zip(curves, chosen, strict=True)))
+    step = SNAP_SAMPLES * float(s[1] - s[0])
+    snapped = [_snapped(end, exact_ends, step) for end in (first, last)]
+    whole = around or snapped[0] is not None, around or snapped[1] is not None
+    first, last = (end if exact is None else exact for end, exact in zip((first, last), snapped, strict=True))
+    inset = ROUND_OFF * base.length  # at a corner: the normal of the stretch
+    rays = sign * np.linspace(first + inset, last - inset, RAYS)
+    centers = [
+        void_center(models[body].cloud, *facing.side(rays, slave))
+        for body, slave in zip(pairing.bodies, (True, False), strict=False)
+    ]
+    if not all(centers):
+        return None
+    closest = minimum(ahead, max(s[max(nearest - 1, 0)], first), min(s[min(nearest + 1, len(s) - 1)], last))
+    if not facing.slave_first:
+        first, last, whole = -last, -first, whole[::-1]
+    both = centers[0][0], centers[1][0] if len(centers) > 1 else None
+    of_bodies = corners[0], corners[1] if len(corners) > 1 else ()
+    minima = len(valleys(gap[stretch[0] : stretch[1] + 1], slack))
+    return ContactRange(facing, first, last, sign * closest, both, of_bodies, whole, minima, around)
+
+
+def _faces(ahead: Facing, s: FloatArray) -> BoolArray:
+    """Whether (e,) the other surface faces the base at its arc lengths ``s`` (e,)."""
+    points, partner, normal = ahead.opposite(s)
+    offset = np.abs(cross(points - partner, normal))
+    across = (as_real(-ahead.side(s, True)[1]) * normal).sum(axis=1)
+    return np.asarray((across < MAX_FACING_COSINE) & (offset <= COARSE_ROUND_OFF * ahead.base.length))
+
+
+def _exact_ends(facing: Facing, parts: list[tuple[Curve, SmoothPart]]) -> list[float]:
+    """Arc lengths on the base opposite the ends of stretches of both surfaces up to which pressures may
+    extend, and the corners of an obstacle."""
+    base = facing.base
+    tips = [tip for curve, part in parts for tip in _tips(curve, part)]
     if isinstance(facing.obstacle, Chain):
         tips += as_complex(facing.obstacle.points[~facing.obstacle.smooth]).tolist()
     at = as_real(np.array(tips, dtype=np.complex128))
     ends = base.closest(at)
     away, along = at - base.points(ends), turned(base.normals(ends))
     # Points beyond an end of the base have that end as their closest point.
-    exact_ends = ends[np.abs((away * along).sum(axis=1)) <= COARSE_ROUND_OFF * base.length].tolist()
-    if base.closed:
-        # The samples continue beyond the start of a closed curve.
-        exact_ends += [end + base.length for end in exact_ends]
-    step = SNAP_SAMPLES * float(s[1] - s[0])
-    snapped = [_snapped(end, exact_ends, step) for end in (first, last)]
-    whole = around or snapped[0] is not None, around or snapped[1] is not None
-    first, last = (end if exact is None else exact for end, exact in zip((first, last), snapped, strict=True))
-    inset = ROUND_OFF * base.length  # at a corner: the normal of the stretch
-    rays = np.linspace(first + inset, last - inset, RAYS)
-    centers: list[complex | None] = []
-    for body, slave in zip(pairing.bodies, (True, False), strict=False):
-        found = void_center(models[body].cloud, *facing.side(sign * rays, slave))
-        if not found:
-            return None
-        centers += found
-    closest = minimum(ahead, max(s[max(nearest - 1, 0)], first), min(s[min(nearest + 1, len(s) - 1)], last))
-    if not facing.slave_first:
-        first, last, whole = -last, -first, whole[::-1]
-    both = centers[0], centers[1] if len(centers) > 1 else None
-    of_bodies = corners[0], corners[1] if len(corners) > 1 else ()
-    minima = len(valleys(gap[stretch[0] : stretch[1] + 1], slack))
-    return ContactRange(facing, first, last, sign * closest, both, of_bodies, whole, minima, around)
+    exact: list[float] = ends[np.abs((away * along).sum(axis=1)) <= COARSE_ROUND_OFF * base.length].tolist()
+    # The samples continue beyond the start of a closed curve.
+    return [*exact, *(end + base.length for end in exact)] if base.closed else exact
 
 
 def _snapped(s: float, ends: list[float], step: float) -> float | None:
