@@ -14,7 +14,7 @@ from mlsanm_cli.app.output.parts import model_bodies
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.build import build_scene
 from mlsanm_cli.app.scene.imported import load_with_files
-from mlsanm_cli.app.scene.size_estimate import cpu_seconds, estimate
+from mlsanm_cli.app.scene.size_estimate import cpu_seconds, memory_mb, node_counts
 from mlsanm_cli.case import (
     AnyLoad,
     BodyForce,
@@ -75,7 +75,7 @@ def check(
         "contact_unknowns": None if prepared.ranges else unknowns,
         "loads": len(case.moved),
         "stages": len(case.stage),
-        "estimated_memory_mb": round(estimate(case).memory_mb),
+        "estimated_memory_mb": round(memory_mb(case, node_counts(case))),
         "estimated_cpu_seconds": round(cpu_seconds(case, prepared), 1),
         "bodies": {
             name: figures | {"finest": float(prepared.models[name].cloud.spacing.min())}

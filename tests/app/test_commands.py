@@ -280,7 +280,7 @@ def test_memory_is_that_of_the_solver(tmp_path: Path, monkeypatch: pytest.Monkey
         parse_case(BAR, Path("case.toml"), (f"solver.linear={kind}", fine)).case
         for kind in ("auto", "superlu")
     ]
-    ours, other = (estimate.estimate(case).memory_mb for case in cases)
+    ours, other = (estimate.memory_mb(case, estimate.node_counts(case)) for case in cases)
     assert ours < other
     monkeypatch.setattr(estimate, "physical_memory_mb", lambda: 0.5 * (ours + other))
     estimate.refuse_too_large(cases[0])

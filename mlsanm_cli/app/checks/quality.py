@@ -257,7 +257,7 @@ def refinement_pass(found: Refinement) -> Iterator[Check]:
 
 def weak_motions(model: Quality) -> Iterator[Check]:
     """Motions that are hardly resisted."""
-    for text in model.prepared.weak:
+    for text in model.prepared.restrained.weak:
         message, _, hint = text.partition("; ")
         yield Check("weak_motion", 1.0, message, hint, message.partition(" is hardly")[0])
 

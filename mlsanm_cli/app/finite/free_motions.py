@@ -19,7 +19,7 @@ from mlsanm_cli.mechanics.rigid import ROTATION, free_motions, pins
 
 def unknown_motions(case: Case, prepared: SceneModel) -> Contacts:
     """Unknown rigid motions: of loose bodies in the order of all bodies, then obstacles, then plates."""
-    found = {one.name: one for one in prepared.rigid_constraints if one.floats}
+    found = {one.name: one for one in prepared.restrained.rigid_constraints if one.floats}
     loose, number = list[LooseMotions](), 0
     for name in prepared.models:
         if name in found:
@@ -28,7 +28,7 @@ def unknown_motions(case: Case, prepared: SceneModel) -> Contacts:
             number += len(unknown)
     names = [pairing.name for pairing in prepared.pairings]
     driven: list[DrivenObstacle] = []
-    for constraint in prepared.rigid_constraints:
+    for constraint in prepared.restrained.rigid_constraints:
         if not constraint.bodies:
             for one in constraint.motions:
                 if one.prescribed is None:
@@ -57,7 +57,7 @@ def _pinned(prepared: SceneModel, name: str, unknown: tuple[int, ...], number: i
 def _plates(case: Case, prepared: SceneModel, number: int) -> list[Plate]:
     """All plates; ``number`` is the index of their first unknown motion."""
     loads, found = len(case.moved), list[Plate]()
-    platens = [one for one in prepared.rigid_constraints if one.held]
+    platens = [one for one in prepared.restrained.rigid_constraints if one.held]
     count = loads + number + sum(one.prescribed is None for platen in platens for one in platen.motions)
     for platen in platens:
         unknown = [one for one in platen.motions if one.prescribed is None]

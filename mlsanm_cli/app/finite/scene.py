@@ -200,7 +200,7 @@ def _contact(case: Case, prepared: SceneModel, number: int, motions: Contacts) -
             rotation[place], pivot = load.rotation, load.pivot_on(found.obstacle) or pivot
     for driven in (one for one in motions.driven if one.contact == number):
         motion[driven.component, count + driven.number] = 1.0
-    for constraint in prepared.rigid_constraints:
+    for constraint in prepared.restrained.rigid_constraints:
         if not constraint.bodies and constraint.name == pairing.name:
             for one in constraint.motions:
                 if one.prescribed is not None:

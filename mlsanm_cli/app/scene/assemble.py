@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
 from typing import Any
@@ -16,11 +16,10 @@ from mlsanm_cli.app.scene.conditions import conditions, prescribes
 from mlsanm_cli.app.scene.contact_pairs import pair
 from mlsanm_cli.app.scene.contact_ranges import contact_ranges, directed
 from mlsanm_cli.app.scene.facing import check_tips
-from mlsanm_cli.app.scene.free_motions import constrain_free_rigid_modes
+from mlsanm_cli.app.scene.free_motions import Restrained, constrain_free_rigid_modes
 from mlsanm_cli.app.scene.loads import Acting, acting
 from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.app.scene.rigid_constraints import components, rigid_constraints
-from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Body, Case
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
@@ -45,8 +44,7 @@ HIGH_DEGREE, LOW_DEGREE = 4, 2
 MIN_HIGH_NEIGHBORS = 30
 """Neighbours required by the high degree."""
 MIN_HIGH_SPACINGS = 3.5
-"""Spacings across all parts required by the high degree: portal frames with four nodes across were useless at
-degree 4 and 2 % off at degree 2, rings with three were 42 and 20 % off."""
+"""Spacings across all parts required by the high degree."""
 MAX_SUPPORT_OFFSET = 1e-3
 """Distance from the point of a support to its node, in spacings, above which there is a note."""
 
@@ -56,10 +54,9 @@ class SceneModel:
     """A scene before its linear systems are assembled and factorised.
 
     ``boundaries`` are those of the case, ``held[body][surface]`` the fixed components, ``held_nodes[body]``
-    the fixed (node, component) pairs of single nodes, ``acting`` the loads, ``rigid_constraints`` platens,
-    obstacles and floating bodies, ``probes`` the observed points, ``notes`` messages to the user, ``ranges``
-    the contacts that may have contact grids. ``held_motions`` are the free rigid modes fixed at zero,
-    ``loose_motions`` those of floating bodies only, ``weak`` warnings about hardly resisted ones.
+    the fixed (node, component) pairs of single nodes, ``acting`` the loads, ``restrained`` the platens,
+    obstacles and floating bodies with their free motions fixed at zero, ``probes`` the observed points,
+    ``notes`` messages to the user, ``ranges`` the contacts that may have contact grids.
     """
 
     boundaries: Boundaries
@@ -69,12 +66,9 @@ class SceneModel:
     held_nodes: Mapping[str, tuple[tuple[int, int], ...]]
     acting: Acting
     probes: tuple[Probe, ...]
-    rigid_constraints: tuple[mechanics.RigidConstraint, ...]
+    restrained: Restrained
     notes: tuple[str, ...]
-    ranges: Mapping[str, ContactRange] = field(default_factory=dict)
-    held_motions: tuple[Mapping[str, FloatArray], ...] = ()
-    loose_motions: tuple[Mapping[str, FloatArray], ...] = ()
-    weak: tuple[str, ...] = ()
+    ranges: Mapping[str, ContactRange]
 
 
 def mls_settings(case: Case, low: bool = False) -> MlsSettings:
@@ -110,14 +104,13 @@ def prepare(
 
     def modelled(body: Body, low: bool) -> BodyModel:
         known, material = before.get(body.name), stiffness[body.material]
-        return _model(case, body.name, clouds[body.name], material, held[body.name], memo, known, low)
+        return _model(case, body.name, clouds[body.name], material, memo, known, low)
 
     pairings = tuple(pair(case, boundaries, clouds))
     models = {}
     for body in case.body:
         try:
-            # Nodes of meshes are not suited to wide stencils: errors of an eye with eight elements across
-            # were 1 % at degree 2 and 12 % at degree 4. Nor are tips of slits smooth enough.
+            # Nodes of meshes are not suited to wide stencils, and tips of slits are not smooth enough.
             cloud = clouds[body.name]
             difficult = cloud.sight is not None or cloud.spacings_across < MIN_HIGH_SPACINGS
             models[body.name] = modelled(body, low or body.has_nodes or difficult)
@@ -131,7 +124,7 @@ def prepare(
         name: restrained(held[name], loads.springs[name], model.cloud, model.material)
         for name, model in models.items()
     }
-    free = rigid_constraints(case, boundaries, clouds, held, held_nodes, restraints, loads.springs)
+    rigid = rigid_constraints(case, boundaries, clouds, held, held_nodes, restraints, loads.springs)
     occupied = {
         name: sides
         | dict.fromkeys(restraining(loads.springs[name], models[name].cloud, models[name].material))
@@ -143,33 +136,20 @@ def prepare(
         check_tips(case, pairings)
     grids = grids and small
     ranges = contact_ranges(case, models, pairings, occupied) if grids else {}
-    # Contacts with nodal pressures are less stable at higher degrees. Tractions of bonds vary slowly between
-    # nodes: at degree 2 the stress in a fibre was 1.9 % off.
-    nodal = [one for one in pairings if not (one.bonded or one.name in ranges)]
-    low_bodies = {name for one in nodal for name in one.bodies} if small else ()
+    # Contacts with nodal pressures are less stable at higher degrees; tractions of bonds vary slowly.
+    nodal = [pairing for pairing in pairings if not (pairing.bonded or pairing.name in ranges)]
+    low_bodies = {name for pairing in nodal for name in pairing.bodies} if small else ()
     models |= {body.name: modelled(body, low=True) for body in case.body if body.name in low_bodies}
     try:
-        found = constrain_free_rigid_modes(case, clouds, directed(pairings, ranges), free, loads, ranges)
+        free = constrain_free_rigid_modes(case, clouds, directed(pairings, ranges), rigid, loads, ranges)
     except CaseError:
         if not ranges:
             raise
         # The resisting part of a surface, for instance a chamfer, may lie outside the ranges.
         return prepare(case, clouds, memo, before, grids=False, low=low)
-    return SceneModel(
-        boundaries,
-        models,
-        pairings,
-        held,
-        held_nodes,
-        loads,
-        _probes(case, clouds),
-        found.rigid_constraints,
-        (*_support_notes(case, clouds), *found.notes),
-        ranges=ranges,
-        held_motions=found.held,
-        loose_motions=found.loose,
-        weak=found.weak,
-    )
+    notes = (*_support_notes(case, clouds), *free.notes)
+    probes = _probes(case, clouds)
+    return SceneModel(boundaries, models, pairings, held, held_nodes, loads, probes, free, notes, ranges)
 
 
 def _model(
@@ -177,7 +157,6 @@ def _model(
     name: str,
     cloud: Cloud,
     material: PlaneMaterial,
-    held: Mapping[str, tuple[bool, bool]],
     memo: Memo,
     known: BodyModel | None,
     low: bool,
@@ -188,7 +167,7 @@ def _model(
         return known
     # Errors are estimated at a higher degree; with friction the path would have to be repeated.
     known_next = case.mls.degree == "auto" or case.mls.degree in DEGREES
-    ahead = known_next and not any(one.friction for one in case.touching)
+    ahead = known_next and not any(contact.friction for contact in case.touching)
     foresight = next_degree(settings, material).stencil_size if ahead else 0
     return memo.value(
         "model",
@@ -221,7 +200,7 @@ def assemble_bodies(
     """Assembles the system of every body; it is factorised within ``timed()`` on first use. Bodies
     ``before``, of the same case, are reused if their models are the same."""
     bodies: dict[str, ElasticBody] = {}
-    conditions = {
+    restraints = {
         name: (prepared.held[name], prepared.held_nodes[name], prepared.acting.springs[name], touching)
         for name, touching in _touching(prepared).items()
     }
@@ -230,10 +209,10 @@ def assemble_bodies(
         if known is not None and known.model is model:
             bodies[name] = known
             continue
-        held, held_nodes, springs, touching = conditions[name]
+        held, held_nodes, springs, touching = restraints[name]
         bodies[name] = memo.value(
             "body",
-            digest(model.content, *conditions[name], solver),
+            digest(model.content, *restraints[name], solver),
             partial(assemble, model, held, held_nodes, solver, springs, touching=touching),
         )
         bodies[name].equations.timed = timed
@@ -248,14 +227,14 @@ def assemble_bodies(
         bodies=bodies,
         loads=case.moved,
         surface_loads=prepared.acting.surface_loads,
-        rigid_constraints=prepared.rigid_constraints,
+        rigid_constraints=prepared.restrained.rigid_constraints,
         supports=supports,
         held_nodes={name: components(nodes) for name, nodes in prepared.held_nodes.items()},
         body_forces=prepared.acting.body_forces,
         heatings=prepared.acting.heatings,
         probes=prepared.probes,
-        held_motions=prepared.held_motions,
-        loose_motions=prepared.loose_motions,
+        held_motions=prepared.restrained.held,
+        loose_motions=prepared.restrained.loose,
     )
 
 

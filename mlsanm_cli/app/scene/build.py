@@ -42,10 +42,12 @@ def build_scene(loaded: LoadedCase, context: RunContext, zones: tuple[Zone, ...]
     load_kernels(context)
     try:
         with context.phase("cloud"):
-            size = context.memo.value("size", _size_key(loaded.case), partial(refuse_too_large, loaded.case))
-        if sum(size.nodes.values()) > ANNOUNCED_NODES:
-            nodes, memory = sum(size.nodes.values()), size.memory_mb / 1024
-            context.console.note(f"about {nodes:.2g} nodes, which need about {memory:.2g} GB of memory")
+            key, estimate = _size_key(loaded.case), partial(refuse_too_large, loaded.case)
+            nodes, memory = context.memo.value("size", key, estimate)
+        if nodes > ANNOUNCED_NODES:
+            context.console.note(
+                f"about {nodes:.2g} nodes, which need about {memory / 1024:.2g} GB of memory"
+            )
         prepared = place(loaded.case, context, zones)
         refuse_too_many_contacts(loaded.case, prepared.pairings)
         refuse_overlap(prepared.pairings)
@@ -58,7 +60,10 @@ def placing_key(case: Case) -> str:
     """A key that is equal for cases that differ only in output and in positive coefficients of friction."""
     content = {key: part for key, part in resolved_mapping(case).items() if key not in _OUTPUT_SECTIONS}
     contacts = zip(content.pop("contact", []), case.contact, strict=True)
-    kinds = [(part, one.friction if one.bonded else one.coefficient > 0.0) for part, one in contacts]
+    kinds = [
+        (part, contact.friction if contact.bonded else contact.coefficient > 0.0)
+        for part, contact in contacts
+    ]
     return digest(content, [{**part, "friction": kind} for part, kind in kinds])
 
 
@@ -81,7 +86,7 @@ def place(
         return _placed(case, context, zones, before)
     kept = context.memo.value("placed", placing_key(case), partial(_placed, case, context))
     friction = {contact.name: contact.coefficient for contact in case.contact}
-    pairings = (replace(one, friction=friction[one.name]) for one in kept.pairings)
+    pairings = (replace(pairing, friction=friction[pairing.name]) for pairing in kept.pairings)
     return replace(kept, pairings=tuple(pairings))
 
 

@@ -125,7 +125,7 @@ def _contact_zones(
 
 def _far(case: Case, name: str) -> float:
     """The coarsest spacing of a body, infinite for nodes from a file."""
-    body = next(one for one in case.body if one.name == name)
+    body = next(body for body in case.body if body.name == name)
     if isinstance(body.spacing, float):
         return body.spacing
     return np.inf if body.has_nodes else automatic_spacing(drawn(body.shape)) / _finer(case, body)

@@ -9,7 +9,7 @@ import numpy as np
 
 from mlsanm_cli.app.scene.contact_spacing import valleys
 from mlsanm_cli.app.scene.corners import END_CLEARANCE, Restraints, SmoothPart, stretches_of
-from mlsanm_cli.app.scene.facing import RAYS, facing_of, minimum
+from mlsanm_cli.app.scene.facing import ALIKE, RAYS, facing_of, minimum
 from mlsanm_cli.app.scene.void import void_center
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case
@@ -25,8 +25,6 @@ from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.near_field import as_complex, as_real
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
-EQUAL_PROFILE_GAP = 1e-3
-"""Gaps that differ by less than this part of the height of a gap profile are equal minima."""
 SNAP_SAMPLES = 1.5
 """The end of a range is moved to the end of a surface within so many samples."""
 SAMPLES, PROFILE_SAMPLES, SAMPLES_PER_POINT = 800, 4000, 2
@@ -101,7 +99,7 @@ def _clear(
         off &= away_from_ends
     slack = COARSE_ROUND_OFF * base.length
     if facing.profile is not None:
-        slack = min(slack, EQUAL_PROFILE_GAP * float(np.ptp(gap[faces])))
+        slack = min(slack, ALIKE * float(np.ptp(gap[faces])))
     least = gap[faces].min() + slack
     close = np.flatnonzero(off & (gap <= least))
     if not len(close):

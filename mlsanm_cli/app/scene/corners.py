@@ -28,8 +28,7 @@ SHARPEST, BLUNTEST, HOLLOW, WIDEST = np.radians([25.0, 170.0, 190.0, 270.0 + 1e-
 """Angles of corners with known fields: from the first to the second, from the third to the last, and a
 straight line."""
 SHARPEST_ANISOTROPIC = np.radians(60.0)
-"""The first of these angles for anisotropic bodies. For wood in six directions the tractions left on the
-faces are 1e-6 to 2 % of those removed at 90 degrees, and up to 10 % at 60."""
+"""The first of these angles for anisotropic bodies, whose fields leave tractions on sharper faces."""
 NEAREST_SAMPLE, FARTHEST_SAMPLE, SAMPLES = 1e-3, 1e2, 40
 """Distances, in lengths of the faces, and number of the points at which the extensions of a corner's faces
 and the cuts of its fields are checked to be outside the body."""
@@ -75,15 +74,9 @@ def stretches_of(
             corners.append(corner)
             continues.append(smooth)
             ended.append(corner is not None or (smooth and beyond[place] not in touching))
-        found.append(
-            SmoothPart(
-                first,
-                first + own.curve.length,
-                (corners[0], corners[1]),
-                (continues[0], continues[1]),
-                (ended[0], ended[1]),
-            )
-        )
+        last = first + own.curve.length
+        (a, b), (c, d), (e, f) = corners, continues, ended
+        found.append(SmoothPart(first, last, (a, b), (c, d), (e, f)))
     return tuple(found)
 
 
@@ -108,7 +101,7 @@ def _between_corners(surface: Surface) -> Iterator[tuple[list[Surface], float]]:
         parts, cut = parts[turn:] + parts[:turn], cut[turn:] + cut[:turn]
         starts = np.concatenate([starts[turn:-1], starts[:turn] + starts[-1]])
     cut[0] = True
-    places = [k for k, one in enumerate(cut) if one]
+    places = [k for k, begins in enumerate(cut) if begins]
     for k, after in zip(places, [*places[1:], len(parts)], strict=True):
         yield parts[k:after], float(starts[k])
 
@@ -124,7 +117,7 @@ def _corner(
         if name in own or adjacent.curve.closed:
             continue
         ends = [_face(adjacent.curve, at) for at in (False, True)]
-        other = min(ends, key=lambda one: abs(one.tip - face.tip))
+        other = min(ends, key=lambda end: abs(end.tip - face.tip))
         if abs(other.tip - face.tip) > ROUND_OFF * surface.curve.length:
             continue
         clamped = held.get(name) == (True, True)
@@ -196,7 +189,7 @@ def _behind(wedge: Wedge, tip: complex, along: float, other: float) -> FloatArra
         tip + way * size * far[:, None] - inward * size * far
         for way, inward in zip((wedge.along, wedge.second), wedge.inward, strict=True)
     ]
-    return as_real(np.concatenate([*starts, *(one.ravel() for one in cuts)]))
+    return as_real(np.concatenate([*starts, *(cut.ravel() for cut in cuts)]))
 
 
 def _slides(other: complex, held: tuple[bool, bool] | None) -> bool:

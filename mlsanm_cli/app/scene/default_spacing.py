@@ -46,8 +46,9 @@ LEVELS, TURN_RATIO, WIDTH_RATIO = 12, 2.0**-0.5, 2.0**-0.25
 HOLLOW_ANGLE = 0.5
 """Curves that turn to the concave side by more than this angle (radian) within a coarse spacing are
 hollows."""
-SAMPLES_PER_SPACING, MIN_SAMPLES = 2.0, 8
-"""Samples of the outline per coarse spacing, and of every curve at least, in the search for narrow parts."""
+SAMPLES_PER_SPACING = 2
+"""Samples of the outline per coarse spacing in the search for narrow parts; of every curve at least
+four times as many."""
 OPPOSITE_COSINE = 0.9
 """Faces are opposite if the cosine of the angle between their normals is below minus this."""
 
@@ -209,8 +210,8 @@ def _apart(outline: Outline, corners: Mapping[int, tuple[int, float]], at: Float
     infinite without any."""
     into, least = [], []
     for number, (before, angle) in corners.items():
-        one, other = outline.curves[before], outline.curves[number]
-        normal = one.normals(np.array([one.length]))[0] + other.normals(np.zeros(1))[0]
+        ending, starting = outline.curves[before], outline.curves[number]
+        normal = ending.normals(np.array([ending.length]))[0] + starting.normals(np.zeros(1))[0]
         into.append(-normal / np.hypot(*normal))
         least.append(np.cos(0.5 * (np.pi - angle) - SMOOTH_TURN))
     way = at - at[:, None]
@@ -226,17 +227,17 @@ def narrow_zones(outline: Outline, far: float, across: float) -> Iterator[Zone]:
     owner, arc, step, points, normals = _samples(outline, far)
     width = np.full(len(owner), np.inf)
     pairs = cKDTree(points).query_pairs(across * far, output_type="ndarray")
-    one, other = np.concatenate([pairs, pairs[:, ::-1]]).T
-    kept = (normals[one] * normals[other]).sum(axis=1) < -OPPOSITE_COSINE
-    kept &= ~_adjacent(outline)[owner[one], owner[other]]
-    one, other = one[kept], other[kept]
-    away = points[one] - points[other]
-    depth = (away * normals[one]).sum(axis=1)
+    near, opposite = np.concatenate([pairs, pairs[:, ::-1]]).T
+    kept = (normals[near] * normals[opposite]).sum(axis=1) < -OPPOSITE_COSINE
+    kept &= ~_adjacent(outline)[owner[near], owner[opposite]]
+    near, opposite = near[kept], opposite[kept]
+    away = points[near] - points[opposite]
+    depth = (away * normals[near]).sum(axis=1)
     aside = np.sqrt(np.maximum((away**2).sum(axis=1) - depth**2, 0.0))
     # The opposite point may lie between samples.
-    aside = np.maximum(aside - step[other], 0.0)
+    aside = np.maximum(aside - step[opposite], 0.0)
     inside = depth > 0.0
-    np.minimum.at(width, one[inside], depth[inside] + aside[inside] ** 2 / depth[inside])
+    np.minimum.at(width, near[inside], depth[inside] + aside[inside] ** 2 / depth[inside])
     level = np.ceil(np.log(np.minimum(width / (across * far), 1.0)) / np.log(WIDTH_RATIO) - COARSE_ROUND_OFF)
     level = np.clip(level, 0, LEVELS)
     for number, curve in enumerate(outline.curves):
@@ -256,7 +257,7 @@ def _samples(outline: Outline, far: float) -> tuple[IntArray, FloatArray, FloatA
     """Curve number (m,), arc length (m,), sample distance (m,), points and normals (m, 2) of samples."""
     parts: list[tuple[Any, ...]] = []
     for number, curve in enumerate(outline.curves):
-        count = 4 * max(MIN_SAMPLES // 4, int(np.ceil(0.25 * SAMPLES_PER_SPACING * curve.length / far)))
+        count = 4 * max(SAMPLES_PER_SPACING, int(np.ceil(0.25 * SAMPLES_PER_SPACING * curve.length / far)))
         size = curve.length / count
         s: FloatArray = size * (0.5 + np.arange(count, dtype=np.float64))
         parts.append((np.full(count, number), s, np.full(count, size), curve.points(s), curve.normals(s)))

@@ -16,9 +16,9 @@ from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
-ALIKE_CURVATURE = 1e-3
-"""Curvatures that differ by less than this part are alike, as those of splines through points may be: the
-other surface decides the directions of pressures."""
+ALIKE = 1e-3
+"""Curvatures that differ by less than this part are alike, as those of splines through points may be, and so
+are minima of gaps that differ by less than this part of the height of a gap profile."""
 RAYS, MINIMUM_PASSES = 17, 8
 """Samples of a gap between which its minimum is searched for, and number of refinements."""
 TIP_SAMPLES = 400
@@ -47,7 +47,7 @@ def facing_of(case: Case, pairing: Pairing) -> Facing:
     slave_first = obstacle is not None or pairing.names[0] < pairing.names[1]
     sides = _curved(slave.curve, at[0], pairing.points), _curved(master, at[1], pairing.partner)
     for curved, opposite in zip(*sides, strict=True):
-        if abs(curved - opposite) > ALIKE_CURVATURE * max(curved, opposite):
+        if abs(curved - opposite) > ALIKE * max(curved, opposite):
             slave_first = curved > opposite
             break
     if obstacle and slave_first:

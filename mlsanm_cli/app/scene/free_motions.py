@@ -16,6 +16,7 @@ import numpy as np
 
 from mlsanm_cli.app.scene.loads import Acting
 from mlsanm_cli.app.scene.rigid_modes import (
+    QUADRATURE,
     UnknownMotion,
     contact_resistance,
     sliding_resistance,
@@ -31,8 +32,6 @@ from mlsanm_cli.mechanics.scene import RigidConstraint
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 from mlsanm_cli.solve.stages import stage_factors
 
-BALANCE_TOLERANCE = 1e-3
-"""Forces whose sum is below this part of their magnitudes cancel up to quadrature."""
 WEAK_RESISTANCE = 0.05
 """Motions whose component normal to the surfaces is below this part of themselves are weakly resisted, also
 if they move along both surfaces of a contact."""
@@ -51,8 +50,8 @@ class Restrained:
     rigid_constraints: tuple[RigidConstraint, ...]
     notes: tuple[str, ...]
     held: tuple[Mapping[str, FloatArray], ...]
-    loose: tuple[Mapping[str, FloatArray], ...] = ()
-    weak: tuple[str, ...] = ()
+    loose: tuple[Mapping[str, FloatArray], ...]
+    weak: tuple[str, ...]
 
 
 def constrain_free_rigid_modes(
@@ -77,32 +76,29 @@ def constrain_free_rigid_modes(
     oblique = case.model.strain == "small"
     unresisted, loose = list[Mapping[str, FloatArray]](), list[Mapping[str, FloatArray]]()
     for slid in (True, False):
-        found = []
-        resistance = (
-            sliding_resistance(kept, pairings, clouds)
-            if slid
-            else contact_resistance(kept, pairings, clouds, exact)
-        )
-        free = free_motions(resistance)
-        for pivot, direction in sorted(free, key=lambda one: kept[one[0]].motion.component != ROTATION):
+        fixed = []
+        if slid:
+            free = free_motions(sliding_resistance(kept, pairings, clouds))
+        else:
+            free = free_motions(contact_resistance(kept, pairings, clouds, exact))
+        for pivot, direction in sorted(free, key=lambda motion: kept[motion[0]].motion.component != ROTATION):
             problems += _driven(case, kept, pivot, direction)
             owner, component = kept[pivot].constraint, kept[pivot].motion.component
             along = _velocity(kept, owner, direction) if oblique else np.eye(3)[component, :2]
             notes.append(_note(kept, pivot, direction, along))
             held.setdefault(id(owner), {})[component] = along
             unresisted.append(_of_bodies(kept, direction))
-            if all(one.constraint.floats for one in _moving(kept, direction)):
+            if all(unknown.constraint.floats for unknown in _moving(kept, direction)):
                 loose.append(unresisted[-1])
-            found.append(kept[pivot])
-        kept = [one for one in kept if one not in found]
+            fixed.append(kept[pivot])
+        kept = [unknown for unknown in kept if unknown not in fixed]
     if problems:
         raise CaseError(tuple(dict.fromkeys(problems)))
-    result = [_held_at_zero(one, held.get(id(one), {})) for one in rigid_constraints]
     weak = free_motions(sliding_resistance(kept, pairings, clouds, at_once=True), WEAK_RESISTANCE)
     return Restrained(
-        tuple(result),
+        tuple(_held_at_zero(owner, held.get(id(owner), {})) for owner in rigid_constraints),
         tuple(notes),
-        tuple(one for one in unresisted if one),
+        tuple(filter(None, unresisted)),
         tuple(loose),
         tuple(_weakly_resisted(kept, pivot, direction) for pivot, direction in weak),
     )
@@ -113,19 +109,19 @@ def _held_at_zero(constraint: RigidConstraint, held: Mapping[int, FloatArray]) -
     are fixed that move its centre along ``held[component]`` (2,). Of a motion oblique to x and y its own
     direction is fixed: with x or y alone, displacements would depend on the axes."""
     axes, motions = _own_axes(constraint, held), []
-    for one in constraint.motions:
-        if one.component in axes:
-            axis = axes[one.component]
-            forces = [each.force for each in constraint.motions if each.component != ROTATION]
-            one = replace(one, axis=axis, force=np.array(axis) @ forces)
-        still = one.component in held
-        motions.append(replace(one, prescribed=np.zeros(len(one.force))) if still else one)
+    for motion in constraint.motions:
+        if motion.component in axes:
+            axis = axes[motion.component]
+            forces = [part.force for part in constraint.motions if part.component != ROTATION]
+            motion = replace(motion, axis=axis, force=np.array(axis) @ forces)
+        still = motion.component in held
+        motions.append(replace(motion, prescribed=np.zeros(len(motion.force))) if still else motion)
     return replace(constraint, motions=tuple(motions))
 
 
 def _own_axes(constraint: RigidConstraint, held: Mapping[int, FloatArray]) -> dict[int, tuple[float, float]]:
     """Axes of the translations by component, if just one of two unknown ones is ``held`` and oblique."""
-    unknown = {one.component for one in constraint.motions if one.prescribed is None} - {ROTATION}
+    unknown = {motion.component for motion in constraint.motions if motion.prescribed is None} - {ROTATION}
     pivots = unknown & held.keys()
     if len(unknown) < 2 or len(pivots) != 1:
         return {}
@@ -149,107 +145,111 @@ def free_motions(resistance: FloatArray, least: float = COARSE_ROUND_OFF) -> lis
     # Of equivalent unknowns the first is chosen, whatever the round-off.
     order = 1.0 - TIE_BREAK * np.arange(len(free))
     pivots = independent_rows(order[:, None] * free)
-    own = free @ np.linalg.inv(free[pivots])
-    own[np.abs(own) <= NEGLIGIBLE * np.abs(own).max(axis=0)] = 0.0
-    own[pivots] = np.eye(len(pivots))
-    return sorted(((pivot, own[:, column]) for column, pivot in enumerate(pivots)), key=lambda one: one[0])
+    motions = free @ np.linalg.inv(free[pivots])
+    motions[np.abs(motions) <= NEGLIGIBLE * np.abs(motions).max(axis=0)] = 0.0
+    motions[pivots] = np.eye(len(pivots))
+    columns = sorted(range(len(pivots)), key=lambda column: pivots[column])
+    return [(pivots[column], motions[:, column]) for column in columns]
 
 
 def _driven(
-    case: Case, unknown: Sequence[UnknownMotion], pivot: int, direction: FloatArray
+    case: Case, unknowns: Sequence[UnknownMotion], pivot: int, direction: FloatArray
 ) -> Iterator[CaseProblem]:
     """A problem if the loads drive a free motion at the end of some stage."""
-    share = direction / np.array([one.lever for one in unknown])
-    force = share @ np.array([one.force for one in unknown])
-    size = np.abs(share) @ np.array([one.size for one in unknown])
+    share = direction / np.array([unknown.lever for unknown in unknowns])
+    force = share @ np.array([unknown.force for unknown in unknowns])
+    size = np.abs(share) @ np.array([unknown.size for unknown in unknowns])
     stages = stage_factors(case)
     driving = np.abs(stages @ force)
-    if (driving > BALANCE_TOLERANCE * (np.abs(stages) @ size)).any():
+    if (driving > QUADRATURE * (np.abs(stages) @ size)).any():
         worst = stages[int(np.argmax(driving))] * force / share[pivot]
         load = case.moved[int(np.argmax(np.abs(worst)))]
-        one, together = unknown[pivot], _together(unknown, pivot, direction)
-        what = "moment" if one.motion.component == ROTATION else "force"
-        whom = f"{_owner(one)} in {_way(one)}"
+        unknown, together = unknowns[pivot], _together(unknowns, pivot, direction)
+        what = "moment" if unknown.motion.component == ROTATION else "force"
+        whom = f"{_owner(unknown)} in {_way(unknown)}"
         if together:
             whom += f", which moves {together} with it"
         yield CaseProblem(
             f"load.{load}",
             f"nothing resists its force on {whom}, where loads add up to a {what} of {worst.sum():.4g}: "
             f"no support acts there, and contact normals have almost no component in this direction",
-            hint=f"add a [[support]] there{_prescribe_hint(one)}",
+            hint=f"add a [[support]] there{_prescribe_hint(unknown)}",
         )
 
 
-def _note(unknown: Sequence[UnknownMotion], pivot: int, direction: FloatArray, along: FloatArray) -> str:
-    one, together = unknown[pivot], _together(unknown, pivot, direction)
-    way = _way(one)
-    if one.motion.component != ROTATION and along.all():
+def _note(unknowns: Sequence[UnknownMotion], pivot: int, direction: FloatArray, along: FloatArray) -> str:
+    unknown, together = unknowns[pivot], _together(unknowns, pivot, direction)
+    way = _way(unknown)
+    if unknown.motion.component != ROTATION and along.all():
         x, y = along / np.hypot(*along)
         way = f"the displacement along ({x:.3g}, {y:.3g})"
     if together:
         return (
-            f"{_owner(one)}: {way} is fixed at 0 (no load and no stiffness): it moves together with "
+            f"{_owner(unknown)}: {way} is fixed at 0 (no load and no stiffness): it moves together with "
             f"{together}; their relative motion stays free"
         )
-    return f"{_owner(one)}: {way} is fixed at 0 (no load and no stiffness in this direction)"
+    return f"{_owner(unknown)}: {way} is fixed at 0 (no load and no stiffness in this direction)"
 
 
-def _weakly_resisted(unknown: Sequence[UnknownMotion], pivot: int, direction: FloatArray) -> str:
+def _weakly_resisted(unknowns: Sequence[UnknownMotion], pivot: int, direction: FloatArray) -> str:
     """Warning about a weakly resisted motion."""
-    one, together = unknown[pivot], _together(unknown, pivot, direction)
+    unknown, together = unknowns[pivot], _together(unknowns, pivot, direction)
+    moves = f", which moves {together} with it," if together else ""
     return (
-        f"{_owner(one)}: {_way(one)}{f', which moves {together} with it,' if together else ''} is hardly "
-        f"resisted, because it follows the surfaces in contact: results depend on the exact positions of "
-        f"supported nodes and on the contact width; fix it with a [[support]]{_prescribe_hint(one)}"
+        f"{_owner(unknown)}: {_way(unknown)}{moves} is hardly resisted, because it follows the surfaces in "
+        "contact: results depend on the exact positions of supported nodes and on the contact width; fix it "
+        f"with a [[support]]{_prescribe_hint(unknown)}"
     )
 
 
-def _together(unknown: Sequence[UnknownMotion], pivot: int, direction: FloatArray) -> str:
-    """The names of what else moves in a motion besides the unknown by which it is fixed."""
-    names = dict.fromkeys(_owner(one) for one in _moving(unknown, direction))
-    return " and ".join(name for name in names if name != _owner(unknown[pivot]))
+def _together(unknowns: Sequence[UnknownMotion], pivot: int, direction: FloatArray) -> str:
+    """The names of what else moves in a motion besides the unknowns by which it is fixed."""
+    names = dict.fromkeys(_owner(unknown) for unknown in _moving(unknowns, direction))
+    return " and ".join(name for name in names if name != _owner(unknowns[pivot]))
 
 
-def _moving(unknown: Sequence[UnknownMotion], direction: FloatArray) -> list[UnknownMotion]:
+def _moving(unknowns: Sequence[UnknownMotion], direction: FloatArray) -> list[UnknownMotion]:
     """The unknowns that a motion involves."""
-    return [one for one, part in zip(unknown, direction, strict=True) if part]
+    return [unknown for unknown, part in zip(unknowns, direction, strict=True) if part]
 
 
 def _velocity(
-    unknown: Sequence[UnknownMotion], constraint: RigidConstraint, direction: FloatArray
+    unknowns: Sequence[UnknownMotion], constraint: RigidConstraint, direction: FloatArray
 ) -> FloatArray:
     """Velocity (2,) of a constraint's centre in a motion."""
     return sum(
         (
-            part / one.lever * one.motion.direction[:2]
-            for one, part in zip(unknown, direction, strict=True)
-            if one.constraint is constraint
+            part / unknown.lever * unknown.motion.direction[:2]
+            for unknown, part in zip(unknowns, direction, strict=True)
+            if unknown.constraint is constraint
         ),
         np.zeros(2),
     )
 
 
-def _of_bodies(unknown: Sequence[UnknownMotion], direction: FloatArray) -> dict[str, FloatArray]:
+def _of_bodies(unknowns: Sequence[UnknownMotion], direction: FloatArray) -> dict[str, FloatArray]:
     """Velocities (3,) of all bodies in a motion, in x, y and rotation about the origin."""
     found: dict[str, FloatArray] = {}
-    for one, part in zip(unknown, direction, strict=True):
-        for body in one.bodies if part else ():
-            x, y = rigid_pattern(np.zeros((1, 2)), one.constraint.center, one.motion.component)[0]
-            turn = 1.0 if one.motion.component == ROTATION else 0.0
-            found[body] = found.get(body, np.zeros(3)) + part / one.lever * np.array([x, y, turn])
+    for unknown, part in zip(unknowns, direction, strict=True):
+        for body in unknown.bodies if part else ():
+            x, y = rigid_pattern(np.zeros((1, 2)), unknown.constraint.center, unknown.motion.component)[0]
+            turn = 1.0 if unknown.motion.component == ROTATION else 0.0
+            found[body] = found.get(body, np.zeros(3)) + part / unknown.lever * np.array([x, y, turn])
     return found
 
 
-def _owner(one: UnknownMotion) -> str:
-    kind = "body" if one.constraint.floats else "platen on" if one.bodies else "the obstacle of contact"
-    return f"{kind} {one.constraint.name}"
+def _owner(unknown: UnknownMotion) -> str:
+    name = unknown.constraint.name
+    if unknown.constraint.floats:
+        return f"body {name}"
+    return f"platen on {name}" if unknown.bodies else f"the obstacle of contact {name}"
 
 
-def _way(one: UnknownMotion) -> str:
-    return MOTIONS[one.motion.component]
+def _way(unknown: UnknownMotion) -> str:
+    return MOTIONS[unknown.motion.component]
 
 
-def _prescribe_hint(one: UnknownMotion) -> str:
-    if one.constraint.floats or one.motion.component == ROTATION:
+def _prescribe_hint(unknown: UnknownMotion) -> str:
+    if unknown.constraint.floats or unknown.motion.component == ROTATION:
         return ""
-    return f", or prescribe {_way(one)} of the {'platen' if one.bodies else 'obstacle'}"
+    return f", or prescribe {_way(unknown)} of the {'platen' if unknown.bodies else 'obstacle'}"

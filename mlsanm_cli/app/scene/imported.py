@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
+from mlsanm_cli.app.scene.conditions import conditions, prescribes
 from mlsanm_cli.app.scene.outlines import drawn, imported_geometry, numbers_of
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import (
     AnyShape,
     Case,
-    Displacement,
     Geometry,
     GeometryInspector,
     LoadedCase,
@@ -23,6 +23,7 @@ from mlsanm_cli.case import (
     load_case,
     split_boundary,
 )
+from mlsanm_cli.case.model.supports import Support
 from mlsanm_cli.cloud.curves import Curve, Outline, Segment
 from mlsanm_cli.errors import Fault
 from mlsanm_cli.mechanics.rigid import ROTATION, RigidBodyModes, left_free, rigid_pattern
@@ -94,21 +95,19 @@ def _held(
     for support in case.support:
         if support.body == body and support.near is not None:
             yield displacements(np.array([support.near]))[:, list(support.holds)].reshape(-1, 3)
-        elif support.place is not None and support.place.body == body:
-            moved = displacements(_place_points(outline, support.place))
-            yield moved[:, list(support.holds)].reshape(-1, 3)
-    for load in case.load:
-        if not isinstance(load, Displacement | Platen) or body not in load.owners:
+    for _, condition, place in conditions(case):
+        if place.body != body:
             continue
-        moved = displacements(_place_points(outline, load.places[load.owners.index(body)]))
-        if isinstance(load, Displacement):
-            yield moved[:, [part is not None for part in load.components]].reshape(-1, 3)
+        moved = displacements(_place_points(outline, place))
+        if not isinstance(condition, Platen):
+            holds = condition.holds if isinstance(condition, Support) else prescribes(condition)
+            yield moved[:, list(holds)].reshape(-1, 3)
             continue
-        for axis, (control, _) in load.control.items():
+        for axis, (control, _) in condition.control.items():
             along = moved[:, "xy".index(axis)]
             if control == "displacement":
                 yield along.mean(axis=0, keepdims=True)
-            if load.turning != "free":
+            if condition.turning != "free":
                 yield along - along.mean(axis=0)
 
 

@@ -55,7 +55,7 @@ def profiles(shape: AnyShape, load: Pressure | Traction | Displacement) -> tuple
     else:
         table = load.table or ()
         given = ((load.pressure,) if isinstance(load, Pressure) else load.traction) or ()
-    expressions = tuple(one for one in given if isinstance(one, str))
+    expressions = tuple(amount for amount in given if isinstance(amount, str))
     return _profiles(shape, load.place, expressions, table) if expressions or table else ()
 
 
@@ -70,7 +70,8 @@ def _profiles(
 
         def values(arc: FloatArray, curve: Curve = curve, start: float = start) -> FloatArray:
             if table:
-                return np.stack([np.interp(start + arc, rows[:, 0], one) for one in rows[:, 1:].T], axis=1)
+                columns = [np.interp(start + arc, rows[:, 0], column) for column in rows[:, 1:].T]
+                return np.stack(columns, axis=1)
             return amounts_at(expressions, curve.points(arc))
 
         arc = np.linspace(0.0, curve.length, SAMPLES + 1)

@@ -50,11 +50,9 @@ def _platens(
     held_nodes: HeldNodes,
 ) -> Iterator[mechanics.RigidConstraint]:
     """Platens, one per boundary or list of boundaries of platen loads."""
-    groups: dict[str, list[tuple[int, Platen]]] = {}
-    for number, load in enumerate(case.load):
-        if isinstance(load, Platen):
-            groups.setdefault(load.label, []).append((number, load))
-    for label, loads in groups.items():
+    platens = {number: load for number, load in enumerate(case.load) if isinstance(load, Platen)}
+    for label in dict.fromkeys(load.label for load in platens.values()):
+        loads = [(number, load) for number, load in platens.items() if load.label == label]
         first = loads[0][1]
         parts = [(place.body, boundaries.names(place)) for place in first.places]
         motions = []
@@ -91,11 +89,9 @@ def _middle(clouds: Mapping[str, Cloud], parts: Sequence[tuple[str, tuple[str, .
 
 def _obstacles(case: Case) -> Iterator[mechanics.RigidConstraint]:
     """Obstacles with a prescribed motion."""
-    groups: dict[str, list[tuple[int, ObstacleMotion]]] = {}
-    for number, load in enumerate(case.load):
-        if isinstance(load, ObstacleMotion):
-            groups.setdefault(load.obstacle, []).append((number, load))
-    for contact, loads in groups.items():
+    moved = {number: load for number, load in enumerate(case.load) if isinstance(load, ObstacleMotion)}
+    for contact in dict.fromkeys(load.obstacle for load in moved.values()):
+        loads = [(number, load) for number, load in moved.items() if load.obstacle == contact]
         motions = tuple(
             _motion(len(case.moved), component, controls, alone=True)
             for component, controls in _controls(loads).items()
@@ -130,11 +126,11 @@ def _controls(
     loads: Sequence[tuple[int, Platen | ObstacleMotion]],
 ) -> dict[int, dict[int, tuple[str, float]]]:
     """For each controlled component, the kind and value of each load."""
-    found: dict[int, dict[int, tuple[str, float]]] = {
+    return {
         component: {number: load.control[axis] for number, load in loads if axis in load.control}
         for component, axis in enumerate("xy")
+        if any(axis in load.control for _, load in loads)
     }
-    return {component: controls for component, controls in found.items() if controls}
 
 
 def _motion(

@@ -25,9 +25,9 @@ to slight curvature of the surface, and too small to distinguish the motion from
 discretisation."""
 MIN_EXACT_COMPONENT = 1e-3
 """The same as ``MIN_NORMAL_COMPONENT`` for contacts with exact directions."""
-CENTRAL_FORCE_SHARE = 1e-3
-"""Forces that all point to a centre, as a pressure in a bore, have a moment by quadrature error only: this
-part of force times arm counts as terms that cancel."""
+QUADRATURE = 1e-3
+"""Error of sums of forces by quadrature, relative to their magnitudes. Forces that all point to a centre, as
+a pressure in a bore, have a moment by it only: this part of force times arm counts as terms that cancel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,17 +75,18 @@ def unknown_motion(
         springs = [k for body in constraint.bodies for k in loads.springs[body].values()]
         elastic = any(any(k) if motion.component == ROTATION else k[motion.component] for k in springs)
         for number, forces, points in [
-            one for body in constraint.bodies for one in _forces(loads, clouds, body)
+            term for body in constraint.bodies for term in _forces(loads, clouds, body)
         ]:
             parts = resultant(forces, points, constraint.center)[motion.component]
             force[number] += parts.sum()
             size[number] += np.abs(parts).sum()
             if motion.component == ROTATION:
                 arms = np.hypot(*(points - constraint.center).T)
-                size[number] += CENTRAL_FORCE_SHARE * np.hypot(*forces.T) @ arms
-    one = UnknownMotion(constraint, motion, force, size, elastic)
-    moved = [one.at(clouds[p.slave_body].points[p.node]) for p in pairings if one.side(p)]
-    return replace(one, lever=max((float(np.hypot(*some.T).max()) for some in moved), default=1.0))
+                size[number] += QUADRATURE * np.hypot(*forces.T) @ arms
+    unknown = UnknownMotion(constraint, motion, force, size, elastic)
+    moved = [unknown.at(clouds[p.slave_body].points[p.node]) for p in pairings if unknown.side(p)]
+    lever = max((float(np.hypot(*parts.T).max()) for parts in moved), default=1.0)
+    return replace(unknown, lever=lever)
 
 
 def _forces(
@@ -105,7 +106,7 @@ def _forces(
 
 
 def sliding_resistance(
-    unknown: Sequence[UnknownMotion],
+    unknowns: Sequence[UnknownMotion],
     pairings: Sequence[Pairing],
     clouds: Mapping[str, Cloud],
     at_once: bool = False,
@@ -114,39 +115,39 @@ def sliding_resistance(
 
     If one of two surfaces is straight, bodies may slide along both ``at_once``, as a disk that rotates about
     a point above the plane on which it rests: only the width of the contact resists. Two straight surfaces
-    touch along their length or at a corner, which crosses the other one.
+    touch along their length or at a corner, which crosses the other unknown.
     """
-    total = _elastic(unknown)
+    total = _elastic(unknowns)
     for pairing in pairings:
         frame = _Frame.of(pairing, clouds)
         sides = [np.linalg.eigh(frame.squares(*side)) for side in frame.sides]
         free = [directions[:, sizes <= COARSE_ROUND_OFF**2] for sizes, directions in sides]
-        straight = [bool(one.shape[1] and np.abs(one[2]).max() <= COARSE_ROUND_OFF) for one in free]
+        straight = [bool(null.shape[1] and np.abs(null[2]).max() <= COARSE_ROUND_OFF) for null in free]
         if at_once and sum(straight) == 1 and not pairing.friction:
             along = np.linalg.svd(np.hstack(free))
             crossing = along[0][:, int((along[1] > COARSE_ROUND_OFF).sum()) :]
-            relative = crossing.T @ frame.relative(unknown)
+            relative = crossing.T @ frame.relative(unknowns)
             total += relative.T @ relative
             continue
         for side, (at, normal) in zip((1.0, -1.0), frame.sides, strict=True):
-            moving = [(column, one) for column, one in enumerate(unknown) if one.side(pairing) == side]
-            across = np.zeros((len(at), 2 if pairing.friction else 1, len(unknown)))
-            for column, one in moving:
-                across[:, 0, column] = (one.at(at) * normal).sum(axis=1)
-                if pairing.friction:
-                    across[:, 1, column] = (one.at(at) * turned(normal)).sum(axis=1)
+            across = np.zeros((len(at), 2 if pairing.friction else 1, len(unknowns)))
+            for column, unknown in enumerate(unknowns):
+                if unknown.side(pairing) == side:
+                    across[:, 0, column] = (unknown.at(at) * normal).sum(axis=1)
+                    if pairing.friction:
+                        across[:, 1, column] = (unknown.at(at) * turned(normal)).sum(axis=1)
             total += np.einsum("ndi,ndj->ij", across, across) / len(at)
     return total
 
 
 def contact_resistance(
-    unknown: Sequence[UnknownMotion],
+    unknowns: Sequence[UnknownMotion],
     pairings: Sequence[Pairing],
     clouds: Mapping[str, Cloud],
     exact: Collection[str],
 ) -> FloatArray:
     """Mean squares (k, k) of the motions in the directions that contacts resist."""
-    total = _elastic(unknown)
+    total = _elastic(unknowns)
     for pairing in pairings:
         frame = _Frame.of(pairing, clouds)
         sizes, directions = np.linalg.eigh(
@@ -154,7 +155,7 @@ def contact_resistance(
         )
         least = MIN_EXACT_COMPONENT if pairing.name in exact else MIN_NORMAL_COMPONENT
         resisted = np.eye(3) if pairing.friction else directions[:, sizes >= least**2].T
-        relative = resisted @ frame.relative(unknown)
+        relative = resisted @ frame.relative(unknowns)
         total += relative.T @ relative
     return total
 
@@ -191,15 +192,16 @@ class _Frame:
         across = np.column_stack([n_x, n_y, (n_y * arm[:, 0] - n_x * arm[:, 1]) / self.lever])
         return np.asarray(across.T @ (self.share[:, None] * across))
 
-    def relative(self, unknown: Sequence[UnknownMotion]) -> FloatArray:
+    def relative(self, unknowns: Sequence[UnknownMotion]) -> FloatArray:
         """The motion (3, k) of the slave relative to the master per unit of each unknown."""
-        found = np.zeros((3, len(unknown)))
-        for column, one in enumerate(unknown):
-            turn = self.lever / one.lever if one.motion.component == ROTATION else 0.0
-            found[:, column] = one.side(self.pairing) * np.append(one.at(self.middle[None, :])[0], turn)
+        found = np.zeros((3, len(unknowns)))
+        for column, unknown in enumerate(unknowns):
+            turn = self.lever / unknown.lever if unknown.motion.component == ROTATION else 0.0
+            motion = np.append(unknown.at(self.middle[None, :])[0], turn)
+            found[:, column] = unknown.side(self.pairing) * motion
         return found
 
 
-def _elastic(unknown: Sequence[UnknownMotion]) -> FloatArray:
+def _elastic(unknowns: Sequence[UnknownMotion]) -> FloatArray:
     """The resistance (k, k) by supports and springs."""
-    return np.diag([float(one.elastic) for one in unknown])
+    return np.diag([float(unknown.elastic) for unknown in unknowns])

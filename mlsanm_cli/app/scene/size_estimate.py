@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from mlsanm_cli.app.scene.assemble import SceneModel, mls_settings
 from mlsanm_cli.app.scene.boundaries import Boundaries
@@ -26,35 +26,22 @@ DENSE = 8.0
 """Square matrices of the contact unknowns in memory at the same time; 5 to 6 were measured."""
 
 
-@dataclass(frozen=True)
-class Estimate:
-    """``nodes`` by body, ``memory_mb`` of the process."""
-
-    nodes: dict[str, float]
-    memory_mb: float
-
-
-def estimate(case: Case) -> Estimate:
-    """Nodes by quadrature of the spacing field or counted, memory by the model below."""
+def node_counts(case: Case) -> dict[str, float]:
+    """Nodes by body: by quadrature of the spacing field, or counted."""
     boundaries = Boundaries.of(case)
-    nodes = {body.name: _nodes(case, boundaries, body) for body in case.body}
-    return Estimate(nodes, _memory_mb(nodes, mls_settings(case).stencil_size, _solver(case)))
+    return {body.name: _nodes(case, boundaries, body) for body in case.body}
 
 
-def _solver(case: Case) -> str:
-    """The solver of the systems of the bodies."""
-    return "superlu" if case.model.strain == "finite" else case.solver.linear
-
-
-def _memory_mb(nodes: Mapping[str, float], stencil: int, solver: str) -> float:
-    """Memory of stencils, rows and factors of all bodies, and of the factorisation of the largest; fitted to
-    measured runs (docs/performance.md)."""
+def memory_mb(case: Case, nodes: Mapping[str, float], stencil: int | None = None) -> float:
+    """Memory of the process: stencils, rows and factors of all bodies, and the factorisation of the largest;
+    fitted to measured runs (docs/performance.md). ``stencil`` are the nodes of a stencil, by default those of
+    the case."""
+    stencil = stencil or mls_settings(case).stencil_size
+    built_in = case.model.strain == "small" and case.solver.linear != "superlu"
+    per_level, without = (CHOLESKY, 8.0) if built_in else (SUPERLU, 7.2)
     counts = list(nodes.values())
     kept = sum((150.0 * stencil + 1950.0) * count for count in counts)
-    if solver == "superlu":
-        factors = sum(SUPERLU * count * stencil * _levels(count, 7.2) for count in counts)
-    else:
-        factors = sum(CHOLESKY * count * stencil * _levels(count, 8.0) for count in counts)
+    factors = sum(per_level * count * stencil * _levels(count, without) for count in counts)
     made = (115.0 * stencil + 1400.0) * max(counts)
     return PROCESS_MB + (kept + factors + made) / 1e6
 
@@ -70,50 +57,49 @@ def _nodes(case: Case, boundaries: Boundaries, body: Body) -> float:
     return estimate_nodes(boundaries.outline(body.name), spacing_of(case, boundaries, body), COUNT_LIMIT)
 
 
-def refuse_too_large(case: Case) -> Estimate:
-    """Raises CaseError, for the key that causes the size, if the scene would not fit in memory."""
-    size = estimate(case)
-    room = physical_memory_mb()
-    if size.memory_mb > room:
-        counts = ", ".join(f"{name} {count:.3g}" for name, count in size.nodes.items())
+def refuse_too_large(case: Case) -> tuple[float, float]:
+    """Estimated nodes and memory (MB). Raises CaseError, for the key that causes the size, if the scene would
+    not fit in memory."""
+    nodes = node_counts(case)
+    memory, room = memory_mb(case, nodes), physical_memory_mb()
+    if memory > room:
+        counts = ", ".join(f"{name} {count:.3g}" for name, count in nodes.items())
         message = (
-            f"the scene needs about {size.memory_mb / 1024:.3g} GB of memory, the machine has "
+            f"the scene needs about {memory / 1024:.3g} GB of memory, the machine has "
             f"{room / 1024:.3g} GB (nodes: {counts})"
         )
-        key, hint = _cause(case, size, room)
+        key, hint = _cause(case, nodes, room)
         raise CaseError((CaseProblem(key, message, hint=hint),))
-    return size
+    return sum(nodes.values()), memory
 
 
 def refuse_too_many_contacts(case: Case, pairings: Sequence[Pairing]) -> None:
     """Raises CaseError, for the largest contact, if the dense systems of the path would not fit in memory."""
     unknowns = {p.name: int(p.candidate.sum()) * (2 if p.friction else 1) for p in pairings}
-    memory_mb = DENSE * sum(unknowns.values()) ** 2 * 8 / 2**20
-    room = physical_memory_mb()
-    if memory_mb > room:
+    memory, room = DENSE * sum(unknowns.values()) ** 2 * 8 / 2**20, physical_memory_mb()
+    if memory > room:
         name = max(unknowns, key=lambda name: unknowns[name])
         message = (
-            f"{sum(unknowns.values())} contact unknowns need about {memory_mb / 1024:.3g} GB of memory, "
+            f"{sum(unknowns.values())} contact unknowns need about {memory / 1024:.3g} GB of memory, "
             f"the machine has {room / 1024:.3g} GB"
         )
         hint = f"use larger spacings along {next(c.names[0] for c in case.contact if c.name == name)}"
         raise CaseError((CaseProblem(f"contact.{name}", message, hint=hint),))
 
 
-def _cause(case: Case, size: Estimate, room: float) -> tuple[str, str]:
+def _cause(case: Case, nodes: Mapping[str, float], room: float) -> tuple[str, str]:
     """The key to change, and a hint."""
-    settings = mls_settings(case)
-    usual = replace(settings, neighbors=None).stencil_size
-    if _memory_mb(size.nodes, usual, _solver(case)) <= room:
+    usual = replace(mls_settings(case), neighbors=None).stencil_size
+    if memory_mb(case, nodes, usual) <= room:
         return "mls.neighbors", f'"auto" takes {usual}'
-    body = max(case.body, key=lambda body: size.nodes[body.name])
+    body = max(case.body, key=lambda body: nodes[body.name])
     if body.has_nodes:
         return f"body.{body.name}.shape.file", "use a coarser mesh"
     hint = "use larger spacings, smaller refinement radii or a larger growth"
     boundaries = Boundaries.of(case)
     far = spacing_of(case, boundaries, body).far
     even = estimate_nodes(boundaries.outline(body.name), Spacing(far), COUNT_LIMIT)
-    if even >= 0.5 * size.nodes[body.name] or not body.refine:
+    if even >= 0.5 * nodes[body.name] or not body.refine:
         return f"body.{body.name}.spacing", hint
     finest = min(range(len(body.refine)), key=lambda index: body.refine[index].spacing)
     return f"body.{body.name}.refine.{finest}.spacing", hint

@@ -171,7 +171,6 @@ def test_a_stiff_fibre_in_a_stretched_matrix(tmp_path: Path) -> None:
     k = 3.0 - 4.0 * 0.3
     assert across + along == pytest.approx(0.5 * (k + 1.0), rel=3e-3)
     assert across - along == pytest.approx((k + 1.0) / k, rel=1e-2)
-    # Three spacings apart, 0.48 radian, knots left 3.2 % of the pressures.
     grip = read_run(tmp_path / "run").contacts["grip"]
     turn, uneven = 2.0 * np.arctan2(grip.points[:, 1], grip.points[:, 0]), 0.5 * (k + 1.0) / k
     off = grip.pressure[-1] + 0.25 * (k + 1.0) + uneven * np.cos(turn)
@@ -181,7 +180,6 @@ def test_a_stiff_fibre_in_a_stretched_matrix(tmp_path: Path) -> None:
 
 
 def test_few_nodes_around_a_fibre_bond_it_and_are_told(tmp_path: Path) -> None:
-    # Three knots around, three spacings apart, had left it half of its load, without a word.
     text = fibre(3.0, (0.6, 0.6), 8.0).support("matrix.l", ux=0.0).pin("matrix", [-8.0, 0.0], uy=0.0)
     summary = solve(text.load("right", "matrix.r", "traction", traction=[0.01, 0.0]), tmp_path / "run")
     # Eshelby's formulas in an infinite plate.
@@ -211,9 +209,7 @@ def test_bodies_hang_on_bonds_alone(tmp_path: Path) -> None:
 
 
 def test_a_crack_closes_beside_its_bond(tmp_path: Path) -> None:
-    # Two blocks glued along a part of their faces, pressed: stresses are those of one. The corner of the
-    # other block, far off, was taken for the end of the contact, with a pressure of 1000 there; and the
-    # contact had been asked to take in the glued part.
+    # Two blocks glued along a part of their faces, pressed: stresses are those of one.
     faces = ("high.bottom", "low.top")
     text = (
         scene("strain", "a", E=1000.0)

@@ -98,7 +98,6 @@ def test_bodies_with_nodal_contacts_have_degree_2() -> None:
 
 
 def test_a_pin_in_the_middle_of_a_ring_is_pulled_to_either_side(tmp_path: Path) -> None:
-    """The regularised law was refused before the first load to the left, and took 258 steps to the right."""
     peaks = []
     for pull in (-10.0, 10.0):
         text = (

@@ -10,7 +10,7 @@ import pytest
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.laws import many_unknowns
-from mlsanm_cli.contact.response import condensation, contact_fields
+from mlsanm_cli.contact.response import condensation
 from mlsanm_cli.contact.response.functionals import candidate_rows, changes
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.reference.hertz import HertzLine
@@ -94,29 +94,18 @@ DEPTHS = (0.02, 0.786, 4.0)
 OFFSETS = (0.0, 1.0, 1.2)
 
 
-def stresses_off(directory: Path) -> FloatArray:
-    """Stresses xx, yy, xy (k, 3) in the block less those in a half-plane, over the peak pressure."""
+def test_stresses_beneath_are_mcewen_s(tmp_path: Path) -> None:
     text, formula = pressed(1e-2)
     x, z = (1e-2 * one.ravel() for one in np.meshgrid(OFFSETS, DEPTHS))
     for k, place in enumerate(zip(x.tolist(), (-z).tolist(), strict=True)):
         text = text.probe(f"p{k}", "block", place)
-    found = np.array([one["stress"] for one in solve(text, directory)["probes"].values()])
+    found = np.array([probe["stress"] for probe in solve(text, tmp_path / "run")["probes"].values()])
     # z points into the block: xz is -xy.
-    return (found - formula.stress(x, z) * [1.0, 1.0, -1.0]) / formula.peak_pressure
-
-
-def test_stresses_beneath_are_mcewen_s(tmp_path: Path) -> None:
-    off = stresses_off(tmp_path / "run")
+    off = (found - formula.stress(x, z) * [1.0, 1.0, -1.0]) / formula.peak_pressure
     assert np.abs(off[:, 1:]).max() <= 3e-4
     # The block bends as a whole: 0.34 a / R of the peak along it, that changes with the depth in the block.
     assert np.abs(off[:, 0]).max() <= 5e-3
     assert np.ptp(off[:, 0]) <= 5e-4
-
-
-def test_stresses_beneath_need_points_of_their_own(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    # A fault put in on purpose: the points of the grid nearby.
-    monkeypatch.setattr(contact_fields, "GRID_POINT_DISTANCE", 0.0)
-    assert np.abs(stresses_off(tmp_path / "run")[:, 1:]).max() > 1.5e-4
 
 
 RECEDING = (
@@ -132,9 +121,7 @@ RECEDING = (
 
 
 def test_a_layer_that_recedes_has_samples_for_its_bending(tmp_path: Path) -> None:
-    """Quadratic finite elements, 59,000 unknowns: peak 0.6735e-3, half-width 1.356 to 1.363. Rigid motions of
-    a free layer vary a hundred times as much as what is to be sampled: 12 samples, 2 % off, had seemed
-    enough."""
+    """Quadratic finite elements, 59,000 unknowns: peak 0.6735e-3, half-width 1.356 to 1.363."""
     summary = done(RECEDING, tmp_path)["contacts"]["seat"]
     assert summary["peak_pressure"] == pytest.approx(0.6735e-3, rel=8e-3)
     assert summary["half_width"] == pytest.approx(1.356, rel=8e-3)
@@ -153,8 +140,6 @@ LATE = (
 
 
 def test_surfaces_may_come_a_long_way(tmp_path: Path) -> None:
-    # Gaps of nodes beyond a grid, measured elsewhere, seemed to close: ranges went to and fro without end,
-    # and the contact was left with one node and a sixth of its pressure.
     summary = solve(LATE, tmp_path / "run", console=Quiet())
     assert summary["status"] == "done"
     # It slides by most of its width, which is warned of.
@@ -179,7 +164,7 @@ HOOK = (
 
 
 def test_a_contact_may_wander_on_its_way(tmp_path: Path) -> None:
-    # At the end it touches far from where it began, beyond the grid: "a node left out has come into contact".
+    # At the end it touches far from where it began, beyond the first grid.
     found = solve(HOOK, tmp_path / "run", console=Quiet())
     assert found["status"] == "done", found["stop_reason"]
     assert found["contacts"]["cam"]["force"][1] == pytest.approx(0.2304, rel=0.01)

@@ -114,7 +114,6 @@ def pad(*sides: str, base: str = "base.top", force: float = 0.0, **shape: Any) -
 
 
 def test_pressures_up_to_corners_within_a_surface(tmp_path: Path) -> None:
-    """Chamfers that stay open are watched: they had taken the pressures to the nodes, 30 % off."""
     chamfered = pad("left_edge", "bottom", "right_edge")
     for name, text in (("chamfered", chamfered), ("flat", pad("bottom"))):
         solve(text, tmp_path / name, "contact.foot.accuracy=3e-3")
@@ -124,8 +123,7 @@ def test_pressures_up_to_corners_within_a_surface(tmp_path: Path) -> None:
 
 
 def test_what_only_pieces_beyond_a_range_resist(tmp_path: Path) -> None:
-    """Open chamfers hold nothing, but were taken to: the way along the block was unknown, with round-off
-    for resistance. Where one stops the pad, pressures are nodal."""
+    """Open chamfers resist no motion along the block. Where one stops the pad, pressures are nodal."""
     names = ("left_edge", "bottom", "right_edge")
     console = Quiet()
     solve(pad(*names), tmp_path / "open", "contact.foot.accuracy=0.1", console=console)
@@ -138,8 +136,7 @@ def test_what_only_pieces_beyond_a_range_resist(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("lean", [0.0, 2.0])
 def test_fields_in_a_hook_end_well_off_its_faces(tmp_path: Path, lean: float) -> None:
-    """A beam with a nose that is upright, or leans over the pin that lifts it: fields had ended 0.12 below
-    its face, where no node resolved them, and the energy was 60 % off."""
+    """A beam with a nose that is upright, or leans over the pin that lifts it."""
     up, tip = (
         [[0.0, 0.0], [40.0, 0.0], [40.0 - lean, -6.0]],
         [[44.0, -6.0], [46.0, 0.0], [46.0, 4.0], [0.0, 4.0]],

@@ -27,8 +27,7 @@ SAMPLES = {"kind": "polyline", "points": ROUND}
 
 
 def test_a_bent_beam_is_pressed_on_along_its_own_normal(tmp_path: Path) -> None:
-    """Its lower side moves outwards along two round posts, by as much as it turns: posts had pushed it
-    together with twice the force."""
+    """Its lower side moves outwards along two round posts, by as much as it turns."""
     span, high, down = 100.0, 10.0, 0.5
     summary = solve(
         scene("stress")
@@ -51,8 +50,7 @@ def test_a_bent_beam_is_pressed_on_along_its_own_normal(tmp_path: Path) -> None:
 
 
 def test_a_wedge_opens_a_fork(tmp_path: Path) -> None:
-    """Its arms touch with round ends, which bend away; the wedge does not turn. Before, its fields found no
-    place to end between the arms, and its normals turned with these: 4.8 % too much."""
+    """Its arms touch with round ends, which bend away; the wedge does not turn."""
     angle, round_, mouth = np.radians(15.0), 3.0, 60.0
     points = [[0, -30], [mouth, -30], [mouth, -10], [20, -10], [20, 10], [mouth, 10], [mouth, 30], [0, 30]]
     rounding = [0.0, 0.0, round_, 4.0, 4.0, round_, 0.0, 0.0]
@@ -80,7 +78,6 @@ def test_a_wedge_opens_a_fork(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("nose", [disk([17.0, 4.0], 2.0), SAMPLES], ids=["disk", "samples"])
 def test_a_round_obstacle_presses_perpendicular_to_a_flat_body(nose: dict[str, Any], tmp_path: Path) -> None:
-    """Along the obstacle's normals at the places drawn, it pressed to the side by half as much again."""
     found = solve(BEAM.contact("nose", "beam.top", obstacle=nose), tmp_path / "run")
     across, along = found["contacts"]["nose"]["force"]
     # The slope of a cantilever under its load, with shear, which takes part of the deflection.
@@ -89,8 +86,6 @@ def test_a_round_obstacle_presses_perpendicular_to_a_flat_body(nose: dict[str, A
 
 
 def test_at_the_tip_of_a_wedge_directions_are_those_of_both_sides() -> None:
-    """A patch around the tip had the direction of one side, and a wedge of 10 degrees pushed sideways with a
-    tenth of its force."""
     chain = Chain(np.array([[-15.0, 1.0], [0.0, 0.0], [15.0, 1.0]]))
     facing = Facing(Segment((30.0, 0.0), (-30.0, 0.0)), None, chain)
     grid: Any = SimpleNamespace(first=0.0, last=60.0, facing=facing)

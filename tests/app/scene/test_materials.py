@@ -229,7 +229,6 @@ def test_round_bodies(form: str, close: float, plane: str, tmp_path: Path) -> No
 
 
 def test_probes_under_a_contact_have_no_stress_of_free_expansion(tmp_path: Path) -> None:
-    """It was subtracted again whenever the grid was refined; without contact there is nothing to refine."""
     text = (
         block(field("2 + y"))
         .support("block.bottom", ux=0.0, uy=0.0)

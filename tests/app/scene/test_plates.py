@@ -52,8 +52,7 @@ def test_pure_bending(way: str, tmp_path: Path) -> None:
 
 
 def test_the_estimate_knows_what_turning_plates_carry(tmp_path: Path) -> None:
-    # A plate that keeps its end from contracting makes singular corners, whose stress by other fits turned it
-    # by a quarter of its angle; the displacement is right to 1e-4.
+    # A plate that keeps its end from contracting makes singular corners.
     text = beam(20.0, None) + plate("beam.right", force=[0.0, 0.0], moment=2.0)
     summary = solve(text, tmp_path / "run")
     assert summary["plates"]["beam.right"]["rotation"] == pytest.approx(0.48, rel=1e-3)
@@ -61,7 +60,6 @@ def test_the_estimate_knows_what_turning_plates_carry(tmp_path: Path) -> None:
 
 
 def test_loads_of_one_plate_add_up(tmp_path: Path) -> None:
-    # A moment alone was told to need a direction, although another load gives it.
     both = plate("beam.right", fx=-3.0, rotation="free").load("turn", "beam.right", "platen", moment=2.0)
     apart = solve(BEAM + both, tmp_path / "two")
     once = solve(BEAM + plate("beam.right", fx=-3.0, moment=2.0), tmp_path / "one")

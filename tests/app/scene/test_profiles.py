@@ -240,7 +240,6 @@ def test_flanks_of_gears_from_points(tmp_path: Path) -> None:
 
 
 def test_which_of_two_equal_flanks_gives_directions_does_not_depend_on_nodes() -> None:
-    """Curvatures are compared where the flanks touch, not at the nodes next to that place: what resists their
-    motion along each other is curvature alone, and varied by 1 to 2 %."""
+    """Curvatures are compared where the flanks touch, not at the nodes next to that place."""
     texts = (flanks((3.0, 1.0), (3.0, 1.0), spacing, fy=-3.0) for spacing in (0.1, 0.083, 0.07))
     assert len({prepared(text).ranges["mesh"].facing.slave_first for text in texts}) == 1

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.scene import clouds, load_spacing
+from mlsanm_cli.app.scene import clouds
 from mlsanm_cli.app.scene.load_spacing import resolved_sizes
-from mlsanm_cli.mechanics import corners
 from tests.app.runs import warned
 from tests.app.scenes import done, solve
 from tests.case_text import Scene, item, load, scene
@@ -28,34 +27,19 @@ BLOCK = (
 """A hundred times as wide as what is loaded."""
 
 
-def off(directory: Path, pressure: float | str = 1.0, **part: Any) -> float:
-    """How far vertical stresses under a strip are from those of a half-plane (Johnson, Contact Mechanics,
-    1985, equation 2.30), as a part of the pressure; the resultant is exact."""
-    text = BLOCK.load("press", "block.top", "pressure", pressure=pressure, **part)
+@pytest.mark.parametrize("strip", [{"pressure": 1.0, **STRIP}, {"pressure": f"1 if abs(x) < {HALF} else 0"}])
+def test_a_pressure_ends_within_a_side(strip: dict[str, Any], tmp_path: Path) -> None:
+    """Vertical stresses are those of a half-plane (Johnson, Contact Mechanics, 1985, equation 2.30)."""
+    text = BLOCK.load("press", "block.top", "pressure", **strip)
     for number, depth in enumerate(DEPTHS):
         text = text.probe(f"p{number}", "block", [0.0, -depth * HALF])
-    summary = done(text, directory / "run")
+    summary = done(text, tmp_path / "run")
     assert summary["forces"]["press"][1] == pytest.approx(-2.0 * HALF, rel=1e-9)
     assert summary["nodes"] < 800
     angles = [2.0 * math.atan(1.0 / depth) for depth in DEPTHS]
     exact = [-(angle + math.sin(angle)) / math.pi for angle in angles]
     found = [probe["stress"][1] for probe in summary["probes"].values()]
-    return float(np.abs(np.subtract(found, exact)).max())
-
-
-def test_a_pressure_on_a_part_of_a_side(tmp_path: Path) -> None:
-    assert off(tmp_path, **STRIP) < 0.01
-
-
-def test_a_pressure_that_an_expression_ends(tmp_path: Path) -> None:
-    assert off(tmp_path, f"1 if abs(x) < {HALF} else 0") < 0.01
-
-
-def test_nodes_by_the_body_alone_are_not_enough(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(load_spacing, "PER_LENGTH", 1.0)
-    monkeypatch.setattr(load_spacing, "PER_LENGTH_AT_ENDS", 2.0)
-    with pytest.raises(AssertionError):
-        assert off(tmp_path, **STRIP) < 0.03
+    assert found == pytest.approx(exact, abs=0.01)
 
 
 def test_spacings_resolve_what_is_not_linear() -> None:
@@ -66,24 +50,15 @@ def test_spacings_resolve_what_is_not_linear() -> None:
     assert 0.01 < sizes.min() < 0.03
 
 
-def under_plate(directory: Path) -> float:
-    """The vertical stress under a smooth rigid plate on a part of a side, over that in a half-plane with the
-    pressures P / (pi sqrt(a^2 - x^2)) (Johnson, Contact Mechanics, 1985, equation 2.64)."""
+def test_a_smooth_plate_on_a_part_of_a_side(tmp_path: Path) -> None:
+    """The vertical stress beneath it is that in a half-plane under the pressures P / (pi sqrt(a^2 - x^2))
+    (Johnson, Contact Mechanics, 1985, equation 2.64)."""
     angle = (np.arange(2000) + 0.5) * np.pi / 2000
     x, depth = 0.3 * np.cos(angle), 0.3
     exact = -float(np.mean(2.0 * depth**3 / (np.pi * (x**2 + depth**2) ** 2)))
     text = BLOCK.load("press", "block.top", "platen", fy=-1.0, **PART).probe("below", "block", [0.0, -depth])
-    return float(done(text, directory / "run")["probes"]["below"]["stress"][1]) / exact
-
-
-def test_a_smooth_plate_on_a_part_of_a_side(tmp_path: Path) -> None:
-    assert under_plate(tmp_path) == pytest.approx(1.0, abs=0.015)
-
-
-def test_rows_at_the_ends_need_their_weights(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(corners, "MAX_MIXED_ANGLE", -np.inf)
-    with pytest.raises(AssertionError):
-        assert under_plate(tmp_path) == pytest.approx(1.0, abs=0.1)
+    stress = done(text, tmp_path / "run")["probes"]["below"]["stress"]
+    assert stress[1] == pytest.approx(exact, rel=0.015)
 
 
 @pytest.mark.parametrize(

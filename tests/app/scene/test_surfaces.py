@@ -42,8 +42,7 @@ def pad(radius: float, slave: Any = FOOT, master: Any = "block.top", spacing: fl
 
 
 def test_ranges_go_on_where_the_outline_does() -> None:
-    """Pressures had kept four spacings off the ends of edges that pass smoothly into free sides: contacts on
-    coarse clouds had no grid."""
+    """Pressures may reach the ends of edges that pass smoothly into free sides."""
     limits = prepared(pad(0.3), "body.pad.spacing=0.2").ranges["foot"]
     assert limits.last - limits.first > 2.0 * (0.7 + 0.7 * 0.5 * np.pi * 0.3)
 
@@ -148,7 +147,6 @@ def test_parts_of_sides_are_held_loaded_and_pressed(tmp_path: Path) -> None:
 
 
 def test_feet_of_one_name_are_clamped_as_those_of_two() -> None:
-    # Where spacings are automatic, sides of one name that do not join were refused.
     portal = [(0, 0), (1, 0), (1, 2), (3, 2), (3, 0), (4, 0), (4, 3), (0, 3)]
 
     def placed(*feet: str) -> FloatArray:
@@ -219,7 +217,6 @@ def test_a_pressure_and_a_contact_share_a_surface(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("start", [0.0, 0.5 * np.pi])
 def test_a_closed_curve_begins_at_its_top_wherever_its_points_do(start: float) -> None:
-    """Without a node there the mirror image of a ring between plates was none, and the ring rolled away."""
     angle = start + np.linspace(0.0, 2.0 * np.pi, 25)
     points = [[float(x), float(y)] for x, y in zip(np.cos(angle), np.sin(angle), strict=True)]
     sides = [{"name": "skin", "points": points}]
@@ -280,7 +277,6 @@ def test_a_part_of_an_arc_touches_as_the_arc_does(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("slope", "sharp"), [(0.1, True), (1.0, True), (3.0, False)])
 def test_a_tip_that_touches_with_both_sides_needs_a_radius(slope: float, sharp: bool) -> None:
-    """Only one of the sides had pressures: a wedge of 10 degrees pushed sideways with 18 % of its force."""
     points = [[0.0, 0.0], [4.0, 4.0 * slope], [4.0, 16.0], [-4.0, 16.0], [-4.0, 4.0 * slope]]
     case = parse(
         scene("strain")
@@ -290,11 +286,12 @@ def test_a_tip_that_touches_with_both_sides_needs_a_radius(slope: float, sharp: 
         .load("press", "wedge.back", "platen", ux=0.0, fy=-10.0)
         .contact("tip", slave=["wedge.other", "wedge.one"], master="block.top")
     ).case
+    pairings = tuple(pair(case, Boundaries.of(case), clouds(case)))
     if not sharp:
-        check_tips(case, tuple(pair(case, Boundaries.of(case), clouds(case))))
+        check_tips(case, pairings)
         return
     with pytest.raises(CaseError) as caught:
-        check_tips(case, tuple(pair(case, Boundaries.of(case), clouds(case))))
+        check_tips(case, pairings)
     (problem,) = caught.value.problems
     assert "sharp corner at (0, 0)" in problem.message
     assert "contact.tip.slave" in problem.hint
