@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.complementarity.problem import ContactStatus
 from mlsanm_cli.contact.laws.linearised import ContactSolution
 from mlsanm_cli.contact.response.condensed import Condensed
@@ -70,19 +70,6 @@ def limit_load(condensed: Condensed, begin: FloatArray, change: FloatArray) -> L
     most = float(np.abs(more / scale).max() * np.abs(motion * scale).max())
     driven = abs(float(more @ motion)) > COARSE_ROUND_OFF * most
     return LimitLoad(part, motion, min(share, 1.0), bool(touching.max(initial=0.0) > 1e-9), driven)
-
-
-def supporting(condensed: Condensed, gap: FloatArray, force: FloatArray) -> BoolArray | None:
-    """Mask (m,) of the fewest and closest nodes, by their ``gap`` (m,), on which rigid bodies rest under a
-    ``force`` (k,); None if there are none."""
-    size = np.abs(force).max(initial=0.0)
-    if not size:
-        return None
-    forces = _Forces.of(condensed, float(size))
-    m = len(gap)
-    cost = np.append(gap * condensed.weight * forces.unit, np.zeros(len(condensed.whole) - m))
-    found = forces.balancing(cost / (np.abs(cost).max() or 1.0), force)
-    return found.x[:m] > 0.0 if found.status == 0 and found.x is not None else None
 
 
 @dataclass(frozen=True, eq=False)
