@@ -157,3 +157,11 @@ def test_sliding_as_a_whole_ends_the_run(tmp_path: Path) -> None:
 )
 def test_what_is_gone_is_told(changes: tuple[str, ...], key: str, words: str, tmp_path: Path) -> None:
     refused(NODAL, tmp_path / "run", key, words, *changes)
+
+
+def test_automatic_clouds_resolve_nodal_pressures(tmp_path: Path) -> None:
+    """A published case for contact grids, by the regularised law instead."""
+    hertz_case = (Path(__file__).parents[2] / "cases/hertz.toml").read_text()
+    summary = done(hertz_case, tmp_path / "run", NEWTON, "output.vtu=false")
+    contact = summary["contacts"]["interface"]
+    assert contact["peak_pressure"] == pytest.approx(contact["reference"]["peak_pressure"], rel=0.01)

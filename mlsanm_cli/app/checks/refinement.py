@@ -1,5 +1,8 @@
 """``[adapt] passes``: solve, refine at contact edges and where fits are poor, solve again.
 
+The regularised law has pressures at nodes: automatic spacings of bodies in contact are refined in the same
+way to ``NODAL_RULE``, without being asked.
+
 The accuracy of a pressure profile is limited by the position of the contact edges, known to half a spacing,
 then by the spacing under the contact. Every pass requires ``Rule.across`` spacings over the half-width of
 each patch, and refines around its edges, within twice their uncertainty, up to ``Rule.at_edge`` spacings per
@@ -47,6 +50,10 @@ LOW_DEGREE_RULE = Rule(20.0, 1.0, 256.0, 0.12)
 """Degrees 1 to 3."""
 HIGH_DEGREE_RULE = Rule(10.0, 0.5, 256.0, 0.14)
 """Degrees 4 to 6."""
+NODAL_RULE = Rule(10.0, 1.0, 10.0, 0.2)
+"""Nodal pressures of the regularised law: even spacings under the patch, as the law smooths its edges."""
+NODAL_PASSES = 6
+"""Largest number of passes to `NODAL_RULE`; each halves the uncertainty of edges at least."""
 STICK_REFINEMENT = 64.0
 EDGE_TOLERANCE = 0.05
 """Accuracy of contact edges, in half-widths, required for the refinement of stick zones."""
@@ -80,12 +87,11 @@ def adapt(case: Case, prepared: SceneModel, context: RunContext, known: Refineme
     if known is not None:
         return Adapted(prepared, built, accuracy, known)
     history = [_figures(built, accuracy, None)]
-    degree = min(model.settings.degree for model in prepared.models.values())
-    rule = LOW_DEGREE_RULE if degree < 4 else HIGH_DEGREE_RULE
+    rule, passes = _required(case, prepared)
     bulk: tuple[Zone, ...] = ()
     placed: tuple[Zone, ...] = ()
     failed = ""
-    for number in range(1, case.adapt.passes + 1):
+    for number in range(1, passes + 1):
         patches = tuple(found_patches(built, rule))
         zones = tuple(zone for patch in patches for zone in _patch_zones(patch, rule))
         # The bulk is refined only once the zones of the contacts no longer limit the accuracy.
@@ -115,6 +121,19 @@ def adapt(case: Case, prepared: SceneModel, context: RunContext, known: Refineme
     return Adapted(prepared, built, accuracy, Refinement(placed, tuple(history), failed))
 
 
+def _required(case: Case, prepared: SceneModel) -> tuple[Rule, int]:
+    """The spacings that contact patches require, and the number of passes."""
+    touching = {body for pairing in prepared.pairings for body in pairing.bodies}
+    automatic = all(
+        body.spacing == "auto" and not body.has_nodes for body in case.body if body.name in touching
+    )
+    smooth = any(contact.regularization.law == "hyperbolic" for contact in case.touching)
+    if smooth and automatic and not case.adapt.passes:
+        return NODAL_RULE, NODAL_PASSES
+    degree = min(model.settings.degree for model in prepared.models.values())
+    return LOW_DEGREE_RULE if degree < 4 else HIGH_DEGREE_RULE, case.adapt.passes
+
+
 def _solved(
     case: Case, prepared: SceneModel, context: RunContext, before: Scene | None = None
 ) -> tuple[CondensedScene, Accuracy]:
@@ -138,7 +157,7 @@ def found_patches(built: CondensedScene, rule: Rule) -> Iterator[Patch]:
             least = MIN_STICK_ZONE * max((patch.half_width for patch in closed), default=np.inf)
             for patch in contact_patches(pairing, state.stuck[span]):
                 if patch.half_width > least and len(patch.edges):
-                    yield replace(patch, finest=rule.at_edge / STICK_REFINEMENT)
+                    yield replace(patch, finest=max(rule.at_edge / STICK_REFINEMENT, 1.0))
 
 
 def _is_coarse(patch: Patch, rule: Rule) -> bool:
@@ -151,7 +170,9 @@ def _patch_zones(patch: Patch, rule: Rule) -> Iterator[Zone]:
     """Zones under the patch and around its edges."""
     middle = (float(patch.middle[0]), float(patch.middle[1]))
     reach = rule.reach * patch.half_width + 2.0 * float(patch.uncertainty.max())
-    yield Zone.around(middle, patch.half_width / rule.across, reach, rule.growth)
+    # Finer spacings over all that a patch may cover are wasted until its edges are known.
+    spacing = max(patch.half_width / rule.across, float(patch.uncertainty.max()) / 2.0)
+    yield Zone.around(middle, spacing, reach, rule.growth)
     for edge, unsure, apart in zip(patch.edges, patch.uncertainty, patch.apart, strict=True):
         finest = max(patch.finest * patch.half_width / rule.at_edge, float(unsure) / MAX_EDGE_REFINEMENT)
         # The zone must also reach the other surface across the initial gap.
