@@ -91,7 +91,7 @@ class Example:
         """The states of all statuses; of those with singular equations the ones of least norm."""
         own = {int(node): number for number, node in enumerate(self.nodes)}
         kinds = ["os+-" if node in own and self.friction[own[node]] > 0.0 else "oc" for node in range(self.m)]
-        found = []
+        found: list[FloatArray] = []
         for status in itertools.product(*kinds):
             matrix, rhs = self.matrix.copy(), -self.free
             for node, kind in enumerate(status):
@@ -101,7 +101,7 @@ class Example:
                     row, side = self.m + own[node], {"+": 1.0, "-": -1.0}.get(kind, 0.0)
                     matrix[row], rhs[row] = np.eye(len(rhs))[row], 0.0
                     matrix[row, node] -= side * self.friction[own[node]]
-            x = np.linalg.lstsq(matrix, rhs, rcond=1e-10)[0]
+            x = np.asarray(np.linalg.lstsq(matrix, rhs, rcond=1e-10)[0], dtype=np.float64)
             solved = np.abs(matrix @ x - rhs).max() <= 1e-8 * (1.0 + np.abs(rhs).max())
             if solved and self.accepts(x, 1e-8):
                 found.append(x)
