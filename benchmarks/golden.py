@@ -44,8 +44,8 @@ ROUND_OFF = 1e-9
 """Dimensionless figures (balances, residuals, error estimates) that differ by less are equal."""
 QUICK = 3.0
 """CPU seconds of a run that ``--quick`` repeats."""
-VOLATILE = ("seconds", "wall_seconds", "peak_memory_mb", "cache", "directory", "checks")
-"""Keys of summary.json that are not compared."""
+VOLATILE = ("seconds", "wall_seconds", "peak_memory_mb", "cache", "directory", "checks", "failure")
+"""Keys of summary.json that are not compared; the worst nodes of a failed state are often equally bad."""
 GROUPS = ("forces", "contacts.*.force", "probes.*.displacement", "probes.*.stress", "plates.*")
 """Figures whose scale is the largest of the group."""
 
