@@ -122,4 +122,4 @@ def test_half_of_a_contact_s_singular_field(monkeypatch: pytest.MonkeyPatch, tmp
         return 0.5 * log, 0.5 * turn
 
     monkeypatch.setattr(ContactGrid, "singular", faulty)
-    assert outcome("hertz", tmp_path / "run", EXACT_LAW)["status"] == "failed"
+    assert outcome("hertz", tmp_path / "run", EXACT_LAW, COARSE)["status"] == "failed"
