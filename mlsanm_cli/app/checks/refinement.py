@@ -26,7 +26,7 @@ from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.build import place
 from mlsanm_cli.app.scene.condense import condense_scene
-from mlsanm_cli.app.scene.refinement import Refinement
+from mlsanm_cli.app.scene.refinement import Refinement, has_automatic_spacings
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.contact.geometry.profile import Patch, contact_patches, half_width
@@ -124,11 +124,8 @@ def adapt(case: Case, prepared: SceneModel, context: RunContext, known: Refineme
 def _required(case: Case, prepared: SceneModel) -> tuple[Rule, int]:
     """The spacings that contact patches require, and the number of passes."""
     touching = {body for pairing in prepared.pairings for body in pairing.bodies}
-    automatic = all(
-        body.spacing == "auto" and not body.has_nodes for body in case.body if body.name in touching
-    )
     smooth = any(contact.regularization.law == "hyperbolic" for contact in case.touching)
-    if smooth and automatic and not case.adapt.passes:
+    if smooth and has_automatic_spacings(case, touching) and not case.adapt.passes:
         return NODAL_RULE, NODAL_PASSES
     degree = min(model.settings.degree for model in prepared.models.values())
     return LOW_DEGREE_RULE if degree < 4 else HIGH_DEGREE_RULE, case.adapt.passes

@@ -19,7 +19,7 @@ from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.build import place
 from mlsanm_cli.app.scene.clouds import line_of
 from mlsanm_cli.app.scene.contact_spacing import NODAL_BAND, NODAL_GROWTH
-from mlsanm_cli.app.scene.refinement import Refinement
+from mlsanm_cli.app.scene.refinement import Refinement, has_automatic_spacings
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.curves import Curve, Segment
@@ -104,8 +104,7 @@ def _zone(curve: Curve, spacing: float) -> Zone:
 
 def is_automatic(case: Case, contact: AnyContact) -> bool:
     """Whether the spacings of all bodies of a contact are automatic."""
-    names = {side.body for side in contact.sides}
-    return all(one.spacing == "auto" and not one.has_nodes for one in case.body if one.name in names)
+    return has_automatic_spacings(case, {side.body for side in contact.sides})
 
 
 def _segments(side: ContactSide, spacing: FloatArray) -> FloatArray:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.curves import Segment
 from mlsanm_cli.cloud.spacing import Zone
 
@@ -46,3 +47,8 @@ def _row(zone: Zone) -> list[float]:
 def _zones(rows: Sequence[Sequence[float]]) -> Iterator[Zone]:
     for a, b, c, d, spacing, radius, growth in rows:
         yield Zone(Segment((a, b), (c, d)), spacing, radius, growth)
+
+
+def has_automatic_spacings(case: Case, names: Collection[str]) -> bool:
+    """Whether the spacings of all bodies with these ``names`` are automatic."""
+    return all(body.spacing == "auto" and not body.has_nodes for body in case.body if body.name in names)
