@@ -21,7 +21,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.contact.geometry.clusters import Chain, Clusters
+from mlsanm_cli.contact.geometry.clusters import Chain, hierarchical
 from mlsanm_cli.contact.geometry.facing import Facing, turned
 from mlsanm_cli.contact.geometry.grid import Hats
 from mlsanm_cli.contact.geometry.hat_pairs import LOGARITHM, SIGN, HatPairs
@@ -330,8 +330,7 @@ class ContactGrid:
 
     def singular_chains(self, log: FloatArray, turn: FloatArray) -> tuple[sparse.csr_array, list[Chain]]:
         """:meth:`singular_integrals` of pressures as near entries (m, m) and matrix products."""
-        clusters, along = Clusters.of(self.pairs), self._unfolded_directions[0]
-        near, far = clusters.near(log, turn, along), clusters.beyond(log, turn, along)
+        near, far = hierarchical(self.pairs, log, turn, self._unfolded_directions[0])
         if not self.mirrored:
             return near, far
         fold = self._unfolded[1]

@@ -224,7 +224,7 @@ def _untracted(scene: Scene, pairing: Pairing) -> BoolArray:
 def _many(pairings: tuple[Pairing, ...]) -> bool:
     """Whether compliances are compressed: for many unknowns, all of them pressures on grids."""
     counts = [int(pairing.candidate.sum()) for pairing in pairings]
-    on_grids = all(one.grid is not None and one.grid.pairs.hats.period is None for one in pairings)
+    on_grids = all(one.grid is not None for one in pairings)
     many = max(counts, default=0) > COMPRESSED_CONTACT or sum(counts) > COMPRESSED_TOTAL
     return many and on_grids and not any(pairing.friction for pairing in pairings)
 
