@@ -10,11 +10,11 @@ import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from types import FrameType, TracebackType
 from typing import Any, ClassVar, Protocol, Self
 
 from mlsanm_cli.memo import NO_CACHE, Memo
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.system import STOPPING
 
 STOPPING_MESSAGE = "stopping after this step; Ctrl-C again stops at once"
