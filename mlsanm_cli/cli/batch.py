@@ -54,11 +54,11 @@ def collect(settings: Settings, rundirs: tuple[Path, ...], out: Path | None) -> 
 
     One row per run: the parameters that differ, status and results.
     """
-    rows = of_app("results.collect.collect")(rundirs)
+    rows = of_app("results.info.collect")(rundirs)
     if out is not None:
-        of_app("results.collect.write_rows")(out, rows)
+        of_app("results.info.write_rows")(out, rows)
     if settings.json:
         say(settings, as_json({"runs": rows}))
     elif out is None:
-        say(settings, of_app("results.collect.as_csv")(rows), newline=False)
+        say(settings, of_app("results.info.as_csv")(rows), newline=False)
     return 0

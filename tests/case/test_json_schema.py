@@ -10,7 +10,7 @@ import jsonschema
 import pytest
 
 from mlsanm_cli.case import parse_case, schema
-from mlsanm_cli.case.model.fields import UNIT
+from mlsanm_cli.case.model.section import UNIT
 from mlsanm_cli.case.reading.overrides import apply_overrides
 from mlsanm_cli.case.starters import kinds, starter
 from mlsanm_cli.errors import CaseError

@@ -11,14 +11,14 @@ import pytest
 
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_dir
-from mlsanm_cli.io.lock import LOCK_FILE, holder, locked
+from mlsanm_cli.io.files import LOCK_FILE, holder, locked
 from mlsanm_cli.io.summary import EventLog, write_json_atomic
 
 ROOT = Path(__file__).parents[2]
 HOLD = """
 import sys, time
 from pathlib import Path
-from mlsanm_cli.io.lock import locked
+from mlsanm_cli.io.files import locked
 with locked(Path(sys.argv[1])):
     print("held", flush=True)
     time.sleep(60)

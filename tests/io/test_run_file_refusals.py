@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.records import place
-from mlsanm_cli.io.run_file import RunFile
+from mlsanm_cli.io.run_file import RunFile, place
 from mlsanm_cli.io.run_reader import read_run
 from tests.io.run_files import M, contact_values, datasets, start_run, step_row, write_fields, write_steps
 

@@ -11,8 +11,7 @@ from mlsanm_cli.app.check import check
 from mlsanm_cli.app.results.fields import boundary_edges
 from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.run import run
-from mlsanm_cli.cloud.sight import visibility_criterion
-from mlsanm_cli.cloud.triangles import triangulate
+from mlsanm_cli.cloud.sight import triangulate, visibility_criterion
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import Quiet
 from tests.case_text import scene
