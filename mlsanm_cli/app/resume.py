@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from mlsanm_cli.app.context import Clock, Console, RunContext, Stopper
+from mlsanm_cli.app.context import Clock, Console, RunContext
 from mlsanm_cli.app.output.checkpoint import interrupted_run
 from mlsanm_cli.app.run import analysis_of, carry_out
 from mlsanm_cli.app.scene.imported import geometry_inspector
@@ -19,6 +19,7 @@ from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.lock import locked
 from mlsanm_cli.io.run_reader import RunData, read_origin
 from mlsanm_cli.io.summary import read_json
+from mlsanm_cli.stopping import Stopper
 
 
 def resume(rundir: Path, *, max_wall: float | None = None, console: Console) -> Mapping[str, Any]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from mlsanm_cli.app.checks.references import check_reference
-from mlsanm_cli.app.context import Clock, Console, RunContext, Stopper
+from mlsanm_cli.app.context import Clock, Console, RunContext
 from mlsanm_cli.app.output.analysis import Analysis, Ending
 from mlsanm_cli.app.output.checkpoint import EarlierRun
 from mlsanm_cli.app.output.provenance import attributes
@@ -24,6 +24,7 @@ from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.lock import locked
 from mlsanm_cli.io.run_file import Attribute
 from mlsanm_cli.memo import NO_CACHE, Memo
+from mlsanm_cli.stopping import Stopper
 
 RESULTS = Path("results")
 

@@ -4,7 +4,6 @@ outline or past a reentrant corner are harmless and allowed."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -13,6 +12,7 @@ from scipy.spatial import cKDTree
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.membership import cross, inside_polygon
 from mlsanm_cli.kernels.sight import cut_lines
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 
 MIN_DETOUR = 3.0

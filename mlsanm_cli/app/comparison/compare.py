@@ -4,7 +4,6 @@ docs/methods-compared.md."""
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ from mlsanm_cli.app.scene.imported import load_with_files
 from mlsanm_cli.case import Case, LoadedCase
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.summary import write_json_atomic
+from mlsanm_cli.records import dataclass
 
 
 @dataclass(frozen=True)

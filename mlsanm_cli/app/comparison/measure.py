@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from statistics import median
 from typing import Any
 
@@ -13,6 +13,7 @@ from mlsanm_cli.app.checks.check import Verdicts
 from mlsanm_cli.app.checks.states import checks_of
 from mlsanm_cli.case import Case
 from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import PathStep

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import fields, is_dataclass
 from typing import Any, TypeVar
 
 import numpy as np
@@ -13,6 +13,7 @@ from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_file import Value
 from mlsanm_cli.io.run_reader import RunData
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.solve.state import Checkpoint, State
 
 REFINEMENT = "checkpoint/refinement"

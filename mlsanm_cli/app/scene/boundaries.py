@@ -8,7 +8,6 @@ supports and loads act on each piece. A contact joins its pieces to one surface.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import accumulate, pairwise
 
 import numpy as np
@@ -26,6 +25,7 @@ from mlsanm_cli.cloud.curves import Curve, Outline, Segment
 from mlsanm_cli.cloud.joined import cut
 from mlsanm_cli.cloud.surface import Surface, joined_surface
 from mlsanm_cli.errors import CaseError, CaseProblem
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 MAX_END_DISTANCE = 0.1

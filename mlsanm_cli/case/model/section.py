@@ -7,7 +7,7 @@ import ast
 import inspect
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import pairwise, takewhile
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
@@ -17,6 +17,7 @@ from pydantic_core import CoreSchema
 
 from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.errors import Fault
+from mlsanm_cli.records import dataclass
 
 if TYPE_CHECKING:
     from mlsanm_cli.case.model.case import Case

@@ -8,7 +8,7 @@ import json
 import re
 import tomllib
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from mlsanm_cli.case.reading.valid import LISTS, valid_part
 from mlsanm_cli.case.report import Report, nearest
 from mlsanm_cli.errors import CaseError, CaseProblem, Fault, GeometryError, OutlineError, RunError
 from mlsanm_cli.inputs import MAX_TEXT_BYTES, is_text, read_input
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.toml import plain
 
 MAX_LISTED_CASES = 1000
