@@ -42,8 +42,8 @@ load."""
 @dataclass(frozen=True, eq=False)
 class State:
     """State at ``lam``: ``status``, unknowns ``x`` and rows ``w`` (N,), slips ``reference`` (n,) at which
-    nodes stick, of others those before, and the ``work`` (n,) of friction so far per unit of scaled tractions and slips. ``jumped``
-    from another state, after so many ``systems``; ``rates`` led to it."""
+    nodes stick, of others those before, and the ``work`` (n,) of friction so far per unit of scaled tractions
+    and slips. ``jumped`` from another state, after so many ``systems``; ``rates`` led to it."""
 
     status: ContactStatus
     x: FloatArray

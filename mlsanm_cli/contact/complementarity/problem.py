@@ -32,7 +32,7 @@ GRAZING = 1e-9
 SINGULAR = 1e-9
 """Pivot, relative to the terms that cancel in it, that is zero."""
 DOUBTFUL = SINGULAR**0.5
-"""Pivot below which it is computed with a residual, which squares the error that earlier updates have left."""
+"""Pivot below which it is computed with a residual, which squares the error of earlier updates."""
 GRAIN = 100.0 * float(np.finfo(float).eps)
 """Round-off of a row relative to its largest coefficient."""
 WEAK = 1e-6
