@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -42,5 +43,8 @@ def cannot_write(path: Path, error: Exception) -> WriteError:
         reason = inner[1]
     else:
         reason = (str(error).splitlines() or [type(error).__name__])[0]
-    hint = "check the free disk space and the permissions of the directory"
+    if isinstance(error, OSError) and error.errno in (errno.ELOOP, errno.EINVAL, errno.EMLINK):
+        hint = "remove it, or choose another directory"
+    else:
+        hint = "check the free disk space and the permissions of the directory"
     return WriteError(f"cannot write {path}: {reason}", hint=hint)

@@ -60,7 +60,9 @@ def holder(directory: Path) -> str:
         return ""
     try:
         # A file without content is locked, but not written yet.
-        return "" if try_lock(fd, shared=True) else os.read(fd, 4096).decode() or "another process"
+        if try_lock(fd, shared=True):
+            return ""
+        return os.read(fd, 4096).decode(errors="replace") or "another process"
     finally:
         os.close(fd)
 
