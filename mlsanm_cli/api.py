@@ -58,7 +58,6 @@ def run(
     skip_done: bool = False,
     threads: int = 1,
     max_wall: float | None = None,
-    cache: bool = True,
     progress: bool = False,
 ) -> Run:
     """Solve the case in a file, with ``changes`` of its keys, and write a run directory.
@@ -66,8 +65,7 @@ def run(
     ``changes`` are those of ``--set``: ``{"solver.order": 15, "contact.*.friction": 0.2}``. ``out`` is the
     run directory, by default ``results/<name of the case>``; ``force`` overwrites a run in it, ``skip_done``
     opens a completed run of the same case. ``max_wall`` stops after this number of seconds, ``progress``
-    prints the messages of the command on stderr; ``cache`` has no effect. Warnings are issued as
-    `MlsanmWarning`.
+    prints the messages of the command on stderr. Warnings are issued as `MlsanmWarning`.
 
     Raises CaseError for an invalid case (``problems`` lists all errors), RunError for invalid usage,
     NumericalError if the run failed, and Interrupted if it was stopped; in the last two cases completed steps
@@ -94,7 +92,6 @@ def resume(
     *,
     threads: int = 1,
     max_wall: float | None = None,
-    cache: bool = True,
     progress: bool = False,
 ) -> Run:
     """Continue a stopped or killed run, to the same result within the solver's tolerance; see `run`."""
@@ -130,7 +127,6 @@ def sweep(
     out: Place | None = None,
     jobs: int = 1,
     force: bool = False,
-    cache: bool = True,
     progress: bool = False,
 ) -> list[Run]:
     """Solve all combinations of values of the ``varied`` keys that are not done yet; returns all runs, sorted

@@ -27,6 +27,9 @@ class Console(Protocol):
     def warning(self, text: str) -> None:
         """A warning about the accuracy or validity of the result."""
 
+    def error(self, message: str, hint: str) -> None:
+        """Why a run failed, and what to do."""
+
     def table(self, title: str, rows: Sequence[tuple[str, str]]) -> None:
         """A small table of names and values."""
 

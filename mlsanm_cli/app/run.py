@@ -23,7 +23,7 @@ from mlsanm_cli.app.scene.build import build_scene
 from mlsanm_cli.app.scene.imported import geometry_inspector
 from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.case import LoadedCase, load_case, parse_case
-from mlsanm_cli.errors import NumericalError, RunError, UnfinishedError, WriteError
+from mlsanm_cli.errors import Interrupted, NumericalError, RunError, UnfinishedError, WriteError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.files import locked
 from mlsanm_cli.io.run_file import Attribute
@@ -63,7 +63,7 @@ def run(
         context = RunContext(Clock(), console, memo, stopper)
         loaded = load_case(case_path, overrides, geometry_inspector)
         check_reference(loaded)
-        directory = out or RESULTS / case_path.stem
+        directory = out or RESULTS / loaded.path.stem
         before = finished(directory, loaded.case_hash) if skip_done else None
         if before is not None:
             return {**before, "directory": str(directory), "skipped": True}
@@ -97,8 +97,8 @@ def carry_out(
     earlier: EarlierRun | None = None,
 ) -> dict[str, Any]:
     """Follows the path of a scene, again on finer clouds as long as its contacts require that, and writes the
-    run directory; returns the summary. Raises UnfinishedError if it cannot be written: the run can be
-    resumed."""
+    run directory; returns the summary. Raises UnfinishedError if it cannot be written, and Interrupted if
+    stopped at once: the run can be resumed."""
     try:
         while True:
             with Recorder(directory, loaded, provenance, analysis.context, earlier) as recorder:
@@ -114,6 +114,9 @@ def carry_out(
     except WriteError as error:
         hint = f"make room, then: {run_dir.resume_command(directory)}"
         raise UnfinishedError(error.message, hint) from error
+    except KeyboardInterrupt as stop:
+        # A second signal, while the first is obeyed.
+        raise Interrupted(str(stop), f"continue with: {run_dir.resume_command(directory)}") from stop
 
 
 def follow(analysis: Analysis, recorder: Recorder) -> Ending:
@@ -158,11 +161,12 @@ def conclude(analysis: Analysis, recorder: Recorder, ending: Ending) -> Mapping[
     if ending.status == "done":
         ending = ending_of(partial(judge, analysis, recorder, ending), recorder.directory)
     if ending.error is not None:
-        console.warning(ending.error.advice)
         recorder.failure(analysis, ending.error)
     for note in (ending.hint if ending.status == "stopped" else "", *analysis.notes):
         if note:
             console.note(note)
+    if ending.error is not None:
+        console.error(ending.error.message, ending.error.hint)
     summary = summarise(analysis, ending, recorder)
     recorder.finish(analysis, summary)
     return summary

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import TextIO
 
 from mlsanm_cli.cli.settings import Settings, is_terminal
-from mlsanm_cli.cli.text import BOLD, DIM, YELLOW, paint, printable, table
+from mlsanm_cli.cli.text import BOLD, DIM, RED, YELLOW, paint, printable, table
 from mlsanm_cli.closing import Closing
 from mlsanm_cli.stopping import Stopper
 
@@ -108,6 +108,14 @@ class TerminalConsole(Closing):
         with self._lock:
             self._finish_steps()
             self._line(f"{paint('warning:', YELLOW, self._color)} {printable(text)}")
+
+    def error(self, message: str, hint: str) -> None:
+        """Why a run failed, and what to do; shown with ``quiet`` too."""
+        with self._lock:
+            self._finish_steps()
+            for kind, text, color in (("error:", message, RED), ("hint:", hint, YELLOW)):
+                if text:
+                    self._line(f"{paint(kind, color, self._color)} {printable(text)}")
 
     def table(self, title: str, rows: Sequence[tuple[str, str]]) -> None:
         """A small table of names and values."""

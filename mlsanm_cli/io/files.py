@@ -4,6 +4,7 @@ One process writes to a directory at a time; the system releases the lock of a p
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 from collections.abc import Iterator
@@ -46,7 +47,10 @@ def cannot_write(path: Path, error: Exception) -> WriteError:
         reason = inner[1]
     else:
         reason = (str(error).splitlines() or [type(error).__name__])[0]
-    hint = "check the free disk space and the permissions of the directory"
+    if isinstance(error, OSError) and error.errno in (errno.ELOOP, errno.EINVAL, errno.EMLINK):
+        hint = "remove it, or choose another directory"
+    else:
+        hint = "check the free disk space and the permissions of the directory"
     return WriteError(f"cannot write {path}: {reason}", hint=hint)
 
 
@@ -98,7 +102,9 @@ def holder(directory: Path) -> str:
         return ""
     try:
         # A file without content is locked, but not written yet.
-        return "" if try_lock(fd, shared=True) else os.read(fd, 4096).decode() or "another process"
+        if try_lock(fd, shared=True):
+            return ""
+        return os.read(fd, 4096).decode(errors="replace") or "another process"
     finally:
         os.close(fd)
 

@@ -79,10 +79,13 @@ def test_a_link_or_a_pipe_in_the_place_of_the_lock_is_refused(tmp_path: Path) ->
     (tmp_path / "a" / LOCK_FILE).symlink_to(target)
     (tmp_path / "b").mkdir()
     os.mkfifo(tmp_path / "b" / LOCK_FILE)
-    for name, words in (("a", "symbolic link"), ("b", "pipe")):
+    (tmp_path / "c").mkdir()
+    (tmp_path / "c" / LOCK_FILE).hardlink_to(target)
+    for name, words in (("a", "symbolic link"), ("b", "pipe"), ("c", "hard link")):
         assert holder(tmp_path / name) == ""
-        with pytest.raises(RunError, match=words), locked(tmp_path / name):
+        with pytest.raises(RunError, match=words) as caught, locked(tmp_path / name):
             pass
+        assert caught.value.hint.startswith("remove it")
     assert target.read_text() == "mine"
 
 

@@ -111,6 +111,8 @@ FIGURES = (
     *("error_estimate", "warnings", "seconds", "peak_memory_mb"),
 )
 """Entries of a summary that become columns."""
+FORMULA_SIGNS = ("=", "+", "-", "@", "\t", "\r")
+"""What formulas of spreadsheets begin with."""
 
 Row = dict[str, Any]
 
@@ -137,8 +139,13 @@ def as_csv(rows: Sequence[Mapping[str, Any]]) -> str:
     if rows:
         writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
         writer.writeheader()
-        writer.writerows(rows)
+        writer.writerows({name: _cell(value) for name, value in row.items()} for row in rows)
     return stream.getvalue()
+
+
+def _cell(value: Any) -> Any:
+    """A value of a table; text that spreadsheets would compute as a formula begins with an apostrophe."""
+    return f"'{value}" if isinstance(value, str) and value.startswith(FORMULA_SIGNS) else value
 
 
 def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from mlsanm_cli.app.run import run
-from mlsanm_cli.errors import MlsanmError, RunError
+from mlsanm_cli.errors import Interrupted, MlsanmError, RunError
 from mlsanm_cli.memo import Memo
 
 _ONE_AT_A_TIME = threading.Lock()
@@ -53,10 +53,10 @@ def solve_point(point: SweepPoint) -> Mapping[str, Any]:
                 argv=point.argv,
                 memo=_memo(point.memory),
             )
+        except (KeyboardInterrupt, Interrupted):
+            return outcome(point, "stopped", "stopped by a signal")
         except MlsanmError as error:
             return outcome(point, "failed", error.message)
-        except KeyboardInterrupt:
-            return outcome(point, "stopped", "stopped by a signal")
         warnings = len(summary["warnings"])
         return outcome(point, str(summary["status"]), str(summary["stop_reason"]), warnings)
 
@@ -84,7 +84,7 @@ class Silent:
     def phase(self, *given: Any, **named: Any) -> None:
         """No output."""
 
-    step = note = warning = table = phase
+    step = note = warning = error = table = phase
 
 
 MAX_ATTEMPTS = 3

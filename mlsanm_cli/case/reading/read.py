@@ -20,7 +20,7 @@ from mlsanm_cli.case.reading.overrides import apply_overrides, key_path
 from mlsanm_cli.case.reading.valid import LISTS, valid_part
 from mlsanm_cli.case.report import KeyPath, Report, nearest
 from mlsanm_cli.errors import CaseError, CaseProblem, Fault, GeometryError, OutlineError, RunError
-from mlsanm_cli.inputs import MAX_TEXT_BYTES, is_text, read_input
+from mlsanm_cli.inputs import MAX_TEXT_BYTES, STDIN, is_text, read_input
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.toml import plain
 
@@ -68,9 +68,13 @@ def load_case(
         # utf-8-sig drops the byte order mark that some editors write.
         text = io.TextIOWrapper(io.BytesIO(content), encoding="utf-8-sig").read()
     except UnicodeDecodeError as error:
+        line = content[: error.start].count(b"\n") + 1
         raise RunError(
-            f"{path} is not UTF-8 text (byte {error.start})", "a case is a TOML text file"
+            f"{path} is not UTF-8 text (line {line}, byte {error.start})",
+            "a case is a text file: in the editor save it with the encoding UTF-8",
         ) from error
+    if path == STDIN:
+        path = Path("stdin")
     return parse_case(text, path, overrides, inspector)
 
 

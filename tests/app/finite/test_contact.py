@@ -230,6 +230,22 @@ def test_friction_dissipates_what_dragging_takes(tmp_path: Path) -> None:
     assert (run.contacts["iron"].status[position == 1.0] == 1).any()
 
 
+def test_dissipated_work_does_not_depend_on_the_increments(tmp_path: Path) -> None:
+    """A cylinder pressed in and moved aside by less than it slips: with few increments, and with ten more. By
+    the mean of tractions before and after it a node that begins to slip dissipated half as much."""
+    text = (
+        block(DISK, -0.05, FINE, -2.0, friction=0.5)
+        + pushed("aside", "under", ux=0.02)
+        + item("stage", press=1.0)
+        + item("stage", aside=1.0)
+    )
+    works = [
+        done(text + table("output", at=at), tmp_path / str(len(at)))["contacts"]["under"]["dissipated_work"]
+        for at in ([1.0, 2.0], [1.0, *np.linspace(1.1, 2.0, 10).tolist()])
+    ]
+    assert works[0] == pytest.approx(works[1], rel=0.01)
+
+
 def test_a_profile_of_points_is_as_good_as_the_disk_it_is_of(tmp_path: Path) -> None:
     """Dragged with friction too; and corners of a profile are pressed in."""
     angle = np.linspace(-1.2, 1.2, 49)
