@@ -18,7 +18,7 @@ from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_reader import read_path, read_run
 from mlsanm_cli.mechanics.finite.law import Law, cauchy_stress
 from tests.app.finite.finite_scenes import neo_hookean, rubber
-from tests.app.output.vtk_files import area, listed, read
+from tests.app.output.test_paraview import area, listed, read
 from tests.app.runs import warned
 from tests.app.scenes import Quiet, done, solve
 from tests.case_text import (
