@@ -16,9 +16,8 @@ from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case, Temperature
 from mlsanm_cli.cloud.membership import boundary_chords, inside_body
-from mlsanm_cli.cloud.sight import visibility_criterion
+from mlsanm_cli.cloud.sight import triangulate, visibility_criterion
 from mlsanm_cli.cloud.tips import tips_of
-from mlsanm_cli.cloud.triangles import triangulate
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import schema
 from mlsanm_cli.io.run_reader import Dataset, RunData, SavedState

@@ -7,8 +7,16 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from mlsanm_cli.case.model.fields import ANGLE, EXPANSION, NUMBER, STRESS, Positive, expecting
-from mlsanm_cli.case.model.section import Scope, Section
+from mlsanm_cli.case.model.section import (
+    ANGLE,
+    EXPANSION,
+    NUMBER,
+    STRESS,
+    Positive,
+    Scope,
+    Section,
+    expecting,
+)
 from mlsanm_cli.errors import Fault
 from mlsanm_cli.roundoff import FINE_ROUND_OFF, ROUND_OFF
 from mlsanm_cli.toml import toml_value
