@@ -58,7 +58,6 @@ def run(
     skip_done: bool = False,
     threads: int = 1,
     max_wall: float | None = None,
-    cache: bool = True,
     progress: bool = False,
 ) -> Run:
     """Solve the case in a file, with ``changes`` of its keys, and write a run directory.
@@ -66,8 +65,7 @@ def run(
     ``changes`` are those of ``--set``: ``{"solver.order": 15, "contact.*.friction": 0.2}``. ``out`` is the
     run directory, by default ``results/<name of the case>``; ``force`` overwrites a run in it, ``skip_done``
     opens a completed run of the same case. ``max_wall`` stops after this number of seconds, ``progress``
-    prints the messages of the command on stderr; ``cache`` has no effect. Warnings are issued as
-    `MlsanmWarning`.
+    prints the messages of the command on stderr. Warnings are issued as `MlsanmWarning`.
 
     Raises CaseError for an invalid case (``problems`` lists all errors), RunError for invalid usage,
     NumericalError if the run failed, and Interrupted if it was stopped; in the last two cases completed steps
@@ -94,11 +92,10 @@ def resume(
     *,
     threads: int = 1,
     max_wall: float | None = None,
-    cache: bool = True,
     progress: bool = False,
 ) -> Run:
     """Continue a stopped or killed run, to the same result within the solver's tolerance; see `run`."""
-    summary = _call("resume.resume", threads, Path(rundir), max_wall=max_wall, progress=progress)
+    summary = _call("run.resume", threads, Path(rundir), max_wall=max_wall, progress=progress)
     return _opened(summary)
 
 
@@ -130,7 +127,6 @@ def sweep(
     out: Place | None = None,
     jobs: int = 1,
     force: bool = False,
-    cache: bool = True,
     progress: bool = False,
 ) -> list[Run]:
     """Solve all combinations of values of the ``varied`` keys that are not done yet; returns all runs, sorted
@@ -161,7 +157,7 @@ def sweep(
 def collect(runs: Sequence[Place | Run]) -> list[dict[str, Any]]:
     """One row per run: directory, status, the keys that differ between the cases, and results."""
     with _numerics(1):
-        from mlsanm_cli.app.results.collect import collect as collect_runs
+        from mlsanm_cli.app.results.info import collect as collect_runs
     return collect_runs([place.directory if isinstance(place, Run) else Path(place) for place in runs])
 
 
@@ -216,7 +212,7 @@ def _numerics(threads: int) -> Iterator[None]:
 @contextmanager
 def _console(progress: bool) -> Iterator[Any]:
     """The console of a run: the terminal, or none. Raises Interrupted at the wall-time limit."""
-    from mlsanm_cli.app.sweep.point import Silent
+    from mlsanm_cli.app.sweep.engines import Silent
 
     shown = None
     if progress:

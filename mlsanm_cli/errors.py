@@ -17,7 +17,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+
+from mlsanm_cli.records import dataclass
 
 
 @dataclass(frozen=True)

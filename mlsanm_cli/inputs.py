@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import stat
+import sys
 from pathlib import Path
 
 from mlsanm_cli.errors import RunError
@@ -10,11 +11,16 @@ from mlsanm_cli.errors import RunError
 MB = 2**20
 MAX_TEXT_BYTES = 16 * MB
 """Largest case file or table."""
+STDIN = Path("-")
+"""The standard input."""
 
 
 def read_input(path: Path, most: int, *, what: str = "file", streams: bool = False) -> bytes:
-    """The content of a regular file of at most ``most`` bytes; with ``streams`` also of a pipe or terminal.
-    Other devices and pipes may be endless or block. Raises RunError."""
+    """The content of a regular file of at most ``most`` bytes; with ``streams`` also of a pipe or terminal,
+    and the standard input. Other devices and pipes may be endless or block. Raises RunError."""
+    if streams and path == STDIN:
+        # Closed streams are None.
+        return sys.stdin.buffer.read(most + 1)[:most] if sys.stdin else b""
     try:
         found = path.stat()
         if stat.S_ISDIR(found.st_mode):

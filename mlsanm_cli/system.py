@@ -41,8 +41,9 @@ def host() -> str:
 
 
 def open_regular(path: Path, flags: int) -> int:
-    """Opens a regular file as ``os.open`` does. Raises OSError for a link, a pipe or a device. A link with
-    the name of a file of a run directory would redirect the output to another file."""
+    """Opens a regular file as ``os.open`` does. Raises OSError for a link, a pipe or a device, and, to write,
+    for a hard link. A link with the name of a file of a run directory would redirect the output to another
+    file."""
     if not hasattr(os, "O_NOFOLLOW") and path.is_symlink():
         raise OSError(errno.ELOOP, "it is a symbolic link", str(path))
     # O_NONBLOCK: opening a pipe would block. Without O_BINARY Windows translates line ends.
@@ -54,9 +55,13 @@ def open_regular(path: Path, flags: int) -> int:
         if error.errno == errno.ELOOP:
             raise OSError(errno.ELOOP, "it is a symbolic link", str(path)) from error
         raise
-    if not stat.S_ISREG(os.fstat(fd).st_mode):
+    status = os.fstat(fd)
+    if not stat.S_ISREG(status.st_mode):
         os.close(fd)
         raise OSError(errno.EINVAL, "it is a device or a pipe, not a file", str(path))
+    if status.st_nlink > 1 and flags & (os.O_WRONLY | os.O_RDWR):
+        os.close(fd)
+        raise OSError(errno.EMLINK, "it is a hard link, another file has the same content", str(path))
     return fd
 
 

@@ -1,103 +1,15 @@
-"""The context shared by the phases of a command: clock, console, memo, and the stopper, which ends a run
-after a signal or a limit on its wall time."""
+"""The context shared by the phases of a command: clock, console, memo and stopper."""
 
 from __future__ import annotations
 
-import _thread
-import signal
-import sys
-import threading
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
-from types import FrameType, TracebackType
-from typing import Any, ClassVar, Protocol, Self
+from typing import ClassVar, Protocol
 
 from mlsanm_cli.memo import NO_CACHE, Memo
-from mlsanm_cli.system import STOPPING
-
-STOPPING_MESSAGE = "stopping after this step; Ctrl-C again stops at once"
-
-
-class Stopper:
-    """Raises KeyboardInterrupt at a signal or after ``max_wall`` seconds; use as a context manager.
-
-    While ``gentle``, the first signal only sets ``reason``, and :meth:`check`, called between steps, raises
-    the exception; a second signal raises it at once. Otherwise the first one raises it at once and sets
-    ``reason``, as an exception in a callback of a compiled library can be lost. Outside the main thread only
-    :meth:`check` applies, to the wall time. SIGTERM ends a process of a pool at once, as the pool waits for
-    it.
-    """
-
-    message: ClassVar[str] = ""
-    """Shown on a terminal after a signal that stops the run after its step."""
-
-    def __init__(self, max_wall: float | None = None) -> None:
-        self.gentle = False
-        self.reason = ""
-        self._max_wall = max_wall
-        self._end = time.monotonic() + max_wall if max_wall is not None else None
-        self._before: dict[signal.Signals, Any] = {}
-        self._alarm = getattr(signal, "SIGALRM", signal.SIGINT)
-        self._timer: threading.Timer | None = None
-
-    def check(self) -> None:
-        """Raises KeyboardInterrupt after a signal or when the wall time is over."""
-        if self._end is not None and time.monotonic() >= self._end:
-            self.reason = self.reason or self._reason_of(None)
-        if self.reason:
-            raise KeyboardInterrupt(self.reason)
-
-    def _reason_of(self, number: int | None) -> str:
-        # Without SIGALRM, SIGINT has this meaning once the time is over.
-        timed = number == self._alarm and (self._timer is None or time.monotonic() >= (self._end or 0.0))
-        if self._max_wall is not None and (number is None or timed):
-            return f"the wall time of {self._max_wall:g} s is over"
-        assert number is not None
-        return f"stopped by a signal ({signal.Signals(number).name})"
-
-    def _handle(self, number: int, frame: FrameType | None) -> None:
-        again, self.reason = bool(self.reason), self.reason or self._reason_of(number)
-        if again or not self.gentle:
-            raise KeyboardInterrupt(self.reason)
-        # Not written here: a handler may interrupt the writing of another line.
-        Stopper.message = STOPPING_MESSAGE
-
-    def __enter__(self) -> Self:
-        if threading.current_thread() is threading.main_thread():
-            chosen = [number for number in STOPPING if number != signal.SIGTERM or not _in_a_pool()]
-            self._before = {number: signal.signal(number, self._handle) for number in chosen}
-            if self._max_wall is not None:
-                self._set_alarm(self._max_wall)
-        return self
-
-    def _set_alarm(self, seconds: float) -> None:
-        """Schedules a signal; on Windows by a thread."""
-        if hasattr(signal, "setitimer"):
-            signal.setitimer(signal.ITIMER_REAL, seconds)
-            return
-        self._timer = threading.Timer(seconds, _thread.interrupt_main, (self._alarm,))
-        self._timer.daemon = True
-        self._timer.start()
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        Stopper.message = ""
-        if self._before and self._max_wall is not None:
-            if hasattr(signal, "setitimer"):
-                signal.setitimer(signal.ITIMER_REAL, 0.0)
-            if self._timer is not None:
-                self._timer.cancel()
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
-
-
-def _in_a_pool() -> bool:
-    """Whether another Python process has spawned this one, by multiprocessing."""
-    process = sys.modules.get("multiprocessing.process")
-    return process is not None and process.parent_process() is not None
+from mlsanm_cli.records import dataclass
+from mlsanm_cli.stopping import Stopper
 
 
 class Console(Protocol):
@@ -114,6 +26,9 @@ class Console(Protocol):
 
     def warning(self, text: str) -> None:
         """A warning about the accuracy or validity of the result."""
+
+    def error(self, message: str, hint: str) -> None:
+        """Why a run failed, and what to do."""
 
     def table(self, title: str, rows: Sequence[tuple[str, str]]) -> None:
         """A small table of names and values."""

@@ -8,16 +8,17 @@ import json
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cache
 from typing import Any
 
-from mlsanm_cli.case.model.fields import UNIT
+from mlsanm_cli.case.model.section import UNIT
 from mlsanm_cli.case.report import SYNONYMS
 from mlsanm_cli.case.schema import Node, follow, heading, json_schema, tables, tables_at, walk
 from mlsanm_cli.case.starters import kinds, starter
 from mlsanm_cli.case.vary import flat
 from mlsanm_cli.errors import RunError
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.toml import toml_value
 
 TYPO_SIMILARITY = 0.8

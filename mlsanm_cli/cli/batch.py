@@ -12,6 +12,7 @@ from mlsanm_cli.cli import completion, declare
 from mlsanm_cli.cli.running import console_for, of_app, pretty_result, print_result
 from mlsanm_cli.cli.settings import Settings, say
 from mlsanm_cli.cli.text import as_json
+from mlsanm_cli.errors import RunError
 
 
 @declare.command(
@@ -31,7 +32,6 @@ from mlsanm_cli.cli.text import as_json
         "--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Number of processes."
     ),
     click.option("--scheduler", metavar="ADDRESS", help="Solve on the Dask cluster of this scheduler."),
-    declare.CACHE,
     declare.THREADS,
 )
 def sweep(settings: Settings, /, case: Path, varied: tuple[str, ...], **options: Any) -> int:
@@ -54,11 +54,17 @@ def collect(settings: Settings, rundirs: tuple[Path, ...], out: Path | None) -> 
 
     One row per run: the parameters that differ, status and results.
     """
-    rows = of_app("results.collect.collect")(rundirs)
+    rows = of_app("results.info.collect")(rundirs)
+    lost = [row for row in rows if row["status"] == "unreadable"]
+    if len(lost) == len(rows):
+        reason = f"{lost[0]['directory']}: {lost[0]['stop_reason']}" if lost else "there are only files"
+        raise RunError(f"no directory holds a run ({reason})", "name run directories, as in results/sweep/*")
+    for row in lost:
+        console_for(settings).warning(f"{row['directory']}: {row['stop_reason']}")
     if out is not None:
-        of_app("results.collect.write_rows")(out, rows)
+        of_app("results.info.write_rows")(out, rows)
     if settings.json:
         say(settings, as_json({"runs": rows}))
     elif out is None:
-        say(settings, of_app("results.collect.as_csv")(rows), newline=False)
+        say(settings, of_app("results.info.as_csv")(rows), newline=False)
     return 0

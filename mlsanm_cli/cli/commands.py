@@ -112,13 +112,12 @@ def cli() -> None:
 
 
 @declare.command(
-    declare.CASE,
+    declare.CASE_OR_STDIN,
     declare.SET,
     declare.file_option("--out", help="Run directory.  [default: results/<case name>]"),
     declare.flag("force", "Overwrite an existing run."),
     declare.MAX_WALL,
     declare.flag("skip-done", "Skip if this case has already been run to completion."),
-    declare.CACHE,
     declare.THREADS,
 )
 def run(settings: Settings, /, case: Path, **options: Any) -> int:
@@ -133,7 +132,7 @@ def run(settings: Settings, /, case: Path, **options: Any) -> int:
 
 
 @declare.command(
-    declare.CASE,
+    declare.CASE_OR_STDIN,
     declare.SET,
     declare.file_option("--write", help="Write the model as VTU: boundaries, normals, contact pairs."),
     declare.file_option("--picture", help="Draw the model: nodes, supports, loads, obstacles."),
@@ -181,7 +180,6 @@ def warmup(settings: Settings, threads: int) -> int:
     click.option(
         "--threads", type=click.IntRange(min=1), help="Number of threads.  [default: that of the run]"
     ),
-    declare.CACHE,
 )
 def resume(settings: Settings, rundir: Path, max_wall: float | None, threads: int | None) -> int:
     """Continue the interrupted run in RUNDIR after its last saved step.
@@ -189,7 +187,7 @@ def resume(settings: Settings, rundir: Path, max_wall: float | None, threads: in
     The result agrees with that of an uninterrupted run to the tolerance of the solver.
     """
     with console_for(settings) as console:
-        finish = of_app("resume.resume", threads or _threads_of(rundir))
+        finish = of_app("run.resume", threads or _threads_of(rundir))
         summary = finish(rundir, max_wall=max_wall, console=console)
     return show_run(settings, summary)
 

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import os
 import shutil
-import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
 from typing import TextIO
 
 from mlsanm_cli.cli.settings import Settings, is_terminal
-from mlsanm_cli.cli.text import BOLD, DIM, YELLOW, paint, printable, table
+from mlsanm_cli.cli.text import BOLD, DIM, RED, YELLOW, paint, printable, table
 from mlsanm_cli.closing import Closing
+from mlsanm_cli.stopping import Stopper
 
 INTERVAL = 0.5
 """Seconds between two updates of the elapsed time."""
@@ -109,6 +109,14 @@ class TerminalConsole(Closing):
             self._finish_steps()
             self._line(f"{paint('warning:', YELLOW, self._color)} {printable(text)}")
 
+    def error(self, message: str, hint: str) -> None:
+        """Why a run failed, and what to do; shown with ``quiet`` too."""
+        with self._lock:
+            self._finish_steps()
+            for kind, text, color in (("error:", message, RED), ("hint:", hint, YELLOW)):
+                if text:
+                    self._line(f"{paint(kind, color, self._color)} {printable(text)}")
+
     def table(self, title: str, rows: Sequence[tuple[str, str]]) -> None:
         """A small table of names and values."""
         with self._lock:
@@ -130,10 +138,7 @@ class TerminalConsole(Closing):
             if not self._shown:
                 return
             sign, room = f"  {seconds:.0f} s", self._columns() - 1
-            # A module that has not been imported has nothing to show.
-            context = sys.modules.get("mlsanm_cli.app.context")
-            stopping = str(context.Stopper.message) if context else ""
-            parts = [stopping] if stopping else self._row or [self._shown]
+            parts = [Stopper.message] if Stopper.message else self._row or [self._shown]
             shown = fitting(parts, room - len(sign))
             shown = f"{shown[: max(room - len(sign), 0)].rstrip()}{sign}"[:room]
             self._put(_CLEAR + paint(shown, self._style, self._color))

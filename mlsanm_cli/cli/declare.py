@@ -31,6 +31,16 @@ class File(click.Path):
         return path
 
 
+class CaseFile(File):
+    """A case that is read several times."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The path; usage error for the standard input."""
+        if str(value) == "-":
+            self.fail("the case is read several times: write it to a file", param, ctx)
+        return super().convert(value, param, ctx)
+
+
 class Seconds(click.FloatRange):
     """A duration within the limit of timers."""
 
@@ -68,7 +78,8 @@ COMMON: tuple[Decorator[Any], ...] = (
     _common_option("--debug", is_flag=True, help="Show tracebacks of errors."),
 )
 """The options of every command, stored in the settings."""
-CASE = click.argument("case", type=FILE)
+CASE = click.argument("case", type=CaseFile(path_type=Path))
+CASE_OR_STDIN = click.argument("case", type=FILE)
 RUNDIR = click.argument("rundir", type=FILE)
 RUNDIRS = click.argument("rundirs", metavar="RUNDIR...", type=FILE, nargs=-1, required=True)
 SET = click.option(
@@ -88,8 +99,6 @@ MAX_WALL = click.option(
     metavar="SECONDS",
     help="Stop after this wall-clock time, with exit code 75; `mlsanm resume` continues.",
 )
-CACHE = click.option("--cache/--no-cache", hidden=True, expose_value=False)
-"""Kept for existing scripts, without effect: operators are not cached on disk."""
 
 
 def flag(name: str, text: str, **settings: Any) -> Decorator[Any]:

@@ -115,7 +115,8 @@ def _described(error: BaseException, settings: Settings) -> tuple[int, str, str]
         return error.exit_code, error.message, error.hint
     if isinstance(error, click.Abort | KeyboardInterrupt):
         # click keeps the original error as the cause of an Abort.
-        return STOPPED, str(error) or str(error.__cause__ or "") or "stopped by a signal", ""
+        message = str(error) or str(error.__cause__ or "") or "stopped by a signal"
+        return STOPPED, message, "nothing was saved: repeat the command"
     if isinstance(error, MemoryError):
         hint = "increase the spacings; `mlsanm check` estimates the size"
         return USAGE, "out of memory", hint

@@ -8,11 +8,11 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import TextIO
 
 import click
 
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.system import THREAD_VARIABLES
 
 

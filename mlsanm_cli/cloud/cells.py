@@ -8,7 +8,6 @@ body, and the divergence theorem holds on each of them.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -17,6 +16,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.joined import points_of
 from mlsanm_cli.cloud.membership import twice_area
 from mlsanm_cli.cloud.surface import Surface
+from mlsanm_cli.records import dataclass
 
 Rule: TypeAlias = tuple[tuple[float, float], ...]
 """Points on a face, from 0 to 1, and weights of a quadrature rule."""

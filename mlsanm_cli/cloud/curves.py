@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Protocol
@@ -11,6 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.records import dataclass
 
 
 class Curve(Protocol):

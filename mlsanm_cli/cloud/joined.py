@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate, pairwise
 
@@ -14,6 +13,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment, chord_zones
 from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.cloud.splines import SplinePart
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 
 SMOOTH_ANGLE = math.radians(1.0)

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -16,11 +15,11 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Curve, Outline, Segment
 from mlsanm_cli.cloud.membership import cross, signed_area
 from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
-from mlsanm_cli.cloud.sight import visibility_criterion
+from mlsanm_cli.cloud.sight import triangulate, visibility_criterion
 from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
 from mlsanm_cli.cloud.surface import Surface
-from mlsanm_cli.cloud.triangles import triangulate
 from mlsanm_cli.errors import GeometryError
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 
 ALIGNED = 0.9

@@ -4,7 +4,7 @@ approximate a wanted field, and the number of nodes."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -16,6 +16,7 @@ from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.search import BATCH_SIZE, in_batches
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.kernels.fill import spacing_at
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 
 MAX_STEPS = 2_000_000

@@ -4,7 +4,6 @@ h^3; those of chords converge with h^2 and h."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache, cached_property
 
 import numpy as np
@@ -13,6 +12,7 @@ from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.curves import chord_zones
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import LAST_DIGITS
 
 GAUSS = 6

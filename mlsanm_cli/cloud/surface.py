@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -12,6 +11,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.cloud.joined import joined
 from mlsanm_cli.memo import digest
+from mlsanm_cli.records import dataclass
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -12,6 +11,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.loops import Loop, turns
 from mlsanm_cli.cloud.membership import cross, inside_polygon, signed_area
 from mlsanm_cli.errors import GeometryError
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 
 GAP_RATIO = 4.0

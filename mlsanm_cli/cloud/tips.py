@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.membership import joints
+from mlsanm_cli.records import dataclass
 
 SMOOTH_TURN = 0.3
 """Corners that turn inward by less (radians) count as smooth: their displacements are nearly linear."""

@@ -1,5 +1,5 @@
-"""Meshes of other programs, read by meshio, which is imported here only and on first use: that takes as long
-as importing numpy."""
+"""Meshes of other programs, read by meshio, which is imported on first use: that takes as long as importing
+numpy."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.errors import GeometryError
-from mlsanm_cli.io.self_contained import bounded_unpacking, check_includes, check_self_contained
+from mlsanm_cli.io.abaqus import read_abaqus
+from mlsanm_cli.io.self_contained import bounded_unpacking, check_self_contained
 from mlsanm_cli.roundoff import ROUND_OFF
 
 if TYPE_CHECKING:
@@ -36,8 +37,6 @@ _RINGS: Mapping[str, tuple[int, ...]] = {
     "quad9": (0, 4, 1, 5, 2, 6, 3, 7),
 }
 _LINES: Mapping[str, tuple[int, ...]] = {"line": (0, 1), "line3": (0, 2, 1)}
-_PLANE = {"3": "CPS3", "4": "CPS4", "6": "CPE6", "8": "S8R"}
-"""Names that meshio knows of Abaqus' plane elements, by their number of nodes."""
 
 
 class MeshFile(NamedTuple):
@@ -56,14 +55,15 @@ def read_mesh(path: Path, group: str | None = None) -> MeshFile:
     """The triangles and quads of a file, restricted to those of a ``group`` if one is named. Raises
     GeometryError for unreadable files, other elements, nodes out of plane and unknown groups."""
     mesh = _read(path)
-    points = _plane(mesh.points)
+    if not len(mesh.points):
+        raise GeometryError("there are no nodes")
     blocks = [(block.type, np.asarray(block.data, dtype=np.int64)) for block in mesh.cells]
     for kind, cells in blocks:
         if kind not in _RINGS and kind not in _LINES and kind != "vertex":
             raise GeometryError(
                 f'there are elements of type "{kind}"', f"triangles and quads only: {', '.join(_RINGS)}"
             )
-        if len(cells) and not 0 <= cells.min() <= cells.max() < len(points):
+        if len(cells) and not 0 <= cells.min() <= cells.max() < len(mesh.points):
             raise GeometryError("an element refers to a node that is not in the file")
     chosen = [_chosen(mesh, number, kind, len(c), group) for number, (kind, c) in enumerate(blocks)]
     faces = [
@@ -72,7 +72,7 @@ def read_mesh(path: Path, group: str | None = None) -> MeshFile:
     if not any(len(cells) for _, cells in faces):
         _refuse_empty(mesh, blocks, group)
     used = np.unique(np.concatenate([cells.ravel() for _, cells in faces]))
-    number = np.full(len(points), -1, dtype=np.int64)
+    number = np.full(len(mesh.points), -1, dtype=np.int64)
     number[used] = np.arange(len(used))
     lines, names = _lines(mesh, blocks, number, group)
     sets = {_name(name): number[np.asarray(nodes, dtype=np.int64)] for name, nodes in mesh.point_sets.items()}
@@ -81,7 +81,7 @@ def read_mesh(path: Path, group: str | None = None) -> MeshFile:
             "the names of two node sets differ only in characters not allowed in boundary names"
         )
     return MeshFile(
-        points[used],
+        _plane(mesh.points, used),
         tuple(number[cells[:, _RINGS[kind]]] for kind, cells in faces if len(cells)),
         lines,
         names,
@@ -90,6 +90,8 @@ def read_mesh(path: Path, group: str | None = None) -> MeshFile:
 
 
 def _read(path: Path) -> meshio.Mesh:
+    if path.suffix.lower() == ".inp":
+        return read_abaqus(path.read_text(encoding="utf-8", errors="replace"))
     import meshio
 
     output = io.StringIO()
@@ -104,13 +106,7 @@ def _read(path: Path) -> meshio.Mesh:
             warnings.simplefilter("ignore")
             # numpy only warns about truncated data.
             warnings.filterwarnings("error", message="string or file could not be read")
-            if path.suffix.lower() != ".inp":
-                return meshio.read(path)
-            text = path.read_text(encoding="utf-8", errors="replace")
-            check_includes(text)
-            mesh = meshio.read(io.StringIO(_as_plane_stress(text)), file_format="abaqus")
-        _drop_weak_sets(mesh, text)
-        return mesh
+            return meshio.read(path)
     except GeometryError:
         raise
     except (Exception, SystemExit) as error:
@@ -121,47 +117,16 @@ def _read(path: Path) -> meshio.Mesh:
         raise GeometryError(f"meshio cannot read it: {reason}", hint) from error
 
 
-def _as_plane_stress(text: str) -> str:
-    """An Abaqus file with one name for all plane elements of as many nodes: meshio knows few of these."""
-    return re.sub(
-        r"(?i)(\btype\s*=\s*)CP(?:S|E|EG)([3468])[A-Z]*",
-        lambda found: found[1] + _PLANE[found[2]],
-        text,
-    )
-
-
-def _drop_weak_sets(mesh: meshio.Mesh, text: str) -> None:
-    """Drops the element sets of ``*ELEMENT, ELSET=`` lines of an Abaqus file for elements that are in other
-    sets too: programs name every list of elements, and explicit sets are more specific. meshio keeps such
-    lists apart only if all of them have a name."""
-    lists = re.findall(r"(?im)^\*element\b(.*)$", text)
-    names = [
-        match[1] for match in (re.search(r"(?i)\belset\s*=\s*([^,\s]+)", text) for text in lists) if match
-    ]
-    distinct = len(lists) == len(set(names)) == len(mesh.cells)
-    strong = [cells for name, cells in mesh.cell_sets.items() if name not in names]
-    for name in names:
-        if not distinct:
-            mesh.cell_sets.pop(name, None)
-        elif name in mesh.cell_sets:
-            mesh.cell_sets[name] = [
-                np.setdiff1d(own, np.concatenate([own[:0], *(cells[block] for cells in strong)]))
-                for block, own in enumerate(mesh.cell_sets[name])
-            ]
-
-
-def _plane(points: NDArray[Any]) -> FloatArray:
-    """Points (n, 2) from (n, 2) or (n, 3) in a plane of constant z."""
-    points = np.asarray(points, dtype=np.float64)
-    if points.ndim != 2 or not len(points):
-        raise GeometryError("there are no nodes")
-    if not np.isfinite(points).all():
-        node = int(np.argmin(np.isfinite(points).all(axis=1))) + 1
-        raise GeometryError(f"the coordinates of node {node} are not finite")
-    extent = np.ptp(points, axis=0)
-    if points.shape[1] == 3 and extent[2] > ROUND_OFF * extent.max():
+def _plane(points: NDArray[Any], used: IntArray) -> FloatArray:
+    """The ``used`` points (n, 2) of those (p, 2), or (p, 3) in a plane of constant z."""
+    kept = np.asarray(points, dtype=np.float64)[used]
+    finite = np.isfinite(kept).all(axis=1)
+    if not finite.all():
+        raise GeometryError(f"the coordinates of node {used[np.argmin(finite)] + 1} are not finite")
+    extent = np.ptp(kept, axis=0)
+    if kept.shape[1] == 3 and extent[2] > ROUND_OFF * extent.max():
         raise GeometryError(f"the nodes are not coplanar: z varies by {extent[2]:g}", "z = 0 for all nodes")
-    return np.ascontiguousarray(points[:, :2])
+    return np.ascontiguousarray(kept[:, :2])
 
 
 def _chosen(mesh: meshio.Mesh, number: int, kind: str, count: int, group: str | None) -> NDArray[np.bool_]:
@@ -208,23 +173,29 @@ def _lines(
 
 
 def _groups(mesh: meshio.Mesh, block: int, dimension: int, count: int) -> list[tuple[str, ...]]:
-    """Names of the groups of each of the ``count`` cells of a block."""
-    found: list[tuple[str, ...]] = [()] * count
-    if PHYSICAL in mesh.cell_data or not mesh.cell_sets:
-        values = _tags(mesh)
-        if values is None:
-            return found
+    """Names of the groups of each of the ``count`` cells of a block: Gmsh's physical groups, sets, or, where
+    there are neither, integers."""
+    groups: list[tuple[str, ...]] = [()] * count
+    sets = {
+        name: cells[block]
+        for name, cells in mesh.cell_sets.items()
+        if name not in _NOT_NAMES and len(cells) == len(mesh.cells) and cells[block] is not None
+    }
+    values = _tags(mesh) if PHYSICAL in mesh.cell_data or not mesh.cell_sets else None
+    if values is not None:
         array, tags = values
         known = {int(tag): name for name, (tag, d) in mesh.field_data.items() if d == dimension}
         prefix = array.rpartition(":")[2]
-        return [(_name(known.get(tag, f"{prefix}{tag}")),) if tag else () for tag in map(int, tags[block])]
-    for name, cells in mesh.cell_sets.items():
-        if name not in _NOT_NAMES and len(cells) == len(mesh.cells) and cells[block] is not None:
-            for cell in map(int, cells[block]):
-                if not 0 <= cell < count:
-                    raise GeometryError(f'the set "{name}" has an element that is not in the file')
-                found[cell] = (*found[cell], _name(name))
-    return found
+        for cell, tag in enumerate(map(int, tags[block])):
+            groups[cell] = (_name(known.get(tag, f"{prefix}{tag}")),) if tag else ()
+    # Of a cell in several physical groups meshio has one as its tag and all as sets.
+    for name, cells in sets.items():
+        for cell in map(int, cells):
+            if not 0 <= cell < count:
+                raise GeometryError(f'the set "{name}" has an element that is not in the file')
+            if _name(name) not in groups[cell]:
+                groups[cell] = (*groups[cell], _name(name))
+    return groups
 
 
 def _tags(mesh: meshio.Mesh) -> tuple[str, list[NDArray[Any]]] | None:

@@ -40,17 +40,6 @@ def check_self_contained(path: Path) -> None:
             check_hdf5(root)
 
 
-def check_includes(text: str) -> None:
-    """Raises GeometryError for an Abaqus file with an INCLUDE line, in any spelling."""
-    for number, line in enumerate(text.splitlines(), start=1):
-        # As meshio reads keywords: asterisks anywhere in them are ignored.
-        keyword = line.partition(",")[0].replace("*", "").strip().upper()
-        if keyword.startswith("INCLUDE") and "*" in line:
-            raise GeometryError(
-                f"line {number} includes another file", "replace *INCLUDE by the lines of that file"
-            )
-
-
 def check_hdf5(root: Any) -> None:
     """Raises GeometryError if an open HDF5 file ``root`` has soft, external or circular links, data in other
     files, or more data than the limit."""

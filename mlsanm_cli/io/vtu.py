@@ -8,7 +8,6 @@ import struct
 import sys
 from binascii import b2a_base64
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -17,8 +16,9 @@ from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.atomic import replacing, write_text
+from mlsanm_cli.io.files import replacing, write_text
 from mlsanm_cli.io.run_dir import COLLECTION_FILE, LINES_FILE, vtu_name
+from mlsanm_cli.records import dataclass
 
 
 @dataclass(frozen=True)

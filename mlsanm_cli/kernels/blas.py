@@ -7,10 +7,10 @@ from __future__ import annotations
 import ctypes
 import importlib
 import re
-from dataclasses import dataclass
 from typing import Any
 
 from mlsanm_cli.errors import RunError
+from mlsanm_cli.records import dataclass
 
 
 @dataclass(frozen=True)

@@ -8,13 +8,13 @@ Equation (7) of docs/method.md.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.near_field import ComplexArray, PointForceField
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 
 

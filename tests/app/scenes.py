@@ -149,6 +149,7 @@ class Quiet:
         self.steps: list[float] = []
         self.notes: list[str] = []
         self.warnings: list[str] = []
+        self.errors: list[tuple[str, str]] = []
 
     def phase(self, text: str) -> None:
         self.phases.append(text)
@@ -158,6 +159,9 @@ class Quiet:
 
     def warning(self, text: str) -> None:
         self.warnings.append(text)
+
+    def error(self, message: str, hint: str) -> None:
+        self.errors.append((message, hint))
 
     def step(self, index: int, position: float, residual: float, text: str) -> None:
         self.steps.append(position)

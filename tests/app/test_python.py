@@ -183,7 +183,7 @@ def test_functions_have_the_options_of_the_commands(name: str) -> None:
     for parameter in given.values():
         option = names.get(parameter.name, parameter.name)
         # Commands have options of the terminal instead.
-        if option not in ("progress", "cache"):
+        if option != "progress":
             assert option in options
             if parameter.default not in (None, parameter.empty):
                 assert parameter.default == (options[option] or False) or (name, option) == (

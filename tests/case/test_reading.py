@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import copy
+import io
 import re
+import sys
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -152,7 +154,7 @@ def test_unreadable_files(tmp_path: Path) -> None:
         load_case(tmp_path)
     binary = tmp_path / "binary.toml"
     binary.write_bytes(b"format = 1\n\xff\xfe")
-    with pytest.raises(RunError, match="UTF-8"):
+    with pytest.raises(RunError, match=r"UTF-8 text \(line 2, "):
         load_case(binary)
 
 
@@ -209,6 +211,12 @@ def test_a_directory_whose_name_is_no_text(tmp_path: Path) -> None:
     (folder / "case.toml").write_text(HERTZ)
     with pytest.raises(RunError, match="not UTF-8 text"):
         load_case(folder / "case.toml")
+
+
+def test_the_standard_input_is_a_case(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(HERTZ.encode())))
+    loaded = load_case(Path("-"))
+    assert (loaded.path, loaded.case_hash) == (Path("stdin"), parse(HERTZ).case_hash)
 
 
 def test_a_case_that_is_not_there_gets_the_nearest(tmp_path: Path) -> None:

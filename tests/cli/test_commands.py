@@ -98,6 +98,7 @@ def chatty(case: Path, **options: Any) -> dict[str, Any]:
     console.note("working")
     console.table("sizes", [("nodes", "5210")])
     console.warning("look here")
+    console.error("no way on", "refine")
     return {**SUMMARY, "stability": float("nan"), "path": Path("x")}
 
 
@@ -117,7 +118,7 @@ def test_quiet_shows_warnings_only(
 ) -> None:
     install(monkeypatch, "run", chatty)
     assert main(["run", "a.toml", "--quiet"]) == 0
-    assert capsys.readouterr() == ("", "warning: look here\n")
+    assert capsys.readouterr() == ("", "warning: look here\nerror: no way on\nhint: refine\n")
 
 
 @pytest.mark.parametrize(("status", "code"), [("done", 0), ("failed", 3), ("stopped", 75)])
@@ -137,7 +138,7 @@ def test_exit_code_follows_the_status(monkeypatch: pytest.MonkeyPatch, status: s
         (RunError("there is a run already", "use --force"), 2, "hint: use --force"),
         (NumericalError("no way on", "set solver.order"), 3, "error: no way on"),
         (Interrupted("wall time is over"), 75, "error: wall time is over"),
-        (KeyboardInterrupt(), 75, "stopped by a signal"),
+        (KeyboardInterrupt(), 75, "stopped by a signal\nhint: nothing was saved: repeat the command"),
         (KeyboardInterrupt("the wall time of 2 s is over"), 75, "the wall time of 2 s is over"),
         (MemoryError(), 2, "memory"),
         (PermissionError(13, "Permission denied", "/x/y"), 2, "/x/y: Permission denied"),
@@ -180,6 +181,7 @@ def test_a_termination_signal_ends_like_an_interrupt(
         (["a.toml"], '"mlsanm run a.toml"'),
         (["run"], "Missing argument 'CASE'"),
         (["run", "a.toml", "--thread", "2"], "--threads"),
+        (["sweep", "-", "--vary", "a=1,2"], "write it to a file"),
         (["run", "a.toml", "--threads", "0"], "x>=1"),
         (["run", "a.toml", "--color", "blue"], "auto"),
         (["plot", "dir", "--format", "gif"], "png"),

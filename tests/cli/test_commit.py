@@ -1,10 +1,11 @@
-"""The commit goes with the code: into wheels, source distributions, and what is built of these."""
+"""Wheels and source distributions: what goes into them, and the commit with the code."""
 
 from __future__ import annotations
 
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -28,13 +29,25 @@ def build(directory: Path, *arguments: str) -> None:
     subprocess.run(command, cwd=directory, check=True, capture_output=True)
 
 
+def test_the_files_of_wheels_exist() -> None:
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
+    (package,) = settings["package-data"].items()
+    for pattern in {*package[1], "py.typed"} - {module.FILE}:
+        assert list((ROOT / package[0]).glob(pattern)), pattern
+
+
 def test_what_is_built_tells_its_commit(tmp_path: Path) -> None:
     pytest.importorskip("setuptools")
     source = tmp_path / "source"
     (source / "mlsanm_cli").mkdir(parents=True)
     (source / "mlsanm_cli" / "__init__.py").write_text("")
     (source / "setup.cfg").write_text(SETUP + "[options.package_data]\nmlsanm_cli = commit.txt\n")
-    shutil.copy(ROOT / "setup.py", source)
+    for name in ("setup.py", "MANIFEST.in"):
+        shutil.copy(ROOT / name, source)
+    carried = ("CHANGELOG.md", "cases/a.toml", "docs/a.md", "tests/data/a.inp", "benchmarks/results/a.json")
+    for name in carried:
+        (source / name).parent.mkdir(parents=True, exist_ok=True)
+        (source / name).write_text("")
     shutil.copy(ROOT / "mlsanm_cli" / "commit.py", source / "mlsanm_cli")
     git(source, "init", "-q")
     git(source, "add", ".")
@@ -46,6 +59,7 @@ def test_what_is_built_tells_its_commit(tmp_path: Path) -> None:
     build(source, "sdist", "--dist-dir", str(tmp_path / "dist"))
     shutil.unpack_archive(next((tmp_path / "dist").iterdir()), tmp_path / "unpacked")
     unpacked = next((tmp_path / "unpacked").iterdir())
+    assert [name for name in carried if not (unpacked / name).exists()] == []
     build(unpacked, "build_py", "--build-lib", str(tmp_path / "again"))
     assert (tmp_path / "again" / "mlsanm_cli" / "commit.txt").read_text() == f"{revision}\n"
     assert not (source / "mlsanm_cli" / "commit.txt").exists()

@@ -63,9 +63,7 @@ def test_sets_of_nodes_and_unnamed_lists_of_an_abaqus_file(tmp_path: Path) -> No
     (tmp_path / "a.inp").write_text(text + "*NSET, NSET=foot plate\n1, 2, 5\n")
     mesh = read_mesh(tmp_path / "a.inp")
     assert {name: sorted(nodes) for name, nodes in mesh.node_sets.items()} == {"foot_plate": [0, 1, 4]}
-    # meshio gives the first list the name of the second: better none than a wrong one.
-    with pytest.raises(GeometryError, match='no group of elements "tip"'):
-        read_mesh(tmp_path / "a.inp", "tip")
+    assert len(read_mesh(tmp_path / "a.inp", "tip").points) == 3
 
 
 @pytest.mark.parametrize("kind", ["CPE4", "CPE4R", "CPS8R", "CPEG8"])
@@ -141,14 +139,110 @@ def test_broken_files_are_refused_in_one_sentence(tmp_path: Path, capfd: pytest.
     assert capfd.readouterr() == ("", "")
 
 
+NODES = "*NODE\n1, 0, 0\n2, 1, 0\n3, 1, 1\n4, 0, 1\n"
+FACE = "*ELEMENT, TYPE=CPS4, ELSET=all\n7, 1, 2, 3, 4\n"
+FOOT = "*NSET, NSET=foot\n1, 2\n"
+PART = f"*Part, name=P\n{NODES}{FACE}{FOOT}*End Part\n"
+TURNED = "*Instance, name=A, part=p\n2, 0, 0\n2, 0, 0, 2, 0, 1, 90.\n*End Instance\n"
+PLACED = PART.replace(FOOT, "") + TURNED
+
+
 @pytest.mark.parametrize(
-    "line", ["*INCLUDE, INPUT=more.inp", "*Include,input=more.inp", "*I*nclude ,a=more.inp"]
+    ("text", "group", "foot"),
+    [
+        (f"{PART}*Instance, name=A, part=P\n2., 3.\n*End Instance\n", None, [[2, 3], [3, 3]]),
+        (PART + TURNED, "A", [[2, 0], [2, 1]]),
+        (f"{PART}*Instance, name=B, part=P\n*End Instance\n{TURNED}", "B", [[0, 0], [1, 0]]),
+        (PART + PART.replace("=P", "=Q").replace("1, 0", "1, -1"), "P", [[0, 0], [1, 0]]),
+        (f"{PLACED}*NODE\n1, 9, 9, 9\n*NSET, NSET=foot, INSTANCE=a\n1, 4\n", "A", [[2, 0], [1, 0]]),
+        (f"{PLACED}*NSET, NSET=foot\nA.1, A.4\n", "A", [[2, 0], [1, 0]]),
+        ("*NODE\n3, 1, 1\n4, , 1\n*node, nset=foot\n1, 0\n2, 1.D0\n** end\n" + FACE, "all", [[0, 0], [1, 0]]),
+        (f"{NODES}{FACE}*NSET,\nNSET=foot,\nGENERATE\n1, 2\n", None, [[0, 0], [1, 0]]),
+        (f"{NODES}{FACE}*NSET, NSET=foot\n1, 2, 77\n", None, [[0, 0], [1, 0]]),
+        (f"{NODES}{FACE}{FOOT}*ELSET, ELSET=part\n7, 8\n", "part", [[0, 0], [1, 0]]),
+        (f"{NODES}5, 0.5, 0\n{FACE}*ELEMENT, TYPE=B21, ELSET=foot\n8, 2, 1\n", None, [[0, 0], [1, 0]]),
+    ],
+)  # fmt: skip
+def test_abaqus_files_place_and_name_what_they_say(
+    text: str, group: str | None, foot: list[list[float]], tmp_path: Path
+) -> None:
+    (tmp_path / "a.inp").write_text(text)
+    mesh = read_mesh(tmp_path / "a.inp", group)
+    assert mesh.points[mesh.rings[0]].shape == (1, 4, 2)
+    named = mesh.points[mesh.node_sets["foot"]] if mesh.node_sets else places(mesh, "foot")
+    assert sorted(named.round(12).tolist()) == sorted(foot)
+
+
+def test_quadratic_lines_of_abaqus_have_their_middle_second(tmp_path: Path) -> None:
+    middles = "5, 0.5, 0\n6, 1, 0.5\n7, 0.5, 1\n8, 0, 0.5\n"
+    faces = "*ELEMENT, TYPE=CPS8\n1, 1, 2, 3, 4,\n5, 6, 7, 8\n*ELEMENT, TYPE=T3D3, ELSET=foot\n2, 1, 5, 2\n"
+    (tmp_path / "a.inp").write_text(NODES + middles + faces)
+    assert read_mesh(tmp_path / "a.inp").lines.tolist() == [[0, 4], [4, 1]]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (f"{NODES}*INCLUDE, INPUT=more.inp\n", r"line 6, \*INCLUDE"),
+        (f"{NODES}*Element, type=CPS4, input=more.inp\n", r"line 6, \*ELEMENT: INPUT"),
+        (f"{NODES}*NGEN\n1, 9, 2\n", r"line 6, \*NGEN"),
+        (f"{NODES}*ELEMENT, TYPE=CAX4\n1, 1, 2, 3, 4\n", 'line 6, .* type "CAX4"'),
+        (f"{NODES}*ELEMENT, TYPE=CPS4\n1, 1, 2, 3\n", "have 4 nodes"),
+        (f"{NODES}*ELEMENT, TYPE=CPS3\n1, 1, 2, 9\n", "element 1 refers to node 9"),
+        (f"{NODES}{FACE}{FACE}", "element 7 has been defined before"),
+        (f"{NODES}1, 0, 5\n", "node 1 has been defined before"),
+        ("*NODE\n1, x, 0\n", 'line 1, .*"x" is not a number'),
+        (f"{PART}*Instance, name=A, part=Q\n", 'there is no part "Q"'),
+        (f"{NODES}{FACE}*NSET, NSET=a\nfeet\n", 'there is no set "feet"'),
+        (f"{NODES}{FACE}*NSET, NSET=a, INSTANCE=B\n1\n", 'there is no instance "B"'),
+    ],
 )
-def test_an_abaqus_file_includes_no_other(line: str, tmp_path: Path) -> None:
-    (tmp_path / "more.inp").symlink_to("/dev/zero")
-    (tmp_path / "a.inp").write_text(f"*HEADING\n{line}\n")
-    with pytest.raises(GeometryError, match="line 2 includes another file"):
+def test_what_is_refused_of_abaqus_files_is_located(text: str, words: str, tmp_path: Path) -> None:
+    (tmp_path / "a.inp").write_text(text)
+    with pytest.raises(GeometryError, match=words):
         read_mesh(tmp_path / "a.inp")
+
+
+GMSH = """$MeshFormat
+4.1 0 8
+$EndMeshFormat
+$PhysicalNames
+3
+1 1 "foot"
+1 2 "edge"
+2 3 "plate"
+$EndPhysicalNames
+$Entities
+0 1 1 0
+1 0 0 0 1 0 0 2 1 2 0
+1 0 0 0 1 1 0 1 3 1 1
+$EndEntities
+$Nodes
+1 3 1 3
+2 1 0 3
+1
+2
+3
+0 0 0
+1 0 0
+1 1 0
+$EndNodes
+$Elements
+2 2 1 2
+1 1 1 1
+1 1 2
+2 1 2 1
+2 1 2 3
+$EndElements
+"""
+
+
+def test_an_edge_in_two_groups_of_a_gmsh_file_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.msh").write_text(GMSH)
+    with pytest.raises(GeometryError, match="several groups: foot, edge"):
+        read_mesh(tmp_path / "a.msh")
+    (tmp_path / "a.msh").write_text(GMSH.replace("2 1 2 0", "1 1 0"))
+    assert read_mesh(tmp_path / "a.msh", "plate").names == ("foot",)
 
 
 def test_formats_of_several_files_and_links_in_hdf5_are_refused(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ docs/method.md compares it with refined runs and analytical solutions.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,7 @@ from mlsanm_cli.contact.response.bonds import Bonds
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.defect import Corrected, correct
 from mlsanm_cli.memo import NO_CACHE, Memo
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.grid_refinement import grid_errors

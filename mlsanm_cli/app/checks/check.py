@@ -4,13 +4,13 @@ warns, fails and keeps them for ``summary.json``."""
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 
 from mlsanm_cli.app.checks.limits import LIMITS
 from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 Outcome = Literal["passed", "warned", "failed"]

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
 
-from mlsanm_cli.app.checks.balance import force_balance, force_mismatch, worst_of
 from mlsanm_cli.app.checks.check import Check
-from mlsanm_cli.app.checks.energy import EnergyErrors
+from mlsanm_cli.app.checks.energy import EnergyErrors, force_balance, force_mismatch, worst_of
 from mlsanm_cli.app.checks.limits import LIMITS, level
 from mlsanm_cli.app.checks.states import body_rotation
 from mlsanm_cli.app.scene.contact_pairs import shape_of
@@ -21,6 +20,7 @@ from mlsanm_cli.cloud.cloud import continuations
 from mlsanm_cli.contact.geometry.obstacles import Chain
 from mlsanm_cli.contact.geometry.pairing import Pairing, spacing_ratio
 from mlsanm_cli.contact.geometry.profile import regular_peak
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.solve.coercivity import stability_limit
 from mlsanm_cli.solve.condensed_scene import CondensedScene

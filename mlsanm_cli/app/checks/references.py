@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from mlsanm_cli.case import Case, Contact, DiskObstacle, LoadedCase, Mesh, Point
 from mlsanm_cli.cloud.curves import Arc, Curve, Segment
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.reference.hertz import HertzLine
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import State

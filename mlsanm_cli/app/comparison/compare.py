@@ -4,7 +4,6 @@ docs/methods-compared.md."""
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,12 +11,13 @@ from typing import Any
 from mlsanm_cli.app.checks.references import check_reference
 from mlsanm_cli.app.comparison.precision import draw_precision
 from mlsanm_cli.app.context import Clock, Console, RunContext
-from mlsanm_cli.app.output.provenance import attributes
+from mlsanm_cli.app.output.checkpoint import attributes
 from mlsanm_cli.app.run import RESULTS
 from mlsanm_cli.app.scene.imported import load_with_files
 from mlsanm_cli.case import Case, LoadedCase
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.summary import write_json_atomic
+from mlsanm_cli.records import dataclass
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from typing import NoReturn
 import numpy as np
 
 from mlsanm_cli.app.finite.accuracy import Missing, missed_in_contact
-from mlsanm_cli.app.finite.limits import motion_ratio, slip_ratio
+from mlsanm_cli.app.finite.limits import dissipated, motion_ratio, slip_ratio, work_ratio
 from mlsanm_cli.app.finite.scene import TOUCH_TOLERANCE, FiniteScene
 from mlsanm_cli.app.finite.states import place_of
 from mlsanm_cli.app.scene.void import void_center
@@ -164,7 +164,9 @@ class _Path:
             found = self._solved(reached)
             if found is not None:
                 args = (self._scene, self.now, found)
+                part = (reached - position) / (stage + 1.0 - position)
                 far = max(slip_ratio(*args), motion_ratio(*args, position, reached))
+                far = max(far, work_ratio(*args, self._work, part))
                 if far <= 1.0 and self._stretched(found)[0] <= MAX_STRETCH:
                     self._add_slip(found)
                     self._before, self.now = self.now.place, found
@@ -196,11 +198,11 @@ class _Path:
         return most, name, node
 
     def _add_slip(self, found: FiniteContactState) -> None:
-        """Accumulate slips and dissipated work, by the trapezoidal rule."""
+        """Accumulate slips and dissipated work."""
         closed = found.sets.closed | self.now.sets.closed
         self._slip = self._slip + np.where(closed, found.slip, 0.0)
-        mean = 0.5 * (found.shear + self.now.shear)
-        self._work = self._work - np.where(closed, mean * found.slip, 0.0)
+        mean = 0.5 * (found.pressure + self.now.pressure)
+        self._work = self._work + dissipated(self._scene, self.now, found, mean)
 
     def _solved(self, position: float) -> FiniteContactState | None:
         factors = factors_at(self._scene.stages, position)

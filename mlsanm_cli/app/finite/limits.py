@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.app.finite.scene import FiniteScene
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.complementarity.problem import SLIP
 from mlsanm_cli.contact.finite.exact import FiniteContactState
 from mlsanm_cli.contact.finite.rigid import RigidContact
@@ -15,6 +16,9 @@ from mlsanm_cli.solve.stages import factors_at
 MAX_SLIP = 0.2
 """Largest slip in an increment with friction, relative to the width of the contact, unless all nodes slide in
 the same direction before and after it, which has no history."""
+MAX_WORK_CHANGE = 0.2
+"""Largest difference of the dissipated work by pressures at the end of an increment and by mean ones, whose
+error is of second order, relative to the work up to the end of the stage at the present rate."""
 MAX_APPROACH = 0.5
 """Largest motion of a node towards a possible partner in an increment: its gap plus this part of the thinner
 body or disk, so that contact is not missed. No body moves further than this part of the smallest."""
@@ -30,6 +34,29 @@ def slip_ratio(scene: FiniteScene, now: FiniteContactState, found: FiniteContact
             slip = float(np.abs(found.slip[here][closed]).max())
             largest = max(largest, slip / (MAX_SLIP * width))
     return largest
+
+
+def dissipated(
+    scene: FiniteScene, now: FiniteContactState, found: FiniteContactState, pressure: FloatArray
+) -> FloatArray:
+    """Work (c,) per length that friction dissipates in an increment under ``pressure`` (c,): nodes slip at
+    the limit of friction only, whatever they carried before."""
+    closed = found.sets.closed | now.sets.closed
+    return np.asarray(np.where(closed, scene.contacts.friction * pressure * np.abs(found.slip), 0.0))
+
+
+def work_ratio(
+    scene: FiniteScene, now: FiniteContactState, found: FiniteContactState, work: FloatArray, part: float
+) -> float:
+    """Change of the dissipated work in an increment by other pressures over its limit, given the ``work``
+    (c,) before it; the increment is the ``part`` of the rest of the stage."""
+    weight = scene.contacts.weight
+    last, mean = (
+        dissipated(scene, now, found, pressure)
+        for pressure in (found.pressure, 0.5 * (found.pressure + now.pressure))
+    )
+    ahead = float(weight @ (work + mean / part))
+    return float(weight @ np.abs(last - mean)) / (MAX_WORK_CHANGE * ahead) if ahead > 0.0 else 0.0
 
 
 def motion_ratio(

@@ -8,7 +8,6 @@ below the surface, where the cloud may have no node.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
@@ -25,6 +24,7 @@ from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.probes import probe_rows, stress_of_expansion
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import Fields, named_fields
 from mlsanm_cli.solve.state import State

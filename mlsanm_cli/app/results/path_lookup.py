@@ -4,7 +4,7 @@ error of interpolated ones."""
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.continuation import Branch
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_reader import Dataset, RunData, read_series
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import FINE_ROUND_OFF, ROUND_OFF
 
 STORED, SERIES, LINEAR, INTERPOLATED = "stored", "series", "linear", "interpolated"

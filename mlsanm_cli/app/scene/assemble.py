@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import nullcontext
-from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
 from typing import Any
@@ -36,6 +35,7 @@ from mlsanm_cli.mechanics.springs import restrained, restraining
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.operators.linear.interface import LinearSolver
 from mlsanm_cli.operators.settings import MlsSettings
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 
 NOTHING: Mapping[str, Any] = MappingProxyType({})

@@ -8,7 +8,6 @@ supports and loads act on each piece. A contact joins its pieces to one surface.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import accumulate, pairwise
 
 import numpy as np
@@ -18,14 +17,14 @@ from mlsanm_cli.app.scene.contact_sides import sides_of
 from mlsanm_cli.app.scene.load_profiles import profiles
 from mlsanm_cli.app.scene.outlines import BoundaryRun, chains_at, drawn, imported_geometry, numbers_of, run_of
 from mlsanm_cli.case import Body, Case, Place, Platen, Pressure, Traction
-from mlsanm_cli.case.model.conditions import Kind, compatible
+from mlsanm_cli.case.model.conditions import Kind, Support, compatible
 from mlsanm_cli.case.model.shapes import Mesh, Points
-from mlsanm_cli.case.model.supports import Support
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Curve, Outline, Segment
 from mlsanm_cli.cloud.joined import cut
 from mlsanm_cli.cloud.surface import Surface, joined_surface
 from mlsanm_cli.errors import CaseError, CaseProblem
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 MAX_END_DISTANCE = 0.1

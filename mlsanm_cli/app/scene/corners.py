@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
@@ -21,6 +21,7 @@ from mlsanm_cli.mechanics.corner_faces import Face
 from mlsanm_cli.mechanics.near_field import Isotropic, as_complex, as_real
 from mlsanm_cli.mechanics.symmetry import SymmetryPlane
 from mlsanm_cli.mechanics.wedge import Wedge
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 
 END_CLEARANCE = 4.0

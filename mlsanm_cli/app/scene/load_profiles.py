@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -14,6 +13,7 @@ from mlsanm_cli.case import Displacement, ExpressionError, Place, Pressure, Trac
 from mlsanm_cli.case.model.shapes import AnyShape
 from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.errors import CaseError, CaseProblem
+from mlsanm_cli.records import dataclass
 
 SAMPLES = 4096
 """Samples along a boundary, a power of two."""

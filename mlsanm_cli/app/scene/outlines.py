@@ -6,7 +6,6 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import accumulate
 from pathlib import Path
@@ -41,6 +40,7 @@ from mlsanm_cli.errors import CaseError, CaseProblem, GeometryError, RunError
 from mlsanm_cli.inputs import MB, read_input
 from mlsanm_cli.io.meshes import read_mesh
 from mlsanm_cli.io.point_files import read_points
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 MAX_BYTES = 256 * MB

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.curves import Segment
 from mlsanm_cli.cloud.spacing import Zone
+from mlsanm_cli.records import dataclass
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.functionals import resultant
 from mlsanm_cli.mechanics.rigid import ROTATION, rigid_pattern
 from mlsanm_cli.mechanics.scene import RigidConstraint, RigidMotion
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 MIN_NORMAL_COMPONENT = 0.2

@@ -8,20 +8,20 @@ import json
 import re
 import tomllib
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from mlsanm_cli.case.limits import number_faults, size_faults, text_problem
-from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.case import Case
 from mlsanm_cli.case.model.section import Geometry, GeometryInspector, Scope, all_faults
 from mlsanm_cli.case.reading.names import name_faults
 from mlsanm_cli.case.reading.overrides import apply_overrides, key_path
 from mlsanm_cli.case.reading.valid import LISTS, valid_part
-from mlsanm_cli.case.report import Report, nearest
+from mlsanm_cli.case.report import KeyPath, Report, nearest
 from mlsanm_cli.errors import CaseError, CaseProblem, Fault, GeometryError, OutlineError, RunError
-from mlsanm_cli.inputs import MAX_TEXT_BYTES, is_text, read_input
+from mlsanm_cli.inputs import MAX_TEXT_BYTES, STDIN, is_text, read_input
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.toml import plain
 
 MAX_LISTED_CASES = 1000
@@ -68,9 +68,13 @@ def load_case(
         # utf-8-sig drops the byte order mark that some editors write.
         text = io.TextIOWrapper(io.BytesIO(content), encoding="utf-8-sig").read()
     except UnicodeDecodeError as error:
+        line = content[: error.start].count(b"\n") + 1
         raise RunError(
-            f"{path} is not UTF-8 text (byte {error.start})", "a case is a TOML text file"
+            f"{path} is not UTF-8 text (line {line}, byte {error.start})",
+            "a case is a text file: in the editor save it with the encoding UTF-8",
         ) from error
+    if path == STDIN:
+        path = Path("stdin")
     return parse_case(text, path, overrides, inspector)
 
 

@@ -83,6 +83,11 @@ class Contacts:
         found = [np.where(one.slave.held, 0.0, one.friction) for one in self.pairs]
         return np.concatenate([*found, np.zeros(0)])
 
+    @cached_property
+    def weight(self) -> FloatArray:
+        """Lengths (c,) of the slaves' nodes."""
+        return np.concatenate([*(one.slave.weight for one in self.pairs), np.zeros(0)])
+
     def tractions(self, met: Sequence[Meeting], pressure: FloatArray, shear: FloatArray) -> FloatArray:
         """Tractions (2s,) at the nodes of all sides for the slaves' pressures and friction (c,)."""
         parts = [

@@ -15,7 +15,6 @@ Equation (7) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeAlias
 
@@ -26,6 +25,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.geometry.grid import Hats
 from mlsanm_cli.contact.geometry.panels import chebyshev, lagrange
 from mlsanm_cli.mechanics.symmetry import SymmetryPlane
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 Planes: TypeAlias = tuple[SymmetryPlane | None, SymmetryPlane | None]

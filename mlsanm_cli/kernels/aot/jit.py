@@ -18,13 +18,13 @@ import importlib
 import pkgutil
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from mlsanm_cli.kernels.aot import kept
 from mlsanm_cli.kernels.aot.functions import Inner, Kernel
 from mlsanm_cli.kernels.aot.machine import Machine, UnloadableError
+from mlsanm_cli.records import dataclass
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 

@@ -14,7 +14,6 @@ import pickle
 import struct
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from importlib.machinery import PathFinder
 from itertools import accumulate
 from types import ModuleType
@@ -24,6 +23,7 @@ import numpy as np
 
 from mlsanm_cli.kernels.aot.signature import Signature, Value
 from mlsanm_cli.kernels.blas import EXTERNALS
+from mlsanm_cli.records import dataclass
 
 WORDS = {"p": ctypes.c_void_p, "i": ctypes.c_int64, "d": ctypes.c_double}
 DONE = (0, -2)

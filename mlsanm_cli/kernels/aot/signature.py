@@ -12,12 +12,12 @@ import numbers
 import operator
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from mlsanm_cli.records import dataclass
 
 Float1: TypeAlias = FloatArray
 Float2: TypeAlias = FloatArray

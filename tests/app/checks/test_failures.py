@@ -22,7 +22,7 @@ from mlsanm_cli.solve.fields import fields_of
 from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State
 from tests.app.runs import events_of
-from tests.app.scenes import ANM, BAR, EXACT_LAW, NODAL, PATCH, SHEARED, hertz, solve
+from tests.app.scenes import ANM, BAR, EXACT_LAW, NODAL, PATCH, SHEARED, Quiet, hertz, solve
 from tests.case_text import Scene
 
 Mutation = Callable[[pytest.MonkeyPatch, float], None]
@@ -166,8 +166,10 @@ def test_slave_and_master_feel_the_same(tmp_path: Path, text: str) -> None:
 
 
 def test_what_a_failed_path_leaves(tmp_path: Path) -> None:
-    summary = solve(NODAL, tmp_path / "run", ANM, "solver.max_steps=9")
+    console = Quiet()
+    summary = solve(NODAL, tmp_path / "run", ANM, "solver.max_steps=9", console=console)
     assert summary["status"] == "failed"
+    assert console.errors == [(summary["stop_reason"], summary["hint"])]
     failure = read_json(tmp_path / "run" / "summary.json")["failure"]
     assert failure["position"] == summary["position"] > 0.0
     mesh = meshio.read(tmp_path / "run" / "failure.vtu")

@@ -13,10 +13,10 @@ from typing import Any
 
 import pytest
 
-from mlsanm_cli.app.results.collect import collect
+from mlsanm_cli.app.results.info import as_csv, collect
 from mlsanm_cli.app.run import run
-from mlsanm_cli.app.sweep import engines, point
-from mlsanm_cli.app.sweep.point import SweepPoint
+from mlsanm_cli.app.sweep import engines
+from mlsanm_cli.app.sweep.engines import SweepPoint
 from mlsanm_cli.app.sweep.run_sweep import geometry, point_name, sweep
 from mlsanm_cli.case import load_case
 from mlsanm_cli.case.vary import parse_vary, points
@@ -41,7 +41,7 @@ SEEN = ROUGH.changed("fields = []", "fields = ['von_mises']")
 
 @pytest.fixture(autouse=True)
 def _nothing_kept() -> None:
-    point._memo.cache_clear()
+    engines._memo.cache_clear()
 
 
 @pytest.fixture
@@ -229,7 +229,7 @@ def test_a_point_that_kills_its_process_is_given_up(
 
 
 def test_run_skips_what_is_done(tmp_path: Path, bar: Path) -> None:
-    arguments = ["run", str(bar), "--out", str(tmp_path / "one"), "--quiet", "--no-cache"]
+    arguments = ["run", str(bar), "--out", str(tmp_path / "one"), "--quiet"]
     assert main([*arguments, "--skip-done"]) == 0
     before = (tmp_path / "one" / "run.h5").stat().st_mtime_ns
     assert main([*arguments, "--skip-done", "--force"]) == 0
@@ -250,7 +250,11 @@ def test_collect_has_a_row_for_every_directory(
     (going / "summary.json").unlink()
     places = [str(tmp_path / "all" / "solver.order=12"), str(going), str(tmp_path / "empty")]
     assert main(["collect", *places, "--out", str(tmp_path / "t.csv")]) == 0
-    assert capsys.readouterr().out == ""
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith(f"warning: {tmp_path / 'empty'}: ")
+    assert main(["collect", str(tmp_path / "no*")]) == 2
+    assert "hint: name run directories" in capsys.readouterr().err
     with (tmp_path / "t.csv").open() as stream:
         rows = list(csv.DictReader(stream))
     assert [row["status"] for row in rows] == ["done", "done", "unreadable"]
@@ -265,6 +269,12 @@ def test_collect_has_a_row_for_every_directory(
     # A file that stands next to the directories is no run, as with `mlsanm collect all/*`.
     assert main(["collect", *places, str(tmp_path / "all" / "sweep.csv")]) == 0
     assert capsys.readouterr().out == (tmp_path / "t.csv").read_text()
+
+
+@pytest.mark.parametrize("value", ["=1+1", "+A1", "@sum", "-1", "a", -1.5])
+def test_cells_of_a_table_are_no_formulas(value: object) -> None:
+    cell = as_csv([{"title": value}]).splitlines()[1]
+    assert cell == (f"'{value}" if value in ("=1+1", "+A1", "@sum", "-1") else str(value))
 
 
 def test_warnings_are_told(tmp_path: Path) -> None:

@@ -1,0 +1,314 @@
+"""Plane meshes of Abaqus input files: nodes, elements and sets of parts, instances and the assembly.
+
+meshio, which reads all other formats, takes the last block of nodes for all of them and leaves out instances.
+Numbers and names are those of a part, an instance or the assembly, here a `_Scope`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.errors import GeometryError
+
+if TYPE_CHECKING:
+    import meshio
+
+_FACES = re.compile(r"(?:CP(?:S|E|EG)|SFM3D|M3D|R3D|STRI|S|DC2D|AC2D)([34689])[A-Z0-9]*")
+_FACE_KINDS = {"3": "triangle", "4": "quad", "6": "triangle6", "8": "quad8", "9": "quad9"}
+_LINE_KINDS = {
+    **dict.fromkeys(("T2D2", "T3D2", "B21", "B23", "B31", "B33", "R2D2"), "line"),
+    **dict.fromkeys(("T2D3", "T3D3", "B22", "B32"), "line3"),
+}
+_COUNTS = {"line": 2, "line3": 3, "triangle": 3, "quad": 4, "triangle6": 6, "quad8": 8, "quad9": 9}
+_REFUSED = {
+    "INCLUDE": "replace *INCLUDE by the lines of that file",
+    **dict.fromkeys(("SYSTEM", "NGEN", "NFILL", "NCOPY", "NMAP"), "write all nodes in global coordinates"),
+    **dict.fromkeys(("ELGEN", "ELCOPY"), "write all elements"),
+}
+"""Keywords that make or move nodes and elements, or read other files, with a way to do without."""
+
+
+class _Section(NamedTuple):
+    """A keyword with its parameters, and the values of its data lines."""
+
+    line: int
+    keyword: str
+    parameters: dict[str, str]
+    rows: list[list[str]]
+
+    def refuse(self, message: str, hint: str = "") -> GeometryError:
+        """The error of this section."""
+        return GeometryError(f"line {self.line}, *{self.keyword}: {message}", hint)
+
+    def name(self, parameter: str) -> str:
+        """The value of a required parameter."""
+        if not self.parameters.get(parameter):
+            raise self.refuse(f"{parameter} is missing")
+        return self.parameters[parameter]
+
+    def whole(self, value: str) -> int:
+        """A number of a node or an element."""
+        if not value.isdecimal():
+            raise self.refuse(f'"{value}" is not a number of a node or an element')
+        return int(value)
+
+    def real(self, value: str) -> float:
+        """A number, 0 if empty, with the exponents of Fortran."""
+        try:
+            return float(re.sub("[dD]", "e", value) or 0.0)
+        except ValueError as error:
+            raise self.refuse(f'"{value}" is not a number') from error
+
+
+@dataclass
+class _Scope:
+    """Nodes (3,) and elements (kind, nodes) by number, sets of numbers by name; ``listed`` are the names of
+    sets that only name a list of elements. The scope moves by ``rotation @ x + shift``."""
+
+    nodes: dict[int, FloatArray] = field(default_factory=dict)
+    elements: dict[int, tuple[str, list[int]]] = field(default_factory=dict)
+    node_sets: dict[str, list[int]] = field(default_factory=dict)
+    element_sets: dict[str, list[int]] = field(default_factory=dict)
+    listed: set[str] = field(default_factory=set)
+    rotation: FloatArray = field(default_factory=lambda: np.eye(3))
+    shift: FloatArray = field(default_factory=lambda: np.zeros(3))
+
+    def instance(self, rotation: FloatArray, shift: FloatArray) -> _Scope:
+        """A copy of this part, moved."""
+        return _Scope(
+            {number: rotation @ node + shift for number, node in self.nodes.items()},
+            dict(self.elements),
+            {name: list(numbers) for name, numbers in self.node_sets.items()},
+            {name: list(numbers) for name, numbers in self.element_sets.items()},
+            set(self.listed),
+            rotation,
+            shift,
+        )
+
+    def add_nodes(self, section: _Section) -> None:
+        """The nodes of a *NODE section."""
+        numbers = []
+        for label, *values in section.rows:
+            number = section.whole(label)
+            place = np.array([section.real(value) for value in (*values, "", "", "")[:3]])
+            place = self.rotation @ place + self.shift
+            if number in self.nodes and not np.array_equal(self.nodes[number], place, equal_nan=True):
+                raise section.refuse(f"node {number} has been defined before, at another place")
+            self.nodes[number] = place
+            numbers.append(number)
+        if "NSET" in section.parameters:
+            self.node_sets.setdefault(section.name("NSET"), []).extend(numbers)
+
+    def add_elements(self, section: _Section) -> None:
+        """The elements of an *ELEMENT section; a row may go on in the next line."""
+        kind = _kind(section)
+        values = [section.whole(value) for row in section.rows for value in row if value]
+        if len(values) % (_COUNTS[kind] + 1):
+            raise section.refuse(f"elements of this type have {_COUNTS[kind]} nodes")
+        table = np.array(values, dtype=np.int64).reshape(-1, _COUNTS[kind] + 1).tolist()
+        for number, *nodes in table:
+            if number in self.elements:
+                raise section.refuse(f"element {number} has been defined before")
+            absent = [node for node in nodes if node not in self.nodes]
+            if absent:
+                raise section.refuse(f"element {number} refers to node {absent[0]}, which is not in the file")
+            # The mid-side node of lines is the second one here and the third one of meshio.
+            self.elements[number] = kind, [nodes[0], nodes[2], nodes[1]] if kind == "line3" else nodes
+        if "ELSET" in section.parameters:
+            name = section.name("ELSET")
+            if name not in self.element_sets:
+                self.listed.add(name)
+            self.element_sets.setdefault(name, []).extend(number for number, *_ in table)
+
+    def add_set(self, section: _Section) -> None:
+        """The set of an *NSET or *ELSET section; numbers of nothing are left out later."""
+        nodes = section.keyword == "NSET"
+        sets, name = (self.node_sets, "NSET") if nodes else (self.element_sets, "ELSET")
+        members = sets.setdefault(section.name(name), [])
+        if nodes and "ELSET" in section.parameters:
+            for number in self._members(section, self.element_sets, section.name("ELSET")):
+                members += self.elements[number][1]
+        for row in section.rows:
+            if "GENERATE" in section.parameters:
+                first, last, *step = (section.whole(value) for value in row if value)
+                members += range(first, last + 1, max(*step, 1) if step else 1)
+                continue
+            for value in filter(None, row):
+                members += (
+                    [int(value)] if value.isdecimal() else self._members(section, sets, value.strip('"'))
+                )
+        if not nodes:
+            self.listed.discard(section.name(name))
+
+    @staticmethod
+    def _members(section: _Section, sets: dict[str, list[int]], name: str) -> list[int]:
+        for known, members in sets.items():
+            if known.upper() == name.upper():
+                return members
+        raise section.refuse(f'there is no set "{name}"')
+
+
+def read_abaqus(text: str) -> meshio.Mesh:
+    """The mesh of an input file, with sets of nodes and, for every instance, set and named list, of elements.
+    Programs name every list of elements: a line that is in a set too is not in its list. Raises GeometryError
+    with the number of the line."""
+    assembly, parts, instances = _Scope(), dict[str, _Scope](), dict[str, _Scope]()
+    scope, title = assembly, ""
+    for section in _sections(text):
+        keyword = section.keyword
+        if keyword in _REFUSED:
+            raise section.refuse("this keyword is not supported", _REFUSED[keyword])
+        if keyword in ("PART", "INSTANCE"):
+            title = section.name("NAME")
+            known = parts if keyword == "PART" else instances
+            if title.upper() in map(str.upper, known):
+                raise section.refuse(f'the name "{title}" is used twice')
+            known[title] = scope = _Scope() if keyword == "PART" else _placed(section, parts)
+        elif keyword in ("ENDPART", "ENDINSTANCE"):
+            scope = assembly
+        elif keyword in ("NODE", "ELEMENT", "NSET", "ELSET"):
+            if section.parameters.keys() & {"INPUT", "SYSTEM"}:
+                raise section.refuse("INPUT and SYSTEM are not supported", "write all values in this file")
+            target = _named(section, scope, instances)
+            if keyword == "NODE":
+                target.add_nodes(section)
+            elif keyword == "ELEMENT":
+                target.add_elements(section)
+            else:
+                target.add_set(section)
+    return _merged({**(instances or parts), "": assembly})
+
+
+def _sections(text: str) -> Iterator[_Section]:
+    """The keywords of a file, without comments."""
+    section: _Section | None = None
+    continued = False
+    for number, line in enumerate(map(str.strip, text.splitlines()), start=1):
+        if not line or line.startswith("**"):
+            continue
+        values = line
+        if line.startswith("*"):
+            if section is not None:
+                yield section
+            keyword, _, values = line[1:].partition(",")
+            section = _Section(number, re.sub(r"\s", "", keyword).upper(), {}, [])
+        if section is None:
+            continue
+        if line.startswith("*") or continued:
+            for name, value in re.findall(r'([^,=]+)(?:=\s*("[^"]*"|[^,]*))?', values):
+                section.parameters[name.strip().upper()] = value.strip().strip('"')
+            continued = line.endswith(",")
+        else:
+            section.rows.append([value.strip() for value in values.split(",")])
+    if section is not None:
+        yield section
+
+
+def _kind(section: _Section) -> str:
+    """The type of the elements of a section as meshio names it."""
+    name = section.name("TYPE").upper()
+    face = _FACES.fullmatch(name)
+    if face is not None:
+        return _FACE_KINDS[face[1]]
+    for line, kind in _LINE_KINDS.items():
+        if name.startswith(line):
+            return kind
+    raise section.refuse(
+        f'there are elements of type "{name}"', "plane triangles and quadrilaterals, and lines, only"
+    )
+
+
+def _named(section: _Section, scope: _Scope, instances: dict[str, _Scope]) -> _Scope:
+    """The scope of a section: that of the instance it names, also as in Block-1.Left, or the present one."""
+    wanted = section.parameters.get("INSTANCE", "").upper()
+    dotted = {value.rpartition(".")[0].upper() for row in section.rows for value in row}
+    for name, instance in instances.items():
+        if name.upper() == wanted:
+            return instance
+        if not wanted and dotted == {name.upper()}:
+            section.rows[:] = [[value.rpartition(".")[2] for value in row] for row in section.rows]
+            return instance
+    if wanted:
+        raise section.refuse(f'there is no instance "{section.name("INSTANCE")}"')
+    return scope
+
+
+def _placed(section: _Section, parts: dict[str, _Scope]) -> _Scope:
+    """The instance of a part: moved by the first data line, then turned about the axis through two points by
+    the angle in degrees of the second one."""
+    wanted = section.name("PART")
+    part = next((part for name, part in parts.items() if name.upper() == wanted.upper()), None)
+    if part is None:
+        raise section.refuse(f'there is no part "{wanted}"')
+    rows = [[section.real(value) for value in row] for row in section.rows]
+    shift = np.array((*(rows[0] if rows else ()), 0.0, 0.0, 0.0)[:3])
+    rotation = np.eye(3)
+    if len(rows) > 1:
+        if len(rows[1]) < 7:
+            raise section.refuse("a rotation has seven values: two points and an angle")
+        start, end = np.array(rows[1][:3]), np.array(rows[1][3:6])
+        rotation = _rotation(end - start, np.radians(rows[1][6]))
+        shift = start + rotation @ (shift - start)
+    return part.instance(rotation, shift)
+
+
+def _rotation(axis: FloatArray, angle: float) -> FloatArray:
+    """The rotation (3, 3) about an axis (3,), by the formula of Rodrigues."""
+    x, y, z = axis / np.linalg.norm(axis)
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    turned: FloatArray = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
+    return turned
+
+
+def _merged(scopes: dict[str, _Scope]) -> meshio.Mesh:
+    """The mesh of all scopes: a block of cells for each of them and each kind of element."""
+    import meshio
+
+    points: list[FloatArray] = []
+    blocks: list[tuple[str, list[list[int]]]] = []
+    point_sets: dict[str, list[int]] = {}
+    members: dict[str, dict[int, list[int]]] = {}
+    for title, scope in scopes.items():
+        row = {number: len(points) + k for k, number in enumerate(scope.nodes)}
+        points += scope.nodes.values()
+        place, kinds = dict[int, tuple[int, int]](), dict[str, int]()
+        for number, (kind, nodes) in scope.elements.items():
+            block = kinds.setdefault(kind, len(blocks))
+            if block == len(blocks):
+                blocks.append((kind, []))
+            place[number] = block, len(blocks[block][1])
+            blocks[block][1].append([row[node] for node in nodes])
+        for name, numbers in scope.node_sets.items():
+            point_sets.setdefault(name, []).extend(row[number] for number in numbers if number in row)
+        lines = {number for number, (kind, _) in scope.elements.items() if kind.startswith("line")}
+        named = {
+            number
+            for name, numbers in scope.element_sets.items()
+            if name not in scope.listed
+            for number in lines.intersection(numbers)
+        }
+        groups = [
+            (name, [number for number in numbers if name not in scope.listed or number not in named])
+            for name, numbers in scope.element_sets.items()
+        ]
+        # An instance is a group of faces; lines are in one group at most.
+        groups += [(title, [number for number in scope.elements if number not in lines])] if title else []
+        for name, numbers in groups:
+            for block, cell in (place[number] for number in dict.fromkeys(numbers) if number in place):
+                members.setdefault(name, {}).setdefault(block, []).append(cell)
+    cell_sets: dict[str, list[IntArray]] = {
+        name: [np.array(cells.get(block, ()), dtype=np.int64) for block in range(len(blocks))]
+        for name, cells in members.items()
+    }
+    return meshio.Mesh(
+        np.array(points).reshape(-1, 3),
+        [(kind, np.array(cells, dtype=np.int64)) for kind, cells in blocks],
+        point_sets={name: np.unique(np.array(rows, dtype=np.int64)) for name, rows in point_sets.items()},
+        cell_sets=cell_sets,
+    )
