@@ -19,6 +19,7 @@ PLANES = ("strain", "stress")
 CONSTANTS: dict[str, dict[str, Any]] = {
     "neo-hookean": {"E": E, "nu": NU},
     "mooney-rivlin": {"c10": 0.3, "c01": 0.1, "nu": 0.4},
+    "yeoh": {"c10": 0.4, "c20": -0.02, "c30": 0.01, "nu": 0.4},
     "arruda-boyce": {"mu": 0.8, "locking_stretch": 2.5, "nu": 0.4},
     "blatz-ko": {"E": 2.0, "nu": 0.25, "f": 0.3},
     "ogden": {"shear_moduli": (0.63, 0.012, -0.1), "exponents": (1.3, 5.0, -2.0), "nu": 0.4},
@@ -110,6 +111,8 @@ def energy(law: Law, stretches: FloatArray) -> complex:
             return complex(0.5 * keys["E"] / 2.5 * (f * solid + (1.0 - f) * foam))
         case "mooney-rivlin":
             distortion, shear = keys["c10"] * one + keys["c01"] * two, 2.0 * (keys["c10"] + keys["c01"])
+        case "yeoh":
+            distortion, shear = sum(keys[f"c{i}0"] * one**i for i in (1, 2, 3)), 2.0 * keys["c10"]
         case "arruda-boyce":
             terms = zip((1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750), range(1, 6), strict=True)
             chains = [(c / keys["locking_stretch"] ** (2 * i - 2), i) for c, i in terms]

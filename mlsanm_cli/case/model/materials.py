@@ -38,6 +38,7 @@ KIRCHHOFF = "saint-venant-kirchhoff"
 HYPERELASTIC: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "neo-hookean": (("E", "nu"), ()),
     "mooney-rivlin": (("c10", "c01", "nu"), ()),
+    "yeoh": (("c10", "c20", "c30", "nu"), ()),
     "arruda-boyce": (("mu", "locking_stretch", "nu"), ()),
     "blatz-ko": (("E", "nu"), ("f",)),
     "ogden": (("shear_moduli", "exponents", "nu"), ()),
@@ -90,9 +91,13 @@ class Material(Section):
     `stiffness` the strains [xx, yy, 2xy] per degree of a body that is free in the plane."""
 
     c10: Annotated[float, STRESS] | None = None
-    """Constant of the first invariant (`mooney-rivlin`)."""
+    """Constant of the first invariant (`mooney-rivlin`, `yeoh`)."""
     c01: Annotated[float, STRESS] | None = None
     """Constant of the second invariant; c10 + c01, half the shear modulus, is positive."""
+    c20: Annotated[float, STRESS] | None = None
+    """Constant of the square of the first invariant (`yeoh`)."""
+    c30: Annotated[float, STRESS] | None = None
+    """Constant of its cube (`yeoh`)."""
     mu: Annotated[Positive, STRESS] | None = None
     """Modulus of the chains (`arruda-boyce`)."""
     locking_stretch: Annotated[float, Field(gt=1.0), NUMBER] | None = None
@@ -115,13 +120,14 @@ class Material(Section):
         "saint-venant-kirchhoff",
         "neo-hookean",
         "mooney-rivlin",
+        "yeoh",
         "ogden",
         "arruda-boyce",
         "blatz-ko",
     ] = "linear"
     """Linear elasticity for small strains. For finite strains Saint Venant-Kirchhoff (large rotations,
     moderate strains), with the constants of linear elasticity; or laws of rubber and foams, with nu of the
-    undeformed state: compressible neo-Hookean and Blatz-Ko (E), Mooney-Rivlin (c10, c01), Ogden
+    undeformed state: compressible neo-Hookean and Blatz-Ko (E), Mooney-Rivlin (c10, c01), Yeoh (c10, c20, c30), Ogden
     (shear_moduli, exponents), Arruda-Boyce (mu, locking_stretch)."""
 
     @property
@@ -187,6 +193,8 @@ class Material(Section):
         """Constants that give no positive shear modulus."""
         if self.law == "mooney-rivlin" and (self.c10 or 0.0) + (self.c01 or 0.0) <= 0.0:
             yield Fault(("c10",), "c10 + c01, half the shear modulus, is not positive")
+        if self.law == "yeoh" and (self.c10 or 0.0) <= 0.0:
+            yield Fault(("c10",), "half the shear modulus, is not positive")
         if self.law == "ogden" and self.shear_moduli is not None and self.exponents is not None:
             if len(self.shear_moduli) != len(self.exponents):
                 message = f"{len(self.exponents)} for {len(self.shear_moduli)} moduli"
