@@ -12,7 +12,7 @@ from dataclasses import field, replace
 from functools import cache
 from typing import Any
 
-from mlsanm_cli.case.model.fields import UNIT
+from mlsanm_cli.case.model.section import UNIT
 from mlsanm_cli.case.report import SYNONYMS
 from mlsanm_cli.case.schema import Node, follow, heading, json_schema, tables, tables_at, walk
 from mlsanm_cli.case.starters import kinds, starter

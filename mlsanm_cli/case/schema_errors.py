@@ -11,9 +11,8 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.expressions import NO_UNITS, with_unit
-from mlsanm_cli.case.report import child, suggestion
+from mlsanm_cli.case.report import KeyPath, child, suggestion
 from mlsanm_cli.case.schema import heading, tables_at, walk
 from mlsanm_cli.errors import Fault
 

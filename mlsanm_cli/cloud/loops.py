@@ -15,10 +15,9 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Curve, Outline, Segment
 from mlsanm_cli.cloud.membership import cross, signed_area
 from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
-from mlsanm_cli.cloud.sight import visibility_criterion
+from mlsanm_cli.cloud.sight import triangulate, visibility_criterion
 from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
 from mlsanm_cli.cloud.surface import Surface
-from mlsanm_cli.cloud.triangles import triangulate
 from mlsanm_cli.errors import GeometryError
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF

@@ -16,7 +16,7 @@ from click import Context
 from mlsanm_cli import __version__
 from mlsanm_cli.app.checks.limits import LIMITS
 from mlsanm_cli.app.comparison.compare import CompareOptions, compare
-from mlsanm_cli.app.comparison.differences import ETA_FACTOR, SAME_LAW_FACTOR, STICK_FACTOR
+from mlsanm_cli.app.comparison.measure import ETA_FACTOR, SAME_LAW_FACTOR, STICK_FACTOR
 from mlsanm_cli.app.results import plot as plot_module
 from mlsanm_cli.case import load_case, resolved_mapping
 from mlsanm_cli.case.starters import kinds, starter

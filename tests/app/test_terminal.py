@@ -19,8 +19,7 @@ import pytest
 
 from mlsanm_cli.app.output import recorder
 from mlsanm_cli.app.results.info import info
-from mlsanm_cli.app.resume import resume
-from mlsanm_cli.app.run import run
+from mlsanm_cli.app.run import resume, run
 from mlsanm_cli.errors import RunError
 from tests.app.processes import CLI, ENVIRONMENT, PATIENCE, mlsanm
 from tests.app.runs import resumed_differences

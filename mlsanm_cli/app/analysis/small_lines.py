@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.app.checks.check import Check
-from mlsanm_cli.app.output.lines import contact_data, obstacle_shift, obstacles
+from mlsanm_cli.app.output.parts import contact_data, obstacle_shift, obstacles
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import PlaneObstacle
 from mlsanm_cli.cloud.cloud import Cloud

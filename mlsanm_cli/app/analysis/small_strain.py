@@ -11,15 +11,14 @@ import numpy as np
 
 from mlsanm_cli.app.analysis.small_lines import contact_lines, obstacle_lines, sliding_distance
 from mlsanm_cli.app.checks import end, states
-from mlsanm_cli.app.checks.balance import force_balance, force_mismatch, worst_of
 from mlsanm_cli.app.checks.check import Check, Verdicts
-from mlsanm_cli.app.checks.diagnosis import diagnose, node_fields, worst_nodes
-from mlsanm_cli.app.checks.energy import EnergyErrors, energy_error
+from mlsanm_cli.app.checks.energy import EnergyErrors, energy_error, force_balance, force_mismatch, worst_of
 from mlsanm_cli.app.checks.overlaps import overlaps
 from mlsanm_cli.app.checks.peaks import boundary_peaks
 from mlsanm_cli.app.checks.quality import assess, factor_notes, nodal_contacts, refinement_pass
 from mlsanm_cli.app.checks.references import reference_profile
 from mlsanm_cli.app.checks.refinement import Adapted, adapt
+from mlsanm_cli.app.checks.states import diagnose, node_fields, worst_nodes
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.output.analysis import Analysis, BodyFields
 from mlsanm_cli.app.output.parts import ContactNodes, contact_figures, vtu_states
@@ -32,8 +31,7 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.laws.failures import SlidingError
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.io.records import Quantities, place
-from mlsanm_cli.io.run_file import Value
+from mlsanm_cli.io.run_file import Quantities, Value, place
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.memo import digest

@@ -9,9 +9,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from mlsanm_cli.app.checks.balance import force_balance, force_mismatch, worst_of
 from mlsanm_cli.app.checks.check import Check
-from mlsanm_cli.app.checks.energy import EnergyErrors
+from mlsanm_cli.app.checks.energy import EnergyErrors, force_balance, force_mismatch, worst_of
 from mlsanm_cli.app.checks.limits import LIMITS, level
 from mlsanm_cli.app.checks.states import body_rotation
 from mlsanm_cli.app.scene.contact_pairs import shape_of

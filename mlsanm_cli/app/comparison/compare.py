@@ -11,7 +11,7 @@ from typing import Any
 from mlsanm_cli.app.checks.references import check_reference
 from mlsanm_cli.app.comparison.precision import draw_precision
 from mlsanm_cli.app.context import Clock, Console, RunContext
-from mlsanm_cli.app.output.provenance import attributes
+from mlsanm_cli.app.output.checkpoint import attributes
 from mlsanm_cli.app.run import RESULTS
 from mlsanm_cli.app.scene.imported import load_with_files
 from mlsanm_cli.case import Case, LoadedCase

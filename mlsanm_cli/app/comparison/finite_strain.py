@@ -11,8 +11,16 @@ import numpy as np
 
 from mlsanm_cli.app.checks.check import Verdicts
 from mlsanm_cli.app.comparison.compare import Changed, CompareOptions
-from mlsanm_cli.app.comparison.differences import agreement, compared, same_law_limit
-from mlsanm_cli.app.comparison.measure import ANM, NEWTON, Measured, Method, measure_path
+from mlsanm_cli.app.comparison.measure import (
+    ANM,
+    NEWTON,
+    Measured,
+    Method,
+    agreement,
+    compared,
+    measure_path,
+    same_law_limit,
+)
 from mlsanm_cli.app.context import Clock, RunContext
 from mlsanm_cli.app.finite.path import finite_path
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.comparison.differences import surface_error
-from mlsanm_cli.app.comparison.measure import ACTIVE_SET, Measured, Method, measure, method_of
+from mlsanm_cli.app.comparison.measure import ACTIVE_SET, Measured, Method, measure, method_of, surface_error
 from mlsanm_cli.case import Case
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.plots.curves import Curve, Panel, Picture, draw

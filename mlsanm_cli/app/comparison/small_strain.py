@@ -14,17 +14,21 @@ from mlsanm_cli.app.checks.energy import energy_error
 from mlsanm_cli.app.checks.quality import announce, factor_notes
 from mlsanm_cli.app.checks.references import reference_profile
 from mlsanm_cli.app.comparison.compare import Changed, CompareOptions
-from mlsanm_cli.app.comparison.differences import (
+from mlsanm_cli.app.comparison.measure import (
     CONVERGENCE_RATIO,
     SOFTER,
+    Measured,
+    Method,
     agreement,
+    chosen_methods,
     compared,
     difference,
+    measure,
+    method_of,
     other_law_limit,
     same_law_limit,
     surface_error,
 )
-from mlsanm_cli.app.comparison.measure import Measured, Method, chosen_methods, measure, method_of
 from mlsanm_cli.app.comparison.precision import precision_curves
 from mlsanm_cli.app.context import Clock, RunContext
 from mlsanm_cli.app.scene.build import build_scene

@@ -17,9 +17,8 @@ from mlsanm_cli.app.scene.contact_sides import sides_of
 from mlsanm_cli.app.scene.load_profiles import profiles
 from mlsanm_cli.app.scene.outlines import BoundaryRun, chains_at, drawn, imported_geometry, numbers_of, run_of
 from mlsanm_cli.case import Body, Case, Place, Platen, Pressure, Traction
-from mlsanm_cli.case.model.conditions import Kind, compatible
+from mlsanm_cli.case.model.conditions import Kind, Support, compatible
 from mlsanm_cli.case.model.shapes import Mesh, Points
-from mlsanm_cli.case.model.supports import Support
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Curve, Outline, Segment
 from mlsanm_cli.cloud.joined import cut

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from typing import TypeAlias
 
 from mlsanm_cli.case import Case, Displacement, Place, Platen
+from mlsanm_cli.case.model.conditions import Support
 from mlsanm_cli.case.model.loads import OnBoundary
-from mlsanm_cli.case.model.supports import Support
 
 Condition: TypeAlias = Support | OnBoundary
 

@@ -23,7 +23,7 @@ from mlsanm_cli.case import (
     load_case,
     split_boundary,
 )
-from mlsanm_cli.case.model.supports import Support
+from mlsanm_cli.case.model.conditions import Support
 from mlsanm_cli.cloud.curves import Curve, Outline, Segment
 from mlsanm_cli.errors import Fault
 from mlsanm_cli.mechanics.rigid import ROTATION, RigidBodyModes, left_free, rigid_pattern

@@ -29,8 +29,8 @@ from mlsanm_cli.case import (
     Traction,
     value_at,
 )
+from mlsanm_cli.case.model.conditions import Support
 from mlsanm_cli.case.model.shapes import AnyShape
-from mlsanm_cli.case.model.supports import Support
 from mlsanm_cli.cloud.joined import part_of, turn
 from mlsanm_cli.cloud.membership import inside_polygon
 from mlsanm_cli.cloud.spacing import Zone

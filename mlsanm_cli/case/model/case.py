@@ -8,16 +8,12 @@ from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticKnownError
 
 from mlsanm_cli.case.model.bodies import Body
-from mlsanm_cli.case.model.conditions import condition_faults
+from mlsanm_cli.case.model.conditions import Stop, Support, condition_faults
 from mlsanm_cli.case.model.contacts import Contact
-from mlsanm_cli.case.model.defaults import with_defaults
-from mlsanm_cli.case.model.fields import Name
 from mlsanm_cli.case.model.materials import Material
 from mlsanm_cli.case.model.motions import AnyLoad
-from mlsanm_cli.case.model.section import Scope, Section
-from mlsanm_cli.case.model.settings import Adapt, Mls, Output, Probe, Reference, Solver, Units
-from mlsanm_cli.case.model.stop import Stop
-from mlsanm_cli.case.model.supports import Support
+from mlsanm_cli.case.model.section import Name, Scope, Section
+from mlsanm_cli.case.model.settings import Adapt, Mls, Output, Probe, Reference, Solver, Units, with_defaults
 from mlsanm_cli.case.report import suggestion
 from mlsanm_cli.errors import Fault
 

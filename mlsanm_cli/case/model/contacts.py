@@ -7,7 +7,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from mlsanm_cli.case.model.fields import (
+from mlsanm_cli.case.model.places import Boundaries, BoundaryPart, Place, listed
+from mlsanm_cli.case.model.section import (
     LENGTH,
     NUMBER,
     Amount,
@@ -15,10 +16,10 @@ from mlsanm_cli.case.model.fields import (
     Coefficient,
     Name,
     Positive,
+    Scope,
+    Section,
     Vector,
 )
-from mlsanm_cli.case.model.places import Boundaries, BoundaryPart, Place, listed
-from mlsanm_cli.case.model.section import Scope, Section
 from mlsanm_cli.errors import Fault
 
 

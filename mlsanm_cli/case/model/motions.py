@@ -7,7 +7,6 @@ from pydantic import model_validator
 
 from mlsanm_cli.case.model.conditions import Kind
 from mlsanm_cli.case.model.contacts import AnyObstacle, DiskObstacle
-from mlsanm_cli.case.model.fields import FORCE, LENGTH, MOMENT, RADIANS, Rotation, Vector
 from mlsanm_cli.case.model.loads import (
     BodyForce,
     Displacement,
@@ -18,7 +17,7 @@ from mlsanm_cli.case.model.loads import (
     Traction,
 )
 from mlsanm_cli.case.model.places import PlateBoundaries
-from mlsanm_cli.case.model.section import Point, Scope
+from mlsanm_cli.case.model.section import FORCE, LENGTH, MOMENT, RADIANS, Point, Rotation, Scope, Vector
 from mlsanm_cli.case.report import suggestion
 from mlsanm_cli.errors import Fault
 

@@ -6,11 +6,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from mlsanm_cli.case.lines import KeyPath
-from mlsanm_cli.case.model.fields import BOUNDARY_PATTERN, split_boundary
-from mlsanm_cli.case.model.section import Scope
+from mlsanm_cli.case.model.section import BOUNDARY_PATTERN, Scope, split_boundary
 from mlsanm_cli.case.model.shapes import edge_names
-from mlsanm_cli.case.report import suggestion
+from mlsanm_cli.case.report import KeyPath, suggestion
 from mlsanm_cli.errors import Fault
 
 PLURALS = {

@@ -13,13 +13,12 @@ from pathlib import Path
 from typing import Any
 
 from mlsanm_cli.case.limits import number_faults, size_faults, text_problem
-from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.case import Case
 from mlsanm_cli.case.model.section import Geometry, GeometryInspector, Scope, all_faults
 from mlsanm_cli.case.reading.names import name_faults
 from mlsanm_cli.case.reading.overrides import apply_overrides, key_path
 from mlsanm_cli.case.reading.valid import LISTS, valid_part
-from mlsanm_cli.case.report import Report, nearest
+from mlsanm_cli.case.report import KeyPath, Report, nearest
 from mlsanm_cli.errors import CaseError, CaseProblem, Fault, GeometryError, OutlineError, RunError
 from mlsanm_cli.inputs import MAX_TEXT_BYTES, STDIN, is_text, read_input
 from mlsanm_cli.records import dataclass

@@ -8,11 +8,10 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.case import Case
 from mlsanm_cli.case.model.section import Scope
 from mlsanm_cli.case.reading.names import declared_names
-from mlsanm_cli.case.report import Report
+from mlsanm_cli.case.report import KeyPath, Report
 
 LISTS = ("body", "support", "load", "contact", "stage", "stop", "probe")
 BODY_KEYS = ("name", "material", "spacing", "seed", "refine")

@@ -116,23 +116,70 @@ class Basis:
         found[:, rubbing] += self.side[own] * p.friction[own] * p.matrix[np.ix_(rows, p.m + own)]
         return found
 
-    def border(self, index: int) -> tuple[FloatArray, FloatArray, float, float]:
-        """Response of the active unknowns to the unknown ``index``, of its row to residuals of others, its
-        pivot and the size of the terms that cancel in it."""
-        at, inverse = np.array([index]), self.inverse
-        column = inverse @ self._entries(self.active, at)[:, 0]
-        own_row = self._entries(at, self.active)[0]
-        own, caused = float(self._entries(at, at)[0, 0]), float(own_row @ column)
-        return column, own_row @ inverse, own - caused, abs(own) + abs(caused)
+    def column(self, index: int) -> tuple[FloatArray, float]:
+        """Response (r,) of the active unknowns to an ``index`` that may enter, or to a residual in the row of
+        one that may leave, and its pivot. Raises SingularError if that is zero."""
+        at, each = int(self.place[index]), np.array([index])
+        if at >= 0:
+            rhs = np.zeros(len(self.active))
+            rhs[at] = 1.0
+            column = self.inverse[:, at].copy()
+        else:
+            rhs = self._entries(self.active, each)[:, 0]
+            column = self.inverse @ rhs
+        pivot, size = self._pivot(index, column)
+        if abs(pivot) <= DOUBTFUL * size and self.updates:
+            column = self._refined(rhs, column)
+            pivot, size = self._pivot(index, column)
+        if abs(pivot) <= SINGULAR * size:
+            raise SingularError
+        return column, pivot
+
+    def _pivot(self, index: int, column: FloatArray) -> tuple[float, float]:
+        """The pivot of an index, and the size of the terms that cancel in it."""
+        at, each = int(self.place[index]), np.array([index])
+        if at < 0:
+            own = float(self._entries(each, each)[0, 0])
+            caused = float(self._entries(each, self.active)[0] @ column)
+            return own - caused, abs(own) + abs(caused)
+        rows, columns = (level[self.active] for level in self.problem.levels)
+        across = np.abs(self.inverse[at] / rows).max() * rows[at]
+        along = np.abs(column / columns).max() * columns[at]
+        return float(column[at]), float(np.sqrt(across * along))
+
+    def mechanism(self, index: int) -> tuple[FloatArray, FloatArray]:
+        """Unknowns and rows (N,) that change, while no other active row does, with an index of zero pivot: by
+        1 the unknown of one that may enter, or the row of one that may leave."""
+        at, p = int(self.place[index]), self.problem
+        rhs = np.zeros(len(self.active))
+        if at < 0:
+            rhs = -self._entries(self.active, np.array([index]))[:, 0]
+        else:
+            rhs[at] = 1.0
+        column = self._refined(rhs, self._applied(rhs))
+        x = np.zeros(len(p.rows))
+        x[self.active] = column
+        if at < 0:
+            x[index] = 1.0
+        x[p.m : p.contacts] += self.side * p.friction * x[p.nodes]
+        w = p.product(x)
+        w[self.active] = rhs if at >= 0 else 0.0
+        return x, w
+
+    def _refined(self, rhs: FloatArray, values: FloatArray) -> FloatArray:
+        """A solution (r,) of the equations after one step of iterative refinement."""
+        moves = self.place[self.problem.contacts :]
+        missed = rhs - self.problem.product(self.spread(values))[self.active]
+        missed[moves] -= self.left @ (self.held.T @ values[moves])
+        return values + self._applied(missed)
 
     def enter(self, index: int, status: ContactStatus) -> None:
-        """Activate an unknown with its row; nodes that close slip as in ``status``."""
+        """Activate an unknown with its row; nodes that close slip as in ``status``. Raises SingularError."""
         own = int(self.problem.owner[index])
         if own >= 0 and status.slip_sign[own]:
             self.side[own] = status.slip_sign[own]
-        column, row, pivot, size = self.border(index)
-        if abs(pivot) <= self.least * size:
-            raise SingularError
+        column, pivot = self.column(index)
+        row = self._entries(np.array([index]), self.active)[0] @ self.inverse
         count = len(self.active)
         if count == len(self._store):
             self._keep(self.inverse)
@@ -143,17 +190,13 @@ class Basis:
         self.updates += 1
 
     def leave(self, index: int, status: ContactStatus) -> None:
-        """Deactivate an unknown with its row; nodes that cease to stick slip as in ``status``."""
-        inverse, at, last = self.inverse, int(self.place[index]), len(self.active) - 1
+        """Deactivate an unknown with its row; nodes that cease to stick slip as in ``status``. Raises
+        SingularError."""
         if index >= self.problem.m:
             self._turn(index - self.problem.m, status)
+        self.column(index)
+        inverse, at, last = self.inverse, int(self.place[index]), len(self.active) - 1
         pivot = float(inverse[at, at])
-        rows, columns = (level[self.active] for level in self.problem.levels)
-        across = np.abs(inverse[at] / rows).max() * rows[at]
-        along = np.abs(inverse[:, at] / columns).max() * columns[at]
-        size = np.sqrt(across * along)
-        if abs(pivot) <= self.least * size:
-            raise SingularError
         if at != last:
             inverse[[at, last]] = inverse[[last, at]]
             inverse[:, [at, last]] = inverse[:, [last, at]]
@@ -172,11 +215,6 @@ class Basis:
             inverse = self.inverse
             inverse[self.place[p.m + own]] -= change * inverse[self.place[p.nodes[own]]]
             self.side[own] = side
-
-    @property
-    def least(self) -> float:
-        """Least relative pivot that is not zero."""
-        return DOUBTFUL if self.updates else SINGULAR
 
     @property
     def inverse(self) -> FloatArray:

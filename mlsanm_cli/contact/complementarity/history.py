@@ -42,8 +42,8 @@ load."""
 @dataclass(frozen=True, eq=False)
 class State:
     """State at ``lam``: ``status``, unknowns ``x`` and rows ``w`` (N,), slips ``reference`` (n,) at which
-    nodes stick, and the ``work`` (n,) of friction so far per unit of scaled tractions and slips. ``jumped``
-    from another state, after so many ``systems``; ``rates`` led to it."""
+    nodes stick, of others those before, and the ``work`` (n,) of friction so far per unit of scaled tractions
+    and slips. ``jumped`` from another state, after so many ``systems``; ``rates`` led to it."""
 
     status: ContactStatus
     x: FloatArray
@@ -151,7 +151,7 @@ def _moved(problem: Problem, state: State, rate: Solution, free: FloatArray, lam
     p, status, step = problem, rate.status, lam - state.lam
     slips = slice(p.m, p.contacts)
     x, w = state.x + step * rate.x, state.w + step * rate.w
-    reference = np.where(status.stuck & ~state.status.stuck, state.w[slips], state.reference)
+    reference = np.where(status.stuck & state.status.stuck, state.reference, state.w[slips])
     x[: p.m][~status.closed], w[: p.m][status.closed] = 0.0, 0.0
     x[slips] = np.where(status.stuck, x[slips], status.slip_sign * p.friction * x[p.nodes])
     w[slips][status.stuck] = reference[status.stuck]

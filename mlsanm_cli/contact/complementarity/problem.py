@@ -29,9 +29,10 @@ FEASIBLE = 1e-10
 leaves so much of the 1e-16 of the arithmetic."""
 GRAZING = 1e-9
 """Distance from a limit at which a condition is at it: events are located to FEASIBLE."""
-SINGULAR, DOUBTFUL = 1e-9, 1e-7
-"""Pivot, relative to the terms that cancel in it, that is zero: of a factorisation, and of an inverse updated
-by earlier pivots, which is then factorised anew."""
+SINGULAR = 1e-9
+"""Pivot, relative to the terms that cancel in it, that is zero."""
+DOUBTFUL = SINGULAR**0.5
+"""Pivot below which it is computed with a residual, which squares the error of earlier updates."""
 GRAIN = 100.0 * float(np.finfo(float).eps)
 """Round-off of a row relative to its largest coefficient."""
 WEAK = 1e-6

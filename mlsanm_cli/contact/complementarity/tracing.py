@@ -103,7 +103,7 @@ def trace(
             x, w, lam, last = x + step * dx, w + step * dw, lam + step * dlam, change
             status = p.changed(status, change.kind, change.node, w[p.m : p.contacts] - reference)
             if mechanism:
-                basis = Basis(p, status)
+                basis = basis.to(status)
             else:
                 found = _pivoted(basis, change, status)
                 if found is None:
@@ -168,18 +168,10 @@ def _pivoted(basis: Basis, change: _Change, after: ContactStatus) -> tuple[Float
     try:
         (basis.enter if enters else basis.leave)(index, after)
     except SingularError:
-        if basis.anew():
-            return _pivoted(basis, change, after)
+        x, w = basis.mechanism(index)
     else:
         basis.status = after
         return None
-    x = np.zeros(len(p.rows))
-    x[basis.active] = -basis.border(index)[0] if enters else basis.inverse[:, basis.place[index]]
-    x[index] = 1.0 if enters else 0.0
-    x[p.m : p.contacts] += basis.side * p.friction * x[p.nodes]
-    w = p.product(x)
-    w[basis.active] = 0.0
-    w[index] = 0.0 if enters else 1.0
     own = index - p.m
     if own >= 0 and (change.before if enters else after).slip_sign[own] > 0.0:
         # Friction falls below its limit mu p; slip opposes friction.

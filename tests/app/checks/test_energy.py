@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.checks import energy
-from mlsanm_cli.app.checks.balance import force_balance
+from mlsanm_cli.app.checks.energy import force_balance
 from mlsanm_cli.app.results.info import info
 from mlsanm_cli.contact.complementarity.problem import ContactStatus
 from mlsanm_cli.contact.laws.coulomb import CoulombState
@@ -201,7 +201,7 @@ def test_round_off_after_unloading_is_not_judged(monkeypatch: pytest.MonkeyPatch
     of 5e-7 of it, and an imbalance of any size."""
     monkeypatch.setattr("mlsanm_cli.solve.event_driven.residual", lambda *_: 5e-7)
     monkeypatch.setattr(
-        "mlsanm_cli.app.checks.balance.largest_force", lambda built, name, unknowns: unknowns[2].sum()
+        "mlsanm_cli.app.checks.energy.largest_force", lambda built, name, unknowns: unknowns[2].sum()
     )
     end = SimpleNamespace(pressure=np.array([136.0]), unknowns=(None, None, np.array([136.0]), None))
     condensed = SimpleNamespace(friction_nodes=np.zeros(1, int), imbalance=lambda *_: np.array([1e-7, 0.0]))

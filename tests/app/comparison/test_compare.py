@@ -13,8 +13,7 @@ import pytest
 
 from mlsanm_cli.app.comparison import measure as measure_module
 from mlsanm_cli.app.comparison.compare import CompareOptions, compare
-from mlsanm_cli.app.comparison.differences import other_law_limit
-from mlsanm_cli.app.comparison.measure import chosen_methods
+from mlsanm_cli.app.comparison.measure import chosen_methods, other_law_limit
 from mlsanm_cli.case import Case, parse_case
 from mlsanm_cli.cli import main
 from mlsanm_cli.errors import NumericalError, RunError

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.output.recorder import Recorder
-from mlsanm_cli.app.resume import resume
+from mlsanm_cli.app.run import resume
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.solve.state import PathStep, State
 from mlsanm_cli.solve.stop_events import turning
