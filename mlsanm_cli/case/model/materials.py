@@ -1,9 +1,9 @@
-"""Materials: their constants, laws, and the conditions of a positive definite stiffness. A further law is an
-entry of ``law``, its keys, and a row of ``FORMS`` and ``FINITE_LAWS``."""
+"""Materials: their constants, laws, and the conditions of a positive definite stiffness. A further
+hyperelastic law is an entry of ``law``, its keys, and a row of ``HYPERELASTIC``."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -33,8 +33,12 @@ FORMS: dict[Form, tuple[tuple[str, ...], tuple[str, ...]]] = {
 }
 """Required and optional keys of each form of a material. One of them selects the form."""
 CHOICES = "; or ".join(", ".join(required) for required, _ in reversed(FORMS.values()))
-FINITE_LAWS: Mapping[str, Form] = {"saint-venant-kirchhoff": "isotropic", "neo-hookean": "isotropic"}
-"""Laws for finite strain, with the form of their constants."""
+KIRCHHOFF = "saint-venant-kirchhoff"
+"""The law of finite strain with the constants of linear elasticity, in any form."""
+HYPERELASTIC: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "neo-hookean": (("E", "nu"), ()),
+}
+"""Required and optional keys of the other laws of finite strain."""
 MAX_PLANE_STRAIN_NU = 4.0 / 9.0
 """Largest Poisson's ratio in plane strain without locking of the strong form: lambda = 8 mu."""
 
@@ -88,17 +92,38 @@ class Material(Section):
         given = {key for key in type(self).model_fields if getattr(self, key) is not None}
         return next((form for form, keys in FORMS.items() if given & {*keys[0], *keys[1]}), "isotropic")
 
+    @property
+    def elastic(self) -> bool:
+        """Whether the constants are those of linear elasticity."""
+        return self.law not in HYPERELASTIC
+
+    @property
+    def constants(self) -> dict[str, Any]:
+        """The given constants of a hyperelastic law."""
+        required, optional = HYPERELASTIC[self.law]
+        given = {key: getattr(self, key) for key in (*required, *optional)}
+        return {key: value for key, value in given.items() if value is not None}
+
     def faults(self, scope: Scope) -> Iterator[Fault]:
         """Missing and contradictory keys, and stiffnesses that are not positive definite."""
         form = self.form
-        required, optional = FORMS[form]
+        if not self.elastic and form != "isotropic":
+            hint = f"give {' and '.join(HYPERELASTIC[self.law][0])}"
+            yield Fault(("law",), f'"{self.law}" needs an isotropic material', hint)
+            return
+        required, optional = FORMS[form] if self.elastic else HYPERELASTIC[self.law]
         for key in self.model_fields_set.difference(required, optional, ("alpha", "law")):
-            yield Fault((key,), f"cannot be combined with {', '.join(required)}", CHOICES)
-        third = OUT_OF_PLANE if form == "orthotropic" and scope.confined else ()
-        missing = [key for key in (*required, *third) if getattr(self, key) is None]
+            hint = CHOICES if self.elastic else ""
+            yield Fault((key,), f"cannot be combined with {', '.join(required)}", hint)
+        needed = self._needed(scope)
+        missing = [key for key in (*required, *needed) if getattr(self, key) is None]
         for key in missing:
-            hint = "required in plane strain" if key in third else ""
-            yield Fault((key,), "missing (required)", hint if self.model_fields_set else CHOICES)
+            hint = f'"{self.law}" has the constants {", ".join(required)}'
+            if not self.model_fields_set:
+                hint = CHOICES
+            elif self.elastic:
+                hint = needed.get(key, "")
+            yield Fault((key,), "missing (required)", hint)
         if not missing:
             yield from self._stiffness_faults(scope.confined)
         yield from self._law_faults(scope)
@@ -109,17 +134,27 @@ class Material(Section):
             message = "with a plane stiffness the effect of out-of-plane expansion is unknown"
             yield Fault(("alpha",), message, "give the plane strains per degree, [xx, yy, 2xy]")
 
+    def _needed(self, scope: Scope) -> dict[str, str]:
+        """Constants of the third axis of an orthotropic material that the model needs, and why."""
+        if self.form != "orthotropic":
+            return {}
+        if scope.confined:
+            return dict.fromkeys(OUT_OF_PLANE, "required in plane strain")
+        if self.law == KIRCHHOFF:
+            return dict.fromkeys(OUT_OF_PLANE[1:], "required for the thickness at finite strain")
+        return {}
+
     def _law_faults(self, scope: Scope) -> Iterator[Fault]:
-        form = FINITE_LAWS.get(self.law)
-        yield from scope.finite_only(form is not None, ("law",), f'"{self.law}"')
+        finite = self.law == KIRCHHOFF or not self.elastic
+        yield from scope.finite_only(finite, ("law",), f'"{self.law}"')
         if scope.strain != "finite":
             return
-        if form is None:
-            hint = f"law = {' or '.join(map(toml_value, FINITE_LAWS))}"
+        if not finite:
+            hint = f"law = {' or '.join(map(toml_value, (KIRCHHOFF, *HYPERELASTIC)))}"
             yield Fault(("law",), f'"{self.law}" elasticity is not valid at finite strain', hint)
-        elif self.form != form:
-            hint = f"give {' and '.join(FORMS[form][0])}"
-            yield Fault(("law",), f'"{self.law}" needs an {form} material', hint)
+        elif self.form == "stiffness" and not scope.confined:
+            hint = "give the constants of an orthotropic material, with nu13 and nu23"
+            yield Fault(("stiffness",), "leaves the thickness at finite strain unknown in plane stress", hint)
         elif self.nu is not None and scope.confined:
             hint = f"at most {MAX_PLANE_STRAIN_NU:.3f} in plane strain"
             stiff, what = self.nu > MAX_PLANE_STRAIN_NU, f"{self.nu:g}: a nearly incompressible material"

@@ -72,7 +72,7 @@ def deformed(stretch: float, waves: float) -> Iterable[Check]:
     body = SimpleNamespace(
         gradient=lambda own: np.array([[stretch - 1.0], [0.0], [0.0], [0.0]]),
         ellipticity=lambda own, factors: np.array([waves]),
-        law=SimpleNamespace(kind="neo-hookean"),
+        law=SimpleNamespace(name="neo-hookean"),
         elastic=SimpleNamespace(model=model),
     )
     scene: Any = SimpleNamespace(parts=lambda values: {"arm": values}, bodies={"arm": body})
