@@ -127,8 +127,8 @@ class Material(Section):
     ] = "linear"
     """Linear elasticity for small strains. For finite strains Saint Venant-Kirchhoff (large rotations,
     moderate strains), with the constants of linear elasticity; or laws of rubber and foams, with nu of the
-    undeformed state: compressible neo-Hookean and Blatz-Ko (E), Mooney-Rivlin (c10, c01), Yeoh (c10, c20, c30), Ogden
-    (shear_moduli, exponents), Arruda-Boyce (mu, locking_stretch)."""
+    undeformed state: compressible neo-Hookean and Blatz-Ko (E), Mooney-Rivlin (c10, c01), Yeoh (c10, c20,
+    c30), Ogden (shear_moduli, exponents), Arruda-Boyce (mu, locking_stretch)."""
 
     @property
     def form(self) -> Form:
