@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.comparison.compare import CompareOptions, compare
+from mlsanm_cli.app.comparison.compare import compare
 from mlsanm_cli.app.results.choice import Choice
-from mlsanm_cli.app.results.curves import along_surface
+from mlsanm_cli.app.results.path_lookup import along_surface
 from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.results.probe import probe_contact, probe_force
 from mlsanm_cli.case.starters import starter
@@ -96,9 +96,7 @@ def test_cylinder_deep_in_a_block(tmp_path: Path) -> None:
     assert (np.array(seen["pressure"]) * np.array(seen["gap"])).max() <= 1e-8 * 0.3
     assert plot(directory, choice=Choice(("pressure",)))
     with pytest.raises(RunError, match="nothing to compare"):
-        compare(
-            directory.with_suffix(".toml"), CompareOptions(("newton",)), out=tmp_path / "c", console=Quiet()
-        )
+        compare(directory.with_suffix(".toml"), methods=("newton",), out=tmp_path / "c", console=Quiet())
 
 
 def test_cylinder_pressed_by_a_force(tmp_path: Path) -> None:
