@@ -51,17 +51,6 @@ def test_pieces_end_before_round_off_spoils_them() -> None:
         assert np.abs(np.diff(values, 2)).max() <= 5e-10  # smooth: truncation, not noise
 
 
-def test_pade_approximants_save_steps() -> None:
-    counts = []
-    for pade in (False, True):
-        problem, _, _ = hertz(60, 1e-4)
-        _, outcome = pressed(problem, AnmOptions(pade=pade))
-        counts.append((outcome.steps, outcome.factorizations))
-    (plain, plain_factors), (rational, rational_factors) = counts
-    assert rational <= 0.8 * plain
-    assert rational_factors <= 0.85 * plain_factors
-
-
 def test_unloading_leads_back() -> None:
     problem, _, _ = hertz(60, 1e-3)
     steps, outcome = pressed(problem)
