@@ -8,8 +8,7 @@ import pytest
 from mlsanm_cli.continuation import Branch, Problem, SingularTangentError, correct
 from mlsanm_cli.continuation.expansion import Metric, expand, expansion_point
 
-from .contact_problems import Contact, open_start, random_contact
-from .problems import Circle, Scalar, Truss
+from .problems import Circle, Contact, Scalar, Truss, random_contact
 
 
 def series_at(problem: Problem, x: np.ndarray, lam: float, order: int, unit: float = 1.0) -> Branch:
@@ -56,7 +55,7 @@ def test_residual_of_order_k_truncation_falls_with_power_k_plus_1(
 ) -> None:
     if x is None:
         assert isinstance(problem, Contact)
-        x = correct(problem, open_start(problem), lam).x
+        x = correct(problem, problem.guess, lam).x
     unit = 0.1 if isinstance(problem, Contact) else 0.5
     rates = residual_orders(problem, series_at(problem, x, lam, 5, unit))
     for order, rate in enumerate(rates, start=1):
@@ -65,7 +64,7 @@ def test_residual_of_order_k_truncation_falls_with_power_k_plus_1(
 
 def test_residual_of_the_start_is_led_to_zero() -> None:
     problem = random_contact(8, 0.2, 3)
-    x = correct(problem, open_start(problem), 0.0).x + 1e-5
+    x = correct(problem, problem.guess, 0.0).x + 1e-5
     start = problem.residual(x, 0.0)
     series = series_at(problem, x, 0.0, 20, unit=0.02)
     for a in (0.0, 0.5, 1.0, 1.5):
