@@ -8,9 +8,10 @@ import pytest
 from mlsanm_cli.continuation import AnmOptions, FloatArray, Tangent, correct
 from mlsanm_cli.continuation.corrector import Effort, correct_end
 from mlsanm_cli.continuation.expansion import expansion_point
+from mlsanm_cli.continuation.problem import Problem
 from mlsanm_cli.errors import NumericalError
 
-from .problems import Circle, Contact, DenseTangent, Known, Scalar, Truss, random_contact
+from .problems import Circle, Contact, DenseTangent, Scalar, Truss, random_contact
 
 
 class Watched(Contact):
@@ -61,7 +62,7 @@ def test_start_point_outside_is_refused() -> None:
         (Circle(), 0.0, 0.5, "singular tangent"),
     ],
 )
-def test_failures_have_a_hint(problem: Known, start: float, lam: float, words: str) -> None:
+def test_failures_have_a_hint(problem: Problem, start: float, lam: float, words: str) -> None:
     with pytest.raises(NumericalError, match=words) as caught:
         correct(problem, np.array([start]), lam)
     assert caught.value.hint

@@ -117,12 +117,13 @@ def test_definite_matrices_taken_for_quasi_definite_ones_are_left_to_superlu() -
 def test_products_against_solutions(seed: int, density: float, definite: bool) -> None:
     points = scattered(150, seed)
     scene = (normal_equations(points, seed), points, 0) if definite else quasi_definite(150, 16, seed)
-    rng, size = np.random.default_rng(seed), scene[0].shape[0]
+    matrix, places, negative = scene
+    rng, size = np.random.default_rng(seed), matrix.shape[0]
     left = sparse.csr_array(sparse.random_array((7, size), density=density, rng=rng))
     right = sparse.csc_array(sparse.random_array((size, 90), density=density, rng=rng))
-    expected = left @ np.linalg.solve(scene[0].toarray(), right.toarray())
+    expected = left @ np.linalg.solve(matrix.toarray(), right.toarray())
     for solver in ("auto", "superlu") if definite else ("auto",):
-        found = factor_definite(*scene, solver=solver).products(left, right)
+        found = factor_definite(matrix, places, negative, solver=solver).products(left, right)
         assert found.shape == (7, 90)
         assert np.abs(found - expected).max() <= 1e-9 * max(1.0, np.abs(expected).max())
 
