@@ -12,7 +12,7 @@ import pytest
 
 from mlsanm_cli.app.checks import end, quality, states
 from mlsanm_cli.app.checks.check import Check, Verdicts
-from mlsanm_cli.app.checks.energy import EnergyErrors
+from mlsanm_cli.app.checks.ended import EnergyErrors, balance, single_nodes, work
 from mlsanm_cli.app.checks.limits import LIMITS
 from mlsanm_cli.app.finite import checks as finite
 from mlsanm_cli.app.finite.states import deformation, overlap, stability
@@ -125,10 +125,10 @@ def touched(**errors: Any) -> Any:
 BY_SERIES = EnergyErrors({"arm": 0.0}, name="series_energy_error", what="the work of stresses in")
 Found = Callable[[float], Iterable[Check]]
 CASES: dict[str, tuple[Found, float, float]] = {
-    "force_balance": (lambda x: end.balance(ended(imbalance={"leg": 0.001, "arm": x})), 0.02, 0.05),
-    "energy_error": (lambda x: end.work(ended(energies=EnergyErrors({"leg": 0.001, "arm": x}))), 0.02, -0.05),
+    "force_balance": (lambda x: balance(ended(imbalance={"leg": 0.001, "arm": x})), 0.02, 0.05),
+    "energy_error": (lambda x: work(ended(energies=EnergyErrors({"leg": 0.001, "arm": x}))), 0.02, -0.05),
     "single_nodes": (
-        lambda x: end.single_nodes(ended(energies=EnergyErrors({}, pointed={"arm": x}))),
+        lambda x: single_nodes(ended(energies=EnergyErrors({}, pointed={"arm": x}))),
         0.02,
         0.04,
     ),
@@ -147,7 +147,7 @@ CASES: dict[str, tuple[Found, float, float]] = {
     "displacement_error": (lambda x: estimates(x, probes={"tip": 0.009}), 0.009, 0.37),
     "force_error": (lambda x: estimates(force={"pin": x}), 0.004, 0.006),
     "series_energy_error": (
-        lambda x: end.work(ended(energies=replace(BY_SERIES, bodies={"arm": x}))),
+        lambda x: work(ended(energies=replace(BY_SERIES, bodies={"arm": x}))),
         0.005,
         0.02,
     ),
