@@ -153,6 +153,8 @@ def test_tables_list_their_keys() -> None:
         ("eta", "contact.regularization.eta"),
         ("materiel.E", "material.E"),
         ("mu", "contact.friction"),
+        ("contact.mu", "contact.friction"),
+        ("hole", "body.shape.holes"),
         ("solver.ordre", "solver.order"),
         ("xyzzy", "lists the tables"),
         ("solver.fast.order", "solver.order"),

@@ -124,6 +124,8 @@ def test_explain(capsys: Capture) -> None:
     assert main(["explain", "solver.order", "--json"]) == 0
     (found,) = json.loads(capsys.readouterr().out)["explanations"]
     assert (found["key"], found["default"]) == ("solver.order", "20")
+    assert main(["explain", "body.shape"]) == 0
+    assert "(0: sharp corner)" in capsys.readouterr().out
     assert main(["explain"]) == 0
     assert "solver" in capsys.readouterr().out
     assert main(["explain", "order"]) == 2

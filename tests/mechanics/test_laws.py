@@ -4,6 +4,7 @@ homogeneous states of each against its closed formula."""
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,8 +16,13 @@ from mlsanm_cli.mechanics.material import orthotropic
 from tests.mechanics.finite_bodies import NU, E, law_of
 
 PLANES = ("strain", "stress")
-CONSTANTS = {
+CONSTANTS: dict[str, dict[str, Any]] = {
     "neo-hookean": {"E": E, "nu": NU},
+    "mooney-rivlin": {"c10": 0.3, "c01": 0.1, "nu": 0.4},
+    "yeoh": {"c10": 0.4, "c20": -0.02, "c30": 0.01, "nu": 0.4},
+    "arruda-boyce": {"mu": 0.8, "locking_stretch": 2.5, "nu": 0.4},
+    "blatz-ko": {"E": 2.0, "nu": 0.25, "f": 0.3},
+    "ogden": {"shear_moduli": (0.63, 0.012, -0.1), "exponents": (1.3, 5.0, -2.0), "nu": 0.4},
 }
 LAWS = [
     *(law_class(name)(plane=plane, **keys) for name, keys in CONSTANTS.items() for plane in PLANES),
@@ -87,17 +93,37 @@ def energy(law: Law, stretches: FloatArray) -> complex:
     """Strain energy at principal stretches (3,), which may be complex: derivatives by complex steps are
     exact."""
     squares, volume, keys = stretches**2, stretches.prod(), CONSTANTS.get(law.name, {})
-    first = squares.sum()
+    first, second = squares.sum(), (1.0 / squares).sum() * volume**2
+    isochoric = stretches / volume ** (1.0 / 3.0)
+    one, two = (isochoric**2).sum() - 3.0, (isochoric**-2).sum() - 3.0
+    lam, mu = E * NU / ((1.0 + NU) * (1.0 - 2.0 * NU)), 0.5 * E / (1.0 + NU)
     match law.name:
         case "saint-venant-kirchhoff":
             strain = 0.5 * (squares - 1.0)
-            lam, mu = E * NU / ((1.0 + NU) * (1.0 - 2.0 * NU)), 0.5 * E / (1.0 + NU)
             return complex(0.5 * lam * strain.sum() ** 2 + mu * (strain**2).sum())
         case "neo-hookean":
-            lam, mu = E * NU / ((1.0 + NU) * (1.0 - 2.0 * NU)), 0.5 * E / (1.0 + NU)
             log = np.log(volume)
             return complex(0.5 * mu * (first - 3.0) - mu * log + 0.5 * lam * log**2)
-    raise NotImplementedError(f"{law.name} {keys}")
+        case "blatz-ko":
+            f, b = keys["f"], keys["nu"] / (1.0 - 2.0 * keys["nu"])
+            solid = first - 3.0 + (volume ** (-2.0 * b) - 1.0) / b
+            foam = second / volume**2 - 3.0 + (volume ** (2.0 * b) - 1.0) / b
+            return complex(0.5 * keys["E"] / 2.5 * (f * solid + (1.0 - f) * foam))
+        case "mooney-rivlin":
+            distortion, shear = keys["c10"] * one + keys["c01"] * two, 2.0 * (keys["c10"] + keys["c01"])
+        case "yeoh":
+            distortion, shear = sum(keys[f"c{i}0"] * one**i for i in (1, 2, 3)), 2.0 * keys["c10"]
+        case "arruda-boyce":
+            terms = zip((1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750), range(1, 6), strict=True)
+            chains = [(c / keys["locking_stretch"] ** (2 * i - 2), i) for c, i in terms]
+            distortion = keys["mu"] * sum(c * ((one + 3.0) ** i - 3.0**i) for c, i in chains)
+            shear = 2.0 * keys["mu"] * sum(c * i * 3.0 ** (i - 1) for c, i in chains)
+        case "ogden":
+            pairs = list(zip(keys["shear_moduli"], keys["exponents"], strict=True))
+            distortion = sum(m / a * ((isochoric**a).sum() - 3.0) for m, a in pairs)
+            shear = 0.5 * sum(m * a for m, a in pairs)
+    bulk = 2.0 * shear * (1.0 + keys["nu"]) / (3.0 * (1.0 - 2.0 * keys["nu"]))
+    return complex(distortion + 0.5 * bulk * (volume - 1.0) ** 2)
 
 
 @pytest.mark.parametrize("law", LAWS[:-2], ids=lambda law: f"{law.name} {law.plane}")

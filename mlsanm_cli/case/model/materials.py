@@ -37,8 +37,16 @@ KIRCHHOFF = "saint-venant-kirchhoff"
 """The law of finite strain with the constants of linear elasticity, in any form."""
 HYPERELASTIC: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "neo-hookean": (("E", "nu"), ()),
+    "mooney-rivlin": (("c10", "c01", "nu"), ()),
+    "yeoh": (("c10", "c20", "c30", "nu"), ()),
+    "arruda-boyce": (("mu", "locking_stretch", "nu"), ()),
+    "blatz-ko": (("E", "nu"), ("f",)),
+    "ogden": (("shear_moduli", "exponents", "nu"), ()),
 }
 """Required and optional keys of the other laws of finite strain."""
+MAX_TERMS = 6
+"""Terms of Ogden's law that may be given."""
+SOME = "expected a list of numbers"
 MAX_PLANE_STRAIN_NU = 4.0 / 9.0
 """Largest Poisson's ratio in plane strain without locking of the strong form: lambda = 8 mu."""
 
@@ -82,9 +90,45 @@ class Material(Section):
     """Coefficient of thermal expansion; for orthotropic materials also [a1, a2, a3] along the axes; with
     `stiffness` the strains [xx, yy, 2xy] per degree of a body that is free in the plane."""
 
-    law: Literal["linear", "saint-venant-kirchhoff", "neo-hookean"] = "linear"
-    """Linear elasticity for small strains; Saint Venant-Kirchhoff (large rotations, moderate strains) or
-    compressible neo-Hookean (large strains) for finite strains, with E and nu of the undeformed state."""
+    c10: Annotated[float, STRESS] | None = None
+    """Constant of the first invariant (`mooney-rivlin`, `yeoh`)."""
+    c01: Annotated[float, STRESS] | None = None
+    """Constant of the second invariant; c10 + c01, half the shear modulus, is positive."""
+    c20: Annotated[float, STRESS] | None = None
+    """Constant of the square of the first invariant (`yeoh`)."""
+    c30: Annotated[float, STRESS] | None = None
+    """Constant of its cube (`yeoh`)."""
+    mu: Annotated[Positive, STRESS] | None = None
+    """Modulus of the chains (`arruda-boyce`)."""
+    locking_stretch: Annotated[float, Field(gt=1.0), NUMBER] | None = None
+    """Stretch at which the chains are straight (`arruda-boyce`)."""
+    shear_moduli: (
+        Annotated[tuple[float, ...], Field(min_length=1, max_length=MAX_TERMS), expecting(SOME), STRESS]
+        | None
+    ) = None
+    """Moduli m of `ogden`, W = sum m/a (l1^a + l2^a + l3^a - 3); half the sum of m a is the shear modulus."""
+    exponents: (
+        Annotated[tuple[float, ...], Field(min_length=1, max_length=MAX_TERMS), expecting(SOME), NUMBER]
+        | None
+    ) = None
+    """Exponents a of `ogden`, one for each modulus, of the same sign."""
+    f: Annotated[float, Field(ge=0.0, le=1.0), NUMBER] | None = None
+    """Part of the first invariant of `blatz-ko`; 0, a foam, by default."""
+
+    law: Literal[
+        "linear",
+        "saint-venant-kirchhoff",
+        "neo-hookean",
+        "mooney-rivlin",
+        "yeoh",
+        "ogden",
+        "arruda-boyce",
+        "blatz-ko",
+    ] = "linear"
+    """Linear elasticity for small strains. For finite strains Saint Venant-Kirchhoff (large rotations,
+    moderate strains), with the constants of linear elasticity; or laws of rubber and foams, with nu of the
+    undeformed state: compressible neo-Hookean and Blatz-Ko (E), Mooney-Rivlin (c10, c01), Yeoh (c10, c20,
+    c30), Ogden (shear_moduli, exponents), Arruda-Boyce (mu, locking_stretch)."""
 
     @property
     def form(self) -> Form:
@@ -126,6 +170,7 @@ class Material(Section):
             yield Fault((key,), "missing (required)", hint)
         if not missing:
             yield from self._stiffness_faults(scope.confined)
+            yield from self._rubber_faults()
         yield from self._law_faults(scope)
         listed = isinstance(self.alpha, tuple)
         if listed and form == "isotropic":
@@ -143,6 +188,20 @@ class Material(Section):
         if self.law == KIRCHHOFF:
             return dict.fromkeys(OUT_OF_PLANE[1:], "required for the thickness at finite strain")
         return {}
+
+    def _rubber_faults(self) -> Iterator[Fault]:
+        """Constants that give no positive shear modulus."""
+        if self.law == "mooney-rivlin" and (self.c10 or 0.0) + (self.c01 or 0.0) <= 0.0:
+            yield Fault(("c10",), "c10 + c01, half the shear modulus, is not positive")
+        if self.law == "yeoh" and (self.c10 or 0.0) <= 0.0:
+            yield Fault(("c10",), "half the shear modulus, is not positive")
+        if self.law == "ogden" and self.shear_moduli is not None and self.exponents is not None:
+            if len(self.shear_moduli) != len(self.exponents):
+                message = f"{len(self.exponents)} for {len(self.shear_moduli)} moduli"
+                yield Fault(("exponents",), message, "give one for each of shear_moduli")
+            elif not all(m * a > 0.0 for m, a in zip(self.shear_moduli, self.exponents, strict=True)):
+                message = "has a modulus whose sign is not that of its exponent"
+                yield Fault(("shear_moduli",), message, "their products must be positive")
 
     def _law_faults(self, scope: Scope) -> Iterator[Fault]:
         finite = self.law == KIRCHHOFF or not self.elastic

@@ -16,7 +16,7 @@ With x' the derivative by the path parameter, recurrences follow from
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
@@ -235,6 +235,50 @@ def exp(x: Series) -> Series:
         return convolved(x.values, out, k, 1, weights=np.arange(1, k + 1) / k)
 
     return x.tape.record(coefficient)
+
+
+def analytic(x: Series, *functions: Callable[[FloatArray, int], FloatArray]) -> list[Series]:
+    """Functions of a series, each by its first m Taylor coefficients (m, n) about values (n,): sums of powers
+    of the series less its value."""
+    count = len(x.values) + 1
+    powers = [x.tape.record(lambda _, k: _less_value(x.values[k], k))]
+    for power in range(2, count):
+        powers.append(x.tape.record(_multiplied(powers[-1], powers[0], power)))
+    return [x.tape.record(_composition(x, powers, function)) for function in functions]
+
+
+def _less_value(x: FloatArray, order: int) -> FloatArray:
+    return x if order else composed(x, np.zeros(x.shape[1]), np.ones(x.shape[1]))
+
+
+def _multiplied(one: Series, other: Series, power: int) -> Callable[[FloatArray, int], FloatArray]:
+    """The product of two powers, the ``power`` of a series without value: of order 0 only its derivatives by
+    X and Y are left."""
+
+    def coefficient(_: FloatArray, k: int) -> FloatArray:
+        if k + 1 < power:
+            return np.zeros(one.values.shape[1:])
+        return convolved(one.values, other.values, k)
+
+    return coefficient
+
+
+def _composition(
+    x: Series, powers: Sequence[Series], function: Callable[[FloatArray, int], FloatArray]
+) -> Callable[[FloatArray, int], FloatArray]:
+    taylor = np.zeros((len(powers) + 1, x.values.shape[2]))
+
+    def coefficient(_: FloatArray, k: int) -> FloatArray:
+        if not k:
+            taylor[:] = function(x.values[0, 0], len(taylor))
+            return composed(x.values[0], taylor[0], taylor[1])
+        used = powers[: k + 1]
+        total: FloatArray = taylor[1] * used[0].values[k]
+        for power, factor in zip(used[1:], taylor[2:], strict=False):
+            total += factor * power.values[k]
+        return total
+
+    return coefficient
 
 
 def composed(x: FloatArray, value: FloatArray, slope: FloatArray) -> FloatArray:

@@ -103,7 +103,7 @@ def test_outcomes(name: str) -> None:
     beyond = -1.0 if limit.lower else 1.0
     for level, outcome in ((limit.warns, "warned"), (limit.fails, "failed")):
         if level is not None:
-            past = Check(name, level + 0.01 * beyond, "")
+            past = Check(name, level + 0.01 * beyond * max(level, 1.0), "")
             assert (past.outcome, past.limit) == (outcome, level)
             assert Check(name, level, "").outcome != outcome
     assert Check(name, np.nan, "", fails=1.0).outcome == "failed"

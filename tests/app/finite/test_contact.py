@@ -10,7 +10,7 @@ import pytest
 
 from mlsanm_cli.app.comparison.compare import compare
 from mlsanm_cli.app.results.choice import Choice
-from mlsanm_cli.app.results.curves import along_surface
+from mlsanm_cli.app.results.path_lookup import along_surface
 from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.results.probe import probe_contact, probe_force
 from mlsanm_cli.case.starters import starter
