@@ -12,7 +12,7 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment
 from mlsanm_cli.cloud.membership import cross, inside_polygon, signed_area, twice_area
-from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
+from mlsanm_cli.cloud.splines import NodeSpline, Spline
 from mlsanm_cli.errors import Fault, OutlineError
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
@@ -117,7 +117,7 @@ def closed_chain(
     return [
         (name, Segment(points[0], points[1]))
         if len(points) == 2
-        else (name, SplinePart(NodeSpline(np.array(points), closed), 0, len(points) - 1))
+        else (name, NodeSpline(np.array(points), closed).between(0, len(points) - 1))
         for name, points in chain
     ]
 
@@ -281,8 +281,8 @@ def _to_chord(points: FloatArray, start: FloatArray, end: FloatArray) -> FloatAr
 
 def _chords(curve: Curve) -> FloatArray:
     """Chords (e, 4) of a curve; those of a smooth curve join its given points."""
-    if isinstance(curve, SplinePart):
-        points = curve.spline.nodes[curve.first : curve.last + 1]
+    if isinstance(curve, Spline):
+        points = curve.points(curve.node_arcs)
     else:
         count = ARC_CHORDS if isinstance(curve, Arc) else 1
         points = curve.points(np.linspace(0.0, curve.length, count + 1))

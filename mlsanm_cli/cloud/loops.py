@@ -16,7 +16,7 @@ from mlsanm_cli.cloud.curves import Curve, Outline, Segment
 from mlsanm_cli.cloud.membership import cross, signed_area
 from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
 from mlsanm_cli.cloud.sight import triangulate, visibility_criterion
-from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
+from mlsanm_cli.cloud.splines import NodeSpline, Spline
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.errors import GeometryError
 from mlsanm_cli.records import dataclass
@@ -83,7 +83,7 @@ def mirrored(cloud: Cloud, line: SymmetryLine) -> Cloud | None:
 
 
 def _node_arcs(curve: Curve, points: FloatArray) -> FloatArray:
-    if isinstance(curve, SplinePart):
+    if isinstance(curve, Spline):
         return curve.node_arcs[: len(points)]
     arc = curve.closest(points)
     arc[-1] = curve.length
@@ -144,7 +144,7 @@ def _pieces(
     ends = np.flatnonzero(sharp | renamed)
     if not len(ends):
         spline = NodeSpline(points[nodes], True)
-        yield loop.names[0], SplinePart(spline, 0, count), loop.nodes
+        yield loop.names[0], spline.between(0, count), loop.nodes
         return
     if len(ends) == 1:
         # A curve that ends where it begins is split: no surface contains a node twice.
@@ -156,7 +156,7 @@ def _pieces(
         for start, stop in pairwise(inner.tolist()):
             place = points[nodes[start : stop + 1]]
             straight = _straight(place, small) and (stop - start > 1 or len(inner) == 2)
-            curve: Curve = SplinePart(spline, start - first, stop - first)
+            curve: Curve = spline.between(start - first, stop - first)
             if straight:
                 (x0, y0), (x1, y1) = place[[0, -1]].tolist()
                 curve = Segment((x0, y0), (x1, y1))

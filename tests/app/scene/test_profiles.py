@@ -12,7 +12,7 @@ from mlsanm_cli.app.scene.contact_spacing import valleys
 from mlsanm_cli.app.scene.default_spacing import arc_zones
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Outline
-from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
+from mlsanm_cli.cloud.splines import NodeSpline
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.reference.hertz import HertzLine
 from tests.app.scenes import EXACT_LAW, Quiet, done, prepared, refused, solve
@@ -191,7 +191,7 @@ def test_a_wavy_surface_has_westergaards_pressures(tmp_path: Path) -> None:
 
 def test_shallow_waves_need_no_fine_nodes_and_tight_turns_do() -> None:
     def finest(x: FloatArray, y: FloatArray, far: float) -> float:
-        spline = SplinePart(NodeSpline(np.stack([x, y], axis=1), False), 0, len(x) - 1)
+        spline = NodeSpline(np.stack([x, y], axis=1), False).between(0, len(x) - 1)
         return min([far, *(zone.spacing for zone in arc_zones(Outline(("a",), (spline,)), far))])
 
     x = np.linspace(0.0, 20.0, 801)
