@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment
-from mlsanm_cli.cloud.membership import cross, inside_polygon, signed_area, twice_area
+from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Point, Segment
+from mlsanm_cli.cloud.membership import cross, inside_polygon, numbered, signed_area, turns, twice_area
 from mlsanm_cli.cloud.splines import NodeSpline, Spline
 from mlsanm_cli.errors import Fault, OutlineError
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
-Point = tuple[float, float]
 Named = tuple[str, Curve]
 
 ARC_CHORDS = 16
@@ -46,8 +44,7 @@ def polygon(
     along = np.roll(xy, -1, axis=0) - xy
     room = np.hypot(*along.T)
     direction = along / room[:, None]
-    came = np.roll(direction, 1, axis=0)
-    turn = np.arctan2(cross(came, direction), (came * direction).sum(axis=1))
+    turn = turns(xy)
     radius = np.array(radii)[order]
     cut = radius * np.abs(np.tan(0.5 * turn))
     _refuse(_rounding_faults(order, radius, cut, room, small))
@@ -136,7 +133,7 @@ def with_holes(outer: Sequence[Named], holes: Sequence[tuple[str, Point, float]]
     circles = [(name, Arc(center, r, 0.5 * math.pi, -2.0 * math.pi)) for name, center, r in holes]
     chain = [*outer, *circles]
     starts = (0, *range(len(outer), len(chain)))
-    return Outline(_numbered([name for name, _ in chain]), tuple(curve for _, curve in chain), starts)
+    return Outline(numbered([name for name, _ in chain], "{}/{}"), tuple(curve for _, curve in chain), starts)
 
 
 def extent(points: Sequence[Point]) -> float:
@@ -152,15 +149,6 @@ def _refuse(faults: Iterable[Fault]) -> None:
 
 def _given(values: Sequence[str], number: int) -> str:
     return values[number] if number < len(values) else ""
-
-
-def _numbered(names: Sequence[str]) -> tuple[str, ...]:
-    total, passed = Counter(names), Counter[str]()
-    found = []
-    for name in names:
-        passed[name] += 1
-        found.append(f"{name}/{passed[name]}" if total[name] > 1 else name)
-    return tuple(found)
 
 
 def _point_faults(points: Sequence[Point], small: float, size: float) -> Iterator[Fault]:

@@ -13,7 +13,7 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Curve, Outline, Segment
-from mlsanm_cli.cloud.membership import cross, signed_area
+from mlsanm_cli.cloud.membership import cross, numbered, signed_area, turns
 from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
 from mlsanm_cli.cloud.sight import triangulate, visibility_criterion
 from mlsanm_cli.cloud.splines import NodeSpline, Spline
@@ -107,13 +107,6 @@ def _neighbour_distance(points: FloatArray, triangles: IntArray) -> FloatArray:
     return np.asarray((spacing + np.bincount(node, spacing[other], len(points))) / (count + 1))
 
 
-def turns(points: FloatArray) -> FloatArray:
-    """Angles (k,) by which a closed polygon turns left at its vertices."""
-    after = np.roll(points, -1, axis=0) - points
-    before = np.roll(after, 1, axis=0)
-    return np.asarray(np.arctan2(cross(before, after), (before * after).sum(axis=1)))
-
-
 def _begun(points: FloatArray, loop: Loop, corner: float) -> Loop:
     """The loop rotated to begin at its lowest corner, or else change of name, or else node."""
     sharp, renamed = _breaks(points, loop, corner)
@@ -173,14 +166,8 @@ def _straight(points: FloatArray, small: float) -> bool:
 
 
 def _numbered(names: Sequence[str]) -> tuple[str, ...]:
-    """The ``names`` of all curves, numbered where they are shared or empty."""
-    total, passed = Counter(names), Counter[str]()
-    numbered = []
-    for name in names:
-        passed[name] += 1
-        several = total[name] > 1 or not name
-        numbered.append(f"{name or 'edge'}{passed[name]}" if several else name)
-    for name, times in Counter(numbered).items():
+    found = numbered(names, "{}{}", "edge")
+    for name, times in Counter(found).items():
         if times > 1:
             raise GeometryError(f'two boundaries would be called "{name}"', "rename that group in the file")
-    return tuple(numbered)
+    return found
