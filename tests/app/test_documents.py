@@ -15,8 +15,9 @@ from click import Context
 
 from mlsanm_cli import __version__
 from mlsanm_cli.app.checks.limits import LIMITS
-from mlsanm_cli.app.comparison.compare import CompareOptions, compare
-from mlsanm_cli.app.comparison.measure import ETA_FACTOR, SAME_LAW_FACTOR, STICK_FACTOR
+from mlsanm_cli.app.comparison.compare import compare
+from mlsanm_cli.app.comparison.measure import SAME_LAW_FACTOR
+from mlsanm_cli.app.comparison.small_strain import ETA_FACTOR, STICK_FACTOR
 from mlsanm_cli.app.results import plot as plot_module
 from mlsanm_cli.case import load_case, resolved_mapping
 from mlsanm_cli.case.starters import kinds, starter
@@ -144,9 +145,7 @@ def test_limits_are_documented() -> None:
 @pytest.mark.usefixtures("by_nodes")
 def test_comparisons_are_documented(tmp_path: Path) -> None:
     (tmp_path / "patch.toml").write_text(PATCH)
-    found = compare(
-        tmp_path / "patch.toml", CompareOptions(analytic=True), out=tmp_path / "out", console=Quiet()
-    )
+    found = compare(tmp_path / "patch.toml", analytic=True, out=tmp_path / "out", console=Quiet())
     section = RUN_DIRECTORY[RUN_DIRECTORY.index("## `comparison.json`") :]
     for key in {*found, *(key for row in found["methods"] for key in row)} - {"directory"}:
         assert f"`{key}`" in section, key

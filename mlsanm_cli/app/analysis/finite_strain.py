@@ -244,7 +244,7 @@ class FiniteStrain(Analysis):
             "error_estimate": self._errors(state, tally),
             "energy_error": work_error(tally),
             "finite_strain": {
-                "law": ", ".join(dict.fromkeys(body.law.kind for body in scene.bodies.values())),
+                "law": ", ".join(dict.fromkeys(body.law.name for body in scene.bodies.values())),
                 **extremes(scene, state),
                 "equations_renewed": tally["renewed"],
                 "limit_points": [

@@ -12,6 +12,7 @@ from mlsanm_cli.app.checks.check import Check, Verdicts
 from mlsanm_cli.app.checks.limits import level
 from mlsanm_cli.app.checks.load_checks import load_resolution, loaded_length
 from mlsanm_cli.app.context import RunContext
+from mlsanm_cli.app.scene import pulls
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.case import Case, finer_nodes
@@ -291,6 +292,34 @@ def materials(model: Quality) -> Iterator[Check]:
             )
 
 
+def moduli(model: Quality) -> Iterator[Check]:
+    """Bodies in contact whose moduli may have different units."""
+    for pairing in model.prepared.pairings:
+        ratio = stiffness_ratio(pairing, model.prepared.models)
+        if ratio > 0.0:
+            stiffer = max(ratio, 1.0 / ratio)
+            place = f"contact {pairing.name}"
+            yield Check(
+                "moduli",
+                stiffer,
+                f"{place}: one body is {stiffer:.2g} times as stiff as the other",
+                "check that the moduli of all materials have the same unit",
+                place,
+            )
+
+
+def pulled_apart(model: Quality) -> Iterator[Check]:
+    """Loads of the wrong sign."""
+    for load, body, contact in pulls.pulled_apart(model.case, model.prepared.pairings):
+        yield Check(
+            "pulled_apart",
+            1.0,
+            f"load {load} pulls {body} away from contact {contact}, which alone holds it",
+            "change its sign",
+            f"load {load}",
+        )
+
+
 def friction(model: Quality) -> Iterator[Check]:
     """Coefficients of friction."""
     for contact in model.case.touching:
@@ -307,6 +336,6 @@ def friction(model: Quality) -> Iterator[Check]:
 
 MODEL: Sequence[Callable[[Quality], Iterator[Check]]] = (
     *(clouds, facing_surfaces, bonded_curves, degree, initial_gap, loads, weak_motions, corners),
-    *(materials, friction),
+    *(materials, moduli, pulled_apart, friction),
 )
 """Checks of a model."""

@@ -17,7 +17,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.continuation import Outcome
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.mechanics.finite.law import determinant
+from mlsanm_cli.mechanics.laws.law import determinant
 from mlsanm_cli.solve.coercivity import CONTACT_LIMIT
 from mlsanm_cli.solve.state import State
 
@@ -36,7 +36,7 @@ def deformation(scene: FiniteScene, state: State) -> Iterator[Check]:
             "use smaller loads, or finer nodes there",
             f"body {name}",
         )
-        waves, law = scene.bodies[name].ellipticity(own, state.factors), scene.bodies[name].law.kind
+        waves, law = scene.bodies[name].ellipticity(own, state.factors), scene.bodies[name].law.name
         node = int(np.argmin(waves))
         lost = "has lost ellipticity" if waves[node] <= 0.0 else "is close to losing ellipticity"
         yield Check(

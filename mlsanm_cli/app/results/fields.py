@@ -86,12 +86,12 @@ def fields_at(
     stencils = _stencils_at(run, case, body, points)
     if run.is_finite:
         from mlsanm_cli.app.finite.fields import fields_at
-        from mlsanm_cli.app.finite.scene import law_of, material_of
+        from mlsanm_cli.app.scene.materials import laws_of
 
-        law, alpha = law_of(case, body), material_of(case, body).alpha
+        law = laws_of(case)[body]
         for level, (displacement, how) in zip(levels, saved, strict=True):
-            warm = 1.0 + alpha * _degrees(case, body, level, points) if isinstance(alpha, float) else None
-            yield fields_at(law, stencils.derivatives(displacement), warm), how
+            degrees = _degrees(case, body, level, points)
+            yield fields_at(law, stencils.derivatives(displacement), degrees), how
         return
     of_nodes = partial(_stencils_at, run, case, body, run.bodies[body].points)
     rows = point_rows(stencils, _material(case, body), of_nodes)

@@ -238,6 +238,15 @@ def _syntax_hint(message: str, line: str) -> str:
     """A correction, from the parser's message and the line that it refers to."""
     if any(quote in line for quote in "“”„"):
         return 'write straight quotes: "'
+    if line.lstrip().startswith("{"):
+        return "a case is TOML, not JSON: lines as nu = 0.3 below the headings of tables as [material.steel]"
+    comma = re.search(r"=\s*([-+]?\d+),(\d+)\s*(#.*)?$", line)
+    if comma is not None:
+        return f"write a decimal point: {comma[1]}.{comma[2]}"
+    if sum(map(line.count, "\"'")) % 2:
+        return "a quote is missing at the end of the text"
+    if message.startswith("Expected '='"):
+        return "write KEY = VALUE"
     if message.startswith("Invalid value"):
         return "text needs quotes, numbers need a digit before and after the point"
     if "overwrite" in message.lower():

@@ -72,7 +72,7 @@ def deformed(stretch: float, waves: float) -> Iterable[Check]:
     body = SimpleNamespace(
         gradient=lambda own: np.array([[stretch - 1.0], [0.0], [0.0], [0.0]]),
         ellipticity=lambda own, factors: np.array([waves]),
-        law=SimpleNamespace(kind="neo-hookean"),
+        law=SimpleNamespace(name="neo-hookean"),
         elastic=SimpleNamespace(model=model),
     )
     scene: Any = SimpleNamespace(parts=lambda values: {"arm": values}, bodies={"arm": body})
@@ -211,7 +211,7 @@ def test_outcomes(name: str) -> None:
     beyond = -1.0 if limit.lower else 1.0
     for level, outcome in ((limit.warns, "warned"), (limit.fails, "failed")):
         if level is not None:
-            past = Check(name, level + 0.01 * beyond, "")
+            past = Check(name, level + 0.01 * beyond * max(level, 1.0), "")
             assert (past.outcome, past.limit) == (outcome, level)
             assert Check(name, level, "").outcome != outcome
     assert Check(name, np.nan, "", fails=1.0).outcome == "failed"

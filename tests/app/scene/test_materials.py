@@ -116,7 +116,7 @@ def test_a_plane_stiffness_in_plane_strain_leaves_von_mises_open(tmp_path: Path)
 
 def test_hertz_on_an_orthotropic_block(tmp_path: Path) -> None:
     wood = "{E1=300e3, E2=60e3, E3=100e3, G12=40e3, nu12=0.3, nu13=0.3, nu23=0.25, angle=30.0}"
-    # E' by the roots of the characteristic equation (tests/mechanics/test_half_plane.py); a = 0.05.
+    # E' by the roots of the characteristic equation (tests/mechanics/test_material.py); a = 0.05.
     together = 1.0 / (1.0 / 99489.2 + 0.91 / 210e3)
     force = 0.25 * np.pi * together * 0.05**2
     overrides = (
