@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,8 +17,10 @@ from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.reference.hertz import HertzLine
-from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.state import State
+
+if TYPE_CHECKING:
+    from mlsanm_cli.solve.condensed_scene import CondensedScene
+    from mlsanm_cli.solve.state import State
 
 SAMPLES = 4001
 
