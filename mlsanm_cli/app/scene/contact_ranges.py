@@ -14,7 +14,6 @@ from mlsanm_cli.app.scene.void import void_center
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.curves import Curve
-from mlsanm_cli.cloud.joined import points_of
 from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
@@ -88,7 +87,7 @@ def _clear(
     # Sampled along the base, so that roles do not decide which of several equal minima is taken.
     sign, ahead = (1.0 if facing.slave_first else -1.0), replace(facing, slave_first=True)
     count = SAMPLES if facing.profile is None else PROFILE_SAMPLES
-    count = max(count, SAMPLES_PER_POINT * max(map(points_of, facing.curves)))
+    count = max(count, SAMPLES_PER_POINT * max(curve.data_points for curve in facing.curves))
     s = np.linspace(0.0, base.length, count + 1)[: count if base.closed else count + 1]
     faces, gap = _faces(ahead, s), ahead.gap(s)
     if not faces.any():
