@@ -136,7 +136,7 @@ def prepare(
         check_tips(case, pairings)
     grids = grids and small
     fixed = {name: fixed_surfaces(case, boundaries, name) for name in models}
-    ranges = contact_ranges(case, models, pairings, occupied, fixed) if grids else {}
+    ranges = contact_ranges(case, models, pairings, occupied, fixed, held_nodes) if grids else {}
     # Contacts with nodal pressures are less stable at higher degrees; tractions of bonds vary slowly.
     nodal = [pairing for pairing in pairings if not (pairing.bonded or pairing.name in ranges)]
     low_bodies = {name for pairing in nodal for name in pairing.bodies} if small else ()
