@@ -236,6 +236,14 @@ def assemble_bodies(
         probes=prepared.probes,
         held_motions=prepared.restrained.held,
         loose_motions=prepared.restrained.loose,
+        single_supports={
+            f"{one.body} near ({one.near[0]:g}, {one.near[1]:g})": (
+                one.body,
+                _nearest(prepared.models[one.body].cloud, one.near),
+            )
+            for one in case.support
+            if one.body is not None and one.near is not None
+        },
     )
 
 
