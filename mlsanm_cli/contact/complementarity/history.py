@@ -43,7 +43,8 @@ load."""
 class State:
     """State at ``lam``: ``status``, unknowns ``x`` and rows ``w`` (N,), slips ``reference`` (n,) at which
     nodes stick, of others those before, and the ``work`` (n,) of friction so far per unit of scaled tractions
-    and slips. ``jumped`` from another state, after so many ``systems``; ``rates`` led to it."""
+    and slips. ``jumped`` from another state, after so many ``systems``; ``rates`` led to it. ``missed`` bounds
+    the residual over ``grain``."""
 
     status: ContactStatus
     x: FloatArray
@@ -54,6 +55,7 @@ class State:
     jumped: bool = False
     systems: int = 0
     rates: Solution | None = None
+    missed: float = 0.0
 
 
 def unloaded(problem: Problem, free: FloatArray) -> State:
@@ -152,21 +154,25 @@ def _moved(problem: Problem, state: State, rate: Solution, free: FloatArray, lam
     slips = slice(p.m, p.contacts)
     x, w = state.x + step * rate.x, state.w + step * rate.w
     reference = np.where(status.stuck & state.status.stuck, state.reference, state.w[slips])
+    along, across = x.copy(), w.copy()
     x[: p.m][~status.closed], w[: p.m][status.closed] = 0.0, 0.0
     x[slips] = np.where(status.stuck, x[slips], status.slip_sign * p.friction * x[p.nodes])
     w[slips][status.stuck] = reference[status.stuck]
+    missed = state.missed + step * rate.missed + float(np.abs(across - w).max(initial=0.0))
+    missed += p.spread * float(np.abs(along - x).sum())
     search = Search(p, free, reference, p.everything, state.x)
-    x, w = _refined(search, status, rate.basis.to(status), x, w)
+    if missed > FEASIBLE * p.size(x) or search.violated(status, x, w).any():
+        x, w, missed = _refined(search, status, rate.basis.to(status), x, w)
     slid = np.where(status.slip_sign != 0.0, w[slips] - state.w[slips], 0.0)
     work = state.work - 0.5 * (state.x[slips] + x[slips]) * slid
-    return State(status, x, w, reference, work, lam, systems=rate.systems, rates=rate)
+    return State(status, x, w, reference, work, lam, systems=rate.systems, rates=rate, missed=missed)
 
 
 def _refined(
     search: Search, status: ContactStatus, basis: Basis, x: FloatArray, w: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, float]:
     """The state ``x``, ``w``, or if its error exceeds round-off the solution of the equations of its
-    ``status``, by updated or new factors, if that is better."""
+    ``status``, by updated or new factors, if that is better; and its residual."""
     tries = [(x, w)]
     errors = [search.error(status, x, w)]
     while errors[-1] > 1.0 and (len(tries) < 2 or basis.anew()):
@@ -175,7 +181,8 @@ def _refined(
         except SingularError:
             break
         errors.append(search.error(status, *tries[-1]))
-    return tries[int(np.argmin(errors))]
+    best = int(np.argmin(errors))
+    return *tries[best], FEASIBLE * search.problem.size(x) * min(errors[best], 1.0)
 
 
 def increment(

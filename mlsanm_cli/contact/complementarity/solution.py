@@ -36,8 +36,8 @@ any positive numbers do."""
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """``status``, unknowns ``x`` (N,) and rows ``w`` (N,) that satisfy all conditions, their ``basis``, and
-    the numbers of ``systems`` solved and of ``pivots``."""
+    """``status``, unknowns ``x`` (N,) and rows ``w`` (N,) that satisfy all conditions, their ``basis``, the
+    numbers of ``systems`` solved and of ``pivots``, and the residual ``missed`` over ``grain``."""
 
     status: ContactStatus
     x: FloatArray
@@ -45,6 +45,7 @@ class Solution:
     basis: Basis
     systems: int
     pivots: int = 0
+    missed: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,9 +103,9 @@ class Search:
                 # Contacts that slide as a whole may come to rest.
                 basis, status = None, resting(p, status)
                 continue
-            wrong = int(self._violated(status, x, w).sum())
+            wrong = int(self.violated(status, x, w).sum())
             if not wrong:
-                return Solution(status, x, w, basis, systems), [], systems
+                return Solution(status, x, w, basis, systems, missed=basis.missed), [], systems
             tried.append((wrong, status))
             status = self.projected(status, x, w)
         return None, [one for _, one in sorted(tried, key=lambda item: item[0])[:BEST]], systems
@@ -143,7 +144,7 @@ class Search:
             yield resting(self.problem, status)
             yield replace(status, slip_sign=-status.slip_sign)
 
-    def _violated(self, status: ContactStatus, x: FloatArray, w: FloatArray) -> BoolArray:
+    def violated(self, status: ContactStatus, x: FloatArray, w: FloatArray) -> BoolArray:
         """Mask (5, m) of conditions violated by more than round-off."""
         p = self.problem
         left = p.distances(status, self.allowed, x, w, self.reference)
@@ -160,7 +161,7 @@ class Search:
     def projected(self, status: ContactStatus, x: FloatArray, w: FloatArray) -> ContactStatus:
         """The status of a semismooth Newton step: that of nodes without a violated condition is kept."""
         p, allowed, slip = self.problem, self.allowed, w[self.problem.m : self.problem.contacts]
-        wrong: BoolArray = np.asarray(self._violated(status, x, w).any(axis=0))
+        wrong: BoolArray = np.asarray(self.violated(status, x, w).any(axis=0))
         push = x[: p.m] - p.exchange[: p.m] * w[: p.m]
         closed = np.where(status.closed, ~allowed.opens | (push > 0.0), allowed.closes & (push > 0.0))
         pull = x[p.m : p.contacts] - p.exchange[p.m :] * (slip - self.reference)
@@ -211,8 +212,8 @@ class Search:
             status = self.supported(status)
             basis = Basis(p, status)
         x, w = basis.solve(self.free, p.aim(self.reference), self.near)
-        if not self._violated(status, x, w).any():
-            return Solution(status, x, w, basis, systems + 1)
+        if not self.violated(status, x, w).any():
+            return Solution(status, x, w, basis, systems + 1, missed=basis.missed)
         y, v = self._covered(status, x, w)
         # Bodies that still are loose must not be driven by the added load.
         load = basis.undriven(v - p.product(y) - self.free)
