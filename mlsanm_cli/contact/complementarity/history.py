@@ -9,7 +9,7 @@ load the limit load.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -34,6 +34,8 @@ from mlsanm_cli.contact.complementarity.tracing import Point, Ray, trace
 INCREMENTS = tuple(10.0**power for power in range(-6, 0))
 """Parts of the path tried in turn as finite increments where no rates continue it: the first touch of loose
 bodies, and snaps."""
+PARTS = (1, 2, 4)
+"""Numbers of equal parts of an increment that are tried in turn."""
 STANDSTILL, EVENTS = 1e-13, 4
 """Part of the path below which it stands still; and largest number of changes of status per node at one
 load."""
@@ -43,8 +45,8 @@ load."""
 class State:
     """State at ``lam``: ``status``, unknowns ``x`` and rows ``w`` (N,), slips ``reference`` (n,) at which
     nodes stick, of others those before, and the ``work`` (n,) of friction so far per unit of scaled tractions
-    and slips. ``jumped`` from another state, after so many ``systems``; ``rates`` led to it. ``missed`` bounds
-    the residual over ``grain``."""
+    and slips. ``jumped`` from another state, after so many ``systems``; ``rates`` led to it; ``missed``
+    bounds the residual over ``grain``."""
 
     status: ContactStatus
     x: FloatArray
@@ -190,20 +192,40 @@ def increment(
     state: State,
     free: FloatArray,
     lam: float,
-    start: ContactStatus | None = None,
-    basis: Basis | None = None,
+    *starts: ContactStatus,
     allowed: Changes | None = None,
+    pivoting: bool = True,
 ) -> State:
     """The state with ``free`` rows (N,) at ``lam`` after a jump, with slips opposed from those of a
-    ``state``, and all changes of status ``allowed`` if not given. Raises Ray."""
+    ``state``, and all changes of status ``allowed`` if not given. The search begins with ``starts``, by
+    default with the status of the state. Raises Ray."""
     p, before = problem, state.w[problem.m : problem.contacts]
     search = Search(p, free, before, allowed or p.everything, state.x)
-    found = search.solved(start or state.status, basis=basis)
+    found = search.solved(*(starts or (state.status,)), pivoting=pivoting)
     slip, traction = found.w[p.m : p.contacts], found.x[p.m : p.contacts]
     slid = np.where(found.status.slip_sign != 0.0, slip - before, 0.0)
     reference = np.where(found.status.stuck, before, slip)
     work = state.work - traction * slid
     return State(found.status, found.x, found.w, reference, work, lam, True, found.systems)
+
+
+def increments(problem: Problem, state: State, free: FloatArray, *starts: ContactStatus) -> State:
+    """The state with ``free`` rows (N,) after one increment, or more and smaller ones where Newton steps do
+    not find it. Raises Ray."""
+    begun = state.w - problem.product(state.x)
+    for parts in PARTS:
+        now, systems = state, 0
+        try:
+            for part in range(1, parts + 1):
+                rows = begun + part / parts * (free - begun)
+                now = increment(
+                    problem, now, rows, state.lam, *(() if part < parts else starts), pivoting=False
+                )
+                systems += now.systems
+        except Ray:
+            continue
+        return replace(now, systems=systems)
+    return increment(problem, state, free, state.lam, *starts)
 
 
 def _jumped(
@@ -226,7 +248,7 @@ def _jumped(
     try:
         point = Point(status, state.x, state.w, state.lam, Basis(p, status))
         point = trace(p, point, load, reference, p.everything, ahead)
-        return increment(p, state, constant + ahead * load, ahead, point.status, point.basis)
+        return increment(p, state, constant + ahead * load, ahead, point.status)
     except (Ray, SingularError):
         pass
     for part in INCREMENTS[jumps:]:

@@ -8,7 +8,7 @@ recur, a load is added that makes one of them feasible, and removed along the pa
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -59,33 +59,52 @@ class Search:
     allowed: Changes
     near: FloatArray | None = None
 
-    def solved(self, *starts: ContactStatus, basis: Basis | None = None, thorough: bool = False) -> Solution:
-        """The state by Newton steps from each of the statuses ``starts``, and from one that holds all bodies,
-        followed by pivoting; if ``thorough`` from more statuses. Raises Ray."""
-        seen, pivoted, systems = set[bytes](), set[bytes](), 0
-        ray = Ray(np.zeros(len(self.free)))
-        states, held = self.allowed is self.problem.everything, starts[-1]
-        for first in (*starts, None):
-            found, best, count = self._newton(first or self._softly_held(held), basis, seen)
-            systems += count
+    def solved(
+        self,
+        *starts: ContactStatus,
+        basis: Basis | None = None,
+        thorough: bool = False,
+        pivoting: bool = True,
+    ) -> Solution:
+        """The state by Newton steps from the statuses ``starts`` and one that holds all bodies, or by
+        ``pivoting`` from the best statuses met; if ``thorough`` from more. Raises Ray."""
+        seen, near, systems, held = set[bytes](), list[ContactStatus](), 0, starts[-1]
+        states = self.allowed is self.problem.everything
+        for first in starts:
+            found, best, count = self._newton(first, basis, seen)
+            near, systems = [*near, *best], systems + count
             if found is not None:
                 return replace(found, systems=systems)
-            if states and first is starts[0]:
-                self._check_balance(first)
-            last = () if first else (self.supported(held, alone=True),)
-            for candidate in self._starts([*best, *last], thorough and not first):
-                if candidate.key in pivoted:
-                    continue
-                pivoted.add(candidate.key)
-                try:
-                    return self._pivoted(candidate, systems)
-                except SingularError:
-                    continue
-                except Ray as error:
-                    ray = error
-            if not states and first is starts[0]:
-                self._check_balance(first)
-        raise ray
+        if not states:
+            found, _ = self._pivoted_from(self._starts(near, thorough), systems)
+            if found is not None:
+                return found
+        self._check_balance(starts[0])
+        found, best, count = self._newton(self._softly_held(held), basis, seen)
+        if found is not None:
+            return replace(found, systems=systems + count)
+        if not pivoting:
+            raise Ray(np.zeros(len(self.free)))
+        last = [*best, self.supported(held, alone=True)]
+        found, ray = self._pivoted_from(self._starts([*near, *last], thorough), systems + count)
+        if found is None:
+            raise ray
+        return found
+
+    def _pivoted_from(self, statuses: Iterable[ContactStatus], systems: int) -> tuple[Solution | None, Ray]:
+        """The state by pivoting from one of the ``statuses``, or the last ray."""
+        ray, tried = Ray(np.zeros(len(self.free))), set[bytes]()
+        for status in statuses:
+            if status.key in tried:
+                continue
+            tried.add(status.key)
+            try:
+                return self._pivoted(status, systems), ray
+            except SingularError:
+                continue
+            except Ray as error:
+                ray = error
+        return None, ray
 
     def _newton(
         self, status: ContactStatus, basis: Basis | None, seen: set[bytes]
