@@ -119,8 +119,12 @@ def _explanation(entry: dict[str, Any], color: bool) -> str:
             lines.append(f"  {heading}")
             indent = max(map(len, listed)) + 6
             for name, meaning in listed.items():
-                # The first sentence of the description of a key.
-                meaning = meaning if heading == "kinds" else re.split(r"[.;:]\s", meaning)[0].rstrip(".")
+                # The first sentence of the description of a key, brackets in one piece.
+                meaning = (
+                    meaning
+                    if heading == "kinds"
+                    else re.split(r"[.;:]\s(?![^()]*\))", meaning)[0].rstrip(".")
+                )
                 text = _wrapped(meaning, width, indent)
                 lines += [f"    {name}".ljust(indent) + text[0].lstrip(), *text[1:]]
     return "\n".join(lines)

@@ -54,7 +54,7 @@ def collect(settings: Settings, rundirs: tuple[Path, ...], out: Path | None) -> 
 
     One row per run: the parameters that differ, status and results.
     """
-    rows = of_app("results.collect.collect")(rundirs)
+    rows = of_app("results.info.collect")(rundirs)
     lost = [row for row in rows if row["status"] == "unreadable"]
     if len(lost) == len(rows):
         reason = f"{lost[0]['directory']}: {lost[0]['stop_reason']}" if lost else "there are only files"
@@ -62,9 +62,9 @@ def collect(settings: Settings, rundirs: tuple[Path, ...], out: Path | None) -> 
     for row in lost:
         console_for(settings).warning(f"{row['directory']}: {row['stop_reason']}")
     if out is not None:
-        of_app("results.collect.write_rows")(out, rows)
+        of_app("results.info.write_rows")(out, rows)
     if settings.json:
         say(settings, as_json({"runs": rows}))
     elif out is None:
-        say(settings, of_app("results.collect.as_csv")(rows), newline=False)
+        say(settings, of_app("results.info.as_csv")(rows), newline=False)
     return 0

@@ -187,7 +187,7 @@ def resume(settings: Settings, rundir: Path, max_wall: float | None, threads: in
     The result agrees with that of an uninterrupted run to the tolerance of the solver.
     """
     with console_for(settings) as console:
-        finish = of_app("resume.resume", threads or _threads_of(rundir))
+        finish = of_app("run.resume", threads or _threads_of(rundir))
         summary = finish(rundir, max_wall=max_wall, console=console)
     return show_run(settings, summary)
 

@@ -58,8 +58,6 @@ def compare(settings: Settings, /, case: Path, **options: Any) -> int:
     methods = tuple(name for name in METHODS if options.pop(name.replace("-", "_")))
     with console_for(settings) as console:
         run = of_app("comparison.compare.compare", options["threads"])
-        own = {key: options.pop(key) for key in ("analytic", "levels", "tolerance", "repeat", "picture")}
-        wanted = of_app("comparison.compare.CompareOptions", options["threads"])(methods, **own)
-        result = run(case, wanted, console=console, argv=tuple(sys.argv), **options)
+        result = run(case, methods=methods, console=console, argv=tuple(sys.argv), **options)
     print_result(settings, result, comparison_text(result, settings.paints(sys.stdout)))
     return _STATUS_CODES.get(str(result["status"]), 0)

@@ -85,7 +85,7 @@ def probe(
 
     A position is the number of completed stages plus the fraction of the current one. Between stored states
     results are evaluated from the power series of the run, or interpolated with an error estimate if there
-    are none. Without options, list the available results.
+    are none. With --at alone, print the figures of all contacts; without options, list the available results.
     """
     targets = {kind: name for kind, name in names.items() if name is not None}
     for wrong, message, hint in (
@@ -105,13 +105,15 @@ def probe(
     ):
         if wrong:
             raise RunError(message, hint)
-    if not targets:
+    if not targets and not at:
         contents = of_app("results.probe.contents")(rundir)
         print_result(settings, contents, pretty_result(settings, contents))
         return 0
-    ((kind, name),) = targets.items()
-    title = f"{kind} {name}"
-    if kind == "contact":
+    kind, name = next(iter(targets.items()), ("contacts", ""))
+    title = f"{kind} {name}".rstrip()
+    if kind == "contacts":
+        rows = of_app("results.probe.probe_everything")(rundir, at)
+    elif kind == "contact":
         rows = of_app("results.probe.probe_contact")(rundir, at, name, quantities)
     elif kind == "force":
         title, rows = f"force of {name}", of_app("results.probe.probe_force")(rundir, at, name)

@@ -11,8 +11,7 @@ from pathlib import Path
 import h5py
 
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.atomic import TEMPORARY_SUFFIX, cannot_write
-from mlsanm_cli.io.lock import LOCK_FILE, refuse_held
+from mlsanm_cli.io.files import LOCK_FILE, TEMPORARY_SUFFIX, cannot_write, refuse_held
 from mlsanm_cli.io.schema import INTERFACE_COLUMNS
 
 RUN_FILE = "run.h5"

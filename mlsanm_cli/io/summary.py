@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.closing import Closing
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.atomic import cannot_write, write_text
+from mlsanm_cli.io.files import cannot_write, write_text
 from mlsanm_cli.system import open_regular
 from mlsanm_cli.toml import plain
 
@@ -134,16 +134,26 @@ def path_table(root: Any) -> Mapping[str, NDArray[Any]]:
 
 
 def _contact(name: str, group: Any, force: FloatArray | None) -> dict[str, NDArray[Any]]:
-    weight, normal, pressure = group["weight"][...], group["normal"][...], group["pressure"][...]
+    weight, pressure = group["weight"][...], group["pressure"][...]
     if force is None:
         # At finite strain the force is stored, as directions and lengths change.
-        tangent = np.stack([normal[:, 1], -normal[:, 0]], axis=1)
-        force = (pressure * weight) @ normal + (group["traction"][...] * weight) @ tangent
+        force = force_on_slave(weight, group["normal"][...], pressure, group["traction"][...])
     columns = _vector(f"contact.{name}.force", force)
     columns[f"contact.{name}.peak_pressure"] = pressure.max(axis=1, initial=0.0)
     columns[f"contact.{name}.closed_length"] = (group["status"][...] != 0) @ weight
     columns[f"contact.{name}.dissipated_work"] = group["dissipated_work"][...]
     return columns
+
+
+def force_on_slave(
+    weight: FloatArray, normal: FloatArray, pressure: FloatArray, traction: FloatArray | None = None
+) -> FloatArray:
+    """Force (..., 2) of pressures and tractions (..., m) on a slave with surface lengths (m,) and normals of
+    the master (m, 2), at small strain."""
+    force = (pressure * weight) @ normal
+    if traction is not None:
+        force = force + (traction * weight) @ np.stack([normal[:, 1], -normal[:, 0]], axis=1)
+    return np.asarray(force, dtype=np.float64)
 
 
 def _work(force: FloatArray, moved: FloatArray) -> FloatArray:

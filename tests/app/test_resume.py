@@ -13,10 +13,9 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.results.info import info
-from mlsanm_cli.app.resume import resume
-from mlsanm_cli.app.run import run
+from mlsanm_cli.app.run import resume, run
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.lock import locked
+from mlsanm_cli.io.files import locked
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.io.vtu import StateWriter
 from tests.app.runs import events_of, resumed_differences, summary_of

@@ -15,7 +15,9 @@ from mlsanm_cli.contact.complementarity.problem import ContactStatus, Problem
 from mlsanm_cli.contact.complementarity.solution import opened, solve
 from mlsanm_cli.contact.complementarity.tracing import Ray
 
-Change = Callable[[Example, np.random.Generator], tuple[Example, Callable[[FloatArray], FloatArray]]]
+Changed = tuple[Example, Callable[[FloatArray], FloatArray]]
+"""Another example, and the way back from its unknowns."""
+Change = Callable[[Example, np.random.Generator], Changed]
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -34,9 +36,7 @@ def _transformed(example: Example, rows: FloatArray, columns: FloatArray, nodes:
     return Example(matrix, rows @ example.free, nodes, example.friction, example.m)
 
 
-def _swapped(
-    example: Example, rng: np.random.Generator
-) -> tuple[Example, Callable[[FloatArray], FloatArray]]:
+def _swapped(example: Example, rng: np.random.Generator) -> Changed:
     """The other body as slave: motions of the bodies against each other change their sign."""
     sign = np.ones(len(example.free))
     sign[example.contacts :] = -1.0
@@ -44,9 +44,7 @@ def _swapped(
     return _transformed(example, turn, turn, example.nodes), lambda x: sign * x
 
 
-def _reordered(
-    example: Example, rng: np.random.Generator
-) -> tuple[Example, Callable[[FloatArray], FloatArray]]:
+def _reordered(example: Example, rng: np.random.Generator) -> Changed:
     """Nodes, and with them nodes with friction, in another order."""
     order, rubbing = rng.permutation(example.m), rng.permutation(len(example.nodes))
     place = np.argsort(order)
@@ -62,7 +60,7 @@ def _reordered(
     return changed, lambda x: x[back]
 
 
-def _turned(example: Example, rng: np.random.Generator) -> tuple[Example, Callable[[FloatArray], FloatArray]]:
+def _turned(example: Example, rng: np.random.Generator) -> Changed:
     """Motions along axes turned by 0.7 rad."""
     count, turn = len(example.free), np.eye(len(example.free))
     if count - example.contacts > 1:
@@ -71,9 +69,7 @@ def _turned(example: Example, rng: np.random.Generator) -> tuple[Example, Callab
     return _transformed(example, turn, turn.T, example.nodes), lambda x: turn.T @ x
 
 
-def _in_units(
-    example: Example, rng: np.random.Generator
-) -> tuple[Example, Callable[[FloatArray], FloatArray]]:
+def _in_units(example: Example, rng: np.random.Generator) -> Changed:
     """Lengths in units of 1/1000 and pressures of 1e-6."""
     count, length, stress = example.contacts, 1e3, 1e6
     rows, columns = np.full(len(example.free), length * stress), np.full(len(example.free), 1.0 / length)
@@ -83,7 +79,9 @@ def _in_units(
 
 
 @pytest.mark.parametrize("change", [_swapped, _reordered, _turned, _in_units])
-def test_states_do_not_depend_on_order_axes_or_units(change: Change) -> None:
+def test_states_do_not_depend_on_order_axes_or_units(
+    change: Callable[[Example, np.random.Generator], Changed],
+) -> None:
     rng = np.random.default_rng(8)
     compared = 0
     while compared < 20:

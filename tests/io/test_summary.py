@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.atomic import cannot_write, replacing
+from mlsanm_cli.io.files import cannot_write, replacing
 from mlsanm_cli.io.schema import INTERFACE_COLUMNS
 from mlsanm_cli.io.summary import EventLog, write_csv, write_json_atomic
 from mlsanm_cli.toml import plain

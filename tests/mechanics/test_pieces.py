@@ -101,13 +101,6 @@ def test_fluxes_of_displacements_are_those_of_their_stress() -> None:
     np.testing.assert_allclose(some[np.tile(wanted, 3)], expected[np.tile(wanted, 3)], atol=1e-8)
 
 
-def test_what_flows_between_pieces_adds_up_to_nothing() -> None:
-    body = build(jittered_square(21), {})
-    inner = body.pieces.flux_of(of_edges(lambda at: np.sin(3.0 * at @ np.ones((2, 3)))), {})
-    assert np.abs(inner).max() > 1e-2
-    assert body.pieces.totals((0.3, -1.0)) @ inner == pytest.approx([0.0, 0.0, 0.0], abs=1e-13)
-
-
 def pressed(body: ElasticBody, name: str, pressure: float) -> FloatArray:
     """Right-hand side (r,) of an even pressure on a surface."""
     surface = body.model.cloud.surfaces[name]

@@ -12,6 +12,8 @@ import scipy.sparse as sparse
 from scipy.sparse.linalg import spsolve
 
 from mlsanm_cli.app.results.path_lookup import level_at
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.continuation import Problem
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.paper import system as system_module
 from mlsanm_cli.paper.collocation import Collocation
@@ -22,7 +24,26 @@ from mlsanm_cli.solve.state import State
 from tests.app.scenes import NEWTON, NODAL, SHEARED, SMOOTH, built, done, hertz, refused, solve
 from tests.mechanics.bodies import boundary_values, build, with_body_force
 from tests.mechanics.test_body import HELDS, patch
-from tests.paper.derivatives import highest_terms, tangent_times
+
+
+def tangent_times(problem: Problem, x: FloatArray, lam: float, v: FloatArray) -> FloatArray:
+    """The derivative of the residual along v; central differences are exact for quadratic equations."""
+    return 0.5 * (problem.residual(x + v, lam) - problem.residual(x - v, lam))
+
+
+def highest_terms(problem: Problem, x: FloatArray, lam: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    """Along x(a) = sum x_r a^r, (order + 1, size), lam(a) likewise: the residual's coefficient of a^order,
+    interpolated; what tangent, load derivative and right-hand side make of it; the largest coefficient."""
+    order = len(lam) - 1
+    nodes = np.cos(np.pi * (np.arange(2 * order + 1) + 0.5) / (2 * order + 1))
+    powers = nodes[:, None] ** np.arange(order + 1)
+    residuals = [problem.residual(p @ x, float(p @ lam)) for p in powers]
+    coefficients = np.linalg.solve(nodes[:, None] ** np.arange(2 * order + 1), np.array(residuals))
+    expected = tangent_times(problem, x[0], lam[0], x[order])
+    expected += problem.load_derivative(x[0], lam[0]) * lam[order]
+    expected -= problem.series_rhs(x[:order], lam[:order])
+    return coefficients[order], expected, float(np.abs(coefficients).max())
+
 
 LAW = "contact.interface.regularization"
 

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.analysis.finite_lines import contact_lines, obstacle_lines
 from mlsanm_cli.app.checks.check import Check, Verdicts
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.finite.checks import FiniteEnd, checks_of, finite_limits
@@ -25,12 +24,14 @@ from mlsanm_cli.app.finite.estimate import (
 from mlsanm_cli.app.finite.fields import (
     CONTACT_PREFIX,
     SceneForces,
+    contact_values,
     extremes,
     fields_of,
     figures_of_contacts,
     plates_turned,
     quantities,
     resultants,
+    stretch_along,
 )
 from mlsanm_cli.app.finite.patches import touched_after
 from mlsanm_cli.app.finite.path import finite_path
@@ -38,16 +39,53 @@ from mlsanm_cli.app.finite.refinement import contact_errors, refined
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
 from mlsanm_cli.app.finite.states import STATE
 from mlsanm_cli.app.output.analysis import Analysis, BodyFields
-from mlsanm_cli.app.output.parts import ContactNodes, vtu_states
+from mlsanm_cli.app.output.parts import ContactNodes, contact_data, obstacles, vtu_states
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
+from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.io.records import Quantities
+from mlsanm_cli.io.run_file import Quantities
 from mlsanm_cli.io.vtu import VtuPart
+from mlsanm_cli.mechanics.near_field import as_complex, as_real
 from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State
+
+
+def contact_lines(scene: FiniteScene, state: State, fields: Mapping[str, Any]) -> dict[str, VtuPart]:
+    """Slave sides of all contacts in a state with their pressures; stresses act on the slave of the case."""
+    records, parts = contact_values(scene, state), scene.parts(state.displacement)
+    lines = {}
+    for contact, _, there in scene.contacts.each:
+        record, side = records[contact.name], contact.slave
+        moved = fields[side.body]["displacement"][side.nodes]
+        turn, _ = side.turned(moved)
+        sign = -1.0 if contact.exchanged else 1.0
+        normal = -sign * as_real(as_complex(side.outward) * turn)
+        stretch = stretch_along(scene, side, parts[side.body])
+        stress = sign * state.side_traction[there].reshape(-1, 2)[: side.count] / stretch[:, None]
+        numbers = np.arange(side.count, dtype=np.int64)
+        edges = np.stack([numbers, np.roll(numbers, -1)], axis=1)
+        edges = edges if side.around is not None else edges[:-1]
+        data = contact_data(record, side.arc, bool(contact.friction))
+        data |= {"displacement": moved, "normal": normal, "contact_stress": stress}
+        lines[contact.name] = VtuPart(side.places, edges, data)
+    return lines
+
+
+def obstacle_lines(scene: FiniteScene, state: State) -> dict[str, VtuPart]:
+    """Rigid obstacles in a state, by contact."""
+    points = np.concatenate([body.elastic.model.cloud.points for body in scene.bodies.values()])
+    drawn = obstacles(scene.case, points.min(axis=0), points.max(axis=0))
+    lines = {}
+    for contact in scene.contacts.pairs:
+        if isinstance(contact, RigidContact):
+            places, edges = drawn[contact.name]
+            turned = (places - contact.pivot) @ contact.turn(state.driven).T
+            moved = contact.pivot + contact.motion @ state.driven + turned - places
+            lines[contact.name] = VtuPart(places, edges, {"displacement": moved})
+    return lines
 
 
 class FiniteStrain(Analysis):
@@ -206,7 +244,7 @@ class FiniteStrain(Analysis):
             "error_estimate": self._errors(state, tally),
             "energy_error": work_error(tally),
             "finite_strain": {
-                "law": ", ".join(dict.fromkeys(body.law.kind for body in scene.bodies.values())),
+                "law": ", ".join(dict.fromkeys(body.law.name for body in scene.bodies.values())),
                 **extremes(scene, state),
                 "equations_renewed": tally["renewed"],
                 "limit_points": [

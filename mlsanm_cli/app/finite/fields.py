@@ -17,32 +17,33 @@ from mlsanm_cli.contact.finite.meeting import NO_GAP
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.geometry.profile import unrolled
-from mlsanm_cli.io.records import Quantities
+from mlsanm_cli.io.run_file import Quantities
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.finite.forces import Forces
-from mlsanm_cli.mechanics.finite.law import Law, cauchy_stress, determinant, gradient_of, stretches
+from mlsanm_cli.mechanics.laws.law import Law, gradient_of, stretches
 from mlsanm_cli.operators.stencils import build_stencils
-from mlsanm_cli.solve.fields import Fields
-from mlsanm_cli.solve.state import State
+from mlsanm_cli.solve.state import Fields, State
 
 CONTACT_PREFIX = "contact "
 """Prefix of the names of contacts among the resultants of a run: the force on the obstacle."""
 
 
-def fields_at(law: Law, derivatives: FloatArray, stretch: FloatArray | None) -> dict[str, FloatArray]:
+def fields_at(law: Law, derivatives: FloatArray, degrees: FloatArray | None) -> dict[str, FloatArray]:
     """Fields at n points from ``derivatives`` (n, 3 or more, 2) of the displacement (value, d/dx, d/dy) and
-    the thermal ``stretch`` (n,): displacement (n, 2), Cauchy stress xx, yy, xy (n, 3) and zz (n,), von Mises
-    stress (n,), principal in-plane stretches (n, 2), the larger first, and volume ratio J = det F (n,), which
-    includes the stretch in z."""
+    the temperature change ``degrees`` (n,): displacement (n, 2), Cauchy stress xx, yy, xy (n, 3) and zz (n,),
+    von Mises stress (n,), principal in-plane stretches (n, 2), the larger first, and volume ratio J = det F
+    (n,), which includes the stretch in z."""
     gradient = gradient_of(derivatives)
-    stress, across = cauchy_stress(law, gradient, stretch).T, law.stress_across(gradient, stretch)
+    response = law.state(gradient, degrees)
+    xx, yy, across, xy = response.cauchy
+    stress = np.stack([xx, yy, xy], axis=1)
     return {
         "displacement": derivatives[:, 0],
         "stress": stress,
         "stress_zz": across,
         "von_mises": von_mises(stress, across),
         "stretch": stretches(gradient).T,
-        "volume_ratio": (1.0 + determinant(gradient)) * law.across(gradient, stretch),
+        "volume_ratio": response.volume,
     }
 
 
@@ -52,7 +53,7 @@ def fields_of(scene: FiniteScene, state: State) -> dict[str, Fields]:
     for name, own in scene.parts(state.displacement).items():
         body = scene.bodies[name]
         derivatives = body.elastic.model.stencils.derivatives(own.reshape(-1, 2))
-        fields = fields_at(body.law, derivatives, body.stretch(state.factors))
+        fields = fields_at(body.law, derivatives, body.degrees(state.factors))
         found[name] = fields | {"displacement": shown[name].reshape(-1, 2)}
     return found
 
@@ -73,7 +74,7 @@ def probe_values(scene: FiniteScene, state: State) -> dict[str, dict[str, Any]]:
     values = {}
     for probe in scene.probes:
         body, own = scene.bodies[probe.body], scene.parts(state.displacement)[probe.body]
-        model, warm = body.elastic.model, body.stretch_at(probe.point, state.factors)
+        model, warm = body.elastic.model, body.degrees_at(probe.point, state.factors)
         stencils = build_stencils(
             model.cloud.points, model.cloud.tree, probe.point, 1, model.settings, model.cloud.sight
         )

@@ -15,14 +15,12 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Stop
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.errors import NumericalError, RunError
-from mlsanm_cli.io.records import Quantities, place
-from mlsanm_cli.io.run_file import Value
+from mlsanm_cli.io.run_file import Quantities, Value, place
 from mlsanm_cli.io.schema import INTERFACE_COLUMNS
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.records import dataclass
-from mlsanm_cli.solve.fields import Fields
-from mlsanm_cli.solve.state import Checkpoint, PathStep, State
+from mlsanm_cli.solve.state import Checkpoint, Fields, PathStep, State
 from mlsanm_cli.solve.stop_events import Follow, StoppedPath, measured
 
 BodyFields = Mapping[str, Fields]

@@ -3,7 +3,7 @@ lines."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -12,17 +12,19 @@ from mlsanm_cli.app.results.choice import Choice
 from mlsanm_cli.app.results.fields import SCALARS, fields_at, inside, nodal, saved_state, scalar
 from mlsanm_cli.app.results.marks import boundary_nodes
 from mlsanm_cli.app.results.path_lookup import (
+    along_surface,
+    contact_force,
     level_at,
     mean_tangent,
-    pressing_force,
     pressures_at,
     tangential_force,
 )
 from mlsanm_cli.app.results.probe import probe_contact
-from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.case import Case, Place
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case import Case, Place, Platen
+from mlsanm_cli.case.model.motions import ObstacleMotion
 from mlsanm_cli.contact.complementarity.problem import SLIP, STICK
-from mlsanm_cli.contact.geometry.profile import regular_peak, unrolled
+from mlsanm_cli.contact.geometry.profile import regular_peak
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.plots.curves import (
     OUTSIDE,
@@ -36,6 +38,8 @@ from mlsanm_cli.io.plots.curves import (
 )
 from mlsanm_cli.io.plots.figures import COLOURS, REFERENCE_LINE
 from mlsanm_cli.io.run_reader import Dataset, RunData
+from mlsanm_cli.io.summary import force_on_slave
+from mlsanm_cli.roundoff import ROUND_OFF
 
 MAX_LEVELS = 6
 """More load levels in one picture cannot be distinguished."""
@@ -62,16 +66,6 @@ def load_words(run: RunData, case: Case, position: float) -> str:
 def position_words(run: RunData, case: Case, position: float) -> str:
     """A position as a number and in words."""
     return ", ".join(filter(None, (f"position {position:.4g}", load_words(run, case, position))))
-
-
-def along_surface(contact: Dataset, pressure: FloatArray) -> tuple[IntArray, FloatArray]:
-    """The nodes (m,) of a contact in the order in which they are drawn, and their arc lengths: those of a
-    surface that closes around a body begin where pressures (m,) are furthest away. A surface of six nodes or
-    more is closed if the last one is within 1.5 spacings of the first, and far along the surface."""
-    arc, step = contact.arc_length, float(np.hypot(*(contact.points[-1] - contact.points[0])))
-    if len(arc) < 6 or step > 1.5 * float(np.diff(arc).max()) or 6 * step > arc[-1] - arc[0]:
-        return np.arange(len(arc)), arc
-    return unrolled(arc, float(arc[-1] - arc[0]) + step, pressure)
 
 
 def pressure_levels(
@@ -150,10 +144,16 @@ def profile_picture(
 
 def reference_profile(run: RunData, case: Case, name: str) -> ReferenceProfile | None:
     """The closed formula at the end of the path; None where the case names none or nothing is pressed."""
-    force = float(np.hypot(*pressing_force(run, name)[-1]))
+    contact, described = run.contacts[name], next(c for c in case.contact if c.name == name)
+    # That of the pressures: Hertz' formula knows no tractions.
+    pressing = (
+        contact_force(run, name)[-1]
+        if run.is_finite
+        else force_on_slave(contact.weight, contact.normal, contact.pressure[-1])
+    )
+    force = float(np.hypot(*pressing))
     if case.reference is None or force == 0.0:
         return None
-    contact, described = run.contacts[name], next(c for c in case.contact if c.name == name)
     return profile_on(case, described, contact.points, contact.normal, contact.pressure[-1], force)
 
 
@@ -205,9 +205,11 @@ def loop_picture(run: RunData, case: Case, name: str, choice: Choice, over_slip:
     """The tangential force on the master over the tangential displacement of the platen that moves most.
     Without a platen, or with ``over_slip``, over the mean slip."""
     force, tangent = tangential_force(run, name), mean_tangent(run, name)
+    if not force.any():
+        raise RunError(f"contact {name} transmits no tangential force", "use --what pressure or traction")
     along = {load: moved @ tangent for load, moved in run.path.displacements.items()}
     moved, label = mean_slip(run.contacts[name]), SLIP_LABEL
-    load = max(along, key=lambda name: float(np.ptp(along[name])), default="")
+    load = _mover(case, along, tangent)
     if load and not over_slip and float(np.ptp(along[load])) > MIN_TANGENTIAL_MOTION * float(np.ptp(moved)):
         moved, label = along[load], f"displacement along the contact, by {load}"
     ends = [
@@ -221,6 +223,19 @@ def loop_picture(run: RunData, case: Case, name: str, choice: Choice, over_slip:
     labels = case.units.label(label, "length"), case.units.label(TANGENTIAL, "force")
     panel = Panel([Curve(moved, force, look=look), *ends], *labels)
     return Picture([panel], f"Tangential force, {name}", "best", (5.2, 4.2))
+
+
+def _mover(case: Case, along: Mapping[str, FloatArray], tangent: FloatArray) -> str:
+    """The load whose displacement ``along`` (S+1,) the tangent (2,) changes most; of several on one plate the
+    one that prescribes most along it."""
+    prescribed = {
+        load.name: abs(sum(value * tangent["xy".index(axis)] for axis, (_, value) in load.control.items()))
+        for load in case.load
+        if isinstance(load, Platen | ObstacleMotion)
+    }
+    most = max((float(np.ptp(moved)) for moved in along.values()), default=0.0)
+    equal = [load for load, moved in along.items() if float(np.ptp(moved)) >= (1.0 - ROUND_OFF) * most]
+    return max(equal, key=lambda load: prescribed.get(load, 0.0), default="")
 
 
 def mean_slip(contact: Dataset) -> FloatArray:
@@ -278,10 +293,10 @@ def _of_run(run: RunData, name: str, kind: str, choice: Choice) -> Iterator[Curv
                 order, arc = along_surface(contact, pressure)
                 yield Curve(arc, pressure[order], f"{label}, position {level:.4g}" if choice.at else label)
         elif kind == "force":
-            yield Curve(position, np.hypot(*pressing_force(run, contact_name).T), label, joined=joined)
+            yield Curve(position, np.hypot(*contact_force(run, contact_name).T), label, joined=joined)
         elif kind == "peak":
             yield Curve(position, contact.pressure.max(axis=1, initial=0.0), label, joined=joined)
-        elif not np.isnan(contact.slip).any():
+        elif not np.isnan(contact.slip).any() and tangential_force(run, contact_name).any():
             yield Curve(mean_slip(contact), tangential_force(run, contact_name), label)
 
 

@@ -16,9 +16,8 @@ from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case, Temperature
 from mlsanm_cli.cloud.membership import boundary_chords, inside_body
-from mlsanm_cli.cloud.sight import visibility_criterion
+from mlsanm_cli.cloud.sight import triangulate, visibility_criterion
 from mlsanm_cli.cloud.tips import tips_of
-from mlsanm_cli.cloud.triangles import triangulate
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import schema
 from mlsanm_cli.io.run_reader import Dataset, RunData, SavedState
@@ -87,12 +86,12 @@ def fields_at(
     stencils = _stencils_at(run, case, body, points)
     if run.is_finite:
         from mlsanm_cli.app.finite.fields import fields_at
-        from mlsanm_cli.app.finite.scene import law_of, material_of
+        from mlsanm_cli.app.scene.materials import laws_of
 
-        law, alpha = law_of(case, body), material_of(case, body).alpha
+        law = laws_of(case)[body]
         for level, (displacement, how) in zip(levels, saved, strict=True):
-            warm = 1.0 + alpha * _degrees(case, body, level, points) if isinstance(alpha, float) else None
-            yield fields_at(law, stencils.derivatives(displacement), warm), how
+            degrees = _degrees(case, body, level, points)
+            yield fields_at(law, stencils.derivatives(displacement), degrees), how
         return
     of_nodes = partial(_stencils_at, run, case, body, run.bodies[body].points)
     rows = point_rows(stencils, _material(case, body), of_nodes)

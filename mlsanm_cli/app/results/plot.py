@@ -13,7 +13,7 @@ from mlsanm_cli.app.results.bodies import bodies_picture
 from mlsanm_cli.app.results.choice import KINDS, Choice
 from mlsanm_cli.app.results.fields import saved_state
 from mlsanm_cli.app.results.marks import marks_at
-from mlsanm_cli.app.results.path_lookup import pressures_at, refuse_unknown
+from mlsanm_cli.app.results.path_lookup import along_surface, pressures_at, refuse_unknown, tangential_force
 from mlsanm_cli.case import Case, stored_case
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_dir
@@ -88,7 +88,8 @@ def pictures(run: RunData, case: Case, choice: Choice) -> Iterator[tuple[str, st
         yield "pressure", name, partial(curves.pressure_picture, **of_contact)
         if friction[name]:
             yield "traction", name, partial(curves.traction_picture, **of_contact)
-        if friction[name] and np.isfinite(friction[name]):
+        asked = not {"loop", "hysteresis"}.isdisjoint(choice.what)
+        if friction[name] and np.isfinite(friction[name]) and (asked or tangential_force(run, name).any()):
             yield "loop", name, partial(curves.loop_picture, **of_contact)
             yield "hysteresis", name, partial(curves.loop_picture, **of_contact, over_slip=True)
     for kind in ("force", "peak") if run.contacts else ("force",):
@@ -133,7 +134,7 @@ def _pressure(run: RunData, case: Case, name: str, choice: Choice) -> Path:
         raise RunError("the run has one state only", "an animation needs at least two")
     levels = places.tolist()
     pressure = np.stack([pressures_at(run, level)[name] for level in levels])
-    order, arc = curves.along_surface(run.contacts[name], pressure.max(axis=0))
+    order, arc = along_surface(run.contacts[name], pressure.max(axis=0))
     file = choice.out or run.directory / run_dir.picture_name("pressure", "gif", name)
     animate_pressure(
         file,

@@ -44,10 +44,13 @@ def half_width(arc_length: FloatArray, pressure: FloatArray) -> float:
 
 def unrolled(arc_length: FloatArray, around: float, pressure: FloatArray) -> tuple[IntArray, FloatArray]:
     """Nodes (m,) of a closed surface of length ``around``, starting in the middle of the longest stretch
-    without pressure (m,), and their arc lengths, increasing past the surface's start.
+    without pressure (m,), and their arc lengths, increasing past the surface's start from within its first
+    turn.
 
     >>> unrolled(np.arange(6.0), 6.0, np.array([2.0, 1.0, 0.0, 0.0, 0.0, 1.0]))
     (array([3, 4, 5, 0, 1, 2]), array([3., 4., 5., 6., 7., 8.]))
+    >>> unrolled(np.arange(13.0, 19.0), 6.0, np.array([2.0, 1.0, 0.0, 0.0, 0.0, 1.0]))[1]
+    array([4., 5., 6., 7., 8., 9.])
     """
     count, pressed = len(pressure), np.flatnonzero(pressure > 0.0)
     if not 0 < len(pressed) < count:
@@ -56,7 +59,8 @@ def unrolled(arc_length: FloatArray, around: float, pressure: FloatArray) -> tup
     widest = int(apart.argmax())
     first = int(pressed[widest] + apart[widest] // 2) % count
     order = np.roll(np.arange(count), -first)
-    return order, arc_length[order] + around * (order < first)
+    places = arc_length[order] + around * (order < first)
+    return order, places - around * np.floor(places[0] / around)
 
 
 def regular_peak(arc_length: FloatArray, pressure: FloatArray) -> float:

@@ -27,8 +27,8 @@ from mlsanm_cli.cloud.cells import cell_quadrature
 from mlsanm_cli.mechanics.assembly import RowTable, spring_rows
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.faces import FacePoints, inner_points, outline_points
-from mlsanm_cli.mechanics.finite.law import Law, determinant, gradient_of
 from mlsanm_cli.mechanics.finite.loads import Applied, Loads
+from mlsanm_cli.mechanics.laws.law import Law, determinant, gradient_of
 from mlsanm_cli.mechanics.pieces import rule_of
 from mlsanm_cli.operators.rows import pair_rows
 
@@ -121,39 +121,37 @@ class FiniteBody:
         return spring_rows(model.cloud, self.table, len(model.cloud.points))
 
     @cached_property
-    def _face_expansion(self) -> list[FloatArray]:
+    def _on_faces(self) -> list[FloatArray]:
         places = np.concatenate([one.places.reshape(-1, 2) for one in self.points[:2]])
-        return [self.loads.expansion * heating.field.at(places) for heating in self.loads.warming]
+        return [heating.field.at(places) for heating in self.loads.warming]
 
-    def stretch(self, factors: FloatArray) -> FloatArray | None:
-        """Thermal stretches (n,) at the nodes at load ``factors`` (L,); None for bodies without temperature
-        change."""
-        jets = self.stretch_jets(factors, 0)
-        return None if jets is None else np.asarray(jets[0])
-
-    def stretch_at(self, points: FloatArray, factors: FloatArray) -> FloatArray | None:
-        """Thermal stretches (e,) at ``points`` (e, 2)."""
+    def degrees(self, factors: FloatArray) -> FloatArray | None:
+        """Temperature changes (n,) at the nodes at load ``factors`` (L,); None for bodies without any."""
         if not self.loads.warming:
             return None
-        degrees = sum(factors[one.number] * one.field.at(points) for one in self.loads.warming)
-        return np.asarray(1.0 + self.loads.expansion * degrees)
+        return np.asarray(sum(factors[one.number] * one.values for one in self.loads.warming))
 
-    def stretch_jets(self, factors: FloatArray, order: int) -> FloatArray | None:
-        """Coefficient of ``order`` of the thermal stretches, a jet (3, n), from that of the factors (L,)."""
+    def degrees_at(self, points: FloatArray, factors: FloatArray) -> FloatArray | None:
+        """Temperature changes (e,) at ``points`` (e, 2)."""
         if not self.loads.warming:
             return None
-        stencils = self.elastic.model.stencils
-        nodal = self.loads.expansion * sum(factors[one.number] * one.values for one in self.loads.warming)
-        found = stencils.derivatives(np.asarray(nodal)[:, None])[:, :3, 0].T.copy()
-        found[0] = nodal + (not order)
+        return np.asarray(sum(factors[one.number] * one.field.at(points) for one in self.loads.warming))
+
+    def degrees_jets(self, factors: FloatArray) -> FloatArray | None:
+        """Temperature changes at the nodes as jets (3, n)."""
+        nodal = self.degrees(factors)
+        if nodal is None:
+            return None
+        found = self.elastic.model.stencils.derivatives(nodal[:, None])[:, :3, 0].T.copy()
+        found[0] = nodal
         return np.asarray(found)
 
-    def face_stretch(self, factors: FloatArray, order: int = 0) -> FloatArray | None:
-        """The same, values only (q,), at the quadrature points with stress."""
+    def face_degrees(self, factors: FloatArray) -> FloatArray | None:
+        """Temperature changes (q,) at the quadrature points with stress."""
         if not self.loads.warming:
             return None
-        parts = zip(self.loads.warming, self._face_expansion, strict=True)
-        return np.asarray(sum(factors[one.number] * values for one, values in parts) + (not order))
+        parts = zip(self.loads.warming, self._on_faces, strict=True)
+        return np.asarray(sum(factors[one.number] * values for one, values in parts))
 
     @cached_property
     def centers(self) -> sparse.csr_array:
@@ -202,7 +200,7 @@ class FiniteBody:
 
     def ellipticity(self, displacement: FloatArray, factors: FloatArray) -> FloatArray:
         """Ellipticity (n,) at the nodes (:meth:`Law.ellipticity`)."""
-        return self.law.ellipticity(self.gradient(displacement), self.stretch(factors))
+        return self.law.ellipticity(self.gradient(displacement), self.degrees(factors))
 
     def least_volume(self, displacement: FloatArray) -> float:
         """Smallest in-plane det F over nodes and faces."""

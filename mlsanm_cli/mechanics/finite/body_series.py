@@ -6,8 +6,8 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.finite.body import FiniteBody
-from mlsanm_cli.mechanics.finite.law import gradient_of
 from mlsanm_cli.mechanics.finite.loads import cofactor_normal
+from mlsanm_cli.mechanics.laws.law import gradient_of
 
 JETS = np.array([[1, 3, 4], [2, 4, 5]])
 """Among the derivatives of a stencil: d/dX and d/dY, each with its own derivatives by X and Y."""
@@ -49,7 +49,7 @@ class BodySeries:
         self._factors[order] = factors
         for plate, turn in zip(body.loads.turning, self._turns, strict=True):
             _turn(turn, self._factors[: order + 1] @ plate.rate, order)
-        stretch, on_faces = body.stretch_jets(factors, order), body.face_stretch(factors, order)
+        degrees, on_faces = body.degrees_jets(factors), body.face_degrees(factors)
         gradient: FloatArray | None = None
         jets: FloatArray | None = None
         if displacement is not None:
@@ -61,7 +61,7 @@ class BodySeries:
             whole = gradient_of(seen)
             gradient, self._loaded_gradient[order] = whole[:, None, :stressed], whole[:, stressed:]
             jets = jets_of(body.elastic.model.stencils.derivatives(displacement.reshape(-1, 2)))
-        self._nodes.put(order, jets, stretch)
+        self._nodes.put(order, jets, degrees)
         self._faces.put(order, gradient, None if on_faces is None else on_faces[None])
         if not order:
             self._place[0] += np.concatenate([one.places.reshape(-1, 2) for one in body.points]).T

@@ -12,7 +12,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.body_series import BodySeries, jets_of
 from mlsanm_cli.mechanics.finite.faces import FacePoints
-from mlsanm_cli.mechanics.finite.law import gradient_of
+from mlsanm_cli.mechanics.laws.law import gradient_of
 from mlsanm_cli.operators.rows import nodal_rows, pair_rows
 from mlsanm_cli.operators.stencil_weights import Stencils
 
@@ -47,9 +47,9 @@ def _coefficients(
     """Derivatives at the nodes of P (4, 2, 2, n) by d/dX and d/dY of u_x and u_y, and of Div P (2, 5, 2, n)
     by all five derivatives."""
     derivatives = body.elastic.model.stencils.derivatives(displacement.reshape(-1, 2))
-    count, stretch = len(derivatives), body.stretch_jets(factors, 0)
-    series = body.law.series(1, 3, count, stretch is not None)
-    series.put(0, jets_of(derivatives), stretch)
+    count, degrees = len(derivatives), body.degrees_jets(factors)
+    series = body.law.series(1, 3, count, degrees is not None)
+    series.put(0, jets_of(derivatives), degrees)
     stress, divergence = np.zeros((4, 2, 2, count)), np.zeros((2, 5, 2, count))
     for kind in range(5):
         for component in (0, 1):
@@ -104,10 +104,10 @@ def _moduli(
 ) -> FloatArray:
     """Derivatives (2, 2, 2, e, t) of the forces at ``points``, which are ``here`` among all, in the kept
     components: component of the force, derivative, component of the displacement."""
-    shape, stretch = points.places.shape[:2], body.face_stretch(factors)
+    shape, degrees = points.places.shape[:2], body.face_degrees(factors)
     if points is not body.applied.points:
-        warm = None if stretch is None else stretch[here]
-        whole = body.law.moduli(gradient_of(points.seen(displacement)), warm)
+        warmth = None if degrees is None else degrees[here]
+        whole = body.law.moduli(gradient_of(points.seen(displacement)), warmth)
         found = np.einsum("iJkL...,...J->iLk...", whole.reshape(2, 2, 2, 2, *shape), points.normals)
     elif body.applied.follows:
         pressure = (body.applied.pressure @ factors).reshape(shape)

@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.results import probe
-from mlsanm_cli.app.results.choice import QUANTITIES
+from mlsanm_cli.app.results.choice import QUANTITIES, Choice
+from mlsanm_cli.app.results.curves import loop_picture
 from mlsanm_cli.app.results.path_lookup import SERIES, level_at
+from mlsanm_cli.case import stored_case
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_reader import read_run
+from tests.app.runs import summary_of
 from tests.app.scenes import BAR, PATCH, SHEARED, SMOOTH, done, hertz, refused, solve
 from tests.case_text import probe as probe_text
 
@@ -150,6 +153,9 @@ def test_friction_between_steps(friction_nodes: Path) -> None:
         np.abs(contact["traction"]) <= 0.4 * (contact["pressure"] + 0.01 * contact["pressure"].max())
     ).all()
     assert set(contact) == {"position", "how", "arc_length", "x", "y", "traction", "pressure"}
+    run = read_run(friction_nodes)
+    loop = loop_picture(run, stored_case(run.case_resolved), "interface", Choice())
+    assert "by shear" in loop.panels[0].x_label
     (named,) = probe.probe_named(friction_nodes, [1.4], "p")
     (field,) = probe.probe_point(friction_nodes, [1.4], "block", (0.02, -0.05))
     assert values(named) == pytest.approx(values(field), rel=0.01, abs=1e-6)
@@ -204,6 +210,17 @@ def test_what_cannot_be_told_is_an_error(call: Any, words: str, hertz_probes: Pa
     with pytest.raises(RunError) as error:
         call(hertz_probes)
     assert words in f"{error.value.message} {error.value.hint}"
+
+
+def test_a_position_alone_gives_the_figures_of_all_contacts(hertz_probes: Path) -> None:
+    (row,) = probe.probe_everything(hertz_probes, [1.0])
+    known = summary_of(hertz_probes)["contacts"]["interface"]
+    assert [row[key] for key in ("peak_pressure", "half_width")] == pytest.approx(
+        [known["peak_pressure"], known["half_width"]]
+    )
+    assert [row["fx"], row["fy"]] == pytest.approx(known["force"], rel=1e-3, abs=1e-3)
+    with pytest.raises(RunError, match="does not reach position 3"):
+        probe.probe_everything(hertz_probes, [3.0])
 
 
 def test_what_there_is_to_probe(hertz_probes: Path) -> None:
