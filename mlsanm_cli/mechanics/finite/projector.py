@@ -49,7 +49,7 @@ def weights_of(body: FiniteBody, left_out: IntArray = NO_ROWS) -> FloatArray:
     nodes[left_out] = 0.0
     # Pins only fix the position: they take no force from pieces.
     bearing = elastic.held_nodes[: len(elastic.held_nodes) - body.pins]
-    scale = np.tile(pieces.strength / (model.material.modulus * pieces.size), 3)
+    scale = np.tile(pieces.strengths_of(model.material) / (model.material.modulus * pieces.size), 3)
     return np.concatenate([nodes, np.where(pieces.rows_known(list(bearing)), scale, 0.0)])
 
 

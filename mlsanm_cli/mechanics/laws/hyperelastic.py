@@ -115,18 +115,19 @@ class Hyperelastic(Law):
         """Elastic stress (:meth:`Law.stress_of`)."""
         if across is not None:
             e = Deformation(f, across)
-            return self._stress(e, lambda: self._across(e), apart)
+            return self._stress(e, lambda: self._across(e, apart), apart)
         thin = []
 
         def thickness_force(logarithm: Series) -> Series:
             thin.append(Deformation(f, exp(logarithm)))
-            return tape.as_series(self._across(thin[0]))
+            return tape.as_series(self._across(thin[0], apart=False))
 
         tape.root(thickness_force)
         return self._stress(thin[0], lambda: 0.0, apart=False)
 
-    def _across(self, e: Deformation) -> Term:
-        return self.stretch_slope(e) + self.mean_stress(e) * e.area
+    def _across(self, e: Deformation, apart: bool) -> Term:
+        slope = self.stretch_slope(e)
+        return slope if apart else slope + self.mean_stress(e) * e.area
 
     def _stress(self, e: Deformation, across: Callable[[], Term], apart: bool) -> Stress:
         by_trace, by_area = self.plane_slopes(e)
