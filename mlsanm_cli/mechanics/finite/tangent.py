@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -20,14 +20,17 @@ from mlsanm_cli.operators.rows import nodal_rows, pair_rows, scalar_rows
 from mlsanm_cli.operators.stencil_weights import Stencils
 
 
-def derivative_rows(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> sparse.csr_array:
-    """Rows (r - 3k, 2N) of the nodes at ``displacement`` (2N,) and load ``factors`` (L,)."""
+def derivative_rows(
+    body: FiniteBody, displacement: FloatArray, factors: FloatArray, mean: MeanStress | None = None
+) -> sparse.csr_array:
+    """Rows (r - 3k, 2N) of the nodes at ``displacement`` (2N,) and load ``factors`` (L,), with the ``mean``
+    stress of volume changes there or another one in its place."""
     elastic = body.elastic
     model, stencils = elastic.model, elastic.model.stencils
     stress, divergence = _coefficients(body, displacement, factors)
     blocks = [_rows(stencils, range(1, 6), divergence[component]) for component in (0, 1)]
     if body.law.nested:
-        mean = MeanStress.at(body, displacement, factors)
+        mean = mean or MeanStress.at(body, displacement, factors)
         blocks = [block + rows for block, rows in zip(blocks, mean.divergence(), strict=True)]
         stress = stress + mean.moduli
     for name, index, normal, held in body.conditions:
@@ -51,7 +54,7 @@ def derivative_rows(body: FiniteBody, displacement: FloatArray, factors: FloatAr
 @dataclass(frozen=True)
 class MeanStress:
     """Mean stress p of volume changes at a ``body``'s nodes, ``values`` (n,), in a state with displacement
-    ``gradient`` (4, n), and its derivatives (4, n) by the components of F."""
+    ``gradient`` (4, n), and its derivatives ``slopes`` (4, n) by the components of F."""
 
     body: FiniteBody
     gradient: FloatArray
@@ -63,6 +66,13 @@ class MeanStress:
         """That at ``displacement`` (2N,) and load ``factors`` (L,)."""
         gradient = body.gradient(displacement)
         return cls(body, gradient, *body.law.mean(gradient, body.degrees(factors)))
+
+    def after(self, earlier: MeanStress) -> MeanStress:
+        """The same with the values that the ``earlier`` state predicts linearly, as Newton's method does with
+        p as an unknown of its own: derivatives with them allow larger steps, as the bulk modulus does not
+        multiply the error of the prediction (Magisano, Leonetti and Garcea 2017, doi:10.1002/nme.5369)."""
+        change = (earlier.slopes * (self.gradient - earlier.gradient)).sum(axis=0)
+        return replace(self, values=earlier.values + change)
 
     @property
     def stencils(self) -> Stencils:
@@ -146,22 +156,25 @@ def _cofactor(normal: FloatArray) -> FloatArray:
     return found
 
 
-def derivative_pieces(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> sparse.csr_array:
-    """Rows (3k, 2N) of the pieces at ``displacement`` (2N,) and load ``factors`` (L,)."""
+def derivative_pieces(
+    body: FiniteBody, displacement: FloatArray, factors: FloatArray, mean: MeanStress | None = None
+) -> sparse.csr_array:
+    """Rows (3k, 2N) of the pieces, likewise."""
     state = BodySeries.at(body, displacement, factors)
     force, place, middle = state.state()
     size = body.elastic.pieces.size
+    if body.law.nested:
+        mean = mean or MeanStress.at(body, displacement, factors)
     total, first = _moments_of_centers(body, state, factors), 0
     for points in body.points:
         here = slice(first, first + points.count)
         first = here.stop
         if points.count:
-            moduli = _moduli(body, points, here, displacement, factors)
+            moduli = _moduli(body, points, here, displacement, factors, mean)
             rows, center = _by_fit(body, points, moduli, force[:, here], place[:, here])
             onto = _onto(points.fit, points.owner, points.sign, center, middle, size)
             total = sparse.csr_array(total + onto @ rows)
-    if body.law.nested:
-        mean = MeanStress.at(body, displacement, factors)
+    if mean is not None:
         for points, here in body.stressed:
             each = points.places.shape[1]
             owner, sign = np.repeat(points.owner, each), np.repeat(points.sign, each)
@@ -172,7 +185,12 @@ def derivative_pieces(body: FiniteBody, displacement: FloatArray, factors: Float
 
 
 def _moduli(
-    body: FiniteBody, points: FacePoints, here: slice, displacement: FloatArray, factors: FloatArray
+    body: FiniteBody,
+    points: FacePoints,
+    here: slice,
+    displacement: FloatArray,
+    factors: FloatArray,
+    mean: MeanStress | None,
 ) -> FloatArray:
     """Derivatives (2, 2, 2, e, t) of the forces at ``points``, which are ``here`` among all, in the kept
     components: component of the force, derivative, component of the displacement."""
@@ -181,10 +199,9 @@ def _moduli(
         warmth = None if degrees is None else degrees[here]
         whole = body.law.moduli(gradient_of(points.seen(displacement)), warmth, body.law.nested)
         found = np.einsum("iJkL...,...J->iLk...", whole.reshape(2, 2, 2, 2, *shape), points.normals)
-        if body.law.nested:
-            nodal = body.law.mean(body.gradient(displacement), body.degrees(factors))[0]
-            mean = points.stencils.derivatives(nodal[:, None])[:, ::3, 0].reshape(shape)
-            found += mean * _cofactor(points.normals.reshape(-1, 2)).reshape(2, 2, 2, *shape)
+        if mean is not None:
+            fitted = points.stencils.derivatives(mean.values[:, None])[:, ::3, 0].reshape(shape)
+            found += fitted * _cofactor(points.normals.reshape(-1, 2)).reshape(2, 2, 2, *shape)
     elif body.applied.follows:
         pressure = (body.applied.pressure @ factors).reshape(shape)
         found = -pressure * _cofactor(points.normals.reshape(-1, 2)).reshape(2, 2, 2, *shape)
@@ -203,13 +220,13 @@ def held_force(
     for name in names:
         some[held.along[name]] = 1.0
     force, place = (one[:, here] for one in BodySeries.at(body, displacement, factors).state()[:2])
-    rows, center = _by_fit(body, held, _moduli(body, held, here, displacement, factors), force, place)
+    mean = MeanStress.at(body, displacement, factors) if body.law.nested else None
+    moduli = _moduli(body, held, here, displacement, factors, mean)
+    rows, center = _by_fit(body, held, moduli, force, place)
     onto = _onto(held.fit, np.zeros_like(held.fit), some, center, about[:, None], np.ones(1))
     on_forces, total = onto[:, : force.size], onto @ rows
-    if body.law.nested:
-        total = total + on_forces @ _mean_forces(
-            MeanStress.at(body, displacement, factors), held, displacement
-        )
+    if mean is not None:
+        total = total + on_forces @ _mean_forces(mean, held, displacement)
     return on_forces @ force.ravel(), sparse.csr_array(total)
 
 

@@ -106,6 +106,11 @@ class Hyperelastic(Law):
         """Bulk modulus of the undeformed state."""
         return 2.0 * self.shear * (1.0 + self.nu) / (3.0 * (1.0 - 2.0 * self.nu))
 
+    @property
+    def nested(self) -> bool:
+        """Whether the mean stress of volume changes is differentiated as a nodal field."""
+        return self.linear.nearly_incompressible
+
     @cached_property
     def linear(self) -> PlaneMaterial:  # type: ignore[override]
         """The law of small strains."""

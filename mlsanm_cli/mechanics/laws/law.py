@@ -117,8 +117,8 @@ class Law(ABC):
 
     @property
     def nested(self) -> bool:
-        """Whether the mean stress of volume changes is to be differentiated as a nodal field."""
-        return self.linear.nearly_incompressible
+        """Whether the mean stress of volume changes is differentiated as a nodal field."""
+        return False
 
     def ellipticity(self, gradient: FloatArray, degrees: FloatArray | None = None) -> FloatArray:
         """Smallest eigenvalue (n,) over the shear modulus of the acoustic tensor A_iJkL N_J N_L over all
