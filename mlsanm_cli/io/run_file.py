@@ -208,6 +208,9 @@ class RunFile(Closing):
             del group[own]
         if isinstance(value, list):
             group.create_dataset(own, data=np.array(value, dtype=object), dtype=h5py.string_dtype())
+        elif isinstance(value, np.ndarray) and value.size and value.ndim:
+            # In one piece: only pieces have checksums.
+            group.create_dataset(own, data=value, chunks=value.shape, fletcher32=True)
         else:
             group.create_dataset(own, data=value)
 
@@ -225,6 +228,7 @@ class RunFile(Closing):
                 data=values,
                 # HDF5 requires chunks of at least one entry, no longer than a bounded axis.
                 chunks=(chunk, *(max(one, 1) for one in tail)),
+                fletcher32=True,
                 maxshape=(None, *(one or None for one in tail)),
             )
             return len(values)
