@@ -40,6 +40,7 @@ from mlsanm_cli.mechanics.near_field import as_real
 from mlsanm_cli.mechanics.rigid import ROTATION
 from mlsanm_cli.mechanics.scene import RigidConstraint, Scene
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
+from mlsanm_cli.solve.state import INSTABILITY_RATIO
 
 MAX_CARRIED = 1e-8
 """Largest force of fixed motions relative to the contact force."""
@@ -173,9 +174,6 @@ def unturned(
     return {name: float(one / np.sqrt(size)) for (name, size), one in zip(sizes.items(), least, strict=True)}
 
 
-INSTABILITY_RATIO = 0.8
-"""Ratio of the moments neglected by small displacements to those that turn a body above which it is
-unstable."""
 MIN_SHIFT, MIN_ROTATION = 0.1, 1e-3
 """Rotations that move contacts by less than this part of their width, or below this angle (radian), need not
 be caused by loads."""

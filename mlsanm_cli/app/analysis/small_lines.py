@@ -20,9 +20,8 @@ from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.fields import Fields
 from mlsanm_cli.solve.functionals import contact_values, platen_displacements, slave_arc
-from mlsanm_cli.solve.state import State
+from mlsanm_cli.solve.state import Fields, State
 
 MAX_NEIGHBOR_DISTANCE = 3.0
 """Contact nodes are neighbours up to this distance, relative to the mean of their weights (lengths)."""

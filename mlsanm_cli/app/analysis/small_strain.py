@@ -12,7 +12,8 @@ import numpy as np
 from mlsanm_cli.app.analysis.small_lines import contact_lines, obstacle_lines, sliding_distance
 from mlsanm_cli.app.checks import end, states
 from mlsanm_cli.app.checks.check import Check, Verdicts
-from mlsanm_cli.app.checks.energy import EnergyErrors, energy_error, force_balance, force_mismatch, worst_of
+from mlsanm_cli.app.checks.ended import EnergyErrors, worst_of
+from mlsanm_cli.app.checks.energy import energy_error, force_balance, force_mismatch
 from mlsanm_cli.app.checks.overlaps import overlaps
 from mlsanm_cli.app.checks.peaks import boundary_peaks
 from mlsanm_cli.app.checks.quality import assess, factor_notes, nodal_contacts, refinement_pass
@@ -37,11 +38,11 @@ from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.memo import digest
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.fields import NO_STARTS, Fields, fields_of
+from mlsanm_cli.solve.fields import NO_STARTS, fields_of
 from mlsanm_cli.solve.functionals import cone_ratio, contact_values, plates_turned, quantities, slave_arc
 from mlsanm_cli.solve.limit_loads import at_limit
 from mlsanm_cli.solve.paths import load_path
-from mlsanm_cli.solve.state import Checkpoint, PathStep, State, output_positions
+from mlsanm_cli.solve.state import Checkpoint, Fields, PathStep, State, output_positions
 
 WITH_STRESS = {"stress", "von_mises", "strain"}
 """Fields that need stresses."""

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from mlsanm_cli.app.checks.check import Check
-from mlsanm_cli.app.checks.energy import EnergyErrors, force_balance, force_mismatch, worst_of
+from mlsanm_cli.app.checks.ended import (
+    COMMON,
+    EnergyErrors,
+    displacement_estimate,
+    force_estimate,
+    pressure_estimate,
+)
+from mlsanm_cli.app.checks.energy import force_balance, force_mismatch
 from mlsanm_cli.app.checks.limits import LIMITS, level
 from mlsanm_cli.app.checks.states import body_rotation
 from mlsanm_cli.app.scene.contact_pairs import shape_of
@@ -29,17 +36,6 @@ from mlsanm_cli.solve.state import State
 
 END_DISTANCE = 0.75
 """Distance from an end, in spacings, within which nodes belong to it."""
-
-
-class Ended(Protocol):
-    """A completed path at either strain, with the missing forces and works of its bodies."""
-
-    @property
-    def case(self) -> Case: ...
-    @property
-    def imbalance(self) -> Mapping[str, float]: ...
-    @property
-    def energies(self) -> EnergyErrors: ...
 
 
 @dataclass(frozen=True)
@@ -62,42 +58,6 @@ class End:
     def imbalance(self) -> Mapping[str, float]:
         """Missing force of every body over the largest force on it."""
         return force_balance(self.built, self.last)
-
-
-def balance(end: Ended) -> Iterator[Check]:
-    """The body whose forces are farthest from adding up to zero."""
-    if not end.imbalance:
-        return
-    name = worst_of(end.imbalance)
-    error = end.imbalance[name]
-    message = f"force imbalance on body {name}: {100 * error:.2g} % of the largest force"
-    hint = f"{finer_nodes(end.case, [name])} where it is held and around its notches, or use mls.degree = 4"
-    yield Check("force_balance", error, message, hint, f"body {name}")
-
-
-def work(end: Ended) -> Iterator[Check]:
-    """The body whose energy differs most from the work done on it."""
-    name = worst_of(end.energies.bodies)
-    error = end.energies.bodies[name]
-    size = f"{100 * abs(error):.2g} % {'below' if error < 0.0 else 'above'}"
-    message = f"{end.energies.what} body {name} is {size} the work done on it"
-    where = end.energies.thin.get(name) or "where it is held and around its notches"
-    hint = f"{finer_nodes(end.case, [name])}, above all {where}"
-    yield Check(end.energies.name, abs(error), message, hint, f"body {name}")
-
-
-def single_nodes(end: Ended) -> Iterator[Check]:
-    """Bodies held at single nodes, whose displacements depend on the spacing."""
-    for name, part in end.energies.pointed.items():
-        yield Check(
-            "single_nodes",
-            part,
-            f"body {name} is held at single nodes: displacements next to a point force are unbounded, and "
-            f"grow by about {100 * part:.2g} % when its spacing is halved",
-            "support a part of a boundary (from, to), or measure displacements relative to another point "
-            "than the fixed one",
-            f"body {name}",
-        )
 
 
 def stability(end: End) -> Iterator[Check]:
@@ -310,9 +270,6 @@ def no_pressure(end: End) -> Iterator[Check]:
     )
 
 
-COMMON: Sequence[Callable[[Ended], Iterator[Check]]] = (balance, work, single_nodes)
-"""Checks of a completed path at either strain."""
-
 # The strain comes before the checks that fail for inconsistent units, so that the warning names the cause.
 END: Sequence[Callable[[End], Iterator[Check]]] = (
     *(
@@ -386,42 +343,6 @@ def estimates(built: CondensedScene, figures: Mapping[str, Any], missing: str) -
         yield from pressure_estimate(
             pressure_limit(pairing), built.case, name, pairing.bodies, figures["pressure"].get(name), finer
         )
-
-
-def displacement_estimate(case: Case, figures: Mapping[str, Any]) -> Iterator[Check]:
-    """The largest estimated error of displacements, of all or at a probe."""
-    probes = figures.get("probes", {}).items()
-    errors = {f"the displacement at probe {name} is": error for name, error in probes}
-    if figures["displacement"] is not None:
-        errors["displacements are"] = figures["displacement"]
-    if errors:
-        worst, names = worst_of(errors), [body.name for body in case.body]
-        yield Check(
-            "displacement_error",
-            errors[worst],
-            f"{worst} estimated to be off by {100 * errors[worst]:.2g} %",
-            f"{finer_nodes(case, names)}, above all where bodies are held, loaded or bent",
-        )
-
-
-def force_estimate(limit: str, case: Case, contact: str, bodies: Collection[str], error: float) -> Check:
-    """Estimated error of the force of a contact that finer nodes in ``bodies`` reduce."""
-    return Check(
-        limit,
-        error,
-        f"contact {contact}: its force is estimated to be off by {100 * error:.2g} %",
-        f"{finer_nodes(case, bodies)}, above all where bodies are held or touch",
-        f"contact {contact}",
-    )
-
-
-def pressure_estimate(
-    limit: str, case: Case, contact: str, bodies: Collection[str], error: float | None, more: str = ""
-) -> Iterator[Check]:
-    """Estimated error of the pressures of a contact, if there is one; ``more`` of a hint."""
-    if error is not None:
-        message = f"contact {contact}: pressures are estimated to be off by {100 * error:.2g} %"
-        yield Check(limit, error, message, f"{finer_nodes(case, bodies)}{more}", f"contact {contact}")
 
 
 def pressure_limit(pairing: Pairing) -> str:

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from mlsanm_cli.solve.coercivity import CONTACT_LIMIT
-from mlsanm_cli.solve.direction_updates import INSTABILITY_RATIO
+from mlsanm_cli.solve.state import CONTACT_LIMIT, INSTABILITY_RATIO
 
 
 class Limit(NamedTuple):

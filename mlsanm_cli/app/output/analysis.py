@@ -20,8 +20,7 @@ from mlsanm_cli.io.schema import INTERFACE_COLUMNS
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.records import dataclass
-from mlsanm_cli.solve.fields import Fields
-from mlsanm_cli.solve.state import Checkpoint, PathStep, State
+from mlsanm_cli.solve.state import Checkpoint, Fields, PathStep, State
 from mlsanm_cli.solve.stop_events import Follow, StoppedPath, measured
 
 BodyFields = Mapping[str, Fields]

@@ -26,8 +26,8 @@ from mlsanm_cli.mechanics.probes import probe_rows, stress_of_expansion
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.fields import Fields, named_fields
-from mlsanm_cli.solve.state import State
+from mlsanm_cli.solve.fields import named_fields
+from mlsanm_cli.solve.state import Fields, State
 
 PER_HALF_WIDTH = 12.0
 """Points over the half-width of a contact patch."""

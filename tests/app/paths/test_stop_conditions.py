@@ -22,7 +22,6 @@ from tests.app.scenes import (
     FAST,
     NEWTON,
     NODAL,
-    PATCH,
     SMOOTH,
     Quiet,
     hertz,
@@ -178,16 +177,6 @@ def test_a_load_that_turns_back_within_a_step_is_seen() -> None:
     highest = turning(PathStep(state, (), series=parabola, series_attributes={"length": 1.5}))
     assert highest == pytest.approx(1.0, abs=1e-12)
     assert turning(PathStep(state, ())) is None
-
-
-@pytest.mark.usefixtures("by_nodes")
-def test_the_summary_of_a_patch_test_names_its_stop(tmp_path: Path) -> None:
-    stop = {"what": "displacement", "of": "press", "component": "y", "below": -1e-4}
-    summary = solve(PATCH.item("stop", **stop), tmp_path / "run")
-    # Two blocks, 2 high and 2 wide: uy = -F (1 - nu^2) / E here.
-    position = stopped(summary, "displacement of press in y below -0.0001")
-    assert position == pytest.approx(1e-4 * 210e3 / (0.91 * 200.0), rel=1e-6)
-    assert summary_of(tmp_path / "run")["stopped_at"] == position
 
 
 RUBBER = (
