@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment
-from mlsanm_cli.cloud.membership import cross, first_crossing, inside_polygon, signed_area, twice_area
-from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
+from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Point, Segment
+from mlsanm_cli.cloud.membership import (
+    cross,
+    first_crossing,
+    inside_polygon,
+    numbered,
+    signed_area,
+    turns,
+    twice_area,
+)
+from mlsanm_cli.cloud.splines import NodeSpline, Spline
 from mlsanm_cli.errors import Fault, OutlineError
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
-Point = tuple[float, float]
 Named = tuple[str, Curve]
 
 ARC_CHORDS = 16
@@ -47,8 +53,7 @@ def polygon(
     along = np.roll(xy, -1, axis=0) - xy
     room = np.hypot(*along.T)
     direction = along / room[:, None]
-    came = np.roll(direction, 1, axis=0)
-    turn = np.arctan2(cross(came, direction), (came * direction).sum(axis=1))
+    turn = turns(xy)
     radius = np.array(radii)[order]
     cut = radius * np.abs(np.tan(0.5 * turn))
     _refuse(_rounding_faults(order, radius, cut, room, small))
@@ -118,7 +123,7 @@ def closed_chain(
     return [
         (name, Segment(points[0], points[1]))
         if len(points) == 2
-        else (name, SplinePart(NodeSpline(np.array(points), closed), 0, len(points) - 1))
+        else (name, NodeSpline(np.array(points), closed).between(0, len(points) - 1))
         for name, points in chain
     ]
 
@@ -138,7 +143,7 @@ def with_holes(outer: Sequence[Named], holes: Sequence[tuple[str, Point, float]]
     circles = [(name, Arc(center, r, 0.5 * math.pi, -2.0 * math.pi)) for name, center, r in holes]
     chain = [*outer, *circles]
     starts = (0, *range(len(outer), len(chain)))
-    return Outline(_numbered([name for name, _ in chain]), tuple(curve for _, curve in chain), starts)
+    return Outline(numbered([name for name, _ in chain], "{}/{}"), tuple(curve for _, curve in chain), starts)
 
 
 def extent(points: Sequence[Point]) -> float:
@@ -154,15 +159,6 @@ def _refuse(faults: Iterable[Fault]) -> None:
 
 def _given(values: Sequence[str], number: int) -> str:
     return values[number] if number < len(values) else ""
-
-
-def _numbered(names: Sequence[str]) -> tuple[str, ...]:
-    total, passed = Counter(names), Counter[str]()
-    found = []
-    for name in names:
-        passed[name] += 1
-        found.append(f"{name}/{passed[name]}" if total[name] > 1 else name)
-    return tuple(found)
 
 
 def _point_faults(points: Sequence[Point], small: float, size: float) -> Iterator[Fault]:
@@ -291,8 +287,8 @@ def _to_chord(points: FloatArray, start: FloatArray, end: FloatArray) -> FloatAr
 
 def _chords(curve: Curve) -> FloatArray:
     """Chords (e, 4) of a curve; those of a smooth curve join its given points."""
-    if isinstance(curve, SplinePart):
-        points = curve.spline.nodes[curve.first : curve.last + 1]
+    if isinstance(curve, Spline):
+        points = curve.points(curve.node_arcs)
     else:
         count = ARC_CHORDS if isinstance(curve, Arc) else 1
         points = curve.points(np.linspace(0.0, curve.length, count + 1))

@@ -16,7 +16,6 @@ from mlsanm_cli.app.scene import pulls
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.case import Case, finer_nodes
-from mlsanm_cli.cloud.joined import corners_of
 from mlsanm_cli.cloud.quality import measure
 from mlsanm_cli.contact.geometry.pairing import Pairing, spacing_ratio
 from mlsanm_cli.contact.response.coercivity import stiffness_ratio
@@ -187,7 +186,7 @@ def _corners_inside(pairing: Pairing) -> Iterator[Check]:
     corners."""
     sides = ((pairing.slave, pairing.points), (pairing.master, pairing.partner))
     for (surface, points), name in zip(sides, pairing.names, strict=False):
-        corners = np.zeros(0) if surface is None else corners_of(surface.curve)
+        corners = np.zeros(0) if surface is None else surface.curve.corners
         if surface is None or not len(corners):
             continue
         arcs = surface.curve.closest(points[pairing.candidate])

@@ -14,7 +14,6 @@ from mlsanm_cli.app.scene.void import void_center
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.curves import Curve
-from mlsanm_cli.cloud.joined import points_of
 from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
@@ -24,7 +23,7 @@ from mlsanm_cli.contact.geometry.pairing import MAX_FACING_COSINE, Pairing
 from mlsanm_cli.contact.geometry.unfolding import Planes
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.near_field import as_complex, as_real
-from mlsanm_cli.mechanics.symmetry import SymmetryPlane
+from mlsanm_cli.mechanics.symmetry import SymmetryPlane, images_of
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
 SNAP_SAMPLES = 1.5
@@ -88,7 +87,7 @@ def _clear(
     # Sampled along the base, so that roles do not decide which of several equal minima is taken.
     sign, ahead = (1.0 if facing.slave_first else -1.0), replace(facing, slave_first=True)
     count = SAMPLES if facing.profile is None else PROFILE_SAMPLES
-    count = max(count, SAMPLES_PER_POINT * max(map(points_of, facing.curves)))
+    count = max(count, SAMPLES_PER_POINT * max(curve.data_points for curve in facing.curves))
     s = np.linspace(0.0, base.length, count + 1)[: count if base.closed else count + 1]
     faces, gap = _faces(ahead, s), ahead.gap(s)
     if not faces.any():
@@ -141,8 +140,9 @@ def _clear(
     first, last = (end if exact is None else exact for end, exact in zip((first, last), snapped, strict=True))
     inset = ROUND_OFF * base.length  # at a corner: the normal of the stretch
     rays = sign * np.linspace(first + inset, last - inset, RAYS)
+    images = images_of([plane for plane in planes if plane is not None])
     centers = [
-        void_center(models[body].cloud, *facing.side(rays, slave))
+        void_center(models[body].cloud, *facing.side(rays, slave), images)
         for body, slave in zip(pairing.bodies, (True, False), strict=False)
     ]
     if not all(centers):

@@ -12,14 +12,13 @@ from mlsanm_cli.app.scene.void import all_see
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud, continuations
 from mlsanm_cli.cloud.curves import Curve
-from mlsanm_cli.cloud.joined import corners_of
 from mlsanm_cli.cloud.surface import Surface, joined_surface
-from mlsanm_cli.contact.geometry.unfolding import Planes, copies_around
+from mlsanm_cli.contact.geometry.unfolding import Planes
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.corner import Corner
 from mlsanm_cli.mechanics.corner_faces import Face
 from mlsanm_cli.mechanics.near_field import Isotropic, as_complex, as_real
-from mlsanm_cli.mechanics.symmetry import SymmetryPlane
+from mlsanm_cli.mechanics.symmetry import SymmetryPlane, copies_around
 from mlsanm_cli.mechanics.wedge import Wedge
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
@@ -89,7 +88,7 @@ def stretches_of(
     """The stretches of a surface between its corners; ``touching`` are the body's surfaces in contact,
     ``fixed`` those held at zero displacement."""
     curve = surface.curve
-    if curve.closed and not len(corners_of(curve)):
+    if curve.closed and not len(curve.corners):
         return (SmoothPart(0.0, curve.length, continues=(True, True)),)
     found = []
     for parts, first in _between_corners(surface):
@@ -125,8 +124,9 @@ def shared_planes(stretches: Sequence[tuple[SmoothPart, ...]], slack: float) -> 
                 plane is not None and all(any(plane.coincides(one, slack) for one in some) for some in others)
                 for plane in part.planes
             )
-            both = first and last and copies_around(part.planes) is None
-            kept.append(part.at_planes((first and not both, last and not both)))
+            one, other = part.planes
+            both = one is not None and other is not None and copies_around(one, other) is None
+            kept.append(part.at_planes((first and not (last and both), last and not (first and both))))
         found.append(tuple(kept))
     return found
 
@@ -144,7 +144,7 @@ def _between_corners(surface: Surface) -> Iterator[tuple[list[Surface], float]]:
     the part that passes its start comes last."""
     parts = [part for part, _ in surface.members]
     starts = np.cumsum([0.0, *(part.curve.length for part in parts)])
-    corners = corners_of(surface.curve)
+    corners = surface.curve.corners
     small = ROUND_OFF * surface.curve.length
     cut = [bool((np.abs(corners - start) <= small).any()) for start in starts[:-1]]
     if surface.curve.closed and not cut[0]:
@@ -289,4 +289,4 @@ def _straight(curve: Curve) -> bool:
     """Whether a curve is a straight line."""
     ends = curve.points(np.array([0.0, curve.length]))
     straight = abs(float(np.hypot(*(ends[1] - ends[0]))) - curve.length) <= ROUND_OFF * curve.length
-    return straight and not len(corners_of(curve))
+    return straight and not len(curve.corners)
