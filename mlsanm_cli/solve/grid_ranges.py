@@ -63,6 +63,7 @@ def first_grid(limits: ContactRange) -> ContactGrid:
         limits.hats(places),
         limits.centers,
         limits.corners,
+        limits.planes,
         provisional=not parallel,
     )
 

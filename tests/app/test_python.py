@@ -5,8 +5,6 @@ from __future__ import annotations
 import inspect
 import re
 import shutil
-import subprocess
-import sys
 import warnings
 from pathlib import Path
 
@@ -69,12 +67,6 @@ def test_the_page_lists_every_function_with_its_arguments() -> None:
     for name, member in vars(mlsanm.Run).items():
         assert name.startswith("_") or f"{name}" in PAGE
         assert name.startswith("_") or inspect.getdoc(member)
-
-
-def test_the_package_is_the_command_too() -> None:
-    command = [sys.executable, "-m", "mlsanm_cli", "--version"]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)
-    assert done.stdout.startswith(f"mlsanm, version {mlsanm.__version__}")
 
 
 def test_a_contact_is_known_anywhere_on_the_path(run: mlsanm.Run) -> None:

@@ -21,9 +21,10 @@ from mlsanm_cli.app.output import recorder
 from mlsanm_cli.app.results.info import info
 from mlsanm_cli.app.run import resume, run
 from mlsanm_cli.errors import RunError
-from tests.app.processes import CLI, ENVIRONMENT, PATIENCE, mlsanm
+from tests.app.processes import CLI, PATIENCE, mlsanm
 from tests.app.runs import resumed_differences
 from tests.app.scenes import BAR, Quiet, hertz, solve
+from tests.processes import ENVIRONMENT
 
 
 def in_terminal(columns: int, directory: Path, *arguments: str, **environment: str) -> tuple[int, str, str]:

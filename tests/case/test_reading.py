@@ -140,6 +140,10 @@ def test_syntax_errors_have_their_line(text: str, line: int) -> None:
         ("[material.a]\n[material.a]\n", "[material.a] is declared twice"),
         ("title = “half”\n", 'write straight quotes: "'),
         ("a = 1\na = 2\n", "the key is defined twice"),
+        ("nu = 0,3 # Poisson\n", "write a decimal point: 0.3"),
+        ('name = "pin\n', "a quote is missing"),
+        ("radius 5.98\n", "write KEY = VALUE"),
+        ('{"format": 1}\n', "not JSON"),
         ("a = " + "[" * 20_000 + "]" * 20_000, "nested"),
     ],
 )

@@ -12,24 +12,14 @@ from benchmarks.formulas.plates import plates_approach
 from benchmarks.formulas.punch import FlatPunch
 from tests.app.scenes import EXACT_LAW
 from tests.cases.test_friction import cattaneo, contact_of, even, off, row
-from tests.cases.test_published import deviations, solve
-
-STEEL = 210e3 / (1.0 - 0.3**2)
+from tests.cases.test_published import STEEL, solve
 
 
 def test_disk_between_plates(tmp_path: Path) -> None:
-    summary, data = solve("disk_between_plates", tmp_path / "run")
+    _, data = solve("disk_between_plates", tmp_path / "run")
     exact = plates_approach(500.0, 1.0, STEEL)
     # Over eight seeds 0.3 to 0.7 % on symmetric clouds, 0.3 to 0.6 % on others.
     assert -data.path.displacements["press"][-1, 1] == pytest.approx(exact, rel=0.009)
-    top, bottom = (summary["contacts"][name] for name in ("top", "bottom"))
-    assert np.array(bottom["force"]) == pytest.approx([0.0, 500.0], abs=1e-8)
-    assert np.array(top["force"]) == pytest.approx([0.0, -500.0], abs=1e-8)
-    assert np.array(summary["forces"]["press"]) == pytest.approx([0.0, -500.0], abs=1e-8)
-    # The cloud is symmetric from left to right only.
-    assert top["peak_pressure"] == pytest.approx(bottom["peak_pressure"], rel=3e-3)
-    for contact in (top, bottom):
-        assert contact["peak_pressure"] == pytest.approx(contact["reference"]["peak_pressure"], rel=3e-3)
 
 
 def test_stack(tmp_path: Path) -> None:
@@ -52,15 +42,6 @@ def test_press_fit(tmp_path: Path) -> None:
     later = path.factors["fit"] > 0.1
     ratio = pressure[later] / (path.factors["fit"][later, None] * expected)
     assert np.abs(ratio - 1.0).max() <= 0.004
-
-
-def test_rigid_cylinder(tmp_path: Path) -> None:
-    summary, _ = solve("rigid_cylinder", tmp_path / "cylinder")
-    profile, peak, width = deviations(summary, "under")
-    assert profile <= 0.003
-    assert abs(peak) <= 0.001
-    assert abs(width) <= 0.005
-    assert not summary["contacts"]["under"]["singular_ends"]
 
 
 @pytest.mark.parametrize("cut", [True, False], ids=["up to where the side is cut", "whole side"])

@@ -15,6 +15,7 @@ from mlsanm_cli.contact.geometry.grid import MAX_RATIO, Hats
 from mlsanm_cli.contact.geometry.hat_pairs import HatPairs
 from mlsanm_cli.contact.geometry.panels import chebyshev, lagrange, on_panels
 from mlsanm_cli.contact.geometry.profile import THRESHOLD, half_width
+from mlsanm_cli.solve.grid_ranges import spaced_apart
 
 LOG, NONE = np.eye(2), np.zeros((2, 2))
 GRADED = Hats(
@@ -240,3 +241,14 @@ PROFILES = {
 @pytest.mark.parametrize(("arc", "pressure", "expected"), PROFILES.values(), ids=PROFILES)
 def test_half_width(arc: list[float], pressure: list[float], expected: float) -> None:
     assert half_width(np.array(arc), np.array(pressure)) == pytest.approx(expected, rel=1e-12)
+
+
+def test_no_interval_is_round_off() -> None:
+    # A range continued by whole steps came to its new end but for round-off: halving next to that interval
+    # went on down to 1e-15, and a frame under a roller did not start.
+    steps = np.arange(0.0, 0.9, 0.1)
+    nodes = np.concatenate([[-1e-15], steps, [0.3 + 1e-12, 0.8 + 4e-16]])
+    found = spaced_apart(nodes, 0.05)
+    assert (found[0], found[-1]) == (nodes.min(), nodes.max())
+    assert np.diff(found) == pytest.approx(np.full(8, 0.1))
+    assert spaced_apart(np.array([0.0, 1e-9, 1.0]), 0.1).tolist() == [0.0, 1.0]

@@ -153,16 +153,3 @@ def test_roots_are_found_to_round_off(function, low, high, expected) -> None:  #
     found = root(counted, low, high)
     assert function(found) == 0.0 or found == pytest.approx(expected, rel=1e-15)
     assert len(asked) <= 70
-
-
-def test_a_tolerance_saves_evaluations_and_equal_signs_have_no_root() -> None:
-    asked: list[float] = []
-
-    def level(x: float) -> float:
-        asked.append(x)
-        return math.tanh(5.0 * x - 1.0)
-
-    assert root(level, 0.0, 1.0, 1e-3) == pytest.approx(0.2, abs=1e-3)
-    assert len(asked) <= 8
-    with pytest.raises(ValueError, match="sign"):
-        root(math.cosh, 0.0, 1.0)

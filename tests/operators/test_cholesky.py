@@ -112,20 +112,20 @@ def test_definite_matrices_taken_for_quasi_definite_ones_are_left_to_superlu() -
     assert isinstance(factor_definite(wrong, places), SuperLUFactor)
 
 
-@settings(max_examples=15)
-@given(seed=st.integers(0, 1000), density=st.sampled_from([0.0, 0.01, 0.5]))
-def test_products_against_solutions(seed: int, density: float) -> None:
+@settings(max_examples=20)
+@given(seed=st.integers(0, 1000), density=st.sampled_from([0.0, 0.01, 0.5]), definite=st.booleans())
+def test_products_against_solutions(seed: int, density: float, definite: bool) -> None:
     points = scattered(150, seed)
-    factor = factor_definite(normal_equations(points, seed), points)
-    rng = np.random.default_rng(seed)
-    left = sparse.csr_array(sparse.random_array((7, 300), density=density, rng=rng))
-    right = sparse.csc_array(sparse.random_array((300, 90), density=density, rng=rng))
-    expected = np.asarray(left @ factor.solve(right.toarray()))
-    found = factor.products(left, right)
-    assert found.shape == (7, 90)
-    assert np.abs(found - expected).max() <= 1e-13 * max(1.0, np.abs(expected).max())
-    other = factor_definite(normal_equations(points, seed), points, solver="superlu")
-    assert np.abs(other.products(left, right) - expected).max() <= 1e-9 * max(1.0, np.abs(expected).max())
+    scene = (normal_equations(points, seed), points, 0) if definite else quasi_definite(150, 16, seed)
+    matrix, places, negative = scene
+    rng, size = np.random.default_rng(seed), matrix.shape[0]
+    left = sparse.csr_array(sparse.random_array((7, size), density=density, rng=rng))
+    right = sparse.csc_array(sparse.random_array((size, 90), density=density, rng=rng))
+    expected = left @ np.linalg.solve(matrix.toarray(), right.toarray())
+    for solver in ("auto", "superlu") if definite else ("auto",):
+        found = factor_definite(matrix, places, negative, solver=solver).products(left, right)
+        assert found.shape == (7, 90)
+        assert np.abs(found - expected).max() <= 1e-9 * max(1.0, np.abs(expected).max())
 
 
 @pytest.mark.parametrize("apart", [1.0, 1e-3, 1e-6])

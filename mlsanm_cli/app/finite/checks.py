@@ -10,8 +10,15 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.app.checks.check import Check
-from mlsanm_cli.app.checks.end import COMMON, displacement_estimate, force_estimate, pressure_estimate
-from mlsanm_cli.app.checks.energy import NODE_FORCE_SHIFT, EnergyErrors, thin_part
+from mlsanm_cli.app.checks.ended import (
+    COMMON,
+    NODE_FORCE_SHIFT,
+    EnergyErrors,
+    displacement_estimate,
+    force_estimate,
+    pressure_estimate,
+    thin_part,
+)
 from mlsanm_cli.app.checks.limits import LIMITS, level
 from mlsanm_cli.app.finite.estimate import energy_errors, work_error
 from mlsanm_cli.app.finite.fields import SceneForces
@@ -23,8 +30,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.sides import ContactSide
-from mlsanm_cli.solve.coercivity import CONTACT_LIMIT
-from mlsanm_cli.solve.state import State
+from mlsanm_cli.solve.state import CONTACT_LIMIT, State
 
 
 @dataclass(frozen=True)

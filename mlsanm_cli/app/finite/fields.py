@@ -22,8 +22,7 @@ from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.finite.forces import Forces
 from mlsanm_cli.mechanics.laws.law import Law, gradient_of, stretches
 from mlsanm_cli.operators.stencils import build_stencils
-from mlsanm_cli.solve.fields import Fields
-from mlsanm_cli.solve.state import State
+from mlsanm_cli.solve.state import Fields, State
 
 CONTACT_PREFIX = "contact "
 """Prefix of the names of contacts among the resultants of a run: the force on the obstacle."""

@@ -20,8 +20,7 @@ from mlsanm_cli.io.schema import INTERFACE_COLUMNS
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.records import dataclass
-from mlsanm_cli.solve.fields import Fields
-from mlsanm_cli.solve.state import Checkpoint, PathStep, State
+from mlsanm_cli.solve.state import Checkpoint, Fields, PathStep, State
 from mlsanm_cli.solve.stop_events import Follow, StoppedPath, measured
 
 BodyFields = Mapping[str, Fields]
@@ -121,9 +120,9 @@ class Analysis(ABC):
     def judge(self, last: State, tally: dict[str, Any]) -> Iterator[Check]:
         """Checks of a completed path by its last state."""
 
-    @abstractmethod
     def finer(self, tally: Mapping[str, Any], failure: NumericalError | None) -> Analysis | None:
         """The analysis on finer clouds by which the run is repeated; None if its results are final."""
+        return None
 
     @property
     @abstractmethod

@@ -18,7 +18,7 @@ from mlsanm_cli.contact.complementarity.problem import OPEN, SLIP, STICK
 from mlsanm_cli.contact.geometry.profile import half_width, is_singular
 from mlsanm_cli.io.run_file import Value, place
 from mlsanm_cli.io.vtu import VtuPart
-from mlsanm_cli.solve.fields import Fields
+from mlsanm_cli.solve.state import Fields
 
 
 def body_datasets(name: str, cloud: Cloud, degree: int) -> dict[str, Value]:

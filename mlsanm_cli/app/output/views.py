@@ -26,8 +26,8 @@ from mlsanm_cli.mechanics.probes import probe_rows, stress_of_expansion
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.fields import Fields, named_fields
-from mlsanm_cli.solve.state import State
+from mlsanm_cli.solve.fields import named_fields
+from mlsanm_cli.solve.state import Fields, State
 
 PER_HALF_WIDTH = 12.0
 """Points over the half-width of a contact patch."""
@@ -61,10 +61,10 @@ class Views:
     finer: Mapping[str, View]
 
     @classmethod
-    def of(cls, built: CondensedScene, memo: Memo = NO_CACHE) -> Views:
+    def of(cls, built: CondensedScene, boundaries: Boundaries, memo: Memo = NO_CACHE) -> Views:
         """Finer points for the bodies whose clouds are too coarse for their contact patches at the ends of
         stages. Scenes with the same patches share them by the ``memo``."""
-        clouds, finer, boundaries = {}, {}, Boundaries.of(built.case)
+        clouds, finer = {}, {}
         for body in built.case.body:
             model = built.scene.bodies[body.name].model
             clouds[body.name] = model.cloud

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.app.scene.boundaries import Boundaries, refuse_conflicts
-from mlsanm_cli.app.scene.conditions import conditions, prescribes
+from mlsanm_cli.app.scene.conditions import conditions, prescribes, stays
 from mlsanm_cli.app.scene.contact_pairs import pair
 from mlsanm_cli.app.scene.contact_ranges import contact_ranges, directed
 from mlsanm_cli.app.scene.facing import check_tips
@@ -135,7 +135,8 @@ def prepare(
     if small:
         check_tips(case, pairings)
     grids = grids and small
-    ranges = contact_ranges(case, models, pairings, occupied) if grids else {}
+    fixed = {name: fixed_surfaces(case, boundaries, name) for name in models}
+    ranges = contact_ranges(case, models, pairings, occupied, fixed) if grids else {}
     # Contacts with nodal pressures are less stable at higher degrees; tractions of bonds vary slowly.
     nodal = [pairing for pairing in pairings if not (pairing.bonded or pairing.name in ranges)]
     low_bodies = {name for pairing in nodal for name in pairing.bodies} if small else ()
@@ -248,6 +249,16 @@ def _held_surfaces(case: Case, boundaries: Boundaries, body: str) -> dict[str, t
                 before = held.get(surface, (False, False))
                 held[surface] = (before[0] or x, before[1] or y)
     return held
+
+
+def fixed_surfaces(case: Case, boundaries: Boundaries, body: str) -> set[str]:
+    """The surfaces of a body on which all prescribed displacements are zero."""
+    found: set[str] = set()
+    moving: set[str] = set()
+    for _, condition, place in conditions(case):
+        if place.body == body and any(prescribes(condition)):
+            (found if stays(condition) else moving).update(boundaries.names(place))
+    return found - moving
 
 
 def single_nodes(case: Case, body: str, cloud: Cloud) -> tuple[tuple[int, int], ...]:

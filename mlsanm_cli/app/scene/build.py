@@ -50,7 +50,7 @@ def build_scene(loaded: LoadedCase, context: RunContext, zones: tuple[Zone, ...]
             )
         prepared = place(loaded.case, context, zones)
         refuse_too_many_contacts(loaded.case, prepared.pairings)
-        refuse_overlap(prepared.pairings)
+        refuse_overlap(loaded.case.contact, prepared.pairings)
     except CaseError as error:
         raise loaded.located(error) from error
     return prepared

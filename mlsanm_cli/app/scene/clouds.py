@@ -32,7 +32,7 @@ from mlsanm_cli.app.scene.default_spacing import (
 from mlsanm_cli.app.scene.load_profiles import runs_of
 from mlsanm_cli.app.scene.load_spacing import field_zones, load_zones
 from mlsanm_cli.app.scene.materials import materials
-from mlsanm_cli.app.scene.outlines import drawn, imported_geometry, numbers_of
+from mlsanm_cli.app.scene.outlines import drawn, imported_geometry
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Body, Case, Place
 from mlsanm_cli.case.model.shapes import Mesh, Points
@@ -80,7 +80,7 @@ def spacing_of(case: Case, boundaries: Boundaries, body: Body) -> Spacing:
         if refine.at is not None:
             zones.append(Zone.around(refine.at, refine.spacing, refine.radius, refine.growth))
         else:
-            for number in numbers_of(outline, str(refine.along).rpartition(".")[2]):
+            for number in outline.numbers(str(refine.along).rpartition(".")[2]):
                 zones.append(Zone(outline.curves[number], refine.spacing, refine.radius, refine.growth))
     return Spacing(far, tuple(zones))
 

@@ -33,3 +33,10 @@ def prescribes(condition: Condition) -> tuple[bool, bool]:
     else:
         return False, False
     return x is not None, y is not None
+
+
+def stays(condition: Condition) -> bool:
+    """Whether the displacements that a condition prescribes are zero."""
+    if isinstance(condition, Displacement):
+        return all(one is None or one == 0.0 for one in condition.components)
+    return isinstance(condition, Support)

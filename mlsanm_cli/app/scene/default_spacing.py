@@ -15,10 +15,8 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from mlsanm_cli.app.scene.outlines import neighbours
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment
-from mlsanm_cli.cloud.joined import part_of, points_of, turn
+from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment, turn
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.cloud.tips import SMOOTH_TURN
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
@@ -133,7 +131,7 @@ def _turning_zones(curve: Curve, far: float, finer: float) -> Iterator[Zone]:
     """Zones where a curve turns within a spacing by more than an arc with ``PER_RADIUS`` spacings over its
     radius. The turning angle counts, not the curvature: shallow waves, however short, need no fine nodes.
     """
-    count = max(SAMPLES, PER_POINT * points_of(curve))
+    count = max(SAMPLES, PER_POINT * curve.data_points)
     s = np.linspace(0.0, curve.length, count + 1)
     x, y = curve.normals(s).T
     angle = np.unwrap(np.arctan2(y, x))
@@ -154,7 +152,7 @@ def _turning_zones(curve: Curve, far: float, finer: float) -> Iterator[Zone]:
     wanted = np.where(np.isinf(wanted), far * TURN_RATIO**LEVELS, wanted)
     for first, last in even_ranges(wanted[:-1]):
         if wanted[first] < far:
-            yield Zone(part_of(curve, float(s[first]), float(s[last])), float(wanted[first]), 0.0, GROWTH)
+            yield Zone(curve.part(float(s[first]), float(s[last])), float(wanted[first]), 0.0, GROWTH)
 
 
 def _turns(angle: FloatArray, width: int, closed: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -198,7 +196,7 @@ def root_zones(outline: Outline, far: float, touching: Sequence[Curve] | None) -
 def _inward_corners(outline: Outline) -> dict[int, tuple[int, float]]:
     """The corners that point into the material, by the number of the curve that begins there: that of the
     curve that ends there, and the angle between the two."""
-    befores = {number: neighbours(outline, number)[0] for number in range(len(outline.curves))}
+    befores = {number: outline.neighbours(number)[0] for number in range(len(outline.curves))}
     angles = {
         number: turn(outline.curves[before], outline.curves[number]) for number, before in befores.items()
     }
@@ -249,7 +247,7 @@ def narrow_zones(outline: Outline, far: float, across: float) -> Iterator[Zone]:
                 ends = float(arc[own[first]]) - half, float(arc[own[last - 1]]) + half
                 whole = last - first == len(own)
                 fine = far * WIDTH_RATIO**steps
-                piece = curve if whole else part_of(curve, *ends)
+                piece = curve if whole else curve.part(*ends)
                 yield Zone(piece, fine, 0.5 * across * fine, GROWTH)
 
 
@@ -269,7 +267,7 @@ def _adjacent(outline: Outline) -> BoolArray:
     """Which pairs (c, c) of curves are adjacent."""
     result = np.zeros((len(outline.curves),) * 2, dtype=bool)
     for number in range(len(outline.curves)):
-        result[number, list(neighbours(outline, number))] = True
+        result[number, list(outline.neighbours(number))] = True
     np.fill_diagonal(result, False)
     return result
 
@@ -281,4 +279,4 @@ def along(curve: Curve) -> FloatArray:
 
 def places_along(curve: Curve) -> FloatArray:
     """Arc lengths (s,) that sample a curve."""
-    return np.linspace(0.0, curve.length, max(SAMPLES, PER_POINT * points_of(curve)) + 1)
+    return np.linspace(0.0, curve.length, max(SAMPLES, PER_POINT * curve.data_points) + 1)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from mlsanm_cli.app.scene.conditions import conditions, prescribes
-from mlsanm_cli.app.scene.outlines import drawn, imported_geometry, numbers_of
+from mlsanm_cli.app.scene.outlines import drawn, imported_geometry
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import (
     AnyShape,
@@ -114,7 +114,7 @@ def _held(
 def _place_points(outline: Outline, place: Place) -> FloatArray:
     if place.ends is not None:
         return np.array(place.ends)
-    numbers = dict.fromkeys(number for edge in place.edges for number in numbers_of(outline, edge))
+    numbers = dict.fromkeys(outline.numbers(*place.edges))
     return np.concatenate([_points(outline.curves[number]) for number in numbers])
 
 

@@ -16,7 +16,7 @@ from mlsanm_cli.app.scene.conditions import conditions
 from mlsanm_cli.app.scene.contact_spacing import SMOOTH
 from mlsanm_cli.app.scene.default_spacing import GROWTH, LEVELS, even_ranges, zone_at
 from mlsanm_cli.app.scene.load_profiles import LoadProfile, profiles, runs_of
-from mlsanm_cli.app.scene.outlines import BoundaryRun, drawn, neighbours
+from mlsanm_cli.app.scene.outlines import drawn
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import (
     Body,
@@ -31,7 +31,8 @@ from mlsanm_cli.case import (
 )
 from mlsanm_cli.case.model.conditions import Support
 from mlsanm_cli.case.model.shapes import AnyShape
-from mlsanm_cli.cloud.joined import part_of, turn
+from mlsanm_cli.cloud.curves import turn
+from mlsanm_cli.cloud.joined import BoundaryRun
 from mlsanm_cli.cloud.membership import inside_polygon
 from mlsanm_cli.cloud.spacing import Zone
 
@@ -86,7 +87,7 @@ def _continues(run: BoundaryRun, at: float, end: int) -> bool:
     if run.continues(at):
         return True
     number = run.numbers[-end]
-    sides = (number, neighbours(run.outline, number)[end])[:: 1 if end else -1]
+    sides = (number, run.outline.neighbours(number)[end])[:: 1 if end else -1]
     return bool(np.cos(turn(*(run.outline.curves[side] for side in sides))) > SMOOTH)
 
 
@@ -105,7 +106,7 @@ def _varying_zones(profile: LoadProfile, far: float) -> Iterator[Zone]:
         yield zone_at(curve.points(np.array([jump]))[0], least)
     for low, high in even_ranges(sizes):
         if sizes[low] < far:
-            yield Zone(part_of(curve, float(arc[low]), float(arc[high])), float(sizes[low]), 0.0, GROWTH)
+            yield Zone(curve.part(float(arc[low]), float(arc[high])), float(sizes[low]), 0.0, GROWTH)
 
 
 def resolved_sizes(values: FloatArray, length: float, far: float) -> FloatArray:

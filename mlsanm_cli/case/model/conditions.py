@@ -197,22 +197,21 @@ class Stop(Section):
         yield from self.exclusive("above", "below")
         if self.component != "size" and self.what not in VECTORS:
             yield Fault(("component",), f"{self.what} has no components", "remove it")
-        what, sections, known = self._named(scope)
-        if self.of not in known and scope.complete(*sections):
+        what, known = self._named(scope)
+        if self.of not in known:
             message = f'there is no {what} "{self.of}"' if self.of else f"missing: the name of a {what}"
             yield Fault(("of",), message, suggestion(self.of, known))
         if self.what == "slip" and any(c.name == self.of and not c.friction for c in scope.case.contact):
             yield Fault(("of",), f'contact "{self.of}" is frictionless and has no slip')
 
-    def _named(self, scope: Scope) -> tuple[str, tuple[str, ...], list[str]]:
-        """What ``of`` can name: in words, the sections, and the names."""
+    def _named(self, scope: Scope) -> tuple[str, list[str]]:
+        """What ``of`` can name: in words, and the names."""
         names = scope.names
         if self.what == "force":
             supports = [one.boundary for one in scope.case.support if isinstance(one.boundary, str)]
-            known = [*names["load"], *names["contact"], *supports]
-            return "load or contact or support", ("support",), known
+            return "load or contact or support", [*names("load"), *names("contact"), *supports]
         if self.what == "displacement":
             rigid = [one.name for one in scope.case.load if one.kind in ("platen", "obstacle")]
-            return "platen or obstacle load or probe", ("load",), [*rigid, *names["probe"]]
+            return "platen or obstacle load or probe", [*rigid, *names("probe")]
         section = "probe" if self.what == "von_mises" else "contact"
-        return section, (), list(names[section])
+        return section, list(names(section))

@@ -159,7 +159,7 @@ class Contact(BoundaryPart):
             yield Fault(("friction",), "bonding to a rigid obstacle is not possible", hint)
         elif self.master is not None and self.obstacle is None:
             yield from self._pair_faults(scope)
-        if self.interference is not None and self.name in scope.names["load"]:
+        if self.interference is not None and self.name in scope.names("load"):
             message = f'a load is called "{self.name}" too, which is ambiguous in stages'
             yield Fault(("name",), message)
         yield from self._law_faults(scope)

@@ -65,36 +65,25 @@ class GeometryInspector(Protocol):
 
 @dataclass(frozen=True)
 class Scope:
-    """The valid tables of a case. ``names`` are those of all items by section, also of invalid ones,
-    ``incomplete`` the sections with invalid parts, ``numbers`` those of the valid list items in the file,
-    ``geometries`` those of the valid shapes by body."""
+    """A case whose tables are valid by themselves, and the ``geometries`` of its valid shapes by body."""
 
     case: Case
-    names: Mapping[str, tuple[str, ...]]
-    incomplete: frozenset[str]
-    numbers: Mapping[str, tuple[int, ...]]
     geometries: Mapping[str, Geometry] = field(default_factory=dict)
 
     @property
     def strain(self) -> str:
-        """Small or finite strain, "" if the model is invalid."""
-        return self.case.model.strain if self.complete("model") else ""
+        """Small or finite strain."""
+        return self.case.model.strain
 
     @property
     def confined(self) -> bool:
-        """Whether out-of-plane strains are prescribed; False if the model is invalid."""
-        return self.complete("model") and self.case.model.confined
+        """Whether out-of-plane strains are prescribed."""
+        return self.case.model.confined
 
-    def complete(self, *sections: str) -> bool:
-        """Whether all items of the sections are valid, so that something missing there is missing."""
-        return self.incomplete.isdisjoint(sections)
-
-    def in_file(self, path: KeyPath) -> KeyPath:
-        """The path in the file of a path in the case."""
-        match path:
-            case (str(section), int(number), *rest) if section in self.numbers:
-                return (section, self.numbers[section][number], *rest)
-        return path
+    def names(self, section: str) -> tuple[str, ...]:
+        """The names of all items of a section."""
+        items = getattr(self.case, section)
+        return tuple(items) if isinstance(items, dict) else tuple(item.name for item in items)
 
     def refused(self, given: object, key: KeyPath, what: str, hint: str) -> Iterator[Fault]:
         """A fault if something is ``given`` that finite strain does not support."""

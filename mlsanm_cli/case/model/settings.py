@@ -52,7 +52,7 @@ class Mls(Section):
                 yield Fault(("neighbors",), f"{self.neighbors} nodes are too many {of}", hint)
         square = self.scheme != "least-squares"
         yield from scope.refused(square, ("scheme",), f'"{self.scheme}"', '"least-squares"')
-        if square and scope.strain == "small" and scope.complete("contact") and not scope.case.is_regularized:
+        if square and scope.strain == "small" and not scope.case.is_regularized:
             yield Fault(("scheme",), f'"{self.scheme}" needs the hyperbolic contact law', '"least-squares"')
         yield from scope.refused(self.degree == 1, ("degree",), "degree 1", "at least 2")
 
@@ -101,11 +101,9 @@ class Solver(Section):
     """Direct solver: `"auto"` is the built-in sparse Cholesky factorisation."""
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
-        if scope.strain == "finite" and self.method == "active-set" and not scope.names["contact"]:
+        if scope.strain == "finite" and self.method == "active-set" and not scope.case.contact:
             yield Fault(("method",), '"active-set" needs a contact', '"anm" or "newton"')
         law = scope.case.touching[0].regularization.law if scope.case.touching else None
-        if law is None and not scope.complete("contact"):
-            return
         fitting = {"anm": "hyperbolic", "newton": "hyperbolic", "active-set": "exact"}.get(self.method, law)
         if law not in (None, fitting):
             hint = f'law = "{fitting}" in [contact.regularization], or method = "auto"'
@@ -165,7 +163,7 @@ class Output(Section):
             if times > 1:
                 yield Fault(("fields",), f'"{field}" is listed {times} times')
         stages = len(scope.case.stage)
-        for index, position in enumerate(self.at if scope.complete("stage") else ()):
+        for index, position in enumerate(self.at):
             if not 0.0 <= position <= stages:
                 message = f"{position:g} is outside the path, which goes from 0 to {stages}"
                 yield Fault(("at", index), message, "a position is the stage index + fraction")

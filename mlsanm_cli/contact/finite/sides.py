@@ -13,7 +13,6 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.cloud.joined import corners_of
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.finite.meeting import by_component
 from mlsanm_cli.contact.finite.node_curve import NodeCurve
@@ -70,7 +69,7 @@ class ContactSide:
             found[cloud.surfaces[name].index] |= any(components)
         found[list(nodes)] = True
         ends = (0, len(surface.index) - 1)
-        known = {int(np.argmin(np.abs(surface.arc_length - one))) for one in corners_of(surface.curve)}
+        known = {int(np.argmin(np.abs(surface.arc_length - one))) for one in surface.curve.corners}
         return cls(
             body,
             tuple((part.name, numbers) for part, numbers in surface.members),

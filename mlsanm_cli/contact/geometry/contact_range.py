@@ -10,6 +10,7 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.geometry.facing import Facing
 from mlsanm_cli.contact.geometry.grid import Hats
+from mlsanm_cli.contact.geometry.unfolding import Planes
 from mlsanm_cli.mechanics.corner import Corner
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
@@ -22,9 +23,9 @@ class ContactRange:
     """A contact's range from ``first`` to ``last``.
 
     ``nearest`` is the coordinate of the smallest gap, ``centers`` the points in hollows at which near fields
-    end, ``corners`` those of both bodies that pressures may approach, ``places`` the number of local minima
-    of the gap. An end is ``whole`` if one of the surfaces ends there, so that pressures may reach it, or if
-    the range closes on itself, all ``around``.
+    end, ``corners`` those of both bodies that pressures may approach, ``planes`` those of symmetry at its
+    ends, ``places`` the number of local minima of the gap. An end is ``whole`` if one of the surfaces ends
+    there, so that pressures may reach it, or if the range closes on itself, all ``around``.
     """
 
     facing: Facing
@@ -33,6 +34,7 @@ class ContactRange:
     nearest: float
     centers: tuple[complex | None, complex | None]
     corners: tuple[tuple[Corner, ...], tuple[Corner, ...]]
+    planes: Planes
     whole: tuple[bool, bool]
     places: int = 1
     around: bool = False

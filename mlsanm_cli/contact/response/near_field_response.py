@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.contact.geometry.clusters import Chain, Clusters
+from mlsanm_cli.contact.geometry.clusters import Chain
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.compressed import Compressed, as_array, compressed
@@ -105,13 +105,12 @@ def with_singular(
         return replace(linear, pressure=as_array(more))
     count = len(grid.hats.place)
     means = 1.0 / grid.hats.weight[:, None]
-    own = grid.directions[which]
 
     def by(other: int) -> FloatArray:
-        total = grid.pairs.integrals(log, turn, own, grid.directions[other])
+        total = grid.singular_integrals(log, turn, which, other)
         for _, slave, _ in pairing.sides:
             total += grid.cornered(slave, which, other)
-        return means * (total @ grid.deviation(np.eye(count)) if grid.covers else total)
+        return means * (total @ grid.deviation(np.eye(count), other) if grid.evened[other] else total)
 
     linear.pressure[:count, drivers.spans[pairing.name]] += by(0)
     if pairing.friction:
@@ -137,8 +136,7 @@ def _compressed(
 ) -> Compressed:
     """The ``smooth`` part of a contact's compressed compliance with the singular part added; ``first`` is the
     index of its first pressure."""
-    clusters, along = Clusters.of(grid.pairs), grid.directions[0]
-    near, far = clusters.near(*tensors, along), clusters.beyond(*tensors, along)
+    near, far = grid.singular_chains(*tensors)
     cornered: list[Chain] = [
         (seen, compliance, sparse.csr_array(acting.T))
         for _, slave, _ in pairing.sides

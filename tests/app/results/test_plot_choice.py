@@ -13,7 +13,7 @@ from PIL import Image
 from mlsanm_cli.app.check import check
 from mlsanm_cli.app.results import plot as plot_module
 from mlsanm_cli.app.results.choice import Choice
-from mlsanm_cli.app.results.curves import load_words, loop_picture, path_picture, traction_picture
+from mlsanm_cli.app.results.curves import loop_picture, path_picture, traction_picture
 from mlsanm_cli.app.results.marks import marks_at
 from mlsanm_cli.app.results.plot import pictures, plot
 from mlsanm_cli.app.run import run as run_case
@@ -98,13 +98,6 @@ def test_units_are_labels_and_change_nothing(tmp_path: Path, drawn: list[Any]) -
     below = pressure.panels[-1]
     assert (below.x_label, pressure.panels[0].y_label) == ("distance from the middle [mm]", "pressure [MPa]")
     assert force.panels[0].y_label == "contact force per unit thickness [N/mm]"
-
-
-def test_stages_and_loads_are_told_in_titles(bar_run: Path) -> None:
-    run = read_run(bar_run)
-    case = stored_case(run.case_resolved)
-    assert load_words(run, case, 0.5) == "stage 1 of 2, pull x 0.5"
-    assert load_words(run, case, 1.25) == "stage 2 of 2, squeeze x 0.25"
 
 
 def test_stress_along_a_boundary_is_the_pressure_there(hertz_run: Path, drawn: list[Any]) -> None:

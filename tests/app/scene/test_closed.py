@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from benchmarks.formulas.lame import LameRing, press_fit
-from mlsanm_cli.cloud.curves import Segment
-from mlsanm_cli.contact.geometry.facing import Facing
-from mlsanm_cli.contact.geometry.obstacles import Chain
 from mlsanm_cli.io.run_reader import read_run
-from mlsanm_cli.solve.direction_updates import _seen
 from tests.app.scenes import done, prepared, solve
 from tests.case_text import body_force, disk, polygon, scene, support
 
@@ -187,14 +182,3 @@ def test_a_round_obstacle_presses_perpendicular_to_a_flat_body(nose: dict[str, A
     # The slope of a cantilever under its load, with shear, which takes part of the deflection.
     shear = 0.3 * 70e3 / (70e3 / 2.66 * 5.0 / 6.0) * (2.0 / 17.0) ** 2 / 4.0 * 3.0
     assert across / along == pytest.approx(1.5 * 0.3 / 17.0 / (1.0 + shear), rel=0.02)
-
-
-def test_at_the_tip_of_a_wedge_directions_are_those_of_both_sides() -> None:
-    chain = Chain(np.array([[-15.0, 1.0], [0.0, 0.0], [15.0, 1.0]]))
-    facing = Facing(Segment((30.0, 0.0), (-30.0, 0.0)), None, chain)
-    grid: Any = SimpleNamespace(first=0.0, last=60.0, facing=facing)
-    pressed = np.linspace(29.5, 30.5, 40)
-    slope = np.arctan(1.0 / 15.0)
-    assert _seen(grid, 30.0, pressed, np.ones(40))[0] == pytest.approx(0.0, abs=1e-9)
-    share = np.where(pressed > 30.0, 3.0, 1.0)
-    assert abs(_seen(grid, 30.0, pressed, share)[0]) == pytest.approx(0.5 * slope)

@@ -220,23 +220,6 @@ def test_a_disk_as_far_from_its_hole_all_around_is_pushed_to_its_wall(tmp_path: 
     assert summary["contacts"]["hole"]["force"] == pytest.approx([2e-3 * np.pi, 1e-3 * np.pi], rel=1e-4)
 
 
-def test_a_smaller_disk_between_plates_stays_where_it_is_drawn(tmp_path: Path) -> None:
-    # Nothing presses on it, and what presses on the others is in balance wherever it is.
-    text = scene("strain", E=1.0).body("lid", "steel", 0.5, box=([-1.5, 6.5], [2, 3]))
-    text = text.load("press", "lid.top", "platen", ux=0.0, fy=-0.006)
-    for name, x, radius in (("left", 0.0, 1.0), ("small", 2.5, 0.9), ("right", 5.0, 1.0)):
-        text = text.body(name, "steel", 0.5, disk=([x, radius], radius))
-        text = text.contact(f"{name}-lid", f"{name}.arc", "lid.bottom", **PRECISION)
-        text = text.contact(f"{name}-floor", f"{name}.arc", obstacle=FLOOR, **PRECISION)
-    summary = done(text, tmp_path / "run")
-    forces = {name: one["force"][1] for name, one in summary["contacts"].items()}
-    assert forces["left-floor"] == pytest.approx(0.003, rel=1e-3)
-    assert forces["right-lid"] == pytest.approx(-0.003, rel=1e-3)
-    assert (forces["small-lid"], forces["small-floor"]) == (0.0, 0.0)
-    small = read_run(tmp_path / "run").states[-1].bodies["small"]["displacement"]
-    assert np.abs(small).max() < 1e-9
-
-
 def test_surfaces_that_overlap_as_drawn_are_told(tmp_path: Path) -> None:
     """Nothing is said where an overlap is given as one."""
     held = BLOCK.changed('kind = "traction"\ntraction = [0.0, -0.001]', 'kind = "platen"\nuy = -0.001')

@@ -14,7 +14,6 @@ from mlsanm_cli.app.results.fields import boundary_edges
 from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.run import run
 from mlsanm_cli.app.scene import clouds
-from mlsanm_cli.app.scene.load_spacing import resolved_sizes
 from mlsanm_cli.cloud.sight import triangulate, visibility_criterion
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.runs import warned
@@ -46,14 +45,6 @@ def test_a_pressure_ends_within_a_side(strip: dict[str, Any], tmp_path: Path) ->
     exact = [-(angle + math.sin(angle)) / math.pi for angle in angles]
     found = [probe["stress"][1] for probe in summary["probes"].values()]
     assert found == pytest.approx(exact, abs=0.01)
-
-
-def test_spacings_resolve_what_is_not_linear() -> None:
-    x = np.linspace(-1.0, 1.0, 129)
-    assert (resolved_sizes(x[:, None], 2.0, 0.5) == 0.5).all()
-    sizes = resolved_sizes(np.exp(-((x / 0.1) ** 2))[:, None], 2.0, 0.5)
-    assert sizes[[0, -1]].tolist() == [0.5, 0.5]
-    assert 0.01 < sizes.min() < 0.03
 
 
 def test_a_smooth_plate_on_a_part_of_a_side(tmp_path: Path) -> None:

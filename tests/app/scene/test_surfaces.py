@@ -13,14 +13,12 @@ from mlsanm_cli.app.scene.clouds import clouds
 from mlsanm_cli.app.scene.contact_pairs import pair
 from mlsanm_cli.app.scene.facing import check_tips
 from mlsanm_cli.app.scene.imported import load_with_files
-from mlsanm_cli.app.scene.outlines import drawn
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import OutlineShape
 from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.runs import warned
 from tests.app.scene.test_imported import PULLED, polar_plate, write_gmsh
-from tests.app.scenes import done, hertz, prepared, refused, solve
+from tests.app.scenes import done, hertz, refused, solve
 from tests.case.scenes import parse
 from tests.case_text import EXACT, FLOOR, Scene, polygon, scene
 
@@ -39,12 +37,6 @@ def pad(radius: float, slave: Any = FOOT, master: Any = "block.top", spacing: fl
         .load("press", "pad.top", "platen", ux=0.0, fy=-5.0)
         .contact("foot", slave, master, accuracy=0.02, regularization=EXACT)
     )
-
-
-def test_ranges_go_on_where_the_outline_does() -> None:
-    """Pressures may reach the ends of edges that pass smoothly into free sides."""
-    limits = prepared(pad(0.3), "body.pad.spacing=0.2").ranges["foot"]
-    assert limits.last - limits.first > 2.0 * (0.7 + 0.7 * 0.5 * np.pi * 0.3)
 
 
 def pressed(directory: Path, name: str) -> tuple[FloatArray, FloatArray]:
@@ -66,16 +58,6 @@ def test_a_pad_touches_with_its_face_and_its_rounded_corners(tmp_path: Path) -> 
     points, pressure = pressed(tmp_path / "pad", "foot")
     even = np.interp(-points[:, 0], points[:, 0], pressure)
     assert np.abs(even - pressure).max() < 0.02 * pressure.max()
-
-
-@pytest.mark.parametrize("slave", ["pad.bottom", "block.top"])
-@pytest.mark.parametrize("spacing", [0.13, 0.2])
-def test_flat_faces_press_along_the_one_without_roundings(slave: str, spacing: float) -> None:
-    """The pressed pad's face is as flat as the block where they touch, and its roundings belong to it."""
-    master = "block.top" if slave == "pad.bottom" else "pad.bottom"
-    facing = prepared(pad(0.3, slave, master, spacing)).ranges["foot"].facing
-    normal = facing.normal(facing.locate(np.stack([np.linspace(-0.9, 0.9, 7), np.zeros(7)], axis=1)))
-    assert np.abs(normal - [0.0, 1.0 if slave == "pad.bottom" else -1.0]).max() < 1e-12
 
 
 @pytest.mark.parametrize("side", ["slave", "master"])
@@ -213,20 +195,6 @@ def test_a_pressure_and_a_contact_share_a_surface(tmp_path: Path) -> None:
     assert found["forces"]["fluid"] == pytest.approx([0.0, 8.0])
     with pytest.raises(CaseError, match="acts on the contact surface"):
         solve(text.support("pad.bottom", ux=0.0), tmp_path / "no")
-
-
-@pytest.mark.parametrize("start", [0.0, 0.5 * np.pi])
-def test_a_closed_curve_begins_at_its_top_wherever_its_points_do(start: float) -> None:
-    angle = start + np.linspace(0.0, 2.0 * np.pi, 25)
-    points = [[float(x), float(y)] for x, y in zip(np.cos(angle), np.sin(angle), strict=True)]
-    sides = [{"name": "skin", "points": points}]
-    text = HEAD.body("block", "steel", 0.2, {"kind": "outline", "sides": sides})
-    text = text.support("block.skin", ux=0.0, uy=0.0).body_force("own", "block", [0.0, -1.0])
-    shape = parse(text).case.body[0].shape
-    assert isinstance(shape, OutlineShape)
-    (curve,) = drawn(shape).curves
-    assert curve.points(np.zeros(1))[0] == pytest.approx((0.0, 1.0))
-    assert curve.closed
 
 
 def standing(on: float, **part: list[float]) -> Scene:
