@@ -218,15 +218,12 @@ class Material(Section):
         elif self.form == "stiffness" and not scope.confined:
             hint = "give the constants of an orthotropic material, with nu13 and nu23"
             yield Fault(("stiffness",), "leaves the thickness at finite strain unknown in plane stress", hint)
-        elif scope.confined and self.law in LOCKING and (self.nu or 0.0) > MAX_PLANE_STRAIN_NU:
-            hint = (
-                f"at most {MAX_PLANE_STRAIN_NU:.3f} in plane strain, or a law of rubber, such as neo-hookean"
-            )
-            what = f"{self.nu:g}: a nearly incompressible material"
-            yield from scope.refused(True, ("nu",), f'{what} of law "{self.law}"', hint)
-        elif self.nu is not None and self.nu > MAX_NU:
-            what = "0.5: an incompressible material" if self.nu == 0.5 else f"{self.nu:g}: it"
-            yield from scope.refused(True, ("nu",), what, f"at most {MAX_NU:g}")
+        elif self.nu is not None:
+            locks = scope.confined and self.law in LOCKING
+            limit = MAX_PLANE_STRAIN_NU if locks else MAX_NU
+            hint = f"at most {limit:.4g}{', or a law of rubber, such as neo-hookean' if locks else ''}"
+            what = f"{self.nu:g}: an incompressible material"
+            yield from scope.refused(self.nu > limit, ("nu",), what, hint)
 
     def _stiffness_faults(self, confined: bool) -> Iterator[Fault]:
         if self.stiffness is not None:
