@@ -29,7 +29,7 @@ from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.output.analysis import Analysis, BodyFields
 from mlsanm_cli.app.output.parts import ContactNodes
 from mlsanm_cli.app.output.views import Views, shown_fields
-from mlsanm_cli.app.scene.assemble import SceneModel
+from mlsanm_cli.app.scene.assemble import NOTHING, SceneModel
 from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
@@ -71,20 +71,11 @@ def set_up(
 class SmallStrain(Analysis):
     """The analysis at small strain; the clouds may be those of a ``refinement`` of an earlier process."""
 
-    def __init__(
-        self,
-        case: Case,
-        prepared: SceneModel,
-        context: RunContext,
-        refinement: Refinement | None = None,
-    ) -> None:
-        super().__init__(case, prepared, context)
-        self._known = refinement
-        self._adapted: Adapted | None = None
-        self._first: State | None = None
-        self._stressed: tuple[State, Mapping[str, Fields]] | None = None
-        self._energies: EnergyErrors | None = None
-        self._peaks: Mapping[str, Mapping[str, Any]] = {}
+    _adapted: Adapted | None = None
+    _first: State | None = None
+    _stressed: tuple[State, Mapping[str, Fields]] | None = None
+    _energies: EnergyErrors | None = None
+    _peaks: Mapping[str, Mapping[str, Any]] = NOTHING
 
     @property
     def _built(self) -> CondensedScene:
@@ -101,7 +92,7 @@ class SmallStrain(Analysis):
     def set_up(self, verdicts: Verdicts) -> None:
         """Condenses and refines the scene."""
         self.announce(verdicts)
-        adapted = set_up(self.case, self.prepared, self.context, verdicts, self._known)
+        adapted = set_up(self.case, self.prepared, self.context, verdicts, self.known)
         self._adapted, self.prepared = adapted, adapted.prepared
         if adapted.refined:
             self.quality = assess(self.case, adapted.prepared, self.context.memo)
@@ -182,6 +173,9 @@ class SmallStrain(Analysis):
             with self.context.phase("estimate"):
                 accuracy = with_friction(self._built, accuracy, last, self.context.memo)
         return replace(self._adapted, accuracy=accuracy.with_energies(self._energies))
+
+    def finer(self, tally: Mapping[str, Any], failure: NumericalError | None) -> None:
+        """None: clouds are refined before the path is followed."""
 
     @property
     def refinement(self) -> Mapping[str, Any]:
@@ -288,7 +282,7 @@ class SmallStrain(Analysis):
     @property
     def notes(self) -> Iterator[str]:
         """Notes on factorisations."""
-        return iter(()) if self._adapted is None else factor_notes(self._built.scene)
+        return factor_notes(self._built.scene) if self._adapted else iter(())
 
     def sizes(self, tally: Mapping[str, Any]) -> dict[str, Any]:
         """Numbers of nodes, unknowns and factorisations; passes of the refinement."""
