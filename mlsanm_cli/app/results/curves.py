@@ -37,8 +37,8 @@ from mlsanm_cli.io.plots.curves import (
     visible_range,
 )
 from mlsanm_cli.io.plots.figures import COLOURS, REFERENCE_LINE
+from mlsanm_cli.io.run_file import force_on_slave
 from mlsanm_cli.io.run_reader import Dataset, RunData
-from mlsanm_cli.io.summary import force_on_slave
 from mlsanm_cli.roundoff import ROUND_OFF
 
 MAX_LEVELS = 6
