@@ -13,7 +13,7 @@ interpolated to any number of pressures and gaps. At planes of symmetry all of i
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from itertools import product
 
@@ -37,6 +37,7 @@ from mlsanm_cli.mechanics.near_field import (
     by_component,
 )
 from mlsanm_cli.mechanics.symmetry import Image, images_of
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, FINE_ROUND_OFF, ROUND_OFF
 
 DIFFERENCE_STEP = 1e-4
