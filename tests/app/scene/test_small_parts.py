@@ -24,11 +24,7 @@ E, ALPHA, WIDTH = 1000.0, 1e-5, 0.5
 HALF, DEPTHS = 0.2, (0.25, 0.5, 1.0)
 STRIP: dict[str, Any] = {"from_": [-HALF, 0.0], "to": [HALF, 0.0]}
 PART: dict[str, Any] = {"from_": [-0.3, 0.0], "to": [0.3, 0.0]}
-BLOCK = (
-    scene("strain", "m", E=E)
-    .body("block", "m", box=([-10, 10], [-10, 0]))
-    .support("block.bottom", ux=0.0, uy=0.0)
-)
+BLOCK = scene("strain", "m", E=E).body("block", "m", box=([-10, 10], [-10, 0]), clamped="bottom")
 """A hundred times as wide as what is loaded."""
 
 
