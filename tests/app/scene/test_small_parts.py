@@ -54,9 +54,7 @@ def test_a_smooth_plate_on_a_part_of_a_side(tmp_path: Path) -> None:
     assert stress[1] == pytest.approx(exact, rel=0.015)
 
 
-@pytest.mark.parametrize(
-    ("stiffness", "force"), [(100.0, 0.43627), (1000.0, 2.1238), (5000.0, 3.2540), (1e6, 3.8023)]
-)
+@pytest.mark.parametrize(("stiffness", "force"), [(100.0, 0.43627), (1000.0, 2.1238), (1e6, 3.8023)])
 def test_springs_along_a_part_of_a_side_that_is_pulled(
     stiffness: float, force: float, tmp_path: Path
 ) -> None:
