@@ -238,7 +238,7 @@ def _at_a_tip(name: str, cloud: Cloud, error: NumericalError) -> NumericalError:
     angle, (x, y) = np.degrees(cloud.acute[corner]), cloud.points[corner]
     return NumericalError(
         f"body {name}: the corner of {angle:.3g} degrees at ({x:.6g}, {y:.6g}) is too acute: {error.message}",
-        f"round it (body.{name}.shape.rounding), or cut its tip off",
+        "round it, or cut its tip off",
     )
 
 

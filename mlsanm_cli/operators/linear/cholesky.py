@@ -136,7 +136,8 @@ def verified_or_superlu(factor: Factor | None, matrix: Matrix, points: FloatArra
     if not _accurate(matrix, other):
         raise NumericalError(
             "the elastic system of a body is singular to working precision",
-            "a body may be able to move freely, or its cloud may be too coarse for mls.degree",
+            "a body may move freely, or its cloud be too coarse for mls.degree or Poisson's ratio: "
+            'try mls.degree = 2, or solver.linear = "superlu"',
         )
     return replace(
         other, note="the equations are not positive definite to working precision; SuperLU factorised them"
