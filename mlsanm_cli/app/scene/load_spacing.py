@@ -14,7 +14,7 @@ import numpy as np
 
 from mlsanm_cli.app.scene.conditions import conditions
 from mlsanm_cli.app.scene.contact_spacing import SMOOTH
-from mlsanm_cli.app.scene.default_spacing import GROWTH, LEVELS, even_ranges, zone_at
+from mlsanm_cli.app.scene.default_spacing import GROWTH, LEVELS, banded, zone_at
 from mlsanm_cli.app.scene.load_profiles import LoadProfile, profiles, runs_of
 from mlsanm_cli.app.scene.outlines import drawn
 from mlsanm_cli.arrays import FloatArray
@@ -104,9 +104,7 @@ def _varying_zones(profile: LoadProfile, far: float) -> Iterator[Zone]:
         near = np.abs(0.5 * (arc[1:] + arc[:-1]) - jump) < 0.5 * apart
         sizes = np.where(near, np.maximum(sizes, least), sizes)
         yield zone_at(curve.points(np.array([jump]))[0], least)
-    for low, high in even_ranges(sizes):
-        if sizes[low] < far:
-            yield Zone(curve.part(float(arc[low]), float(arc[high])), float(sizes[low]), 0.0, GROWTH)
+    yield from banded(curve, sizes, far)
 
 
 def resolved_sizes(values: FloatArray, length: float, far: float) -> FloatArray:
