@@ -33,11 +33,12 @@ displacements that alternate from node to node."""
 PER_ROOT, PER_ROOT_DISTANCE = 20.0, 14.0
 """Spacings along sides between two corners that point into the material, and at such corners over their
 distance across the material: fits then know the fields of both corners."""
-ROOT_RATIO = 4.0
-"""The coarse spacing over that at corners that point into the material: what is lost there, other than at its
-mirror image by another cloud, bends a body that should not."""
-MIN_SIDE_RATIO, MIN_ROOT_RATIO = 1.0 / 64.0, 1.0 / 256.0
-"""Least spacing at short sides over the coarse one, and at such roots."""
+SINGULAR_RATIO = 4.0
+"""The coarse spacing over that where stresses are unbounded: at corners that point into the material, ends of
+clamped sides and of bonds. What is lost there, other than at its mirror image by another cloud, bends a body
+that should not."""
+MIN_SPACING = 2.0**-14
+"""Least spacing relative to that far away: with 6e-6 of it factors lose their digits."""
 SAMPLES, PER_POINT = 200, 4
 """Samples along a curve, and at least for each of its data points."""
 LEVELS, TURN_RATIO, WIDTH_RATIO = 12, 2.0**-0.5, 2.0**-0.25
@@ -121,9 +122,9 @@ def arc_zones(outline: Outline, far: float, finer: float = 1.0) -> Iterator[Zone
     roots = {before for before, _ in corners.values() if before in corners}
     for number, curve in enumerate(outline.curves):
         if isinstance(curve, Segment):
-            parts, least = (PER_ROOT, MIN_ROOT_RATIO) if number in roots else (1.0, MIN_SIDE_RATIO)
+            parts = PER_ROOT if number in roots else 1.0
             if curve.length < parts * far:
-                yield Zone(curve, max(curve.length / parts, least * far), 0.0, GROWTH)
+                yield Zone(curve, max(curve.length / parts, MIN_SPACING * far), 0.0, GROWTH)
         elif isinstance(curve, Arc):
             fine = curve.radius / (PER_RADIUS * finer if curve.sweep > 0.0 else PER_CONCAVE_RADIUS * finer**2)
             if fine < far:
@@ -191,7 +192,7 @@ def root_zones(outline: Outline, far: float, touching: Sequence[Curve] | None) -
         if touching is not None and all(
             np.hypot(*way) > COARSE_ROUND_OFF * curve.length for curve, way in away
         ):
-            fine = min(fine, far / ROOT_RATIO)
+            fine = min(fine, far / SINGULAR_RATIO)
         if fine < far:
             yield zone_at(place, fine)
 
