@@ -28,7 +28,7 @@ from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.files import locked
 from mlsanm_cli.io.run_file import Attribute
 from mlsanm_cli.io.run_reader import RunData, read_origin
-from mlsanm_cli.io.summary import read_json
+from mlsanm_cli.io.summary import read_summary
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.stopping import Stopper
 
@@ -185,7 +185,7 @@ def resume(rundir: Path, *, max_wall: float | None = None, console: Console) -> 
         ended = origin.status if summary_file.is_file() else "running"
         if ended == "done":
             console.note(f"the run in {rundir} is complete, there is nothing to resume")
-            return {**read_json(summary_file), "directory": str(rundir)}
+            return {**read_summary(summary_file), "directory": str(rundir)}
         if ended == "failed":
             raise RunError(
                 f"the run in {rundir} failed, and resuming would repeat the failure",

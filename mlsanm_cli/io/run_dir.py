@@ -195,7 +195,7 @@ def _is_run(file: Path) -> bool:
             return "mlsanm_version" in root.attrs
     except PermissionError as error:
         raise RunError(f"{file} cannot be read: no permission", hint="use another --out") from error
-    except (OSError, KeyError, ValueError, RuntimeError, TypeError):
+    except (OSError, LookupError, ValueError, RuntimeError, TypeError, MemoryError):
         return file.stat().st_size == 0 or bool(h5py.is_hdf5(file))
 
 

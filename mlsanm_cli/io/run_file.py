@@ -90,8 +90,8 @@ class RunFile(Closing):
             image = h5py.h5f.open_file_image(path.read_bytes(), flags=h5py.h5f.FILE_IMAGE_OPEN_RW)
             file = h5py.File(image)
             # Everything is read, as it will be written again.
-            file.visititems(lambda name, found: None)
-        except (OSError, RuntimeError, ValueError, KeyError) as error:
+            file.visititems(_read_data)
+        except (OSError, RuntimeError, ValueError, LookupError, TypeError, MemoryError) as error:
             raise RunError(f"{path} cannot be read: {error}", "run the case again with --force") from error
         run = cls(path, file)
         run.add(attributes={"": {"status": "running", **attributes}})
@@ -208,6 +208,9 @@ class RunFile(Closing):
             del group[own]
         if isinstance(value, list):
             group.create_dataset(own, data=np.array(value, dtype=object), dtype=h5py.string_dtype())
+        elif isinstance(value, np.ndarray) and value.size and value.ndim:
+            # In one piece: only pieces have checksums.
+            group.create_dataset(own, data=value, chunks=value.shape, fletcher32=True)
         else:
             group.create_dataset(own, data=value)
 
@@ -225,6 +228,7 @@ class RunFile(Closing):
                 data=values,
                 # HDF5 requires chunks of at least one entry, no longer than a bounded axis.
                 chunks=(chunk, *(max(one, 1) for one in tail)),
+                fletcher32=True,
                 maxshape=(None, *(one or None for one in tail)),
             )
             return len(values)
@@ -244,6 +248,12 @@ class RunFile(Closing):
             above, _, own = name.rpartition("/")
             self._group(above).create_group(own, track_order=True)
         return self._file[name or "/"]
+
+
+def _read_data(name: str, item: Any) -> None:
+    """Reads a dataset. Raises OSError if its checksum is wrong."""
+    if isinstance(item, h5py.Dataset):
+        item[()]
 
 
 def _array(value: Any) -> NDArray[Any]:

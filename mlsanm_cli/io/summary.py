@@ -28,15 +28,35 @@ def write_json_atomic(path: Path, mapping: Mapping[str, Any]) -> None:
     write_text(path, text + "\n")
 
 
-def read_json(path: Path) -> dict[str, Any]:
-    """Reads a mapping written by `write_json_atomic`. Raises RunError if that fails."""
+DEPTHS = {
+    **dict.fromkeys(("contacts", "probes", "peak_stress"), 2),
+    **dict.fromkeys(("forces", "error_estimate", "quality", "limits", "seconds"), 1),
+}
+"""Entries of a summary that are mappings, 1, and mappings of mappings, 2."""
+
+
+def read_summary(path: Path) -> dict[str, Any]:
+    """Reads the summary of a run. Raises RunError if that fails, or if it is damaged."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise RunError(f"{path} cannot be read: {error}", hint="remove it; run.h5 holds the run") from error
-    if not isinstance(content, dict):
+    if not _is_summary(content):
         raise RunError(f"{path} is not the summary of a run", hint="remove it; run.h5 holds the run")
-    return content
+    return dict(content)
+
+
+def _is_summary(content: Any) -> bool:
+    """Whether a mapping has mappings where those of runs have them."""
+    if not isinstance(content, dict):
+        return False
+    for name, depth in DEPTHS.items():
+        values = [content.get(name) or {}]
+        for _ in range(depth):
+            if not all(isinstance(value, dict) for value in values):
+                return False
+            values = [inner for value in values for inner in value.values()]
+    return all(isinstance(content.get(name) or [], list) for name in ("warnings", "checks"))
 
 
 def toml_text(mapping: Mapping[str, Any]) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.mechanics.corner_faces import LOG_STEP, Face, FaceForces, smooth_step
 from mlsanm_cli.mechanics.near_field import SURFACE_INSET, ComplexArray, SurfaceForces, summed, traction
-from mlsanm_cli.mechanics.symmetry import SymmetryPlane
+from mlsanm_cli.mechanics.symmetry import Image
 from mlsanm_cli.mechanics.wedge import Wedge, interpolated
 from mlsanm_cli.roundoff import FINE_ROUND_OFF, ROUND_OFF
 
@@ -81,10 +81,9 @@ class Corner:
         """Distances (e,) of points on the first face from the tip."""
         return self.faces[0].distance(z)
 
-    def reflected(self, away: FloatArray, plane: SymmetryPlane) -> FloatArray:
-        """Distances (e,) of the images of points at distances ``away`` (e,) behind a plane of symmetry at the
-        other end of the face."""
-        return np.asarray(2.0 * self.distance(np.array([plane.point])) - away)
+    def reflected(self, away: FloatArray, image: Image) -> FloatArray:
+        """Distances (e,) of the images of points at distances ``away`` (e,), reflected at the face's end."""
+        return np.asarray(2.0 * self.distance(np.array([image.point])) - away)
 
     def cleared(self, z: ComplexArray, normal: ComplexArray) -> tuple[BoolArray, BoolArray]:
         """Masks (e,) of points with outward normals on the first face, and on the second face freed of all
@@ -149,39 +148,39 @@ class Corner:
         return tuple(found)
 
     def with_images(
-        self, away: FloatArray, force: FloatArray, planes: Sequence[SymmetryPlane]
+        self, away: FloatArray, force: FloatArray, images: Sequence[Image]
     ) -> tuple[FloatArray, FloatArray]:
         """Distances (k + i,), and forces (k + i, 2, c), of forces (k, 2, c) at distances ``away`` (k,) and
-        their images behind ``planes``."""
-        places = [away, *(self.reflected(away, plane) for plane in planes)]
-        forces = [force, *(np.einsum("fd,kdc->kfc", plane.matrix, force) for plane in planes)]
+        their ``images``."""
+        places = [away, *(self.reflected(away, image) for image in images)]
+        forces = [force, *(np.einsum("fd,kdc->kfc", image.matrix, force) for image in images)]
         return np.concatenate(places), np.concatenate(forces)
 
-    def beyond_wedge(self, z: ComplexArray, planes: Sequence[SymmetryPlane] = ()) -> FloatArray:
+    def beyond_wedge(self, z: ComplexArray, images: Sequence[Image] = ()) -> FloatArray:
         """Displacements (k, k, 2, 2) of points ``z`` (k,) of the first face due to unit forces there, minus
-        :meth:`Wedge.compliance`, for curved faces; both reflected at ``planes`` of symmetry."""
+        :meth:`Wedge.compliance`, for curved faces; both with their ``images``."""
         count, x = len(z), np.maximum(self.distance(z), FINE_ROUND_OFF * self.length)
-        sources, forces = self.with_images(x, _unit(count), planes)
+        sources, forces = self.with_images(x, _unit(count), images)
         lines, total = self.face_forces(sources, forces), np.zeros((count, 2, 2 * count))
         identity = np.eye(2)
-        for number, plane in enumerate((None, *planes)):
-            seen = z if plane is None else plane.points(z)
+        for number, image in enumerate((None, *images)):
+            seen = z if image is None else image.points(z)
             at = sources[number * count : (number + 1) * count]
             moved = sum((line.displacement(seen) for line in lines), start=np.zeros_like(total))
             whole = [[self.wedge.compliance(at, sources, c, d) for d in (0, 1)] for c in (0, 1)]
             moved -= np.einsum("cdes,sdf->ecf", np.array(whole), forces)
-            total += np.einsum("cd,edf->ecf", identity if plane is None else plane.matrix, moved)
+            total += np.einsum("cd,edf->ecf", identity if image is None else image.matrix.T, moved)
         return _parted(total, count)
 
 
 @dataclass(frozen=True)
 class CorneredForces:
     """Unit forces on one face, as :class:`SurfaceForces`, with the densities that free the faces of the
-    ``corners`` at its ends of tractions; all of it with its images behind ``planes`` of symmetry."""
+    ``corners`` at its ends of tractions; all of it with its ``images`` at planes of symmetry."""
 
     own: SurfaceForces
     corners: tuple[Corner, ...]
-    planes: tuple[SymmetryPlane, ...] = ()
+    images: tuple[Image, ...] = ()
 
     @property
     def place(self) -> ComplexArray:
@@ -193,15 +192,15 @@ class CorneredForces:
         """Force densities and images behind walls at other angles, per corner."""
         unit, found = _unit(len(self.place)), list[tuple[FaceForces | Images, ...]]()
         for corner in self.corners:
-            both = corner.with_images(corner.distance(self.place), unit, self.planes)
+            both = corner.with_images(corner.distance(self.place), unit, self.images)
             found.append((*corner.face_forces(*both), *corner.images(*both)))
         return tuple(found)
 
     def displacement(self, z: ComplexArray) -> FloatArray:
         """Displacements (e, k, 2, 2) at points ``z`` (e,) other than those of the forces."""
         total = self._displacement(z)
-        for plane in self.planes:
-            total += plane.matrix @ self._displacement(plane.points(z))
+        for image in self.images:
+            total += image.matrix.T @ self._displacement(image.points(z))
         return total
 
     def _displacement(self, z: ComplexArray) -> FloatArray:
@@ -218,15 +217,14 @@ class CorneredForces:
         for corner in self.corners:
             z = corner.off_tip(z, normal)
         total = self.own.traction(z, normal, curvature)
-        for plane in self.planes:
-            image = plane.points(z), plane.directions(normal), curvature
-            total += plane.matrix @ self.own.traction(*image)
+        seen = [(image.points(z), image.directions(normal), curvature) for image in self.images]
+        for image, at in zip(self.images, seen, strict=True):
+            total += image.matrix.T @ self.own.traction(*at)
         for corner in self.corners:
             total[corner.cleared(z, normal)[1]] = 0.0
         total += self._by_corners(z, normal, curvature)
-        for plane in self.planes if self.corners else ():
-            image = plane.points(z), plane.directions(normal), curvature
-            total += plane.matrix @ self._by_corners(*image)
+        for image, at in zip(self.images, seen, strict=True) if self.corners else ():
+            total += image.matrix.T @ self._by_corners(*at)
         return total
 
     def _by_corners(self, z: ComplexArray, normal: ComplexArray, curvature: FloatArray) -> FloatArray:

@@ -45,13 +45,6 @@ def test_closest_point_beats_every_sample(curve: Curve, point: tuple[float, floa
     assert found <= sampled + 1e-12
 
 
-@given(curve=curves, fraction=st.floats(0.0, 1.0))
-def test_points_on_a_curve_find_their_own_arc_length(curve: Curve, fraction: float) -> None:
-    s = np.array([fraction * curve.length])
-    found = curve.closest(curve.points(s))
-    assert np.abs(curve.points(found) - curve.points(s)).max() <= 1e-12
-
-
 @given(curve=curves, fraction=st.floats(0.0, 0.99))
 def test_normals_are_the_tangent_turned_to_the_right(curve: Curve, fraction: float) -> None:
     # The material is on the left, so the outward normal is on the right.

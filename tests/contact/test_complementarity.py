@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
 from benchmarks.random_complementarity import KINDS, Example
-from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.complementarity.equilibrium import equilibrium
 from mlsanm_cli.contact.complementarity.history import State, follow, increment, unloaded
 from mlsanm_cli.contact.complementarity.problem import ContactStatus, Problem
 from mlsanm_cli.contact.complementarity.solution import opened, solve
 from mlsanm_cli.contact.complementarity.tracing import Ray
-
-Changed = tuple[Example, Callable[[FloatArray], FloatArray]]
-"""Another example, and the way back from its unknowns."""
-Change = Callable[[Example, np.random.Generator], Changed]
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -28,74 +22,6 @@ def test_small_problems_have_the_states_that_enumeration_finds(kind: str) -> Non
         exists, x = bool(example.states()), example.solved(rng)
         assert (x is not None) == exists
         assert x is None or example.accepts(x, 1e-7)
-
-
-def _transformed(example: Example, rows: FloatArray, columns: FloatArray, nodes: IntArray) -> Example:
-    """Rows and unknowns multiplied by matrices; friction ``nodes`` renumbered, coefficients unchanged."""
-    matrix = rows @ example.matrix @ columns
-    return Example(matrix, rows @ example.free, nodes, example.friction, example.m)
-
-
-def _swapped(example: Example, rng: np.random.Generator) -> Changed:
-    """The other body as slave: motions of the bodies against each other change their sign."""
-    sign = np.ones(len(example.free))
-    sign[example.contacts :] = -1.0
-    turn = np.diag(sign)
-    return _transformed(example, turn, turn, example.nodes), lambda x: sign * x
-
-
-def _reordered(example: Example, rng: np.random.Generator) -> Changed:
-    """Nodes, and with them nodes with friction, in another order."""
-    order, rubbing = rng.permutation(example.m), rng.permutation(len(example.nodes))
-    place = np.argsort(order)
-    whole = np.concatenate([order, example.m + rubbing, np.arange(example.contacts, len(example.free))])
-    changed = Example(
-        example.matrix[np.ix_(whole, whole)],
-        example.free[whole],
-        place[example.nodes][rubbing],
-        example.friction[rubbing],
-        example.m,
-    )
-    back = np.argsort(whole)
-    return changed, lambda x: x[back]
-
-
-def _turned(example: Example, rng: np.random.Generator) -> Changed:
-    """Motions along axes turned by 0.7 rad."""
-    count, turn = len(example.free), np.eye(len(example.free))
-    if count - example.contacts > 1:
-        c, s = np.cos(0.7), np.sin(0.7)
-        turn[count - 2 :, count - 2 :] = [[c, -s], [s, c]]
-    return _transformed(example, turn, turn.T, example.nodes), lambda x: turn.T @ x
-
-
-def _in_units(example: Example, rng: np.random.Generator) -> Changed:
-    """Lengths in units of 1/1000 and pressures of 1e-6."""
-    count, length, stress = example.contacts, 1e3, 1e6
-    rows, columns = np.full(len(example.free), length * stress), np.full(len(example.free), 1.0 / length)
-    rows[:count], columns[:count] = length, 1.0 / stress
-    changed = _transformed(example, np.diag(rows), np.diag(columns), example.nodes)
-    return changed, lambda x: columns * x
-
-
-@pytest.mark.parametrize("change", [_swapped, _reordered, _turned, _in_units])
-def test_states_do_not_depend_on_order_axes_or_units(
-    change: Callable[[Example, np.random.Generator], Changed],
-) -> None:
-    rng = np.random.default_rng(8)
-    compared = 0
-    while compared < 20:
-        example = Example.random(rng, "floating")
-        states = example.states()
-        if len(states) != 1:
-            continue
-        changed, back = change(example, rng)
-        x = changed.solved(rng)
-        assert x is not None
-        count = example.contacts
-        scale = np.abs(states[0][:count]).max(initial=1.0)
-        np.testing.assert_allclose(back(x)[:count], states[0][:count], atol=1e-8 * scale)
-        compared += 1
 
 
 def _block(

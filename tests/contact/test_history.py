@@ -122,19 +122,6 @@ def test_sliding_as_a_whole_is_named() -> None:
     assert events[-1].fraction == caught.value.fraction
 
 
-def test_loop_area_converges() -> None:
-    areas = []
-    for m in (40, 80, 160):
-        planes = half_planes(m)
-        states = planes.event_driven_path(PRESSED, UP, TURNED, UP)
-        work = [planes.condensed.weight @ state.work for state in states]
-        areas.append(work[3] - work[1])
-        # What the platen puts in over a closed loop is what friction takes out.
-        assert work[3] - work[1] == pytest.approx(2.0 * (work[2] - work[1]), rel=0.02)
-    assert abs(areas[2] - areas[1]) < abs(areas[1] - areas[0])
-    assert abs(areas[2] / areas[1] - 1.0) <= 0.05
-
-
 def test_an_overlap_as_drawn_pushes_apart() -> None:
     planes = half_planes(40)
     lower = replace(planes.condensed.gap, constant=planes.condensed.gap.constant - 1e-4)

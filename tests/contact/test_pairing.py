@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
-from mlsanm_cli.cloud.curves import Outline, Segment, annulus, disk, half_disk, rectangle
+from mlsanm_cli.cloud.curves import Outline, annulus, disk, half_disk, rectangle
 from mlsanm_cli.cloud.spacing import Spacing, Zone
-from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.geometry.pairing import MAX_FACING_COSINE, Pairing, pair_surfaces, spacing_ratio
 from mlsanm_cli.contact.geometry.transfer import surface_fit, transfer
+from tests.cloud.shapes import polygon
 
 BLOCK = rectangle((-2.0, 2.0), (-1.0, 0.0))
 
@@ -153,36 +153,29 @@ def test_a_contact_hands_on_forces_to_where_gaps_are_measured(lower: Outline, ma
 @pytest.mark.parametrize("angle", [0.0, 0.5, 1.0, 1.5])
 def test_where_a_circle_begins_makes_no_difference(angle: float) -> None:
     # The disk's arc begins at its top; the block lies below, next to or, turned by pi, on that very place.
-    turn = angle * math.pi
-    away = np.array([math.sin(turn), -math.cos(turn)])
+    away = np.array([math.sin(angle * math.pi), -math.cos(angle * math.pi)])
     along = np.array([-away[1], away[0]])
+    low, high = (away + side * along for side in (-0.5, 0.5))
+    corners = (high, low, low + away, high + away)
+    block = polygon(*((float(x), float(y)) for x, y in corners))
     zone = (Zone.around((float(away[0]), float(away[1])), 0.02, 0.1, 0.2),)
-    start = away - 0.5 * along
-    line = Segment(
-        (float(start[0]), float(start[1])), (float(start[0] + along[0]), float(start[1] + along[1]))
-    )
-    face = Surface("face", line, np.arange(41), np.linspace(0.0, 1.0, 41), line.normals(np.zeros(41)))
-    flat = Cloud(line.points(face.arc_length), np.full(41, 0.025), {"face": face})
-    round_ = build_cloud(disk((0.0, 0.0), 1.0), Spacing(0.1, zone), 0)
-    arc = round_.surfaces["arc"]
-    # The line's normal points away from the disk: run through the other way, it is the surface that faces it.
-    back = Segment(line.end, line.start)
-    facing = replace(face, curve=back, normal=-face.normal, index=np.arange(40, -1, -1))
-    pairing = pair_surfaces("contact", "disk", round_, arc, ("flat", facing)).with_reach(0.01)
+    spacings = Spacing(0.1, zone), Spacing(0.025)
+    whole, round_, flat = pair(disk((0.0, 0.0), 1.0), "arc", block, "side0", spacings)
+    pairing = whole.with_reach(0.01)
     assert (np.diff(pairing.arc) > 0.0).all()
     assert (np.diff(pairing.arc) < 0.2).all()
     nodes = round_.points[pairing.node[pairing.candidate]]
     received = transfer(pairing, flat) @ np.stack([np.ones(len(nodes)), nodes @ along], axis=1)
     covered = received[:, 0] != 0.0
     assert covered.sum() >= 9
-    place = flat.points[facing.index] @ along
-    slope = 1.0 / np.sqrt(1.0 - place[covered] ** 2)
+    place = (flat.points[flat.surfaces["side0"].index] @ along)[covered]
+    slope = 1.0 / np.sqrt(1.0 - place**2)
     assert np.abs(received[covered, 0] - slope).max() <= 1e-12
-    assert np.abs(received[covered, 1] - slope * place[covered]).max() <= 2e-3
+    assert np.abs(received[covered, 1] - slope * place).max() <= 2e-3
     # Candidates reach 0.12 to both sides, flat nodes lie 0.025 apart.
-    assert place[covered].min() <= -0.0999
-    assert place[covered].max() >= 0.0999
-    assert spacing_ratio(pairing, {"flat": flat}) <= 1.3
+    assert place.min() <= -0.0999
+    assert place.max() >= 0.0999
+    assert spacing_ratio(pairing, {"lower": flat}) <= 1.3
 
 
 def test_a_single_candidate_still_gives_its_pressure() -> None:

@@ -253,6 +253,20 @@ def test_a_damaged_file_is_refused_by_name_or_read(tmp_path: Path) -> None:
     assert whole > 10
 
 
+@pytest.mark.parametrize("values", [np.arange(5.0) + 0.1, np.linspace(0.3, 0.4, 7)])
+def test_a_flipped_bit_is_no_other_value(values: np.ndarray, tmp_path: Path) -> None:
+    path = tmp_path / "run.h5"
+    with start_run(path) as run:
+        write_steps(run, range(3))
+        write_fields(run, 0, 0.5, {"upper/von_mises": values})
+    content = bytearray(path.read_bytes())
+    content[content.index(values.tobytes()) + 6] ^= 1
+    path.write_bytes(content)
+    for read in (read_run, lambda _: RunFile.reopen(path, {})):
+        with pytest.raises(RunError, match="cannot be read"):
+            read(tmp_path)
+
+
 DAMAGED = """
 import random, sys
 from pathlib import Path

@@ -15,7 +15,6 @@ from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.body_model import BodyModel
-from mlsanm_cli.operators.rows import nodal_rows, vector_rows
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.stencil_weights import Stencils
 from mlsanm_cli.operators.stencils import build_stencils
@@ -161,26 +160,3 @@ def test_stencils_are_their_own_images_and_reproduce_polynomials(line: SymmetryL
         values = model.stencils.derivatives((x**p * y**q)[:, None])[:, :3, 0]
         dx, dy = p * x ** max(p - 1, 0) * y**q, q * x**p * y ** max(q - 1, 0)
         assert np.abs(values - np.stack([x**p * y**q, dx, dy], axis=1)).max() <= 1e-9
-
-
-POINTS = np.random.default_rng(0).uniform(0.0, 1.0, (60, 2))
-STENCILS = build_stencils(POINTS, cKDTree(POINTS), POINTS[:7], 0, MlsSettings(2, 15))
-U = np.random.default_rng(1).normal(size=(60, 2))
-
-
-@pytest.mark.parametrize("components", [(0,), (1,), (0, 1)])
-def test_vector_rows_are_sums_over_the_stencils(components: tuple[int, ...]) -> None:
-    on = np.random.default_rng(2).normal(size=(len(STENCILS.indices), 2))
-    given = [on[:, c].copy() if c in components else None for c in (0, 1)]
-    rows = vector_rows(STENCILS, given[0], given[1])
-    assert rows.shape == (7, 120)
-    for e in range(7):
-        entries = range(STENCILS.indptr[e], STENCILS.indptr[e + 1])
-        total = sum(on[k, c] * U[STENCILS.indices[k], c] for k in entries for c in components)
-        assert (rows @ U.ravel())[e] == pytest.approx(total, rel=1e-12)
-
-
-@pytest.mark.parametrize("component", [0, 1])
-def test_nodal_rows_pick_displacements(component: int) -> None:
-    chosen = np.array([3, 59, 3])
-    assert np.array_equal(nodal_rows(chosen, component, 60) @ U.ravel(), U[chosen, component])

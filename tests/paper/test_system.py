@@ -22,6 +22,7 @@ from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import State
 from tests.app.scenes import NEWTON, NODAL, SHEARED, SMOOTH, built, done, hertz, refused, solve
+from tests.case_text import scene
 from tests.mechanics.bodies import boundary_values, build, with_body_force
 from tests.mechanics.test_body import HELDS, patch
 
@@ -186,3 +187,23 @@ def test_automatic_clouds_resolve_nodal_pressures(tmp_path: Path) -> None:
     summary = done(hertz_case, tmp_path / "run", NEWTON, "output.vtu=false")
     contact = summary["contacts"]["interface"]
     assert contact["peak_pressure"] == pytest.approx(contact["reference"]["peak_pressure"], rel=0.01)
+
+
+def test_bodies_that_float_on_the_law_are_named(tmp_path: Path) -> None:
+    """Beside a loaded contact the law holds a light body off by what the warning says."""
+    text = scene("strain", E=1.0)
+    for name, x, force in (("loaded", 0.0, -1e-3), ("light", 3.0, -1e-6)):
+        text = (
+            text.body(name, "steel", 0.25, box=([x, x + 1.0], [0.0, 1.0]))
+            .body(f"{name}-floor", "steel", 0.25, box=([x, x + 1.0], [-1.0, 0.0]))
+            .support(f"{name}-floor.bottom", ux=0.0, uy=0.0)
+            .load(name, f"{name}.top", "platen", ux=0.0, fy=force)
+            .contact(f"{name}-foot", f"{name}.bottom", f"{name}-floor.top", friction=0.3)
+        )
+    laws = [f'contact.{name}-foot.regularization.law="hyperbolic"' for name in ("loaded", "light")]
+    floating = solve(text, tmp_path / "floating", *laws)
+    solve(text, tmp_path / "exact")
+    (found,) = [one for one in floating["checks"] if one["name"] == "law_gap" and one["outcome"] == "warned"]
+    assert found["place"] == "contact light-foot"
+    down = [read_run(tmp_path / name).path.displacements["light"][-1, 1] for name in ("floating", "exact")]
+    assert (down[0] - down[1]) / abs(down[0]) == pytest.approx(found["value"], rel=0.4)

@@ -87,6 +87,7 @@ END: Mapping[str, Limit] = {
     "peak_stress": Limit(0.03, None, "estimated error of the largest stress on a free boundary"),
     "held_motion": Limit(0.01, None, "part of a contact force along a motion that is fixed at 0"),
     "limit_load": Limit(0.01, None, "part of a limit load from contacts that do not move as they should"),
+    "law_gap": Limit(0.02, None, "mean gap below pressures of the regularised law over the displacements"),
     "no_pressure": Limit(ANY, None, "scenes without contact pressure at the end of any stage"),
     "missing_estimates": Limit(ANY, None, "missing error estimates"),
     "displacement_error": Limit(0.02, None, "estimated error of displacements, of the whole or at a probe"),

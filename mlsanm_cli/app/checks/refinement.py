@@ -63,6 +63,7 @@ SYMMETRY_TOLERANCE = 0.05
 
 def residual_zones(
     built: CondensedScene,
+    boundaries: Boundaries,
     bodies: Mapping[str, Corrected],
     patches: tuple[Patch, ...],
     planned: tuple[Zone, ...],
@@ -81,7 +82,6 @@ def residual_zones(
     degree = min(body.model.settings.degree for body in built.scene.bodies.values())
     level = _level(np.concatenate(list(levels.values())), np.concatenate(list(ruled.values())), degree)
     zones: list[Zone] = []
-    boundaries = Boundaries.of(built.case)
     for given in built.case.body:
         cloud = built.scene.bodies[given.name].model.cloud
         finer = np.where(ruled[given.name], 1.0, _finer(levels[given.name], level, degree))
@@ -200,7 +200,7 @@ def adapt(case: Case, prepared: SceneModel, context: RunContext, known: Refineme
         # The bulk is refined only once the zones of the contacts no longer limit the accuracy.
         more: tuple[Zone, ...] = ()
         if accuracy.bulk_leads:
-            more = residual_zones(built, accuracy.bodies, patches, (*zones, *bulk))
+            more = residual_zones(built, prepared.boundaries, accuracy.bodies, patches, (*zones, *bulk))
         if not more and not any(_is_coarse(patch, rule) for patch in patches):
             context.console.note(f"refinement stops before pass {number}: all clouds are fine enough")
             break

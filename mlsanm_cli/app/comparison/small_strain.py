@@ -11,7 +11,7 @@ import numpy as np
 
 from mlsanm_cli.app.analysis.small_strain import set_up
 from mlsanm_cli.app.checks.check import Verdicts
-from mlsanm_cli.app.checks.end import End, pressed_spacings
+from mlsanm_cli.app.checks.end_contacts import End, pressed_spacings
 from mlsanm_cli.app.checks.ended import balance, work
 from mlsanm_cli.app.checks.energy import energy_error
 from mlsanm_cli.app.checks.quality import announce, factor_notes

@@ -70,7 +70,7 @@ def interrupted_run(origin: RunData) -> EarlierRun:
             else None,
             refinement=Refinement.read(json.loads(stored["refinement"])) if "refinement" in stored else None,
         )
-    except (KeyError, TypeError, ValueError) as error:
+    except (LookupError, AttributeError, TypeError, ValueError) as error:
         raise RunError(
             f"the checkpoint of the run cannot be read: {error!r}",
             "it is damaged or from another version of mlsanm; run the case again with --force",

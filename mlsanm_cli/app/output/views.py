@@ -61,10 +61,10 @@ class Views:
     finer: Mapping[str, View]
 
     @classmethod
-    def of(cls, built: CondensedScene, memo: Memo = NO_CACHE) -> Views:
+    def of(cls, built: CondensedScene, boundaries: Boundaries, memo: Memo = NO_CACHE) -> Views:
         """Finer points for the bodies whose clouds are too coarse for their contact patches at the ends of
         stages. Scenes with the same patches share them by the ``memo``."""
-        clouds, finer, boundaries = {}, {}, Boundaries.of(built.case)
+        clouds, finer = {}, {}
         for body in built.case.body:
             model = built.scene.bodies[body.name].model
             clouds[body.name] = model.cloud

@@ -18,7 +18,7 @@ from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.files import holder, write_text
 from mlsanm_cli.io.run_reader import RunData, read_origin, read_run
-from mlsanm_cli.io.summary import read_json
+from mlsanm_cli.io.summary import read_summary
 
 PROVENANCE = (
     "mlsanm_version",
@@ -41,7 +41,7 @@ def info(rundir: Path) -> Mapping[str, Any]:
     RunError for a directory without a readable run."""
     run = read_run(rundir, ("path", "contacts"))
     summary_file = run.directory / run_dir.SUMMARY_FILE
-    summary = read_json(summary_file) if summary_file.is_file() else _unfinished(run)
+    summary = read_summary(summary_file) if summary_file.is_file() else _unfinished(run)
     provenance = {key: run.attributes[key] for key in PROVENANCE if run.attributes.get(key) not in (None, "")}
     return {"directory": str(run.directory), **summary, "provenance": provenance}
 
@@ -98,7 +98,7 @@ def finished(directory: Path, case_hash: str) -> Mapping[str, Any] | None:
         wanted = {"case_hash": case_hash, "mlsanm": __version__, "status": "done"}
         if any(known.get(key) != value for key, value in wanted.items()):
             return None
-        summary = read_json(directory / run_dir.SUMMARY_FILE)
+        summary = read_summary(directory / run_dir.SUMMARY_FILE)
     except RunError:
         return None
     return summary if summary.get("status") == "done" else None
@@ -166,7 +166,7 @@ def _run(directory: Path) -> tuple[Row, dict[str, Any], dict[str, Any]]:
     if not summary.is_file():
         return {**row, "stop_reason": "no summary: still running or killed"}, case, {}
     try:
-        known = read_json(summary)
+        known = read_summary(summary)
     except RunError as error:
         return {**row, "stop_reason": error.message}, case, {}
     row |= {"status": known.get("status"), "stop_reason": known.get("stop_reason")}

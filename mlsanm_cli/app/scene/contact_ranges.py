@@ -23,7 +23,7 @@ from mlsanm_cli.contact.geometry.pairing import MAX_FACING_COSINE, Pairing
 from mlsanm_cli.contact.geometry.unfolding import Planes
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.near_field import as_complex, as_real
-from mlsanm_cli.mechanics.symmetry import SymmetryPlane
+from mlsanm_cli.mechanics.symmetry import SymmetryPlane, images_of
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
 SNAP_SAMPLES = 1.5
@@ -140,8 +140,9 @@ def _clear(
     first, last = (end if exact is None else exact for end, exact in zip((first, last), snapped, strict=True))
     inset = ROUND_OFF * base.length  # at a corner: the normal of the stretch
     rays = sign * np.linspace(first + inset, last - inset, RAYS)
+    images = images_of([plane for plane in planes if plane is not None])
     centers = [
-        void_center(models[body].cloud, *facing.side(rays, slave))
+        void_center(models[body].cloud, *facing.side(rays, slave), images)
         for body, slave in zip(pairing.bodies, (True, False), strict=False)
     ]
     if not all(centers):

@@ -13,12 +13,12 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud, continuations
 from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.cloud.surface import Surface, joined_surface
-from mlsanm_cli.contact.geometry.unfolding import Planes, copies_around
+from mlsanm_cli.contact.geometry.unfolding import Planes
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.corner import Corner
 from mlsanm_cli.mechanics.corner_faces import Face
 from mlsanm_cli.mechanics.near_field import Isotropic, as_complex, as_real
-from mlsanm_cli.mechanics.symmetry import SymmetryPlane
+from mlsanm_cli.mechanics.symmetry import SymmetryPlane, copies_around
 from mlsanm_cli.mechanics.wedge import Wedge
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
@@ -124,8 +124,9 @@ def shared_planes(stretches: Sequence[tuple[SmoothPart, ...]], slack: float) -> 
                 plane is not None and all(any(plane.coincides(one, slack) for one in some) for some in others)
                 for plane in part.planes
             )
-            both = first and last and copies_around(part.planes) is None
-            kept.append(part.at_planes((first and not both, last and not both)))
+            one, other = part.planes
+            both = one is not None and other is not None and copies_around(one, other) is None
+            kept.append(part.at_planes((first and not (last and both), last and not (first and both))))
         found.append(tuple(kept))
     return found
 

@@ -187,6 +187,11 @@ class Problem:
         return np.asarray(np.maximum(1.0, GRAIN / FEASIBLE * largest))
 
     @cached_property
+    def spread(self) -> float:
+        """Largest residual over ``grain`` that a unit error of a pressure or traction causes."""
+        return float((np.abs(self.matrix).max(axis=1, initial=0.0) / self.grain).max(initial=0.0))
+
+    @cached_property
     def levels(self) -> tuple[FloatArray, FloatArray]:
         """Factors (N,) of rows and columns after which their largest coefficients are 1, as own compliances
         differ by several orders of magnitude."""

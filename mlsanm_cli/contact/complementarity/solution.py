@@ -8,7 +8,7 @@ recur, a load is added that makes one of them feasible, and removed along the pa
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,8 +36,8 @@ any positive numbers do."""
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """``status``, unknowns ``x`` (N,) and rows ``w`` (N,) that satisfy all conditions, their ``basis``, and
-    the numbers of ``systems`` solved and of ``pivots``."""
+    """``status``, unknowns ``x`` (N,) and rows ``w`` (N,) that satisfy all conditions, their ``basis``, the
+    numbers of ``systems`` solved and of ``pivots``, and the residual ``missed`` over ``grain``."""
 
     status: ContactStatus
     x: FloatArray
@@ -45,6 +45,7 @@ class Solution:
     basis: Basis
     systems: int
     pivots: int = 0
+    missed: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,33 +59,52 @@ class Search:
     allowed: Changes
     near: FloatArray | None = None
 
-    def solved(self, *starts: ContactStatus, basis: Basis | None = None, thorough: bool = False) -> Solution:
-        """The state by Newton steps from each of the statuses ``starts``, and from one that holds all bodies,
-        followed by pivoting; if ``thorough`` from more statuses. Raises Ray."""
-        seen, pivoted, systems = set[bytes](), set[bytes](), 0
-        ray = Ray(np.zeros(len(self.free)))
-        states, held = self.allowed is self.problem.everything, starts[-1]
-        for first in (*starts, None):
-            found, best, count = self._newton(first or self._softly_held(held), basis, seen)
-            systems += count
+    def solved(
+        self,
+        *starts: ContactStatus,
+        basis: Basis | None = None,
+        thorough: bool = False,
+        pivoting: bool = True,
+    ) -> Solution:
+        """The state by Newton steps from the statuses ``starts`` and one that holds all bodies, or by
+        ``pivoting`` from the best statuses met; if ``thorough`` from more. Raises Ray."""
+        seen, near, systems, held = set[bytes](), list[ContactStatus](), 0, starts[-1]
+        states = self.allowed is self.problem.everything
+        for first in starts:
+            found, best, count = self._newton(first, basis, seen)
+            near, systems = [*near, *best], systems + count
             if found is not None:
                 return replace(found, systems=systems)
-            if states and first is starts[0]:
-                self._check_balance(first)
-            last = () if first else (self.supported(held, alone=True),)
-            for candidate in self._starts([*best, *last], thorough and not first):
-                if candidate.key in pivoted:
-                    continue
-                pivoted.add(candidate.key)
-                try:
-                    return self._pivoted(candidate, systems)
-                except SingularError:
-                    continue
-                except Ray as error:
-                    ray = error
-            if not states and first is starts[0]:
-                self._check_balance(first)
-        raise ray
+        if not states:
+            found, _ = self._pivoted_from(self._starts(near, thorough), systems)
+            if found is not None:
+                return found
+        self._check_balance(starts[0])
+        found, best, count = self._newton(self._softly_held(held), basis, seen)
+        if found is not None:
+            return replace(found, systems=systems + count)
+        if not pivoting:
+            raise Ray(np.zeros(len(self.free)))
+        last = [*best, self.supported(held, alone=True)]
+        found, ray = self._pivoted_from(self._starts([*near, *last], thorough), systems + count)
+        if found is None:
+            raise ray
+        return found
+
+    def _pivoted_from(self, statuses: Iterable[ContactStatus], systems: int) -> tuple[Solution | None, Ray]:
+        """The state by pivoting from one of the ``statuses``, or the last ray."""
+        ray, tried = Ray(np.zeros(len(self.free))), set[bytes]()
+        for status in statuses:
+            if status.key in tried:
+                continue
+            tried.add(status.key)
+            try:
+                return self._pivoted(status, systems), ray
+            except SingularError:
+                continue
+            except Ray as error:
+                ray = error
+        return None, ray
 
     def _newton(
         self, status: ContactStatus, basis: Basis | None, seen: set[bytes]
@@ -102,9 +122,9 @@ class Search:
                 # Contacts that slide as a whole may come to rest.
                 basis, status = None, resting(p, status)
                 continue
-            wrong = int(self._violated(status, x, w).sum())
+            wrong = int(self.violated(status, x, w).sum())
             if not wrong:
-                return Solution(status, x, w, basis, systems), [], systems
+                return Solution(status, x, w, basis, systems, missed=basis.missed), [], systems
             tried.append((wrong, status))
             status = self.projected(status, x, w)
         return None, [one for _, one in sorted(tried, key=lambda item: item[0])[:BEST]], systems
@@ -143,7 +163,7 @@ class Search:
             yield resting(self.problem, status)
             yield replace(status, slip_sign=-status.slip_sign)
 
-    def _violated(self, status: ContactStatus, x: FloatArray, w: FloatArray) -> BoolArray:
+    def violated(self, status: ContactStatus, x: FloatArray, w: FloatArray) -> BoolArray:
         """Mask (5, m) of conditions violated by more than round-off."""
         p = self.problem
         left = p.distances(status, self.allowed, x, w, self.reference)
@@ -160,7 +180,7 @@ class Search:
     def projected(self, status: ContactStatus, x: FloatArray, w: FloatArray) -> ContactStatus:
         """The status of a semismooth Newton step: that of nodes without a violated condition is kept."""
         p, allowed, slip = self.problem, self.allowed, w[self.problem.m : self.problem.contacts]
-        wrong: BoolArray = np.asarray(self._violated(status, x, w).any(axis=0))
+        wrong: BoolArray = np.asarray(self.violated(status, x, w).any(axis=0))
         push = x[: p.m] - p.exchange[: p.m] * w[: p.m]
         closed = np.where(status.closed, ~allowed.opens | (push > 0.0), allowed.closes & (push > 0.0))
         pull = x[p.m : p.contacts] - p.exchange[p.m :] * (slip - self.reference)
@@ -211,8 +231,8 @@ class Search:
             status = self.supported(status)
             basis = Basis(p, status)
         x, w = basis.solve(self.free, p.aim(self.reference), self.near)
-        if not self._violated(status, x, w).any():
-            return Solution(status, x, w, basis, systems + 1)
+        if not self.violated(status, x, w).any():
+            return Solution(status, x, w, basis, systems + 1, missed=basis.missed)
         y, v = self._covered(status, x, w)
         # Bodies that still are loose must not be driven by the added load.
         load = basis.undriven(v - p.product(y) - self.free)

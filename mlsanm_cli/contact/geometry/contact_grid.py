@@ -36,7 +36,7 @@ from mlsanm_cli.mechanics.near_field import (
     as_real,
     by_component,
 )
-from mlsanm_cli.mechanics.symmetry import SymmetryPlane
+from mlsanm_cli.mechanics.symmetry import Image, images_of
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, FINE_ROUND_OFF, ROUND_OFF
 
 DIFFERENCE_STEP = 1e-4
@@ -97,13 +97,15 @@ class ContactGrid:
                 found[end] = abs((tangent * np.conj(plane.along)).real) <= COARSE_ROUND_OFF
         return found
 
-    def planes_of(self, slave: bool) -> tuple[SymmetryPlane, ...]:
-        """These planes, through points of one of the two bodies' surfaces."""
+    def images_of(self, slave: bool) -> tuple[Image, ...]:
+        """The images of one of the two bodies at these planes, which pass through the ends of its surface."""
         tips = self.facing.side(np.array([self.first, self.last]), slave)[0]
-        return tuple(
-            replace(plane, point=complex(tip))
-            for plane, tip in zip(self.mirrors, tips, strict=True)
-            if plane is not None
+        return images_of(
+            [
+                replace(plane, point=complex(tip))
+                for plane, tip in zip(self.mirrors, tips, strict=True)
+                if plane is not None
+            ]
         )
 
     @property
@@ -117,7 +119,7 @@ class ContactGrid:
         if slave not in self._forces:
             place, inward = self.facing.side(self.samples, slave)
             own = SurfaceForces(kernel, place, inward, self.centers[0 if slave else 1])
-            around = self.corners_of(slave), self.planes_of(slave)
+            around = self.corners_of(slave), self.images_of(slave)
             self._forces[slave] = CorneredForces(own, *around) if any(around) else own
         return self._forces[slave]
 
@@ -207,7 +209,7 @@ class ContactGrid:
                 if curve.closed:
                     return False
                 long = float(abs(np.diff(self.facing.side(ends, slave)[0])[0]))
-                ends_known = len(self.corners_of(slave)) + len(self.planes_of(slave)) == 2
+                ends_known = len(self.corners_of(slave)) + sum(map(bool, self.mirrors)) == 2
                 if abs(long - curve.length) > ROUND_OFF * curve.length or not ends_known:
                     return False
         return True
@@ -282,11 +284,11 @@ class ContactGrid:
             other = z - center
             found -= kernel.displacement(other, other)[:, None]
         plain = SurfaceForces(kernel, z, inward, center)
-        for plane in self.planes_of(slave):
-            found += plane.matrix @ plain.displacement(plane.points(z))
+        for image in self.images_of(slave):
+            found += image.matrix.T @ plain.displacement(image.points(z))
         for corner in self.corners_of(slave):
             if corner.curved is not None:
-                found += corner.beyond_wedge(z, self.planes_of(slave))
+                found += corner.beyond_wedge(z, self.images_of(slave))
         return by_component(found)
 
     def _folded(self, log: FloatArray, turn: FloatArray) -> FloatArray:
@@ -374,8 +376,8 @@ class ContactGrid:
         present = [np.flatnonzero(np.abs(one).max(axis=0) > FINE_ROUND_OFF).tolist() for one in directions]
         for corner in corners:
             away = corner.distance(place)
-            for plane in self.planes_of(slave):
-                away = np.where(reflected, corner.reflected(away, plane), away)
+            for image in self.images_of(slave):
+                away = np.where(reflected, corner.reflected(away, image), away)
             x, shares = on_panels(np.maximum(away, FINE_ROUND_OFF * corner.length))
             parts = {
                 (side, c): integrals @ (shares * directions[side][:, c, None])

@@ -24,26 +24,11 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.geometry.grid import Hats
 from mlsanm_cli.contact.geometry.panels import chebyshev, lagrange
-from mlsanm_cli.mechanics.symmetry import SymmetryPlane
+from mlsanm_cli.mechanics.symmetry import SymmetryPlane, copies_around
 from mlsanm_cli.records import dataclass
-from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 Planes: TypeAlias = tuple[SymmetryPlane | None, SymmetryPlane | None]
 """The planes of symmetry at the first and the last end of a range."""
-MAX_COPIES = 12
-"""Largest number of copies of a range around which planes at both ends close."""
-
-
-def copies_around(planes: Planes) -> int | None:
-    """Number 2 p of copies that the planes at both ends of a range make; None if they do not close."""
-    first, last = planes
-    if first is None or last is None:
-        return None
-    # The angle between two lines, from 0 to pi / 2.
-    angle = abs(np.angle((first.along * np.conj(last.along)) ** 2)) / 2.0
-    count = 1 if angle <= COARSE_ROUND_OFF else round(np.pi / angle)
-    closes = count == 1 or abs(angle - np.pi / count) <= COARSE_ROUND_OFF
-    return 2 * count if closes and 2 * count <= MAX_COPIES else None
 
 
 @dataclass(frozen=True)
@@ -67,8 +52,12 @@ class Unfolding:
     @cached_property
     def period(self) -> float | None:
         """Circumference of the ring that two planes make."""
-        around = copies_around(self.planes)
-        return None if around is None else around * self.length
+        return None if self._around is None else self._around * self.length
+
+    @property
+    def _around(self) -> int | None:
+        first, last = self.planes
+        return None if first is None or last is None else copies_around(first, last)
 
     @cached_property
     def copies(self) -> tuple[tuple[float, float, FloatArray], ...]:
@@ -77,14 +66,14 @@ class Unfolding:
         first, last = self.planes
         own = 1.0, 0.0, np.eye(2)
         if first is None:
-            return (own,) if last is None else (own, (-1.0, 2.0 * self.last, last.matrix))
-        image = -1.0, 2.0 * self.first, first.matrix
+            return (own,) if last is None else (own, (-1.0, 2.0 * self.last, last.image.matrix))
+        image = -1.0, 2.0 * self.first, first.image.matrix
         if last is None:
             return image, own
         found, turn, shift = [], np.eye(2), 0.0
-        for _ in range((copies_around(self.planes) or 2) // 2):
+        for _ in range((self._around or 2) // 2):
             found += [(-1.0, image[1] + shift, turn @ image[2]), (1.0, shift, turn)]
-            turn, shift = turn @ last.matrix @ first.matrix, shift + 2.0 * self.length
+            turn, shift = turn @ last.image.matrix @ first.image.matrix, shift + 2.0 * self.length
         return tuple(found)
 
     @cached_property

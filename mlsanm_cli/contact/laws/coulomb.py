@@ -11,7 +11,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.complementarity import history
-from mlsanm_cli.contact.complementarity.problem import GRAZING, Changes, ContactStatus, Problem
+from mlsanm_cli.contact.complementarity.problem import GRAZING, ContactStatus, Problem
 from mlsanm_cli.contact.complementarity.solution import solve, touching
 from mlsanm_cli.contact.complementarity.tracing import Ray
 from mlsanm_cli.contact.laws.failures import NoStateError, SlidingError
@@ -78,28 +78,33 @@ def increment(
     slipping: bool = True,
     guess: ContactStatus | None = None,
 ) -> tuple[CoulombState, int]:
-    """The state after one finite increment to ``factors`` (L,), with slips opposed from those of the
-    ``state``, and the number of systems solved. The search starts from ``guess``, if given. Without
-    ``slipping`` all closed nodes stick. Raises NoStateError."""
+    """The state after a finite increment to ``factors`` (L,), with slips opposed from those of the ``state``,
+    and the number of systems solved. The search starts from a ``guess``, if given, and from the ``state``.
+    Without ``slipping`` all closed nodes stick. Raises NoStateError."""
     p, before = condensed.problem, _scaled(condensed, state)
-    if guess is None:
-        closed = state.sets.closed | (state.values.gap <= ROUND_OFF * condensed.weight)
-        guess = replace(state.sets, closed=closed)
-    # Nodes that do not slip stick.
-    on, sign = guess.closed[p.nodes], guess.slip_sign
-    rests = on & (guess.stuck | (sign == 0.0))
-    guess = ContactStatus(
-        guess.closed, rests & p.rubs, np.where(rests & ~p.rubs, 1.0, np.where(on, sign, 0.0))
-    )
-    free, allowed = condensed.free_rows(factors), p.everything
-    if not slipping:
-        none = np.zeros(p.n, dtype=bool)
-        allowed = Changes(allowed.opens, allowed.closes, none, none)
+    closed = state.sets.closed | (state.values.gap <= ROUND_OFF * condensed.weight)
+    starts = [_without_undecided(p, replace(state.sets, closed=closed))]
+    if guess is not None:
+        starts.insert(0, _without_undecided(p, guess))
+    free, none = condensed.free_rows(factors), np.zeros(p.n, dtype=bool)
     try:
-        found = history.increment(p, before, free, 0.0, guess, allowed=allowed)
+        if slipping:
+            found = history.increments(p, before, free, *starts)
+        else:
+            allowed = replace(p.everything, forward=none, backward=none)
+            found = history.increment(p, before, free, 0.0, *starts, allowed=allowed)
     except Ray as error:
-        raise NoStateError(sliding=slides_freely(condensed, guess)) from error
+        raise NoStateError(sliding=slides_freely(condensed, starts[0])) from error
     return _unscaled(condensed, found, factors), found.systems
+
+
+def _without_undecided(problem: Problem, status: ContactStatus) -> ContactStatus:
+    """A status whose closed nodes with friction stick if they do not slip."""
+    p, on, sign = problem, status.closed[problem.nodes], status.slip_sign
+    rests = on & (status.stuck | (sign == 0.0))
+    return ContactStatus(
+        status.closed, rests & p.rubs, np.where(rests & ~p.rubs, 1.0, np.where(on, sign, 0.0))
+    )
 
 
 def residual(condensed: Condensed, state: CoulombState) -> float:

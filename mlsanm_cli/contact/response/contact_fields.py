@@ -92,8 +92,8 @@ class _Group:
 class NearFields:
     """Displacements and stresses at fixed points ``z`` (e,) of a body for any pressures and tractions of a
     contact: by ``groups`` of points and intervals, with images behind walls, by the matrix ``close`` (5e, 2m)
-    of intervals next to a point, and by forces along the faces of corners. With p planes of symmetry, ``z``
-    (e + p e,) are these points and their images. ``keeps`` unit fields if they are few."""
+    of intervals next to a point, and by forces along the faces of corners. With n images at planes of
+    symmetry, ``z`` (e + n e,) are these points and their images. ``keeps`` unit fields if they are few."""
 
     intervals: Intervals
     z: ComplexArray
@@ -110,7 +110,7 @@ class NearFields:
             # At the tip itself the fields of force densities along the faces are undefined.
             at_tip = np.abs(z - corner.tip) < TIP_INSET * corner.length
             z = np.where(at_tip, corner.tip + TIP_INSET * corner.length * corner.bisector, z)
-        z = np.concatenate([z, *(plane.points(z) for plane in grid.planes_of(slave))])
+        z = np.concatenate([z, *(image.points(z) for image in grid.images_of(slave))])
         intervals, within = Intervals.of(grid, slave, kernel), inside(grid, slave, z)
         every, whole = np.arange(len(z)), slice(0, len(intervals.steps))
         groups, pairs = list[_Group](), list[tuple[AnyArray, ...]]()
@@ -126,7 +126,7 @@ class NearFields:
         acting on the slave; those of the master have opposite sign."""
         grid, slave, columns = self.intervals.grid, self.intervals.slave, pressure.shape[1]
         pressure, traction = grid.deviation(pressure, 0), grid.deviation(traction, 1)
-        forces, planes = self.intervals.forces(pressure, traction), grid.planes_of(slave)
+        forces, images = self.intervals.forces(pressure, traction), grid.images_of(slave)
         close = np.asarray(self.close @ np.concatenate([pressure, traction]))
         total = close.reshape(5, len(self.z), columns)
         for group in self.groups:
@@ -134,15 +134,15 @@ class NearFields:
         displacement, stress = (part.transpose(1, 0, 2) for part in np.split(total, [2]))
         for corner in grid.corners_of(slave):
             away = corner.distance(self.intervals.place.ravel())
-            both = corner.with_images(away, forces.reshape(-1, 2, columns), planes)
+            both = corner.with_images(away, forces.reshape(-1, 2, columns), images)
             for line in corner.face_forces(*both):
                 displacement += line.displacement(self.z)
                 stress += line.stress(self.z)
-        if not planes:
+        if not images:
             return displacement, stress
-        own, *images = zip(*(np.split(one, 1 + len(planes)) for one in (displacement, stress)), strict=True)
-        for plane, (moved, stressed) in zip(planes, images, strict=True):
-            own = own[0] + plane.matrix @ moved, own[1] + plane.stress_matrix @ stressed
+        own, *others = zip(*(np.split(one, 1 + len(images)) for one in (displacement, stress)), strict=True)
+        for image, (moved, stressed) in zip(images, others, strict=True):
+            own = own[0] + image.matrix.T @ moved, own[1] + image.stress_matrix @ stressed
         return own[0], own[1]
 
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.contact.geometry.grid import Hats
-from mlsanm_cli.contact.geometry.unfolding import Unfolding, copies_around
+from mlsanm_cli.contact.geometry.unfolding import Unfolding
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.mechanics.near_field import Isotropic
-from mlsanm_cli.mechanics.symmetry import SymmetryPlane
+from mlsanm_cli.mechanics.symmetry import SymmetryPlane, copies_around, images_of
 from tests.app.scenes import solve
 from tests.case_text import FLOOR, Scene, contact, load, pushed, scene
 
@@ -105,27 +105,30 @@ UPRIGHT, LEVEL = SymmetryPlane(0j, 1j), SymmetryPlane(0j, 1.0 + 0j)
 
 
 @pytest.mark.parametrize(
-    ("planes", "copies"),
+    ("planes", "copies", "images"),
     [
-        ((UPRIGHT, None), None),
-        ((None, UPRIGHT), None),
-        ((UPRIGHT, SymmetryPlane(2.0 + 0j, 1j)), 2),
-        ((LEVEL, UPRIGHT), 4),
-        ((LEVEL, SymmetryPlane(0j, np.exp(1j * np.pi / 3))), 6),
-        ((LEVEL, SymmetryPlane(0j, np.exp(0.8j))), None),
+        ((UPRIGHT, None), None, 1),
+        ((None, UPRIGHT), None, 1),
+        ((UPRIGHT, SymmetryPlane(2.0 + 0j, 1j)), 2, 2),
+        ((UPRIGHT, SymmetryPlane(0j, -1j)), 2, 1),
+        ((LEVEL, UPRIGHT), 4, 3),
+        ((LEVEL, SymmetryPlane(0j, complex(np.exp(1j * np.pi / 3)))), 6, 5),
+        ((LEVEL, SymmetryPlane(0j, complex(np.exp(2j * np.pi / 3)))), None, None),
     ],
 )
-def test_unfolded_ranges(planes: Any, copies: int | None) -> None:
+def test_unfolded_ranges(planes: Any, copies: int | None, images: int | None) -> None:
     """Even and odd functions are interpolated exactly; copies have the length of the ring."""
-    assert copies_around(planes) == copies
-    if None not in planes and copies is None:
+    both = None not in planes
+    assert not both or copies_around(*planes) == copies
+    if images is None:
         return
+    assert len(images_of([plane for plane in planes if plane])) == images
     unfolding = Unfolding(0.0, 2.0, 12, planes)
     s, tip = np.linspace(0.0, 2.0, 31), 0.0 if planes[0] else 2.0
     for of, cardinal in zip((np.cos, np.sin), unfolding.cardinals(s), strict=True):
         values = of(np.pi * (unfolding.samples - tip))
         assert cardinal @ values == pytest.approx(of(np.pi * (s - tip)), abs=1e-8)
-    hats = Hats.on(np.linspace(0.0, 2.0, 5), tuple(plane is not None for plane in planes))  # type: ignore[arg-type]
+    hats = Hats.on(np.linspace(0.0, 2.0, 5), (planes[0] is not None, planes[1] is not None))
     whole, fold = unfolding.hats(hats), unfolding.fold(len(hats.place))
     assert whole.weight.sum() == pytest.approx(len(unfolding.copies) * hats.weight.sum())
     assert fold.T @ whole.weight == pytest.approx(len(unfolding.copies) * hats.weight)
@@ -135,11 +138,20 @@ def test_unfolded_ranges(planes: Any, copies: int | None) -> None:
 
 def test_a_plane_reflects_fields() -> None:
     plane = SymmetryPlane(1.0 + 2.0j, complex(np.exp(0.3j)))
-    z = np.array([0.3 + 0.1j, -2.0 + 1.0j])
-    assert plane.points(plane.points(z)) == pytest.approx(z)
-    assert plane.height(plane.points(z)) == pytest.approx(-plane.height(z))
+    image, z = plane.image, np.array([0.3 + 0.1j, -2.0 + 1.0j])
+    assert image.points(image.points(z)) == pytest.approx(z)
+    assert plane.height(image.points(z)) == pytest.approx(-plane.height(z))
     assert plane.reflects(Isotropic(1.0, 1.8))
     stress = np.array([1.0, 2.0, 0.4])
     full = np.array([[stress[0], stress[2]], [stress[2], stress[1]]])
-    turned = plane.matrix @ full @ plane.matrix
-    assert plane.stress_matrix @ stress == pytest.approx([turned[0, 0], turned[1, 1], turned[0, 1]])
+    turned = image.matrix @ full @ image.matrix
+    assert image.stress_matrix @ stress == pytest.approx([turned[0, 0], turned[1, 1], turned[0, 1]])
+
+
+def test_images_about_a_quarter_are_those_of_both_planes() -> None:
+    first, last = SymmetryPlane(1.0 + 0j, -1.0 + 0j), SymmetryPlane(2.0j, -1j)
+    z, whole = np.array([0.3 + 0.1j]), {(0.3, 0.1), (0.3, -0.1), (-0.3, 0.1), (-0.3, -0.1)}
+    images = images_of([first, last])
+    assert {
+        (round(x.real, 9), round(x.imag, 9)) for x in (z[0], *(one.points(z)[0] for one in images))
+    } == whole

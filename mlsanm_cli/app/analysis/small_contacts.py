@@ -1,4 +1,4 @@
-"""Contact surfaces and obstacles at small strain as lines, and how far surfaces slide.
+"""Contacts at small strain: their figures, their surfaces and obstacles as lines, and how far they slide.
 
 Contact partners are those of the undeformed state: if they slide by a considerable part of the contact's
 width, other points touch, and pressures are reported at points that have moved.
@@ -6,13 +6,17 @@ width, other points touch, and pressures are reported at points that have moved.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.app.checks.check import Check
-from mlsanm_cli.app.output.parts import contact_data, obstacle_shift, obstacles
+from mlsanm_cli.app.checks.references import reference_profile
+from mlsanm_cli.app.checks.states import diagnose, node_fields, worst_nodes
+from mlsanm_cli.app.output.parts import contact_data, contact_figures, obstacle_shift, obstacles, vtu_states
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import PlaneObstacle
 from mlsanm_cli.cloud.cloud import Cloud
@@ -20,6 +24,7 @@ from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.fields import fields_of
 from mlsanm_cli.solve.functionals import contact_values, platen_displacements, slave_arc
 from mlsanm_cli.solve.state import Fields, State
 
@@ -136,3 +141,41 @@ def _at(
     """Displacements (e, 2) of a body at the nodes closest to ``points`` (e, 2)."""
     _, found = nearest(cKDTree(clouds[body].points), points, 1)
     return displacements[body][found.reshape(-1)]
+
+
+def contact_summary(built: CondensedScene, pairing: Pairing, state: State) -> dict[str, Any]:
+    """The figures of a contact, with those of the reference solution if the case has one."""
+    values = contact_values(built, pairing, state)
+    pressure, force = values["pressure"], built.condensed.contact_forces[pairing.name](*state.unknowns)
+    if pairing.bonded:
+        return {
+            "peak_pressure": float(pressure.max(initial=0.0)),
+            "peak_tension": float(-pressure.min(initial=0.0)),
+            "peak_traction": float(np.abs(values["traction"]).max(initial=0.0)),
+            "force": force.tolist(),
+            "closed_nodes": len(pressure),
+            "stick_nodes": len(pressure),
+        }
+    figures = contact_figures(values, slave_arc(pairing), pressure, force)
+    profile = reference_profile(built, pairing, state)
+    if profile is not None:
+        figures["reference"] = {
+            "solution": built.case.reference.solution if built.case.reference else None,
+            "peak_pressure": profile.peak,
+            "half_width": profile.half_width,
+            "pressure_error_l2": profile.error_l2,
+        }
+    return figures
+
+
+def worst_state(
+    built: CondensedScene, state: State, nodes: Mapping[str, Cloud]
+) -> tuple[Sequence[VtuPart], dict[str, Any]]:
+    """The bodies in the ``state`` of a failed run with residuals of contact nodes, and the worst nodes."""
+    cause = diagnose(built, state)
+    fields, _ = fields_of(built, [state], stress=True)[0]
+    bodies = vtu_states(nodes, fields, ("displacement", "stress", "von_mises"))
+    if len(cause["residual"]):
+        more = node_fields(built, cause)
+        bodies = {name: replace(body, data={**body.data, **more[name]}) for name, body in bodies.items()}
+    return list(bodies.values()), {"position": state.position, "worst_nodes": worst_nodes(built, cause)}
