@@ -37,6 +37,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from mlsanm_cli.app.scene.assemble import assemble_bodies, prepare  # noqa: E402
+from mlsanm_cli.app.scene.boundaries import Boundaries  # noqa: E402
 from mlsanm_cli.app.scene.clouds import clouds  # noqa: E402
 from mlsanm_cli.arrays import FloatArray  # noqa: E402
 from mlsanm_cli.case import load_case  # noqa: E402
@@ -93,7 +94,8 @@ def measure(scale: float, friction: float, repeat: int) -> dict[str, Any]:
         for number, value in enumerate((0.004, 0.0005, 0.0005))
     ]
     case = load_case(CASE, (*sizes, f"contact.interface.friction={friction}")).case
-    prepared = prepare(case, clouds(case))
+    boundaries = Boundaries.of(case)
+    prepared = prepare(boundaries, clouds(boundaries))
     scene = assemble_bodies(case, prepared, "auto")
     pairings = prepared.pairings
     count = sum(int(pairing.candidate.sum()) for pairing in pairings)

@@ -70,7 +70,7 @@ class Views:
             clouds[body.name] = model.cloud
             zones = () if body.has_nodes else tuple(_zones(built.condensed, built.ends, model))
             if zones:
-                spacing = spacing_of(built.case, boundaries, body).with_zones(zones)
+                spacing = spacing_of(boundaries, body).with_zones(zones)
                 cloud = build_cloud(boundaries.outline(body.name), spacing, body.seed, memo=memo)
                 view = memo.value("view", digest(model.content, cloud.content), partial(View, model, cloud))
                 clouds[body.name], finer[body.name] = view.cloud, view
