@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import schema
 from mlsanm_cli.io.run_dir import RUN_FILE
-from mlsanm_cli.io.run_file import FORMAT
-from mlsanm_cli.io.summary import path_table
+from mlsanm_cli.io.run_file import FORMAT, path_table
 
 MAX_LISTED = 5
 """Largest number of directories listed in a hint."""

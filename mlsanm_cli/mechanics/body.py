@@ -95,6 +95,15 @@ class ElasticBody:
         """First row of the free motions, after those of the held nodes."""
         return self.rows - 3 * self.pieces.count - len(self.free.components)
 
+    def pin_rows(self, node: int) -> list[tuple[int, int]]:
+        """Components in which a single node is held, with the rows of these conditions."""
+        first = 2 * (len(self.model.cloud.points) + sum(map(len, self._surface_nodes)))
+        return [(axis, first + row) for row, (own, axis) in enumerate(self.held_nodes) if own == node]
+
+    @property
+    def _surface_nodes(self) -> list[IntArray]:
+        return [surface.index for surface in self.model.cloud.surfaces.values()]
+
     def condition_rows(self, surface: str, component: int) -> IntArray:
         """Row numbers (b,) of a surface's conditions in x (0) or y (1)."""
         count = len(self.model.cloud.surfaces[surface].index)

@@ -25,11 +25,11 @@ E, NU = 2.6, 0.3
 KINDS = ("saint-venant-kirchhoff", "neo-hookean")
 
 
-def law_of(kind: str, plane: str) -> Law:
-    """A law of E = 2.6, nu = 0.3."""
+def law_of(kind: str, plane: str, poisson: float = NU) -> Law:
+    """A law of E = 2.6, nu = 0.3, or of another Poisson's ratio."""
     if kind == "saint-venant-kirchhoff":
-        return SaintVenantKirchhoff(isotropic(E, NU, plane), plane)
-    law: Law = law_class(kind)(E=E, nu=NU, plane=plane)
+        return SaintVenantKirchhoff(isotropic(E, poisson, plane), plane)
+    law: Law = law_class(kind)(E=E, nu=poisson, plane=plane)
     return law
 
 
@@ -40,10 +40,12 @@ def finite_body(
     loads: Callable[[ElasticBody], Loads],
     degree: int = 2,
     plane: str = "strain",
+    poisson: float = NU,
 ) -> FiniteBody:
-    """A body of E = 2.6, nu = 0.3."""
-    elastic = build(cloud, held, degree, isotropic(E, NU, plane))
-    return FiniteBody(elastic, law_of(kind, plane), loads(elastic))
+    """A body of E = 2.6."""
+    law = law_of(kind, plane, poisson)
+    elastic = build(cloud, held, degree, law.linear)
+    return FiniteBody(elastic, law, loads(elastic))
 
 
 def boundary_loads(

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.app.checks.check import Check, Verdicts
-from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.finite.checks import FiniteEnd, checks_of, finite_limits
 from mlsanm_cli.app.finite.contact_path import contact_path
 from mlsanm_cli.app.finite.estimate import (
@@ -40,10 +39,8 @@ from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
 from mlsanm_cli.app.finite.states import STATE
 from mlsanm_cli.app.output.analysis import Analysis, BodyFields
 from mlsanm_cli.app.output.parts import ContactNodes, contact_data, obstacles, vtu_states
-from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Case
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io.run_file import Quantities
@@ -91,18 +88,13 @@ def obstacle_lines(scene: FiniteScene, state: State) -> dict[str, VtuPart]:
 class FiniteStrain(Analysis):
     """The analysis at finite strain, on the clouds of a ``refinement``."""
 
-    def __init__(
-        self,
-        case: Case,
-        prepared: SceneModel,
-        context: RunContext,
-        refinement: Refinement | None = None,
-    ) -> None:
-        super().__init__(case, prepared, context)
-        self._refinement = refinement or Refinement()
-        self._scene: FiniteScene | None = None
-        self._missed: Callable[[], Any] | None = None
-        self._estimates: tuple[State, dict[str, Any]] | None = None
+    _scene: FiniteScene | None = None
+    _missed: Callable[[], Any] | None = None
+    _estimates: tuple[State, dict[str, Any]] | None = None
+
+    @property
+    def _refinement(self) -> Refinement:
+        return self.known or Refinement()
 
     @property
     def scene(self) -> FiniteScene:

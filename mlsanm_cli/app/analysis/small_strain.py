@@ -28,8 +28,8 @@ from mlsanm_cli.app.checks.refinement import Adapted, adapt
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.output.analysis import Analysis, BodyFields
 from mlsanm_cli.app.output.parts import ContactNodes
-from mlsanm_cli.app.output.views import Views, shown_fields
-from mlsanm_cli.app.scene.assemble import SceneModel
+from mlsanm_cli.app.output.views import View, finer_views, shown_fields
+from mlsanm_cli.app.scene.assemble import NOTHING, SceneModel
 from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
@@ -71,20 +71,11 @@ def set_up(
 class SmallStrain(Analysis):
     """The analysis at small strain; the clouds may be those of a ``refinement`` of an earlier process."""
 
-    def __init__(
-        self,
-        case: Case,
-        prepared: SceneModel,
-        context: RunContext,
-        refinement: Refinement | None = None,
-    ) -> None:
-        super().__init__(case, prepared, context)
-        self._known = refinement
-        self._adapted: Adapted | None = None
-        self._first: State | None = None
-        self._stressed: tuple[State, Mapping[str, Fields]] | None = None
-        self._energies: EnergyErrors | None = None
-        self._peaks: Mapping[str, Mapping[str, Any]] = {}
+    _adapted: Adapted | None = None
+    _first: State | None = None
+    _stressed: tuple[State, Mapping[str, Fields]] | None = None
+    _energies: EnergyErrors | None = None
+    _peaks: Mapping[str, Mapping[str, Any]] = NOTHING
 
     @property
     def _built(self) -> CondensedScene:
@@ -101,7 +92,7 @@ class SmallStrain(Analysis):
     def set_up(self, verdicts: Verdicts) -> None:
         """Condenses and refines the scene."""
         self.announce(verdicts)
-        adapted = set_up(self.case, self.prepared, self.context, verdicts, self._known)
+        adapted = set_up(self.case, self.prepared, self.context, verdicts, self.known)
         self._adapted, self.prepared = adapted, adapted.prepared
         if adapted.refined:
             self.quality = assess(self.case, adapted.prepared, self.context.memo)
@@ -183,6 +174,9 @@ class SmallStrain(Analysis):
                 accuracy = with_friction(self._built, accuracy, last, self.context.memo)
         return replace(self._adapted, accuracy=accuracy.with_energies(self._energies))
 
+    def finer(self, tally: Mapping[str, Any], failure: NumericalError | None) -> None:
+        """None: clouds are refined before the path is followed."""
+
     @property
     def refinement(self) -> Mapping[str, Any]:
         """Zones and passes of refined clouds."""
@@ -197,13 +191,13 @@ class SmallStrain(Analysis):
         return {name: body.model for name, body in self._built.scene.bodies.items()}
 
     @cached_property
-    def _views(self) -> Views:
-        return Views.of(self._built, self.prepared.boundaries, self.context.memo)
+    def _views(self) -> Mapping[str, View]:
+        return finer_views(self._built, self.prepared.boundaries, self.context.memo)
 
     @property
     def clouds(self) -> Mapping[str, Cloud]:
         """The points at which fields are written, finer than the nodes under contact grids."""
-        return self._views.clouds
+        return {**self.nodes, **{name: view.cloud for name, view in self._views.items()}}
 
     @cached_property
     def contacts(self) -> Mapping[str, ContactNodes]:
@@ -288,7 +282,7 @@ class SmallStrain(Analysis):
     @property
     def notes(self) -> Iterator[str]:
         """Notes on factorisations."""
-        return iter(()) if self._adapted is None else factor_notes(self._built.scene)
+        return factor_notes(self._built.scene) if self._adapted else iter(())
 
     def sizes(self, tally: Mapping[str, Any]) -> dict[str, Any]:
         """Numbers of nodes, unknowns and factorisations; passes of the refinement."""

@@ -100,4 +100,4 @@ def _next(body: FiniteBody) -> FiniteBody:
         raise NumericalError(f"no error estimate is known for degree {model.settings.degree}")
     settings = next_degree(model.settings, model.material)
     better = type(model).build(model.name, model.cloud, model.material, settings)
-    return replace(body, elastic=replace(body.elastic, model=better))
+    return replace(body, elastic=replace(body.elastic, model=better), coarser=model)

@@ -28,14 +28,19 @@ CONTACT_PREFIX = "contact "
 """Prefix of the names of contacts among the resultants of a run: the force on the obstacle."""
 
 
-def fields_at(law: Law, derivatives: FloatArray, degrees: FloatArray | None) -> dict[str, FloatArray]:
+def fields_at(
+    law: Law, derivatives: FloatArray, degrees: FloatArray | None, mean: FloatArray | None
+) -> dict[str, FloatArray]:
     """Fields at n points from ``derivatives`` (n, 3 or more, 2) of the displacement (value, d/dx, d/dy) and
     the temperature change ``degrees`` (n,): displacement (n, 2), Cauchy stress xx, yy, xy (n, 3) and zz (n,),
     von Mises stress (n,), principal in-plane stretches (n, 2), the larger first, and volume ratio J = det F
-    (n,), which includes the stretch in z."""
+    (n,), which includes the stretch in z. ``mean`` (n,) is the mean stress of volume changes of nearly
+    incompressible bodies, fitted to nodal values; else None."""
     gradient = gradient_of(derivatives)
-    response = law.state(gradient, degrees)
+    response = law.state(gradient, degrees, apart=mean is not None)
     xx, yy, across, xy = response.cauchy
+    if mean is not None:
+        xx, yy, across = xx + mean, yy + mean, across + mean
     stress = np.stack([xx, yy, xy], axis=1)
     return {
         "displacement": derivatives[:, 0],
@@ -53,7 +58,10 @@ def fields_of(scene: FiniteScene, state: State) -> dict[str, Fields]:
     for name, own in scene.parts(state.displacement).items():
         body = scene.bodies[name]
         derivatives = body.elastic.model.stencils.derivatives(own.reshape(-1, 2))
-        fields = fields_at(body.law, derivatives, body.degrees(state.factors))
+        mean = body.mean_stress(own, state.factors)
+        if mean is not None:
+            mean = body.elastic.model.stencils.derivatives(mean[:, None])[:, 0, 0]
+        fields = fields_at(body.law, derivatives, body.degrees(state.factors), mean)
         found[name] = fields | {"displacement": shown[name].reshape(-1, 2)}
     return found
 
@@ -78,7 +86,10 @@ def probe_values(scene: FiniteScene, state: State) -> dict[str, dict[str, Any]]:
         stencils = build_stencils(
             model.cloud.points, model.cloud.tree, probe.point, 1, model.settings, model.cloud.sight
         )
-        seen = fields_at(body.law, stencils.derivatives(own.reshape(-1, 2)), warm)
+        mean = body.mean_stress(own, state.factors)
+        if mean is not None:
+            mean = stencils.derivatives(mean[:, None])[:, 0, 0]
+        seen = fields_at(body.law, stencils.derivatives(own.reshape(-1, 2)), warm, mean)
         vectors = {key: seen[key][0] for key in ("displacement", "stress")}
         values[probe.name] = {**vectors, "von_mises": float(seen["von_mises"][0])}
     return values

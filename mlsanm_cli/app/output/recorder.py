@@ -219,16 +219,15 @@ class Recorder(Closing):
             self._events.write("failure", reason=error.message, hint=error.hint, **self.failed_at)
 
     def finish(self, analysis: Analysis, summary: Mapping[str, Any]) -> None:
-        """Writes the tables of the path and of all contacts, and closes all files; summary.json is written
-        last, so that its presence means that the run is over."""
+        """Writes the tables of the path and of all contacts, and the status; summary.json is written last, so
+        that its presence means that the run is over."""
         if self.last is not None:
-            write_csv(self.directory / run_dir.PATH_FILE, self._file.path_table())
-            tables = analysis.interfaces(self.last)
+            tables, path = analysis.interfaces(self.last), self._file.path_table()
+            write_csv(self.directory / run_dir.PATH_FILE, path)
             for name, columns in tables.items():
                 write_csv(self.directory / run_dir.interface_name(name, len(tables)), columns)
         self._events.write("end", status=summary["status"], reason=summary["stop_reason"])
         self._file.set_status(str(summary["status"]))
-        self.close()
         write_json_atomic(self.directory / run_dir.SUMMARY_FILE, summary)
 
     def close(self) -> None:

@@ -23,6 +23,7 @@ from mlsanm_cli.io import schema
 from mlsanm_cli.io.run_reader import Dataset, RunData, SavedState
 from mlsanm_cli.mechanics.body_model import enough_neighbors, enriched_tips
 from mlsanm_cli.mechanics.elasticity import von_mises
+from mlsanm_cli.mechanics.laws.law import gradient_of
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.probes import point_rows, stress_of_expansion
 from mlsanm_cli.operators.stencil_weights import Stencils
@@ -88,10 +89,15 @@ def fields_at(
         from mlsanm_cli.app.finite.fields import fields_at
         from mlsanm_cli.app.scene.materials import laws_of
 
-        law = laws_of(case)[body]
+        law, nodes = laws_of(case)[body], run.bodies[body].points
+        at_nodes = _stencils_at(run, case, body, nodes) if law.nested else None
         for level, (displacement, how) in zip(levels, saved, strict=True):
-            degrees = _degrees(case, body, level, points)
-            yield fields_at(law, stencils.derivatives(displacement), degrees), how
+            degrees, mean = _degrees(case, body, level, points), None
+            if at_nodes is not None:
+                gradient = gradient_of(at_nodes.derivatives(displacement))
+                nodal = law.mean(gradient, _degrees(case, body, level, nodes))[0]
+                mean = stencils.derivatives(nodal[:, None])[:, 0, 0]
+            yield fields_at(law, stencils.derivatives(displacement), degrees, mean), how
         return
     of_nodes = partial(_stencils_at, run, case, body, run.bodies[body].points)
     rows = point_rows(stencils, _material(case, body), of_nodes)

@@ -136,7 +136,7 @@ def prepare(
         check_tips(case, pairings)
     grids = grids and small
     fixed = {name: fixed_surfaces(case, boundaries, name) for name in models}
-    ranges = contact_ranges(case, models, pairings, occupied, fixed) if grids else {}
+    ranges = contact_ranges(case, models, pairings, occupied, fixed, held_nodes) if grids else {}
     # Contacts with nodal pressures are less stable at higher degrees; tractions of bonds vary slowly.
     nodal = [pairing for pairing in pairings if not (pairing.bonded or pairing.name in ranges)]
     low_bodies = {name for pairing in nodal for name in pairing.bodies} if small else ()
@@ -236,6 +236,14 @@ def assemble_bodies(
         probes=prepared.probes,
         held_motions=prepared.restrained.held,
         loose_motions=prepared.restrained.loose,
+        single_supports={
+            f"{one.body} near ({one.near[0]:g}, {one.near[1]:g})": (
+                one.body,
+                _nearest(prepared.models[one.body].cloud, one.near),
+            )
+            for one in case.support
+            if one.body is not None and one.near is not None
+        },
     )
 
 

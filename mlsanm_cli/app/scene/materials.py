@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from mlsanm_cli.case import Case, Material
+from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics.laws.law import Law, law_class
 from mlsanm_cli.mechanics.laws.saint_venant_kirchhoff import SaintVenantKirchhoff
 from mlsanm_cli.mechanics.material import PlaneMaterial, anisotropic, isotropic, orthotropic
@@ -22,12 +23,17 @@ def materials(case: Case) -> dict[str, PlaneMaterial]:
 
 
 def laws_of(case: Case) -> dict[str, Law]:
-    """The law of every body at finite strain."""
+    """The law of every body at finite strain. Raises CaseError for an anisotropic material that is nearly
+    incompressible."""
     plane, found = case.model.plane, dict[str, Law]()
     for body in case.body:
         material = case.material[body.material]
         if material.law == SaintVenantKirchhoff.name:
             found[body.name] = SaintVenantKirchhoff(_in_plane(material, plane), plane)
+            if found[body.name].linear.nearly_incompressible:
+                message = f'"{material.law}" cannot represent a nearly incompressible material'
+                hint = "give constants of a more compressible material, or a law of rubber"
+                raise CaseError((CaseProblem(f"material.{body.material}.law", message, hint=hint),))
         else:
             found[body.name] = _hyperelastic(material, plane)
     return found

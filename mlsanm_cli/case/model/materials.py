@@ -44,6 +44,10 @@ HYPERELASTIC: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "ogden": (("shear_moduli", "exponents", "nu"), ()),
 }
 """Required and optional keys of the other laws of finite strain."""
+LOCKING = (KIRCHHOFF, "blatz-ko")
+"""Laws of finite strain without the formulation for nearly incompressible materials."""
+MAX_NU = 0.4999
+"""Largest Poisson's ratio at finite strain: the bulk modulus is then 5,000 times the shear modulus."""
 MAX_TERMS = 6
 """Terms of Ogden's law that may be given."""
 SOME = "expected a list of numbers"
@@ -214,12 +218,12 @@ class Material(Section):
         elif self.form == "stiffness" and not scope.confined:
             hint = "give the constants of an orthotropic material, with nu13 and nu23"
             yield Fault(("stiffness",), "leaves the thickness at finite strain unknown in plane stress", hint)
-        elif self.nu is not None and scope.confined:
-            hint = f"at most {MAX_PLANE_STRAIN_NU:.3f} in plane strain"
-            stiff, what = self.nu > MAX_PLANE_STRAIN_NU, f"{self.nu:g}: a nearly incompressible material"
-            yield from scope.refused(stiff, ("nu",), what, hint)
-        else:
-            yield from scope.refused(self.nu == 0.5, ("nu",), "0.5: an incompressible material", "below 0.5")
+        elif self.nu is not None:
+            locks = scope.confined and self.law in LOCKING
+            limit = MAX_PLANE_STRAIN_NU if locks else MAX_NU
+            hint = f"at most {limit:.4g}{', or a law of rubber, such as neo-hookean' if locks else ''}"
+            what = f"{self.nu:g}: an incompressible material"
+            yield from scope.refused(self.nu > limit, ("nu",), what, hint)
 
     def _stiffness_faults(self, confined: bool) -> Iterator[Fault]:
         if self.stiffness is not None:

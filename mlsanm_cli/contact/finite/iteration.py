@@ -61,7 +61,7 @@ class Iteration:
             if self.known is not None:
                 factorised[name] = self.known.factorised[name]
             else:
-                factorised[name] = projector.factorised(u[here], whole)
+                factorised[name] = projector.factorised(u[here], whole, iterating=True)
             z[here] = -factorised[name].solve(projector.scaled(left))
         chosen, touched = self._chosen(z, p, met)
         if not len(chosen) and not contacts.free:

@@ -26,6 +26,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cells import cell_quadrature
 from mlsanm_cli.mechanics.assembly import RowTable, spring_rows
 from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.finite.faces import FacePoints, inner_points, outline_points
 from mlsanm_cli.mechanics.finite.loads import Applied, Loads
 from mlsanm_cli.mechanics.laws.law import Law, determinant, gradient_of
@@ -36,13 +37,17 @@ from mlsanm_cli.operators.rows import pair_rows
 @dataclass(frozen=True)
 class FiniteBody:
     """An ``elastic`` body, whose cloud, rows and pieces are used, with its ``law`` and ``loads``. The last
-    ``pins`` of its single held nodes are held along directions rotated by ``angle``."""
+    ``pins`` of its single held nodes are held along directions rotated by ``angle``.
+
+    In nearly incompressible bodies volume changes are those of the fits of ``coarser`` if given: those of the
+    next degree are not smooth, and the bulk modulus multiplies them."""
 
     elastic: ElasticBody
     law: Law
     loads: Loads
     pins: int = 0
     angle: float = 0.0
+    coarser: BodyModel | None = None
 
     @property
     def unknowns(self) -> int:
@@ -66,6 +71,12 @@ class FiniteBody:
         held = {name: components for name, components in elastic.restrained.items() if any(components)}
         held_sides = outline_points(elastic, held, rule_of(elastic.model))
         return inner_points(elastic), held_sides, self.applied.points
+
+    @property
+    def stressed(self) -> list[tuple[FacePoints, slice]]:
+        """Points with stress, of inner faces and of held sides, and their numbers among all."""
+        inner, held, _ = self.points
+        return [(inner, slice(0, inner.count)), (held, slice(inner.count, inner.count + held.count))]
 
     @cached_property
     def on_pieces(self) -> tuple[IntArray, IntArray, FloatArray]:
@@ -197,6 +208,30 @@ class FiniteBody:
     def gradient(self, displacement: FloatArray) -> FloatArray:
         """Displacement gradient (4, n) at the nodes, components 11, 12, 21, 22."""
         return gradient_of(self.elastic.model.stencils.derivatives(displacement.reshape(-1, 2)))
+
+    def fitted_mean(self, nodal: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Value, d/dX and d/dY (3, n) at the nodes and values (q,) at the points with stress of the fits of a
+        mean stress with ``nodal`` values (n,)."""
+        column = nodal[:, None]
+        on_faces = [points.stencils.derivatives(column)[:, ::3].ravel() for points in self.points[:2]]
+        return self.elastic.model.stencils.derivatives(column)[:, :3, 0].T, np.concatenate(on_faces)
+
+    def mean_stress(self, displacement: FloatArray, factors: FloatArray) -> FloatArray | None:
+        """Nodal values (n,) of the mean stress of volume changes, None if it is not a nodal field."""
+        if not self.law.nested:
+            return None
+        return self.law.mean(self.gradient(displacement), self.degrees(factors))[0]
+
+    def stress(self, displacement: FloatArray, factors: FloatArray) -> FloatArray:
+        """P (4, n) at the nodes, its mean stress fitted to the nodal values: equilibrium controls only the
+        fit."""
+        gradient, nodal = self.gradient(displacement), self.mean_stress(displacement, factors)
+        found = self.law.state(gradient, self.degrees(factors), apart=nodal is not None).stress[:, 0, 0]
+        if nodal is not None:
+            xx, xy, yx, yy = gradient
+            cofactor = np.stack([1.0 + yy, -yx, -xy, 1.0 + xx])
+            found = found + self.elastic.model.stencils.derivatives(nodal[:, None])[:, 0, 0] * cofactor
+        return np.asarray(found)
 
     def ellipticity(self, displacement: FloatArray, factors: FloatArray) -> FloatArray:
         """Ellipticity (n,) at the nodes (:meth:`Law.ellipticity`)."""

@@ -43,7 +43,7 @@ def unaccounted(body: FiniteBody, displacement: FloatArray, factors: FloatArray)
 def energy(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> float:
     """Reference energy of the estimate, per thickness, in the same state."""
     gradient, degrees = body.gradient(displacement), body.degrees(factors)
-    stress = body.law.stress(gradient, degrees)
+    stress = body.stress(displacement, factors)
     xx, xy, yx, yy = gradient + np.array([1.0, 0.0, 0.0, 1.0])[:, None]
     turned = np.stack([yy, -yx, -xy, xx]) / (1.0 + determinant(gradient))
     if degrees is not None:
@@ -70,7 +70,7 @@ def missing_work(body: FiniteBody, displacement: FloatArray, factors: FloatArray
         held[node, component] = True
     if moved[held].any():
         moved = moved - extended(cloud, moved, held)
-    stress = body.law.stress(body.gradient(displacement), body.degrees(factors))
+    stress = body.stress(displacement, factors)
     found = over_body(cloud, stress.T, body.gradient(moved.ravel()).T)
     force = BodySeries.at(body, displacement, factors).outline_forces()[1]
     found -= float((force.T * body.applied.points.seen(moved)[:, 0]).sum())

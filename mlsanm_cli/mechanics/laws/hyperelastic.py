@@ -106,6 +106,11 @@ class Hyperelastic(Law):
         """Bulk modulus of the undeformed state."""
         return 2.0 * self.shear * (1.0 + self.nu) / (3.0 * (1.0 - 2.0 * self.nu))
 
+    @property
+    def nested(self) -> bool:
+        """Whether the mean stress of volume changes is differentiated as a nodal field."""
+        return self.linear.nearly_incompressible
+
     @cached_property
     def linear(self) -> PlaneMaterial:  # type: ignore[override]
         """The law of small strains."""
@@ -115,18 +120,19 @@ class Hyperelastic(Law):
         """Elastic stress (:meth:`Law.stress_of`)."""
         if across is not None:
             e = Deformation(f, across)
-            return self._stress(e, lambda: self._across(e), apart)
+            return self._stress(e, lambda: self._across(e, apart), apart)
         thin = []
 
         def thickness_force(logarithm: Series) -> Series:
             thin.append(Deformation(f, exp(logarithm)))
-            return tape.as_series(self._across(thin[0]))
+            return tape.as_series(self._across(thin[0], apart=False))
 
         tape.root(thickness_force)
         return self._stress(thin[0], lambda: 0.0, apart=False)
 
-    def _across(self, e: Deformation) -> Term:
-        return self.stretch_slope(e) + self.mean_stress(e) * e.area
+    def _across(self, e: Deformation, apart: bool) -> Term:
+        slope = self.stretch_slope(e)
+        return slope if apart else slope + self.mean_stress(e) * e.area
 
     def _stress(self, e: Deformation, across: Callable[[], Term], apart: bool) -> Stress:
         by_trace, by_area = self.plane_slopes(e)

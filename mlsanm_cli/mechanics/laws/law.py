@@ -36,8 +36,8 @@ WAVE_DIRECTIONS = 24
 @dataclass(frozen=True)
 class Stress:
     """First Piola-Kirchhoff stress ``plane`` 11, 12, 21, 22, functions that record the stress ``across`` and
-    the ``stretch`` across, and the ``mean`` stress p of volume changes that the stress in the plane leaves
-    out, None if it is a part of it. The stress across is always the whole."""
+    the ``stretch`` across, and the ``mean`` stress p of volume changes that they leave out, None if it is a
+    part of them."""
 
     plane: Sequence[Series]
     across: Callable[[], Term]
@@ -81,6 +81,19 @@ class Law(ABC):
         """P (4, n) at a displacement ``gradient`` (4, n) and temperature change (n,)."""
         return np.asarray(self.state(gradient, degrees).stress[:, 0, 0])
 
+    def mean(self, gradient: FloatArray, degrees: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+        """Mean stress p (n,) of volume changes, and dp/dF (4, n), at a displacement ``gradient`` (4, n) and
+        temperature change (n,)."""
+        response = self.state(gradient, degrees, 1, apart=True)
+        assert response.mean is not None
+        slopes = np.empty_like(gradient)
+        for component in range(4):
+            unit = np.zeros((4, 1, gradient.shape[1]))
+            unit[component] = 1.0
+            response.put(1, unit)
+            slopes[component] = response.mean[1, 0]
+        return response.mean[0, 0], slopes
+
     def moduli(
         self, gradient: FloatArray, degrees: FloatArray | None = None, apart: bool = False
     ) -> FloatArray:
@@ -101,6 +114,11 @@ class Law(ABC):
         free = np.array([[1.0 + xx * degrees, shear], [shear, 1.0 + yy * degrees]])
         product = np.einsum("ijn,jkn,kln->iln", tensor.reshape(2, 2, -1), free, free)
         return np.asarray(product.reshape(4, -1))
+
+    @property
+    def nested(self) -> bool:
+        """Whether the mean stress of volume changes is differentiated as a nodal field."""
+        return False
 
     def ellipticity(self, gradient: FloatArray, degrees: FloatArray | None = None) -> FloatArray:
         """Smallest eigenvalue (n,) over the shear modulus of the acoustic tensor A_iJkL N_J N_L over all

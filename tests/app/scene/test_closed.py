@@ -56,6 +56,19 @@ def test_a_fit_has_the_pressure_of_lame_all_around(tmp_path: Path) -> None:
             assert (yy - xx) * c * s + xy * (c * c - s * s) == pytest.approx(0.0, abs=0.01 * pressure)
 
 
+def test_a_clamped_ring_on_a_rigid_mandrel_is_pressed_evenly(tmp_path: Path) -> None:
+    """Around a whole circle there is no chord whose rotation could turn the contact. Radial displacement
+    a r + b / r, 0 outside and the interference inside."""
+    ring = scene("strain", E=3500.0).body("ring", "steel", annulus=([0.0, 0.0], [1.0, 2.0]))
+    mandrel = {"kind": "disk", "center": [0.0, 0.0], "radius": 1.0}
+    ring = ring.support("ring.outer", ux=0.0, uy=0.0).contact("fit", "ring.inner", obstacle=mandrel)
+    done(ring, tmp_path / "run", "contact.fit.interference=2e-4")
+    a, b = np.linalg.solve([[1.0, 1.0], [2.0, 0.5]], [2e-4, 0.0])
+    expected = -3500.0 / (1.3 * 0.4) * (a - 0.4 * b)
+    pressure = read_run(tmp_path / "run").contacts["fit"].pressure[-1]
+    assert pressure == pytest.approx(expected, rel=5e-3)
+
+
 def test_a_fit_that_is_pulled_aside_may_open_anywhere(tmp_path: Path) -> None:
     """Where the range of a closed contact begins has no part in it: pulled down or aside is the same."""
     held = support("shaft.inner", ux=0.0, uy=0.0)
