@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,6 +21,7 @@ from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.finite.forces import Forces
 from mlsanm_cli.mechanics.laws.law import Law, gradient_of, stretches
 from mlsanm_cli.operators.stencils import build_stencils
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.solve.state import Fields, State
 
 CONTACT_PREFIX = "contact "

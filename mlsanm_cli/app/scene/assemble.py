@@ -36,7 +36,7 @@ from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.operators.linear.interface import LinearSolver
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.records import dataclass
-from mlsanm_cli.roundoff import ROUND_OFF
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 HIGH_DEGREE, LOW_DEGREE = 4, 2
@@ -312,7 +312,8 @@ def _probes(case: Case, clouds: Mapping[str, Cloud]) -> tuple[Probe, ...]:
     probes, problems = [], []
     for probe in case.probe:
         point = np.array([probe.point])
-        if not clouds[probe.body].contains(point)[0]:
+        # Points on inclined sides are given to the digits that are written.
+        if not clouds[probe.body].contains(point, COARSE_ROUND_OFF)[0]:
             x, y = probe.point
             message = f'({x:g}, {y:g}) lies outside body "{probe.body}"'
             hint = "give coordinates of the undeformed body"
