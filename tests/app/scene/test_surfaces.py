@@ -134,7 +134,7 @@ def test_feet_of_one_name_are_clamped_as_those_of_two() -> None:
         for foot in feet:
             text = text.support(f"portal.{foot}", ux=0.0, uy=0.0)
         text = text.load("press", "portal.top", "pressure", pressure=1.0)
-        return clouds(parse(text).case)["portal"].points
+        return clouds(Boundaries.of(parse(text).case))["portal"].points
 
     np.testing.assert_array_equal(placed("foot"), placed("foot1", "foot2"))
 
@@ -250,7 +250,7 @@ def test_a_tip_that_touches_with_both_sides_needs_a_radius(slope: float, sharp: 
         .load("press", "wedge.back", "platen", ux=0.0, fy=-10.0)
         .contact("tip", slave=["wedge.other", "wedge.one"], master="block.top")
     ).case
-    pairings = tuple(pair(case, Boundaries.of(case), clouds(case)))
+    pairings = tuple(pair(case, Boundaries.of(case), clouds(Boundaries.of(case))))
     if not sharp:
         check_tips(case, pairings)
         return
