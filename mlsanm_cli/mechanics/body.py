@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeAlias
 
@@ -23,6 +22,7 @@ from mlsanm_cli.mechanics.rigid import RigidBodyModes
 from mlsanm_cli.mechanics.springs import FREE, Held, Springs, restrained, soft
 from mlsanm_cli.memo import digest
 from mlsanm_cli.operators.system import LinearSystem
+from mlsanm_cli.records import dataclass
 
 Timed: TypeAlias = Callable[[], AbstractContextManager[None]]
 """Returns a context manager that measures the time of an operation."""

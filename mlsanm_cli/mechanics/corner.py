@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeAlias
 
@@ -14,6 +13,7 @@ from mlsanm_cli.mechanics.corner_faces import LOG_STEP, Face, FaceForces, smooth
 from mlsanm_cli.mechanics.near_field import SURFACE_INSET, ComplexArray, SurfaceForces, summed, traction
 from mlsanm_cli.mechanics.symmetry import Image
 from mlsanm_cli.mechanics.wedge import Wedge, interpolated
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import FINE_ROUND_OFF, ROUND_OFF
 
 RANGE_BELOW, RANGE_ABOVE = 9.0, 16.0

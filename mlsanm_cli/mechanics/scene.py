@@ -4,7 +4,7 @@ vector f (L,), in the order in which the case names the loads."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import field, fields
 from functools import cached_property
 
 import numpy as np
@@ -19,6 +19,7 @@ from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.mechanics.rigid import ROTATION, RigidBodyModes, rigid_pattern
 from mlsanm_cli.mechanics.springs import FREE
 from mlsanm_cli.memo import digest
+from mlsanm_cli.records import dataclass
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ interpolated to any number of pressures and gaps. At planes of symmetry all of i
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from itertools import product
 from typing import Any
@@ -35,6 +35,7 @@ from mlsanm_cli.mechanics.near_field import (
     as_real,
 )
 from mlsanm_cli.mechanics.symmetry import Image, images_of
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
 DIFFERENCE_STEP = 1e-4

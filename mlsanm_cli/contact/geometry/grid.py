@@ -4,7 +4,7 @@ on any grid."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -12,6 +12,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cells import GAUSS
+from mlsanm_cli.records import dataclass
 
 RULE = GAUSS[3]
 END_HALVINGS = 8

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray, runs_of
 from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.records import dataclass
 
 THRESHOLD = 0.01
 PEAK_SHARE, PEAK_RATIO = 0.02, 3.0

@@ -8,7 +8,7 @@ They are ordered like the unknowns, forces x with pressures and forces y with tr
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import TypeVar
 
@@ -20,6 +20,7 @@ from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.geometry.surface_response import pin_displacements
 from mlsanm_cli.contact.response.compressed import Compressed, as_array
 from mlsanm_cli.contact.response.linear_map import Columns, LinearMap
+from mlsanm_cli.records import dataclass
 
 Key = TypeVar("Key", bound=Hashable)
 
