@@ -3,6 +3,7 @@
 from mlsanm_cli.case.model.bodies import Body as Body
 from mlsanm_cli.case.model.case import Case as Case
 from mlsanm_cli.case.model.case import finer_nodes as finer_nodes
+from mlsanm_cli.case.model.case import rounded as rounded
 from mlsanm_cli.case.model.conditions import Stop as Stop
 from mlsanm_cli.case.model.contacts import AnyObstacle as AnyObstacle
 from mlsanm_cli.case.model.contacts import Contact as Contact

@@ -22,8 +22,8 @@ from mlsanm_cli.cli.settings import Settings, say
 
 LAZY_COMMANDS = {
     **dict.fromkeys(("explain", "new", "schema"), "authoring"),
-    **dict.fromkeys(("collect", "sweep"), "batch"),
-    **{name: name for name in ("compare", "plot", "probe")},
+    **dict.fromkeys(("collect", "compare", "sweep"), "batch"),
+    **{name: name for name in ("plot", "probe")},
     "report": "plot",
     "fit-law": "authoring",
 }

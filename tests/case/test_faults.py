@@ -207,6 +207,7 @@ PLANE = '\nobstacle = {kind = "plane", point = [-0.1, 0.0], normal = [1.0, 0.0]}
 CONTACT = '[[contact]]\nname = "c"\nslave = "block.left"'
 TURN = '\n[[load]]\nname = "turn"\nkind = "obstacle"\nobstacle = "c"\nrotation = 1.0'
 GRIP = '[[load]]\nname = "grip"\nboundary = "block.left"\nkind = "platen"\nux = 0.1\nrotation = '
+OTHER = '[[load]]\nname = "more"\nboundary = "block.left"\nkind = "platen"\nuy = 0.0\nrotation = "fixed"\n'
 FINITE: list[Row] = [
     ("material.rubber.law='linear'", "material.rubber.law", "finite"),
     ("material.rubber.nu=0.49995", "material.rubber.nu", "incompressible"),
@@ -218,8 +219,10 @@ FINITE: list[Row] = [
     ("reference.solution='hertz-line'", "reference", "analytical"),
     (f'{GRIP}"free"', "load.grip", "both directions"),
     (f"{GRIP}0.1", "load.grip", "both directions"),
+    (f"{GRIP}0.1\n{OTHER}", "load.more.rotation", 'write rotation = 0.0 in load "more"'),
     (f'{CONTACT}{PLANE}\nregularization.law = "hyperbolic"', "contact.c.regularization.law", "hyperbolic"),
     (f'{CONTACT}{PLANE}\nfriction = "bonded"', "contact.c.friction", "bonded"),
+    (f'{CONTACT}{PLANE}\n[solver]\nmethod = "newton"', "solver.method", "always exact"),
     (f"{CONTACT}{PLANE}\ngap = 0.1", "contact.c.gap", "gap"),
     (f"{CONTACT}{PLANE}\nreach = 0.1", "contact.c.reach", "slave"),
     (f'{CONTACT}\nmaster = "block.right"', "contact.c", "self-contact"),

@@ -11,7 +11,7 @@ import pytest
 
 from mlsanm_cli.app.scene.imported import geometry_of
 from mlsanm_cli.app.scene.outlines import drawn
-from mlsanm_cli.case import case_hash, load_case, parse_case, resolved_mapping
+from mlsanm_cli.case import case_hash, load_case, parse_case, resolved_mapping, rounded
 from mlsanm_cli.cloud.curves import Arc, Outline
 from mlsanm_cli.cloud.membership import signed_area
 from mlsanm_cli.errors import CaseError
@@ -103,6 +103,12 @@ def test_ring() -> None:
     ring = shaped("{kind='annulus', center=[0.0, 0.0], radii=[1.0, 2.0]}", "inner", "outer")
     geometry = geometry_of(parse(PLATE, ring).case.body[0].shape)
     assert (geometry.size, tuple(geometry.normals)) == (4.0, ("outer", "inner"))
+
+
+def test_hints_on_corners_name_keys_that_the_shape_has() -> None:
+    assert "shape.rounding" in rounded(parse(PLATE).case, "plate")
+    box = parse(PLATE, shaped("{kind='rectangle', x=[0.0, 1.0], y=[0.0, 1.0]}", "top", "left")).case
+    assert "rounding" not in rounded(box, "plate")
 
 
 # Of a slit, whose end lies in the corner that a rounding cuts off.

@@ -12,6 +12,7 @@ from mlsanm_cli.contact.complementarity.history import State, follow, increment,
 from mlsanm_cli.contact.complementarity.problem import ContactStatus, Problem
 from mlsanm_cli.contact.complementarity.solution import opened, solve
 from mlsanm_cli.contact.complementarity.tracing import Ray
+from mlsanm_cli.contact.complementarity.uniqueness import undetermined
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -80,6 +81,28 @@ def test_free_bodies_without_load_stay_where_they_are() -> None:
     found = solve(problem, 0.0 * weight, opened(problem), near=np.array([0.0, 0.0, 0.0, 0.0, 4.0, 5.0, 0.5]))
     np.testing.assert_allclose(found.x[4:], [4.0, 5.0, 0.5])
     assert not found.x[:4].any()
+
+
+@pytest.mark.parametrize(
+    ("below", "above", "drag", "free"),
+    [(0.3, 0.3, 1.0, True), (0.4, 0.3, 1.0, False), (0.3, 0.4, 1.0, False), (0.3, 0.3, 0.2, False)],
+)
+def test_a_plate_dragged_between_equal_contacts_may_follow_either(
+    below: float, above: float, drag: float, free: bool
+) -> None:
+    """A plate with motions along and across between the ground and a block that is pressed by 1 and moved."""
+    gap, slip = np.array([[0.0, 1.0], [0.0, -1.0]]), np.array([[1.0, 0.0], [-1.0, 0.0]])
+    moved = np.vstack([gap, slip])
+    matrix = np.block([[np.eye(4), moved], [-moved.T, np.zeros((2, 2))]])
+    problem = Problem.of(matrix, np.arange(2), np.array([below, above]), 2)
+    pressed = problem.rows * np.array([0.0, -2.0, 0.0, 0.0, 0.0, 0.0])
+    dragged = pressed + problem.rows * np.array([0.0, 0.0, 0.0, drag, 0.0, 0.0])
+    state = increment(problem, unloaded(problem, np.zeros(6)), pressed, 0.0)
+    state = _followed(problem, state, pressed, dragged - pressed, 1.0)
+    none = np.zeros((0, 2))
+    assert (undetermined(problem, state.status, state.x, none) is not None) == free
+    # A load on the plate would drive it.
+    assert undetermined(problem, state.status, state.x, np.array([[1.0, 0.0]])) is None
 
 
 def test_no_equilibrium_is_a_ray() -> None:

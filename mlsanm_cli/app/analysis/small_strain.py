@@ -28,7 +28,7 @@ from mlsanm_cli.app.checks.refinement import Adapted, adapt
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.output.analysis import Analysis, BodyFields
 from mlsanm_cli.app.output.parts import ContactNodes
-from mlsanm_cli.app.output.views import Views, shown_fields
+from mlsanm_cli.app.output.views import View, finer_views, shown_fields
 from mlsanm_cli.app.scene.assemble import NOTHING, SceneModel
 from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.arrays import FloatArray
@@ -191,13 +191,13 @@ class SmallStrain(Analysis):
         return {name: body.model for name, body in self._built.scene.bodies.items()}
 
     @cached_property
-    def _views(self) -> Views:
-        return Views.of(self._built, self.prepared.boundaries, self.context.memo)
+    def _views(self) -> Mapping[str, View]:
+        return finer_views(self._built, self.prepared.boundaries, self.context.memo)
 
     @property
     def clouds(self) -> Mapping[str, Cloud]:
         """The points at which fields are written, finer than the nodes under contact grids."""
-        return self._views.clouds
+        return {**self.nodes, **{name: view.cloud for name, view in self._views.items()}}
 
     @cached_property
     def contacts(self) -> Mapping[str, ContactNodes]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
@@ -59,7 +60,8 @@ def strain(end: End) -> Iterator[Check]:
             largest,
             f"body {body} is strained or rotated by {100.0 * largest:.3g} %, but the linear model is valid "
             f"for a few percent only",
-            f"check the units of material.{materials[body]} against those of the loads",
+            'use model.strain = "finite" if it bends so far, '
+            f"else check the units of material.{materials[body]} against those of the loads",
             f"body {body}",
         )
 
@@ -137,6 +139,16 @@ def checks_of(end: End) -> Iterator[Check]:
         yield from check(end)
 
 
+def _turned_too_far(names: str, angle: float, share: float) -> str:
+    """What the rotation (radian) of bodies does to a limit load, a relative error of ``share``."""
+    if abs(angle) > math.pi:
+        return f"{names} turns round and round: a mechanism, which limits no load at small strain"
+    return (
+        f"{names} has rotated by {np.degrees(angle):.2g} degrees without its contacts moving along its "
+        f"surface: the moment at the limit is up to {100.0 * share:.2g} % too large"
+    )
+
+
 def limit_load(built: CondensedScene, state: State) -> Iterator[Check]:
     """A limit load close to a ``state`` that is too large, as the contacts of a rotated body have not moved
     along its surface."""
@@ -145,9 +157,7 @@ def limit_load(built: CondensedScene, state: State) -> Iterator[Check]:
         yield Check(
             "limit_load",
             turned.share,
-            f"{turned.names} has rotated by {np.degrees(turned.angle):.2g} degrees without its contacts "
-            f"moving along its surface: the moment at the limit is up to {100.0 * turned.share:.2g} % too "
-            f"large",
+            _turned_too_far(turned.names, turned.angle, turned.share),
             'use model.strain = "finite", or stiffer materials',
             turned.names,
         )

@@ -58,6 +58,7 @@ STATE: Mapping[str, Limit] = {
     "overlap": Limit(None, ANY, "boundaries inside a body or an obstacle without a contact there"),
     "self_overlap": Limit(ANY, None, "points of a boundary inside its own body; fails at finite strain"),
     "sliding_distance": Limit(0.25, None, "sliding at small strain over the width of the contact"),
+    "uniqueness": Limit(ANY, None, "motions along contacts with friction that no force determines"),
     "snap": Limit(ANY, None, "jumps of a contact with friction, whose path is not continuous"),
     "body_rotation": Limit(
         0.03, INSTABILITY_RATIO, "moment of forces by the rotation of a body over the moment that resists it"

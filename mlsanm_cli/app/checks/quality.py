@@ -15,7 +15,7 @@ from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene import pulls
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.refinement import Refinement
-from mlsanm_cli.case import Case, finer_nodes
+from mlsanm_cli.case import Case, finer_nodes, rounded
 from mlsanm_cli.cloud.quality import measure
 from mlsanm_cli.contact.geometry.pairing import Pairing, spacing_ratio
 from mlsanm_cli.contact.response.coercivity import stiffness_ratio
@@ -148,7 +148,7 @@ def nodal_contacts(
             "slave_stiffness",
             stiffer,
             f"{place}: the slave is {stiffer:.3g} times stiffer than the master",
-            "swap them: pressures are more accurate with the softer body as slave",
+            "swap them, `from` and `to` too: pressures are more accurate with the softer body as slave",
             place,
         )
 
@@ -273,7 +273,7 @@ def corners(model: Quality) -> Iterator[Check]:
                 "reentrant_corners",
                 len(sharp),
                 f"body {name}: a sharp corner points into the material at ({x:.6g}, {y:.6g}){more}; the "
-                f"stress there is singular{slow}: give it a radius in body.{name}.shape.rounding",
+                f"stress there is singular{slow}: {rounded(model.case, name)}",
                 place=f"body {name}",
             )
 

@@ -10,9 +10,11 @@ import numpy as np
 from mlsanm_cli.app.checks.check import Check
 from mlsanm_cli.app.checks.limits import level
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.complementarity.problem import STICK, ContactStatus
+from mlsanm_cli.contact.complementarity.problem import GRAZING, STICK, ContactStatus
+from mlsanm_cli.contact.complementarity.uniqueness import undetermined
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.direction_updates import turned_by_loads
+from mlsanm_cli.solve.limit_loads import moving_bodies
 from mlsanm_cli.solve.stage_ends import passing_error, reach_error
 from mlsanm_cli.solve.state import State
 
@@ -95,11 +97,40 @@ def overturning(built: CondensedScene, state: State) -> Iterator[Check]:
     return (check for check in body_rotation(built, state) if check.outcome == "failed")
 
 
+def uniqueness(built: CondensedScene, state: State) -> Iterator[Check]:
+    """Bodies that may move along contacts with friction without a change of any force."""
+    condensed = built.condensed
+    if built.case.is_regularized or not len(condensed.friction_nodes):
+        return
+    problem, nodes = condensed.problem, condensed.friction_nodes
+    stuck = state.status[nodes] == STICK
+    status = ContactStatus.with_tractions(state.closed, stuck, state.traction, nodes)
+    x = np.concatenate([state.pressure, state.traction, state.motion]) / problem.columns
+    acting = condensed.balance.load[:, state.factors != 0.0].T
+    motion = undetermined(problem, status, x, acting * problem.columns[problem.contacts :])
+    names, places = "", ""
+    if motion is not None:
+        names = " and ".join(moving_bodies(built.scene, motion)[0])
+        slips = np.abs(condensed.slip.motion @ motion)
+        least = GRAZING * slips.max()
+        places = " and ".join(
+            name for name, span in condensed.tangential.items() if slips[span].max(initial=0.0) > least
+        )
+    yield Check(
+        "uniqueness",
+        float(motion is not None),
+        f"at position {state.position:.6g} the state is not unique: {names} may move along {places} "
+        "without a change of any force, so that displacements and slips are one of several solutions",
+        "give the contacts different coefficients of friction, or hold the body with a [[support]]",
+    )
+
+
 STATE: tuple[Callable[[CondensedScene, State], Iterator[Check]], ...] = (
     residual,
     finite,
     friction_limit,
     contact_reach,
+    uniqueness,
 )
 """Checks of every state."""
 

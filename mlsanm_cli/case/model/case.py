@@ -107,6 +107,14 @@ class Case(Section):
     _defaults = model_validator(mode="before")(with_defaults)
 
 
+def rounded(case: Case, body: str) -> str:
+    """Hint to round a corner of the body of this name."""
+    shape = next(one.shape for one in case.body if one.name == body)
+    if shape.kind == "polygon":
+        return f"give it a radius in body.{body}.shape.rounding"
+    return f"draw an arc there in body.{body}.shape"
+
+
 def finer_nodes(case: Case, names: Collection[str], key: str = "spacing") -> str:
     """Hint to use finer nodes in the bodies of these names, by a ``key`` of theirs or in their files."""
     keys = [f"body.{b.name}.{'shape.file' if b.has_nodes else key}" for b in case.body if b.name in names]

@@ -19,6 +19,7 @@ from pydantic_core import CoreSchema
 from mlsanm_cli.case.report import KeyPath
 from mlsanm_cli.errors import Fault
 from mlsanm_cli.records import dataclass
+from mlsanm_cli.roundoff import ROUND_OFF
 
 if TYPE_CHECKING:
     from mlsanm_cli.case.model.case import Case
@@ -58,9 +59,6 @@ class GeometryInspector(Protocol):
 
     def geometry(self, shape: AnyShape) -> Geometry:
         """The geometry of a shape. Raises GeometryError if it is not a valid body."""
-
-    def floating(self, case: Case) -> Iterable[Fault]:
-        """A fault for every body without contact that can move freely, with its key in the case."""
 
 
 @dataclass(frozen=True)
@@ -256,8 +254,14 @@ Rotation = Annotated[
 ]
 """Rotation of a plate: fixed, free, or a prescribed angle."""
 
+
+def _without_round_off(coefficient: float) -> float:
+    """A coefficient of friction; 0 where tractions would be round-off of the pressures."""
+    return coefficient if coefficient > ROUND_OFF else 0.0
+
+
 Coefficient = Annotated[
-    Literal["bonded"] | Annotated[float, Field(ge=0.0)],
+    Literal["bonded"] | Annotated[float, Field(ge=0.0), AfterValidator(_without_round_off)],
     expecting('expected a number of at least 0, or "bonded"'),
 ]
 """A coefficient of friction, or bonded surfaces."""

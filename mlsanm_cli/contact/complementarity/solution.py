@@ -9,15 +9,16 @@ recur, a load is added that makes one of them feasible, and removed along the pa
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.contact.complementarity.basis import Basis, SingularError, null_space
+from mlsanm_cli.contact.complementarity.basis import NULL, Basis, SingularError, null_space
 from mlsanm_cli.contact.complementarity.equilibrium import collapse
 from mlsanm_cli.contact.complementarity.problem import FEASIBLE, Changes, ContactStatus, Problem
 from mlsanm_cli.contact.complementarity.tracing import Point, Ray, trace
+from mlsanm_cli.records import dataclass
 
 PASSES = 30
 """Newton steps before pivoting; converging ones take fewer than ten."""
@@ -25,13 +26,12 @@ BEST = 2
 """Number of statuses with the fewest violations from which pivoting starts."""
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 """Multiples of it, modulo 1, are evenly spread irregular numbers."""
-RESISTED = 1e-3
-"""Part of a row that remaining motions change, above which its node holds them."""
-SPRINGS = (1e-4, 1e-6, 1e-8)
-"""Stiffness of springs over that of the contacts, one after the other."""
-COVER, INSIDE = 1e-2, 0.9
-"""Least covering gaps and pressures over the largest, and part of the friction limit of covering tractions:
-any positive numbers do."""
+RESISTED = NULL**0.5
+"""Part of a row that remaining motions change, above which its node holds them: far above what is zero."""
+SPRINGS = (1e6 * FEASIBLE, 1e4 * FEASIBLE, 1e2 * FEASIBLE)
+"""Stiffness of springs over that of the contacts, one after the other, down to where they are round-off."""
+COVER = 1e-2
+"""Least covering gaps and pressures over the largest: any positive number does."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,8 +256,8 @@ class Search:
         v[: p.m][opened] = np.maximum(np.abs(v[: p.m]), least)[opened]
         limit, t = p.friction * np.maximum(y[p.nodes], 0.0), y[p.m : count]
         may = np.where(t > 0.0, allowed.forward, allowed.backward)
-        over = may & status.stuck & (np.abs(t) > INSIDE * limit)
-        t = np.where(over, np.sign(t) * INSIDE * limit / uneven[p.nodes], t)
+        inside = limit / uneven[p.nodes]
+        t = np.where(may & status.stuck & (np.abs(t) > inside), np.sign(t) * inside, t)
         slides = status.slip_sign != 0.0
         y[p.m : count] = np.where(
             slides, status.slip_sign * p.friction * y[p.nodes], np.where(status.stuck, t, 0.0)

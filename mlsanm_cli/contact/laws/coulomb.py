@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from mlsanm_cli.contact.laws.linearised import ContactSolution
 from mlsanm_cli.contact.laws.residual import kkt_residual
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 
 NEGLIGIBLE = 1e-3
@@ -94,7 +95,7 @@ def increment(
             allowed = replace(p.everything, forward=none, backward=none)
             found = history.increment(p, before, free, 0.0, *starts, allowed=allowed)
     except Ray as error:
-        raise NoStateError(sliding=slides_freely(condensed, starts[0])) from error
+        raise NoStateError from error
     return _unscaled(condensed, found, factors), found.systems
 
 
@@ -188,9 +189,9 @@ def event_driven_path(
         except StopIteration:
             return
         except Ray as ray:
-            if slides_freely(condensed, _at_limits(condensed.problem, now)):
+            if _moves_along(condensed.problem, now, ray):
                 raise SlidingError(now.lam) from ray
-            raise NoStateError(sliding=False) from ray
+            raise NoStateError from ray
         if found.rates is not None and _slides(condensed, now, found, begin, change):
             raise SlidingError(now.lam)
         jumped, settled = found.jumped and settled, settled or not found.jumped
@@ -198,11 +199,12 @@ def event_driven_path(
         now = found
 
 
-def _at_limits(problem: Problem, state: history.State) -> ContactStatus:
-    """The status of a state in which all nodes at their friction limits slip."""
-    p, at = problem, history.admissible(problem, state)
-    stuck = state.status.stuck & ~(at.forward | at.backward)
-    return ContactStatus.with_tractions(state.status.closed, stuck, state.x[p.m : p.contacts], p.nodes)
+def _moves_along(problem: Problem, state: history.State, ray: Ray) -> bool:
+    """Whether a mechanism moves the closed nodes of a state more along their surfaces than off them."""
+    p, rates = problem, problem.product(ray.direction) / problem.rows
+    on = state.status.closed
+    off, along = np.abs(rates[: p.m][on]), np.abs(rates[p.m : p.contacts][on[p.nodes]])
+    return bool(along.max(initial=0.0) > off.max(initial=0.0))
 
 
 def _slides(

@@ -10,7 +10,7 @@ Equation (11) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sparse
@@ -39,6 +39,7 @@ from mlsanm_cli.contact.response.short_waves import correct_short_waves
 from mlsanm_cli.mechanics.probes import Probe, stress_of_expansion
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 
 

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 
 import numpy as np
@@ -31,6 +31,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.laws.law import Law, Stress
 from mlsanm_cli.mechanics.laws.series import Series, Tape, Term, dot, exp
 from mlsanm_cli.mechanics.material import PlaneMaterial, isotropic
+from mlsanm_cli.records import dataclass
 
 
 @dataclass(frozen=True)

@@ -34,11 +34,22 @@ DISK = (
 RUBBER = (
     head("strain", strain="finite")
     .material("rubber", E=2.6, nu=0.3, law="neo-hookean")
-    .body("block", "rubber", 0.25, box=([0.0, 2.0], [0.0, 1.0]))
-    .support("block.bottom", ux=0.0, uy=0.0)
+    .body("block", "rubber", 0.25, box=([0.0, 2.0], [0.0, 1.0]), clamped="bottom")
 )
 PUNCHED = RUBBER.pushed("press", "c", uy=-0.2).contact("c", "block.top", disk=([1.0, 2.0], 1.0))
 PULLED = RUBBER.load("press", "block.top", "traction", traction=[0.0, -0.5])
+DRAGGED = (
+    scene("strain", E=1e4)
+    .body("base", "steel", 2.0, box=([-8.0, 8.0], [-4.0, 0.0]))
+    .body("plate", "steel", 1.0, box=([-4.0, 4.0], [0.0, 2.0]))
+    .body("top", "steel", 1.0, box=([-3.0, 3.0], [2.0, 6.0]))
+    .support("base.bottom", ux=0.0, uy=0.0)
+    .load("press", "top.top", "platen", fy=-1.0)
+    .load("drag", "top.top", "platen", ux=0.01)
+    .contact("lower", "plate.bottom", master="base.top", friction=0.3, accuracy=0.1)
+    .contact("upper", "top.bottom", master="plate.top", friction=0.3, accuracy=0.1)
+    .stages("press", "drag")
+)
 
 # Scenes, their overrides, and the checks that warn. Others are those of the tests of what they judge.
 WARNED: dict[str, tuple[str, tuple[str, ...], set[str]]] = {
@@ -48,6 +59,7 @@ WARNED: dict[str, tuple[str, tuple[str, ...], set[str]]] = {
     "steep spacing": (BAR.changed("[[support]]", f"{FINE}[[support]]", 1), (), {"spacing_growth"}),
     "coarse": (NODAL, (EXACT_LAW, *COARSE), {"energy_error", "displacement_error", "rough_pressure_error"}),
     "on one node": (DISK, (), {"single_nodes", "peak_stress", "displacement_error"}),
+    "dragged": (DRAGGED, (), {"uniqueness"}),
     "rubber, punched": (PUNCHED, (), {"finite_force_error", "rough_pressure_error", "few_contact_nodes"}),
     "rubber, pulled": (PULLED, (), {"displacement_error", "series_energy_error"}),
 }

@@ -89,8 +89,7 @@ def test_a_contact_that_stays_open_limits_nothing(tmp_path: Path, friction: floa
     # The smooth law has no scale then, and had refused to start.
     bar = (
         scene("strain", "stone", E=20e3, nu=0.0)
-        .body("bar", "stone", box=([0.0, 2.0], [0.0, 1.0]))
-        .support("bar.top", ux=0.0, uy=0.0)
+        .body("bar", "stone", box=([0.0, 2.0], [0.0, 1.0]), clamped="top")
         .body_force("weight", "bar", [0.0, -1.0])
         .contact("floor", "bar.bottom", plane=([0.0, -0.1], [0.0, 1.0]), friction=friction)
         .probe("end", "bar", [1.0, 0.0])

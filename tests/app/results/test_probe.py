@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mlsanm_cli.app.check import check
 from mlsanm_cli.app.results import probe
 from mlsanm_cli.app.results.choice import QUANTITIES, Choice
 from mlsanm_cli.app.results.curves import loop_picture
@@ -16,7 +17,7 @@ from mlsanm_cli.case import stored_case
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.runs import summary_of
-from tests.app.scenes import BAR, PATCH, SHEARED, SMOOTH, done, hertz, refused, solve
+from tests.app.scenes import BAR, PATCH, SHEARED, SMOOTH, Quiet, done, hertz, refused, solve
 from tests.case_text import probe as probe_text
 
 LOAD = -226.0
@@ -231,12 +232,19 @@ def test_what_there_is_to_probe(hertz_probes: Path) -> None:
     assert found["fields_at"] == [0.3, 0.7, 1.0]
 
 
+@pytest.mark.parametrize("point", [[2.0, 0.5], [2.0 + 3e-8, 0.5], [1.0, -1e-7]])
+def test_probes_on_a_boundary_are_given_to_some_digits(point: list[float], tmp_path: Path) -> None:
+    (tmp_path / "bar.toml").write_text(BAR.probe("p", "bar", point))
+    check(tmp_path / "bar.toml", console=Quiet())
+
+
 INSIDE = BAR.probe("p", "bar", [1.0, 0.5])
 
 
 @pytest.mark.parametrize(
     ("text", "key", "words"),
     [
+        (BAR.probe("p", "bar", [2.00001, 0.5]), "probe.p.point", "outside body"),
         (BAR.probe("p", "bar", [2.1, 0.5]), "probe.p.point", "outside body"),
         (INSIDE.probe("p", "bar", [1.0, 0.5]), "probe.p.name", "another probe"),
     ],
