@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from mlsanm_cli.cli import completion, declare
+from mlsanm_cli.cli.console import TerminalConsole
 from mlsanm_cli.cli.results import comparison_text
 from mlsanm_cli.cli.running import console_for, of_app, pretty_result, print_result
 from mlsanm_cli.cli.settings import Settings, say
@@ -60,8 +61,9 @@ def collect(settings: Settings, rundirs: tuple[Path, ...], out: Path | None) -> 
     if len(lost) == len(rows):
         reason = f"{lost[0]['directory']}: {lost[0]['stop_reason']}" if lost else "there are only files"
         raise RunError(f"no directory holds a run ({reason})", "name run directories, as in results/sweep/*")
-    for row in lost:
-        console_for(settings).warning(f"{row['directory']}: {row['stop_reason']}")
+    with TerminalConsole(sys.stderr, settings) as console:
+        for row in lost:
+            console.warning(f"{row['directory']}: {row['stop_reason']}")
     if out is not None:
         of_app("results.info.write_rows")(out, rows)
     if settings.json:
