@@ -99,7 +99,7 @@ def _in_contact(
     near: IntArray,
     facing: IntArray,
 ) -> BoolArray:
-    """Mask (e,) of points ``near`` (e,) of ``one`` body that a contact keeps off points ``facing`` (e,) of the
+    """Mask (e,) of points ``near`` (e,) of ``one`` body that a contact keeps off ``facing`` ones (e,) of the
     ``other``, or that are at a corner of it."""
     own, there = outlines[one], outlines[other]
     found = np.zeros(len(near), dtype=bool)
