@@ -11,7 +11,7 @@ import numba
 from numba.extending import typeof_impl
 
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.kernels.aot.functions import Inner, Kernel
+from mlsanm_cli.kernels.aot.jit import Inner, Kernel
 from mlsanm_cli.kernels.aot.machine import Code
 from mlsanm_cli.kernels.aot.signature import Value
 from mlsanm_cli.kernels.blas import EXTERNALS, External

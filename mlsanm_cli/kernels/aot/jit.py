@@ -9,11 +9,12 @@ module here, and BLAS through :mod:`mlsanm_cli.kernels.blas`. All kernel modules
 without registration. ``f.__wrapped__`` is the Python function of a kernel f.
 
 The first process compiles all kernels and stores the machine code; later ones load it and never import numba.
-Where nothing can be stored, every process compiles, and :class:`Loaded` gives the reason.
+Where nothing can be stored, every process compiles, and :attr:`.Machine.note` gives the reason.
 """
 
 from __future__ import annotations
 
+import functools
 import importlib
 import pkgutil
 import threading
@@ -22,11 +23,38 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from mlsanm_cli.kernels.aot import kept
-from mlsanm_cli.kernels.aot.functions import Inner, Kernel
 from mlsanm_cli.kernels.aot.machine import Machine, UnloadableError
-from mlsanm_cli.records import dataclass
+from mlsanm_cli.kernels.aot.signature import Signature
 
 Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+class Inner:
+    """A function that kernels may call."""
+
+    __wrapped__: Callable[..., Any]
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        functools.update_wrapper(self, function)
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self.__wrapped__(*arguments)
+
+
+class Kernel(Inner):
+    """A function that is called as machine code, which is loaded at the first call."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        self.name = f"{function.__module__}.{function.__name__}"
+        self.signature = Signature.of(self.name, function)
+
+    @functools.cached_property
+    def _call(self) -> Callable[..., Any]:
+        return load().function(self.name, self.signature)
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self._call(*arguments)
 
 
 KERNELS: dict[str, Kernel] = {}
@@ -35,7 +63,7 @@ KERNELS: dict[str, Kernel] = {}
 
 def kernel(function: Function) -> Function:
     """Make ``function`` a kernel; it runs without the GIL and without fast-math."""
-    made = Kernel(function, lambda called: load().machine.function(called.name, called.signature))
+    made = Kernel(function)
     KERNELS[made.name] = made
     return cast(Function, made)
 
@@ -45,17 +73,9 @@ def inner(function: Function) -> Function:
     return cast(Function, Inner(function))
 
 
-@dataclass(frozen=True)
-class Loaded:
-    """The ``machine`` code of this process, stored in ``place``, or a ``note`` why it is not."""
-
-    machine: Machine
-    place: Path | None
-    note: str = ""
-
-
 _lock = threading.RLock()
-_loaded: list[Loaded] = []
+_loaded: list[Machine] = []
+"""The machine code of this process, once it is loaded."""
 
 
 def is_warm() -> bool:
@@ -66,14 +86,14 @@ def is_warm() -> bool:
                 place = kept.directory()
                 code = kept.read(place)
                 if code is not None:
-                    _loaded.append(Loaded(Machine(code), place))
+                    _loaded.append(Machine(code, place))
             except (ImportError, RuntimeError, UnloadableError):
                 # Code that this process cannot load is compiled anew.
                 return False
         return bool(_loaded)
 
 
-def load() -> Loaded:
+def load() -> Machine:
     """The kernels of this process, compiled if necessary."""
     with _lock:
         if not is_warm():
@@ -81,11 +101,10 @@ def load() -> Loaded:
         return _loaded[0]
 
 
-def _compiled() -> Loaded:
+def _compiled() -> Machine:
     from mlsanm_cli.kernels.aot.compiler import compiled
 
     code = compiled(every_kernel())
-    machine = Machine(code)
     try:
         place = kept.directory()
         kept.write(place, code)
@@ -94,8 +113,8 @@ def _compiled() -> Loaded:
             f"compiled kernels cannot be kept ({error}); every run compiles them again. "
             "Set MLSANM_CACHE_DIR to a directory that only you may write to."
         )
-        return Loaded(machine, None, note)
-    return Loaded(machine, place)
+        return Machine(code, None, note)
+    return Machine(code, place)
 
 
 def every_kernel() -> list[Kernel]:
