@@ -38,7 +38,7 @@ from mlsanm_cli.app.finite.refinement import contact_errors, refined
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
 from mlsanm_cli.app.finite.states import STATE
 from mlsanm_cli.app.output.analysis import Analysis, BodyFields
-from mlsanm_cli.app.output.parts import ContactNodes, contact_data, obstacles, vtu_states
+from mlsanm_cli.app.output.parts import ContactNodes, contact_part, obstacles, vtu_states
 from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.finite.rigid import RigidContact
@@ -65,9 +65,13 @@ def contact_lines(scene: FiniteScene, state: State, fields: Mapping[str, Any]) -
         numbers = np.arange(side.count, dtype=np.int64)
         edges = np.stack([numbers, np.roll(numbers, -1)], axis=1)
         edges = edges if side.around is not None else edges[:-1]
-        data = contact_data(record, side.arc, bool(contact.friction))
-        data |= {"displacement": moved, "normal": normal, "contact_stress": stress}
-        lines[contact.name] = VtuPart(side.places, edges, data)
+        lines[contact.name] = contact_part(
+            *(side.places, edges, record, bool(contact.friction)),
+            arc_length=side.arc,
+            displacement=moved,
+            normal=normal,
+            contact_stress=stress,
+        )
     return lines
 
 
