@@ -14,7 +14,6 @@ Where nothing can be stored, every process compiles, and :attr:`.Machine.note` g
 
 from __future__ import annotations
 
-import functools
 import importlib
 import pkgutil
 import threading
@@ -24,37 +23,9 @@ from typing import Any, TypeVar, cast
 
 from mlsanm_cli.kernels.aot import kept
 from mlsanm_cli.kernels.aot.machine import Machine, UnloadableError
-from mlsanm_cli.kernels.aot.signature import Signature
+from mlsanm_cli.kernels.aot.signature import Inner, Kernel
 
 Function = TypeVar("Function", bound=Callable[..., Any])
-
-
-class Inner:
-    """A function that kernels may call."""
-
-    __wrapped__: Callable[..., Any]
-
-    def __init__(self, function: Callable[..., Any]) -> None:
-        functools.update_wrapper(self, function)
-
-    def __call__(self, *arguments: Any) -> Any:
-        return self.__wrapped__(*arguments)
-
-
-class Kernel(Inner):
-    """A function that is called as machine code, which is loaded at the first call."""
-
-    def __init__(self, function: Callable[..., Any]) -> None:
-        super().__init__(function)
-        self.name = f"{function.__module__}.{function.__name__}"
-        self.signature = Signature.of(self.name, function)
-
-    @functools.cached_property
-    def _call(self) -> Callable[..., Any]:
-        return load().function(self.name, self.signature)
-
-    def __call__(self, *arguments: Any) -> Any:
-        return self._call(*arguments)
 
 
 KERNELS: dict[str, Kernel] = {}
@@ -63,7 +34,7 @@ KERNELS: dict[str, Kernel] = {}
 
 def kernel(function: Function) -> Function:
     """Make ``function`` a kernel; it runs without the GIL and without fast-math."""
-    made = Kernel(function)
+    made = Kernel(function, lambda: load().function(made.name, made.signature))
     KERNELS[made.name] = made
     return cast(Function, made)
 
