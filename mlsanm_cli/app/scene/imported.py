@@ -18,7 +18,6 @@ from mlsanm_cli.case import (
     load_case,
 )
 from mlsanm_cli.cloud.curves import Curve, Segment
-from mlsanm_cli.roundoff import FINE_ROUND_OFF
 
 SAMPLES = 9
 """Points on a curve, which suffice for its bounding box and the rank of its rigid motions."""
@@ -36,13 +35,10 @@ def geometry_of(shape: AnyShape) -> Geometry:
     if isinstance(shape, Mesh | Points):
         body = imported_geometry(shape)
         points, digest = body.points, body.digest
-    normals: dict[str, tuple[float, float] | None] = {}
-    for full, curve in zip(outline.names, outline.curves, strict=True):
-        name, normal = full.partition("/")[0], _normal(curve)
-        normals[name] = normal if normals.get(name, normal) == normal else None
+    names = tuple(dict.fromkeys(name.partition("/")[0] for name in outline.names))
     low, high = points.min(axis=0), points.max(axis=0)
     x, y = (0.5 * (low + high)).tolist()
-    return Geometry(normals, (x, y), float((high - low).max()), digest)
+    return Geometry(names, (x, y), float((high - low).max()), digest)
 
 
 class _Inspector:
@@ -54,11 +50,3 @@ geometry_inspector: GeometryInspector = _Inspector()
 
 def _points(curve: Curve) -> FloatArray:
     return curve.points(np.linspace(0.0, curve.length, 2 if isinstance(curve, Segment) else SAMPLES))
-
-
-def _normal(curve: Curve) -> tuple[float, float] | None:
-    """The outward normal of a straight boundary."""
-    if not isinstance(curve, Segment):
-        return None
-    x, y = curve.normals(np.zeros(1))[0].tolist()
-    return (x if abs(x) > FINE_ROUND_OFF else 0.0, y if abs(y) > FINE_ROUND_OFF else 0.0)

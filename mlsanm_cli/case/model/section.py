@@ -45,10 +45,10 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True)
 class Geometry:
-    """The geometry of a shape: the outward ``normals`` of its boundaries by name (None if curved), the centre
-    and the larger side of its bounding box, and the SHA-256 of its file, if any."""
+    """The geometry of a shape: the names of its ``boundaries``, the centre and the larger side of its
+    bounding box, and the SHA-256 of its file, if any."""
 
-    normals: Mapping[str, Point | None]
+    boundaries: tuple[str, ...]
     centre: Point
     size: float
     digest: str = ""

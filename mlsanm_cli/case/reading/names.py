@@ -67,7 +67,7 @@ def _unknown_boundary(path: KeyPath, boundary: str, scope: Scope) -> Iterator[Fa
 def _edges(body: str, scope: Scope) -> tuple[str, ...]:
     """Names of the boundaries of a body, empty if they are unknown."""
     if body in scope.geometries:
-        return tuple(scope.geometries[body].normals)
+        return scope.geometries[body].boundaries
     return next((edge_names(one.shape) for one in scope.case.body if one.name == body), ())
 
 
