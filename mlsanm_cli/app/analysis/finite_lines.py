@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
 from mlsanm_cli.app.finite.fields import contact_values, stretch_along
@@ -16,17 +13,17 @@ from mlsanm_cli.mechanics.near_field import as_complex, as_real
 from mlsanm_cli.solve.state import State
 
 
-def contact_lines(scene: FiniteScene, state: State, fields: Mapping[str, Any]) -> dict[str, VtuPart]:
+def contact_lines(scene: FiniteScene, state: State) -> dict[str, VtuPart]:
     """Slave sides of all contacts in a state with their pressures; stresses act on the slave of the case."""
-    records, parts = contact_values(scene, state), scene.parts(state.displacement)
+    records = contact_values(scene, state)
     lines = {}
     for contact, _, there in scene.contacts.each:
         record, side = records[contact.name], contact.slave
-        moved = fields[side.body]["displacement"][side.nodes]
+        moved = state.solver["surface"][there][: 2 * side.count].reshape(-1, 2)
         turn, _ = side.turned(moved)
         sign = -1.0 if contact.exchanged else 1.0
         normal = -sign * as_real(as_complex(side.outward) * turn)
-        stretch = stretch_along(scene, side, parts[side.body])
+        stretch = stretch_along(side, moved.ravel())
         stress = sign * state.side_traction[there].reshape(-1, 2)[: side.count] / stretch[:, None]
         numbers = np.arange(side.count, dtype=np.int64)
         edges = np.stack([numbers, np.roll(numbers, -1)], axis=1)

@@ -11,9 +11,6 @@ from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.conditions import conditions, prescribes
 from mlsanm_cli.app.scene.contact_pairs import shape_of
 from mlsanm_cli.app.scene.contact_spacing import (
-    NODAL_BAND,
-    NODAL_GROWTH,
-    NODAL_RATIO,
     bond_zones,
     clamped_zones,
     contact_zone,
@@ -116,10 +113,7 @@ def _contact_zones(
                 continue
             yield from contact_zone(rest, own, other if len(both) > 1 else None, obstacle, far)
             yield from crack_zones(both[0][1], all_ends)
-            if case.model.strain == "finite":
-                fine = far / NODAL_RATIO
-                yield Zone(own, fine, NODAL_BAND * fine, NODAL_GROWTH)
-            elif obstacle is not None:
+            if obstacle is not None:
                 yield from sharp_ends(rest, own, obstacle, far)
 
 

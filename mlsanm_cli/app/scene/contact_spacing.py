@@ -35,9 +35,6 @@ CLAMPED_RATIO = 4.0
 """The coarse spacing over that at the ends of clamped sides."""
 CRUSHED_RATIO, CRUSHED_GROWTH = 8.0, 0.1
 """The same at finite strain, where such corners are crushed, and the growth."""
-NODAL_RATIO, NODAL_BAND, NODAL_GROWTH = 1.5, 3.0, 0.2
-"""The coarse spacing over that along surfaces in contact at finite strain, where pressures are nodal; depth
-of the fine band in its spacings, and growth. Without the band equations of degree 4 do not converge."""
 SHARP_RATIO = 16.0
 """The coarse spacing over that at sharp corners on rigid obstacles. Smooth fits leave a trace of strain at
 the tip, which pressures answer to within three spacings."""
