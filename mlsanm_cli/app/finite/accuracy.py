@@ -29,10 +29,10 @@ from mlsanm_cli.mechanics.finite.projector import Projector
 from mlsanm_cli.mechanics.finite.tangent import load_columns
 from mlsanm_cli.mechanics.near_field import as_complex, as_real
 
-PRESSED_SHARE = 0.01
-"""Nodes with less than this part of the largest traction are not pressed: projections decay beyond."""
+PRESSED_MISFIT = 0.1
+"""Tractions are not resolved where their projection differs by more than this part of the largest one."""
 PRESSED_DISTANCE = 4.0
-"""Distance, in spacings, from pressed nodes of the nodes next to them."""
+"""Distance, in spacings, from tractions that are not resolved within which their fields are not, either."""
 
 
 @dataclass(frozen=True)
@@ -48,16 +48,16 @@ class Missing:
 def near_pressed(
     bodies: Mapping[str, FiniteBody], sides: Sequence[tuple[ContactSide, slice]], traction: FloatArray
 ) -> dict[str, BoolArray]:
-    """Masks (n,) by body of the nodes next to tractions (2s,) of the sides: what these do there is known in
-    closed form, and not from the cloud."""
+    """Masks (n,) by body of the nodes next to tractions (2s,) of the sides that the cloud does not resolve:
+    what these do there is known in closed form, and not from the cloud."""
     clouds = {name: body.elastic.model.cloud for name, body in bodies.items()}
     found = {name: np.zeros(len(cloud.points), dtype=bool) for name, cloud in clouds.items()}
     for side, here in sides:
-        load = np.abs(side.spread @ traction[here]).reshape(-1, 2).max(axis=1)
-        nodes = side.nodes.index[load > PRESSED_SHARE * load.max()]
-        if len(nodes):
-            cloud = clouds[side.body]
-            away = nearest(cKDTree(cloud.points[nodes]), cloud.points)[0]
+        load, cloud = traction[here], clouds[side.body]
+        misfit = np.abs(side.hats @ (side.spread @ load) - load).reshape(-1, 2).max(axis=1)
+        places = side.places[misfit > PRESSED_MISFIT * np.abs(load).max()]
+        if len(places):
+            away = nearest(cKDTree(places), cloud.points)[0]
             found[side.body] |= away <= PRESSED_DISTANCE * cloud.spacing
     return found
 

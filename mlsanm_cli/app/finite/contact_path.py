@@ -28,7 +28,7 @@ FIRST_INCREMENT = 0.25
 """First increment, as a part of a stage."""
 INCREMENT_SLACK = 1.4
 """An increment within this factor of a requested state goes there."""
-COARSE_TOLERANCE = 1e-4
+COARSE_TOLERANCE = 1e-3
 """Tolerance of a path that only tells where bodies touch."""
 MAX_ITERATIONS = 14
 """Iterations after which an increment is halved; one that took a third of them makes the next one longer."""
@@ -52,7 +52,8 @@ def contact_path(
     saved. A ``coarse`` path tells where bodies touch. NumericalError if the path cannot be continued."""
     path = _Path(scene, coarse)
     wanted = sorted({*(scene.case.output.at or [float(len(scene.stages) - 1)]), *at})
-    steps, size, position = 0, FIRST_INCREMENT, 0.0
+    history = any(contact.friction for contact in scene.contacts.pairs)
+    steps, size, position = 0, 1.0 if coarse and not history else FIRST_INCREMENT, 0.0
     if checkpoint is None:
         path.start()
         first = path.state(0.0)

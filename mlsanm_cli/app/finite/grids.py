@@ -36,8 +36,10 @@ END_SIZE, SWEPT_SIZE = 2e-3, 0.05
 """Distance of knots at the ends of a patch, relative to its width, in requested states and in others."""
 ACROSS, SWEPT_ACROSS = 24, 12
 """Least number of intervals across a patch, in requested states and in others."""
-FEW, MAX_PASSES = 8, 4
-"""Patches with fewer closed knots are located again, by at most so many paths in all."""
+REFERENCE_ACCURACY = 1e-3
+"""Accuracy of pressures with ACROSS intervals."""
+FEW, MAX_PASSES = 5, 2
+"""Patches with fewer closed knots are located again, by at most so many coarse paths."""
 SAMPLES = 200
 """Samples of the size function on either side of a mark."""
 
@@ -73,9 +75,9 @@ class Sizes:
             middle, half = 0.5 * (first + last), 0.5 * (last - first)
             away = np.maximum(np.abs(wrapped(arc - middle, nodes.around)) - half, 0.0)
             size = np.minimum(size, most + GROWTH * away)
-        # Where near fields are not known, tractions are only as fine as the cloud.
-        share = nodes.share if nodes.around is None else np.append(nodes.share, nodes.share[0])
-        return np.where(np.interp(arc, nodes.ends, share) < 1.0, cloud, size)
+        # Next to corners, which are crushed, and without near fields tractions are as fine as the cloud.
+        inner = nodes.inner if nodes.around is None else np.append(nodes.inner, nodes.inner[0])
+        return np.where(np.interp(arc, nodes.ends, inner.astype(float)) < 1.0, cloud, size)
 
 
 def knots(nodes: SideNodes, sizes: Sizes) -> FloatArray:
@@ -124,7 +126,7 @@ def with_knots(scene: FiniteScene, arcs: Knots) -> FiniteScene:
 def located(scene: FiniteScene, context: RunContext) -> FiniteScene:
     """The scene with knots for the patches that a path with coarse ones finds."""
     sizes = [_first_sizes(scene, contact) for contact in scene.contacts.pairs]
-    for _ in range(MAX_PASSES - 1):
+    for _ in range(MAX_PASSES):
         scene = with_knots(scene, _arcs(scene, sizes))
         sizes, closed = _touched(scene, context)
         if closed >= FEW:
@@ -202,7 +204,8 @@ def _touched(scene: FiniteScene, context: RunContext) -> tuple[list[list[Sizes]]
             break
         state = step.state
         for number, (contact, here, _) in enumerate(scene.contacts.each):
-            for numbers, own in _patches(contact, state, here, state.position in wanted):
+            accuracy = next(one.accuracy for one in scene.case.contact if one.name == contact.name)
+            for numbers, own in _patches(contact, state, here, state.position in wanted, accuracy):
                 if state.position in wanted:
                     fewest = min(fewest, len(numbers))
                 more = _both(contact, state.solver["place"][here], own)
@@ -211,9 +214,10 @@ def _touched(scene: FiniteScene, context: RunContext) -> tuple[list[list[Sizes]]
 
 
 def _patches(
-    contact: AnyContact, state: State, here: slice, requested: bool
+    contact: AnyContact, state: State, here: slice, requested: bool, accuracy: float
 ) -> Iterator[tuple[IntArray, Sizes]]:
-    """The closed knots of every patch of a slave in a state, and sizes for it."""
+    """The closed knots of every patch of a slave in a state, and sizes for the ``accuracy`` of its pressures,
+    whose error decreases with the square of the distance."""
     slave, status, pressure = contact.slave, state.status[here], state.pressure[here]
     numbers = np.flatnonzero(status != OPEN)
     if not len(numbers):
@@ -221,15 +225,17 @@ def _patches(
     parts = np.split(numbers, np.flatnonzero(np.diff(numbers) > 2) + 1)
     if slave.around is not None and len(parts) > 1 and numbers[0] + slave.count - numbers[-1] <= 2:
         parts = [np.concatenate([parts[-1], parts[0]]), *parts[1:-1]]
+    finer = np.sqrt(accuracy / REFERENCE_ACCURACY)
     for part in parts:
         ends = [_end(slave, pressure, part, way) for way in (-1, 1)]
         first, last = ends[0][0], ends[0][0] + float(_along(slave, ends[0][0], ends[1][0]))
         width = max(last - first, float(slave.weight[part].min()))
-        size = (END_SIZE if requested else SWEPT_SIZE) * width
-        marks = [(arc, size) for arc, free in ends if free]
+        size = (END_SIZE * finer if requested else SWEPT_SIZE) * width
+        marks = [(arc, size) for arc, graded in ends if graded]
         if requested and contact.friction:
             marks += [(arc, size) for arc in _edges(slave, state, here, part)]
-        yield part, Sizes.of(marks, [(first, last, width / (ACROSS if requested else SWEPT_ACROSS))])
+        inner = width * (finer / ACROSS if requested else 1.0 / SWEPT_ACROSS)
+        yield part, Sizes.of(marks, [(first, last, inner)])
 
 
 def _along(side: ContactSide, first: float, last: float) -> float:

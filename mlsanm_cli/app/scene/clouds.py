@@ -15,6 +15,7 @@ from mlsanm_cli.app.scene.contact_spacing import (
     clamped_zones,
     contact_zone,
     crack_zones,
+    held_zones,
     sharp_ends,
 )
 from mlsanm_cli.app.scene.default_spacing import (
@@ -113,8 +114,12 @@ def _contact_zones(
                 continue
             yield from contact_zone(rest, own, other if len(both) > 1 else None, obstacle, far)
             yield from crack_zones(both[0][1], all_ends)
-            if obstacle is not None:
+            if obstacle is None:
+                continue
+            if case.model.strain == "small":
                 yield from sharp_ends(rest, own, obstacle, far)
+            elif contact.friction:
+                yield from held_zones(rest, own, obstacle, far)
 
 
 def _far(case: Case, name: str) -> float:

@@ -65,26 +65,28 @@ class Compliance:
         moved = -projector.factorised(still, none).solve_unrefined(projector.scaled(columns.toarray()))
         return cls(nodes, body.elastic, *_deep(body), moved, _remainder(nodes, body.elastic))
 
-    def beyond_cloud(self, side: ContactSide, seen: ContactSide) -> FloatArray:
-        """K - E C P (2h, 2g), displacements at the knots ``seen`` of a side of the body, perhaps the same
-        one, for unit tractions at the knots of a side with these nodes."""
-        near, own = NearField(side, self.body, side.nodes.centers[0]), seen is side
-        field = near.field if own else self._field(near, seen.places)
-        moved = seen.rows @ self.remainder[seen.nodes.unknowns] @ self._forces(side)
-        moved += field - seen.onto @ self.cloud[seen.nodes.unknowns] @ side.spread
-        moved -= self._offset(near, seen.places)
-        missing = np.repeat(seen.share, 2)[:, None] * moved * np.repeat(side.share, 2)
-        return _uneven(side, missing, seen if own else None)
+    def beyond_cloud(self, side: ContactSide) -> FloatArray:
+        """K - E C P (2g, 2g) for unit tractions at the knots of a side with these nodes."""
+        near, both, seen = self._near(side), np.repeat(side.share, 2), side.nodes.unknowns
+        moved = near.field + side.rows @ self.remainder[seen] @ self._forces(side)
+        moved -= side.onto @ self.cloud[seen] @ side.spread + self._offset(near, side.places)
+        return _uneven(side, both[:, None] * moved * both, own=True)
 
     def inside(self, side: ContactSide) -> FloatArray:
         """The same (2N, 2g) at all nodes of the body but those of the side, where it is 0."""
-        near, points = NearField(side, self.body, side.nodes.centers[0]), self.body.model.cloud.points
+        points, shape = self.body.model.cloud.points, (self.body.model.unknowns, 2 * side.count)
+        if not side.share.any():
+            return np.zeros(shape)
+        near = self._near(side)
         moved = self.remainder @ self._forces(side) - self.cloud @ side.spread - self._offset(near, points)
         others = np.setdiff1d(np.arange(len(points)), side.nodes.index)
         found = np.zeros_like(moved)
         rows = (2 * others[:, None] + np.arange(2)).ravel()
         found[rows] = moved[rows] + self._field(near, points[others])
-        return _uneven(side, found * np.repeat(side.share, 2), None)
+        return _uneven(side, found * np.repeat(side.share, 2), own=False)
+
+    def _near(self, side: ContactSide) -> NearField:
+        return NearField(side, self.body, side.nodes.centers[0])
 
     def _forces(self, side: ContactSide) -> FloatArray:
         """Forces (2c, 2g) at the nodes for unit tractions at the knots."""
@@ -110,15 +112,12 @@ class Compliance:
 def beyond_clouds(
     compliances: Sequence[Compliance], sides: Sequence[tuple[ContactSide, slice]]
 ) -> FloatArray:
-    """Displacements (2s, 2s) of all sides for unit tractions, beyond those of the clouds."""
+    """Displacements (2s, 2s) of all sides for their own unit tractions, beyond those of the clouds."""
     size = max((here.stop for _, here in sides), default=0)
     found = np.zeros((size, size))
     for compliance, (side, here) in zip(compliances, sides, strict=True):
-        for seen, there in sides:
-            # Adjacent sides have a corner in common, where fields of forces are singular.
-            apart = seen is side or not np.isin(seen.nodes.index, side.nodes.index).any()
-            if seen.body == side.body and apart and side.share.any():
-                found[there, here] = compliance.beyond_cloud(side, seen)
+        if side.share.any():
+            found[here, here] = compliance.beyond_cloud(side)
     return found
 
 
@@ -214,13 +213,13 @@ def _across(values: FloatArray) -> sparse.csr_array:
     return vectors_along(np.stack([-values[1::2], values[::2]], axis=1))
 
 
-def _uneven(side: ContactSide, missing: FloatArray, own: ContactSide | None) -> FloatArray:
+def _uneven(side: ContactSide, missing: FloatArray, own: bool) -> FloatArray:
     """Part of a response ``missing`` (2n, 2g) for non-uniform tractions: the cloud responds exactly to a
-    uniform one. At knots of the side ``own`` where the share of near fields is below 1, near corners, only
+    uniform one. At the side's ``own`` knots where the share of near fields is below 1, near corners, only
     some neighbours count, and terms that cancel elsewhere would remain: there it acts on differences from the
     knot's own traction."""
     blocks = missing.reshape(-1, 2, side.count, 2).copy()
-    if own is not None:
+    if own:
         number, beside = np.arange(side.count), side.node_number
         near = np.abs(beside[:, None] - beside) <= 3 * HALF_WINDOW
         blocks[number, :, number] -= np.einsum("ibjd,ij->ibd", blocks, (1.0 - side.share)[:, None] * near)

@@ -164,17 +164,30 @@ class SideNodes(Points):
         near corners without near field."""
         if not self.centers:
             return np.zeros(self.count)
-        number = np.arange(self.count)
-        ends = (0, self.count - 1)
-        mirrored = {end for end, axis in zip(ends, self.mirrors, strict=True) if axis is not None}
-        known = {end for end, one in zip(ends, self.wedges, strict=True) if one is not None}
-        away = np.full(self.count, np.inf)
-        for corner in set(self.corners) - mirrored - known:
+        known = {end for end, one in zip((0, self.count - 1), self.wedges, strict=True) if one is not None}
+        part = np.clip(self._away(known) / CORNER_NODES - 1.0, 0.0, 1.0)
+        return np.where(self.held & ~np.isin(np.arange(self.count), list(self._mirrored)), 0.0, part)
+
+    @property
+    def inner(self) -> BoolArray:
+        """Mask (c,) of the nodes with near fields that are away from all corners but planes of symmetry."""
+        return (self.share == 1.0) & (self._away(set()) >= 2 * CORNER_NODES)
+
+    @property
+    def _mirrored(self) -> set[int]:
+        """Nodes at planes of symmetry."""
+        ends = zip((0, self.count - 1), self.mirrors, strict=True)
+        return {end for end, axis in ends if axis is not None}
+
+    def _away(self, ignored: set[int]) -> FloatArray:
+        """Numbers (c,) of nodes to the nearest corner that is neither ``ignored`` nor at a plane of
+        symmetry."""
+        number, away = np.arange(self.count), np.full(self.count, np.inf)
+        for corner in set(self.corners) - self._mirrored - ignored:
             apart = np.abs(number - corner)
             apart = apart if self.around is None else np.minimum(apart, self.count - apart)
             away = np.minimum(away, apart)
-        held = self.held & ~np.isin(number, list(mirrored))
-        return np.where(held, 0.0, np.clip(away / CORNER_NODES - 1.0, 0.0, 1.0))
+        return away
 
     @cached_property
     def fit(self) -> FloatArray:
@@ -239,6 +252,11 @@ class ContactSide(Points):
     def spread(self) -> sparse.csr_array:
         """Nodal tractions (2c, 2g) by those at the knots (P), with the same force and moment."""
         return both_components(np.linalg.solve(self.nodes.mass, _products(self.nodes, self)))
+
+    @cached_property
+    def hats(self) -> sparse.csr_array:
+        """Values (2g, 2c) at the knots of vectors that are linear between nodes."""
+        return both_components(_hats(self.nodes, self.arc))
 
     @cached_property
     def share(self) -> FloatArray:

@@ -97,25 +97,6 @@ def twisted(angle: float) -> Iterable[Check]:
     return overlap(scene, last)
 
 
-def pressed(count: float) -> Any:
-    """A contact of 20 nodes, some of which are closed, from a corner on."""
-    number = int(count)
-    side = SimpleNamespace(
-        name="arm.top", body="arm", weight=np.ones(20), corners=np.array([0]), mirrors=(None, None), count=20
-    )
-    side.around = None
-    contact = SimpleNamespace(name="pin", slave=side, sides=[side])
-    closed = np.arange(20) < number
-    last = SimpleNamespace(closed=closed, gap=np.zeros(20), solver={"normal": np.tile([0.0, 1.0], (20, 1))})
-    contacts = SimpleNamespace(each=[(contact, slice(0, 20), None)])
-    case = SimpleNamespace(body=[SimpleNamespace(name="arm", spacing="auto", has_nodes=False)])
-    return SimpleNamespace(scene=SimpleNamespace(contacts=contacts, case=case), last=last)
-
-
-def refined(fewer: bool = False, failed: str = "") -> Any:
-    return SimpleNamespace(refinement=SimpleNamespace(fewer=fewer, failed=failed))
-
-
 def touched(**errors: Any) -> Any:
     contact = SimpleNamespace(name="pin", sides=[SimpleNamespace(body="arm")])
     scene = SimpleNamespace(contacts=SimpleNamespace(pairs=[contact]))
@@ -161,14 +142,12 @@ CASES: dict[str, tuple[Found, float, float]] = {
     "volume_ratio": (lambda x: deformed(x, 1.0), 0.2, -0.1),
     "ellipticity": (lambda x: deformed(1.0, x), 0.2, 0.05),
     "stability": (lambda x: stability(BUILT, state(solver={"stability": x})), 0.5, 0.1),
-    "few_contact_nodes": (lambda x: finite.few_contact_nodes(pressed(x)), 8, 2),
-    "contact_nodes": (lambda x: finite.refinement(refined(fewer=bool(x))), 0.0, 1.0),
     "finite_force_error": (lambda x: finite.estimates(touched(contacts={"pin": x})), 0.01, 0.02),
     "rough_pressure_error": (lambda x: estimates(pressure={"pin": x, "bolt": 0.01}), 0.04, 0.12),
 }
 
 
-COUNTS = {"no_pressure", "finite", "contact_nodes", "few_contact_nodes"}
+COUNTS = {"no_pressure", "finite"}
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -179,7 +158,7 @@ def test_a_check_passes_and_warns_or_fails(name: str) -> None:
     assert check.name == name
     assert check.value == pytest.approx(bad if LIMITS[name].lower else abs(bad))
     assert check.outcome == ("warned" if LIMITS[name].warns is not None else "failed")
-    assert check.limit == (6.0 if name == "few_contact_nodes" else LIMITS[name].first)
+    assert check.limit == LIMITS[name].first
 
 
 @pytest.mark.parametrize("name", [name for name in CASES if name not in COUNTS])
@@ -192,11 +171,6 @@ def test_nan_is_never_sound(name: str) -> None:
 def test_a_body_that_touches_itself(angle: float, outcome: str) -> None:
     (check,) = [check for check in twisted(angle) if check.name == "self_overlap"]
     assert check.outcome == outcome
-
-
-def test_a_refinement_that_failed() -> None:
-    checks = {check.name: check.outcome for check in finite.refinement(refined(failed="too many nodes"))}
-    assert checks["refinement_pass"] == "warned"
 
 
 def test_a_residual_is_compared_with_the_tolerance() -> None:
