@@ -124,8 +124,8 @@ def test_a_parabola_of_pressures_arrives_without_smoothing() -> None:
 
 
 def test_knots_load_nodes_with_their_force_and_moment() -> None:
-    """Ten knots within an interval of two nodes, and coarse ones elsewhere; what nodes move by, cubic, arrives
-    at the knots."""
+    """Ten knots within an interval of two nodes, and coarse ones elsewhere; what nodes move by, cubic,
+    arrives at the knots."""
     x = np.array([0.0, 0.2, 0.5, 0.7, 1.0, 1.3, 1.5, 1.6, 1.9, 2.2, 2.4, 2.7, 3.0])
     nodes = side("s", x, np.stack([x, 0 * x], 1), np.tile([0.0, 1.0], (len(x), 1))).nodes
     knots = ContactSide.on(nodes, np.concatenate([[0.0, 0.8], np.linspace(1.05, 1.25, 10), [2.0, 3.0]]))

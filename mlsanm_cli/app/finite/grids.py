@@ -245,7 +245,8 @@ def _along(side: ContactSide, first: float, last: float) -> float:
 
 def _end(side: ContactSide, pressure: FloatArray, part: IntArray, way: int) -> tuple[float, bool]:
     """Arc length of an end of a patch, where the squares of its last two pressures tend to zero, at most at
-    the next knot; and whether that is off the ends of the side."""
+    the next knot; and whether that is off the ends of the side, and pressures decrease there: under
+    the edges of a punch they are singular, and only as fine as the cloud."""
     i = int(part[0 if way < 0 else -1])
     beyond, inner = i + way, i - way
     if side.around is not None:
@@ -253,12 +254,11 @@ def _end(side: ContactSide, pressure: FloatArray, part: IntArray, way: int) -> t
     elif not 0 <= beyond < side.count:
         return float(side.arc[i]), False
     step = float(wrapped(side.arc[[beyond]] - side.arc[i], side.around)[0])
-    share = 0.5
-    if len(part) > 1 and pressure[inner] > pressure[i]:
-        back = float(wrapped(side.arc[[inner]] - side.arc[i], side.around)[0])
-        reach = pressure[i] ** 2 / (pressure[inner] ** 2 - pressure[i] ** 2) * abs(back)
-        share = min(reach / abs(step), 1.0)
-    return float(side.arc[i] + share * step), True
+    if len(part) == 1 or not pressure[inner] > pressure[i]:
+        return float(side.arc[i] + 0.5 * step), len(part) == 1
+    back = float(wrapped(side.arc[[inner]] - side.arc[i], side.around)[0])
+    reach = pressure[i] ** 2 / (pressure[inner] ** 2 - pressure[i] ** 2) * abs(back)
+    return float(side.arc[i] + min(reach / abs(step), 1.0) * step), True
 
 
 def _edges(side: ContactSide, state: State, here: slice, part: IntArray) -> Iterator[float]:

@@ -15,8 +15,8 @@ from mlsanm_cli.app.scene.contact_spacing import (
     clamped_zones,
     contact_zone,
     crack_zones,
-    held_zones,
     sharp_ends,
+    strained_zone,
 )
 from mlsanm_cli.app.scene.default_spacing import (
     PER_THICKNESS,
@@ -114,12 +114,10 @@ def _contact_zones(
                 continue
             yield from contact_zone(rest, own, other if len(both) > 1 else None, obstacle, far)
             yield from crack_zones(both[0][1], all_ends)
-            if obstacle is None:
-                continue
-            if case.model.strain == "small":
+            if case.model.strain == "finite":
+                yield strained_zone(own, far)
+            elif obstacle is not None:
                 yield from sharp_ends(rest, own, obstacle, far)
-            elif contact.friction:
-                yield from held_zones(rest, own, obstacle, far)
 
 
 def _far(case: Case, name: str) -> float:

@@ -35,9 +35,9 @@ CLAMPED_RATIO = 4.0
 """The coarse spacing over that at the ends of clamped sides."""
 CRUSHED_RATIO, CRUSHED_GROWTH = 8.0, 0.1
 """The same at finite strain, where such corners are crushed, and the growth."""
-HELD_RATIO, HELD_BAND, HELD_GROWTH = 1.5, 3.0, 0.2
-"""The coarse spacing over that along surfaces that friction holds up to corners at finite strain, depth of
-the fine band in its spacings, and growth."""
+STRAINED_RATIO, STRAINED_BAND, STRAINED_GROWTH = 1.5, 3.0, 0.2
+"""The coarse spacing over that along surfaces in contact at finite strain, where strains are largest; depth
+of the fine band in its spacings, and growth."""
 SHARP_RATIO = 16.0
 """The coarse spacing over that at sharp corners on rigid obstacles. Smooth fits leave a trace of strain at
 the tip, which pressures answer to within three spacings."""
@@ -160,26 +160,16 @@ def clamped_zones(curve: Curve, far: float, finite: bool = False) -> Iterator[Zo
 def sharp_ends(rest: Sequence[Curve], own: Curve, obstacle: Shape, far: float) -> Iterator[Zone]:
     """Zones at the ends of a surface ``own`` that touch a rigid ``obstacle`` as drawn, if it makes a corner
     other than a right one with a piece of the ``rest`` of its outline there."""
-    for place, cosine in _touching_ends(rest, own, obstacle, far):
-        if RIGHT < abs(np.arccos(cosine) - 0.5 * np.pi) < 0.5 * np.pi - RIGHT:
-            yield zone_at(place, far / SHARP_RATIO)
-
-
-def held_zones(rest: Sequence[Curve], own: Curve, obstacle: Shape, far: float) -> Iterator[Zone]:
-    """A zone along a surface at finite strain if friction holds it up to ends that touch an obstacle as
-    drawn: there it is crushed."""
-    if any(True for _ in _touching_ends(rest, own, obstacle, far)):
-        fine = far / HELD_RATIO
-        yield Zone(own, fine, HELD_BAND * fine, HELD_GROWTH)
-
-
-def _touching_ends(
-    rest: Sequence[Curve], own: Curve, obstacle: Shape, far: float
-) -> Iterator[tuple[FloatArray, float]]:
-    """Ends (2,) of a surface with the ``rest`` of its outline that touch an obstacle as drawn, and the
-    cosines of their angles."""
-    for at, _, cosine in joints(own, rest) if not own.closed else ():
+    if own.closed:
+        return
+    for at, _, cosine in joints(own, rest):
         point = own.points(at)
         gap = np.hypot(*(point - obstacle.closest(point, own.normals(at))[0])[0])
-        if gap <= TOUCHING * far:
-            yield point[0], cosine
+        if gap <= TOUCHING * far and RIGHT < abs(np.arccos(cosine) - 0.5 * np.pi) < 0.5 * np.pi - RIGHT:
+            yield zone_at(point[0], far / SHARP_RATIO)
+
+
+def strained_zone(own: Curve, far: float) -> Zone:
+    """The zone along a surface in contact at finite strain."""
+    fine = far / STRAINED_RATIO
+    return Zone(own, fine, STRAINED_BAND * fine, STRAINED_GROWTH)

@@ -48,7 +48,8 @@ class Body(Section):
     """Node spacing away from refinements. `"auto"` is 1/20 of the body's size or 1/6 of its mean thickness,
     whichever is smaller, less for strongly orthotropic materials, and finer along arcs, in narrow
     parts, at ends of clamped sides, where loads vary or end within a side, near contacts close to another
-    boundary, and at corners other than right ones that touch an obstacle."""
+    boundary, at corners other than right ones that touch an obstacle, and at finite strain along surfaces in
+    contact."""
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
     """Seed of the random generator that places the nodes; it changes the cloud, not its spacing."""
     shape: Shape

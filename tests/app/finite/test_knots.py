@@ -19,6 +19,7 @@ from tests.case_text import (
     box,
     contact,
     disk,
+    half_disk,
     head,
     item,
     load,
@@ -100,9 +101,9 @@ def test_small_loads_have_the_forces_of_small_strain(case: str, tmp_path: Path) 
 
 def test_half_disk_dragged_by_less_than_it_slips(tmp_path: Path) -> None:
     """Two bodies, with automatic nodes and a contact a twentieth of their spacing wide, as at small strain:
-    force, peak, half-width and the work that friction dissipates, by the same nodes."""
+    force, peak, half-width and the work that friction dissipates, by not many more nodes."""
     scene = (
-        body("disk", "steel", None, {"kind": "half-disk", "center": [0.0, 1.0], "radius": 1.0, "side": "lower"})
+        body("disk", "steel", None, half_disk([0.0, 1.0], 1.0))
         + body("block", "steel", None, box([-2.0, 2.0], [-2.0, 0.0]))
         + support("block.bottom", ux=0.0, uy=0.0)
         + load("press", "disk.flat", "displacement", displacement=[0.0, -4e-4])
@@ -116,7 +117,7 @@ def test_half_disk_dragged_by_less_than_it_slips(tmp_path: Path) -> None:
     found = solve(head("strain", strain="finite") + steel + scene, tmp_path / "finite")
     linear = steel.replace('law = "neo-hookean"\n', "")
     expected = solve(head("strain") + linear + scene, tmp_path / "small")
-    assert found["nodes"] == expected["nodes"]
+    assert found["nodes"] <= 1.5 * expected["nodes"]
     assert not found["warnings"]
     one, other = (summary["contacts"]["c"] for summary in (found, expected))
     np.testing.assert_allclose(one["force"], other["force"], atol=3e-3 * np.hypot(*other["force"]))
