@@ -65,11 +65,9 @@ def preload() -> None:
 
     import mlsanm_cli.app.check
     import mlsanm_cli.app.comparison.compare
-    import mlsanm_cli.app.results.collect
     import mlsanm_cli.app.results.info
     import mlsanm_cli.app.results.plot
     import mlsanm_cli.app.results.probe
-    import mlsanm_cli.app.resume
     import mlsanm_cli.app.run
     import mlsanm_cli.app.sweep.run_sweep  # noqa: F401
     from mlsanm_cli.kernels.aot.jit import load

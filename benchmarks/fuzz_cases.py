@@ -41,8 +41,8 @@ READERS = (
     ("probe", "run", "--at", "0.5"),
     ("collect", "run"),
     ("resume", "run"),
-    ("run", "case.toml", "--out", "run", "--force", "--no-cache"),
-    ("run", "case.toml", "--out", "run", "--skip-done", "--no-cache"),
+    ("run", "case.toml", "--out", "run", "--force"),
+    ("run", "case.toml", "--out", "run", "--skip-done"),
 )
 
 
@@ -176,14 +176,14 @@ def broken_case(seed: int, number: int, box: Path) -> Trial:
     text = mutated(CASES[name], chance)
     place = _sandbox(box, text)
     draw = chance.random()
-    command = ["run", "case.toml", "--out", "run", "--no-cache"]
+    command = ["run", "case.toml", "--out", "run"]
     if draw < 0.1:
         command = ["check", "case.toml", "--write", "run/model.vtu"]
     elif draw < 0.13:
         command = ["compare", "case.toml", "--newton", "--out", "run"]
     elif draw < 0.16:
         vary = chance.choice(["mls.degree=1,2", "solver.order=5:10:2", "body.0.spacing=0.3,x", "load.0.x=1"])
-        command = ["sweep", "case.toml", "--vary", vary, "--out", "run", "--no-cache"]
+        command = ["sweep", "case.toml", "--vary", vary, "--out", "run"]
     return Trial(f"case-{seed}-{number}-{name.replace('/', '-')}", Job(command, place), text)
 
 
@@ -271,7 +271,7 @@ def _whole_run(name: str) -> Path:
     if name not in _RUNS:
         place = Path(tempfile.mkdtemp(prefix="mlsanm-fuzz-run-", dir="/tmp"))
         (place / "case.toml").write_text(tomli_w.dumps(CASES[name]))
-        mlsanm(["run", "case.toml", "--out", "run", "--no-cache"], place)
+        mlsanm(["run", "case.toml", "--out", "run"], place)
         _RUNS[name] = place / "run"
     return _RUNS[name]
 

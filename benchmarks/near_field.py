@@ -34,7 +34,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.scenes.scene import Array, Result, Table, body, box, case, held, pair, platen, solid
 from mlsanm_cli.app.run import run
-from mlsanm_cli.app.sweep.point import Silent
+from mlsanm_cli.app.sweep.engines import Silent
 
 CATTANEO = Path(__file__).resolve().parents[1] / "cases" / "cattaneo_mindlin.toml"
 SHEAR = 33.9849

@@ -95,7 +95,7 @@ def resume(
     progress: bool = False,
 ) -> Run:
     """Continue a stopped or killed run, to the same result within the solver's tolerance; see `run`."""
-    summary = _call("resume.resume", threads, Path(rundir), max_wall=max_wall, progress=progress)
+    summary = _call("run.resume", threads, Path(rundir), max_wall=max_wall, progress=progress)
     return _opened(summary)
 
 
@@ -157,7 +157,7 @@ def sweep(
 def collect(runs: Sequence[Place | Run]) -> list[dict[str, Any]]:
     """One row per run: directory, status, the keys that differ between the cases, and results."""
     with _numerics(1):
-        from mlsanm_cli.app.results.collect import collect as collect_runs
+        from mlsanm_cli.app.results.info import collect as collect_runs
     return collect_runs([place.directory if isinstance(place, Run) else Path(place) for place in runs])
 
 
@@ -212,7 +212,7 @@ def _numerics(threads: int) -> Iterator[None]:
 @contextmanager
 def _console(progress: bool) -> Iterator[Any]:
     """The console of a run: the terminal, or none. Raises Interrupted at the wall-time limit."""
-    from mlsanm_cli.app.sweep.point import Silent
+    from mlsanm_cli.app.sweep.engines import Silent
 
     shown = None
     if progress:

@@ -50,17 +50,13 @@ def test_fields_comparison_hash_and_copies_are_those_of_standard_dataclasses() -
     assert behaviour(Point) == behaviour(Standard)
 
 
-def test_frozen_fields_cannot_be_set_or_deleted() -> None:
+def test_frozen_fields_stay_and_instances_without_comparison_differ() -> None:
     point = Point(1.0)
     with pytest.raises(dataclasses.FrozenInstanceError):
         point.x = 2.0  # type: ignore[misc]
     with pytest.raises(dataclasses.FrozenInstanceError):
         del point.x
     assert point.x == 1.0
-
-
-def test_instances_without_comparison_are_equal_to_themselves_only() -> None:
     same = Same(1.0)
     assert same == same
     assert same != Same(1.0)
-    assert len({same, Same(1.0)}) == 2

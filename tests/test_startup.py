@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+from tests.processes import ROOT, printed
+
 START = (
     "import sys, types\n"
     "from mlsanm_cli import startup\n"
@@ -35,13 +34,9 @@ def place(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def printed(place: Path, code: str) -> list[str]:
-    """Words that code prints after a lean start."""
-    environment = {**os.environ, "PYTHONPATH": f"{place}{os.pathsep}{ROOT}"}
-    command = [sys.executable, "-W", "error", "-c", START + code]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment, cwd=place)
-    assert done.returncode == 0, done.stderr
-    return done.stdout.split()
+def words_of(place: Path, code: str) -> list[str]:
+    """Words that code prints in a folder."""
+    return printed("-c", code, cwd=place, PYTHONPATH=f"{place}{os.pathsep}{ROOT}").split()
 
 
 @pytest.mark.parametrize(
@@ -63,7 +58,7 @@ def printed(place: Path, code: str) -> list[str]:
     ],
 )
 def test_code_runs_when_a_name_is_asked_for(place: Path, code: str, words: str) -> None:
-    assert printed(place, code) == words.split()
+    assert words_of(place, START + code) == words.split()
 
 
 def test_threads_wait_for_the_one_that_loads(place: Path) -> None:
@@ -72,7 +67,7 @@ def test_threads_wait_for_the_one_that_loads(place: Path) -> None:
         "with futures.ThreadPoolExecutor(4) as pool:\n"
         "    print(*pool.map(lambda _: big.more.three, range(4)))\n"
     )
-    assert printed(place, code) == ["more", *"3333"]
+    assert words_of(place, START + code) == ["more", *"3333"]
 
 
 def test_what_failed_is_tried_again(place: Path) -> None:
@@ -81,16 +76,12 @@ def test_what_failed_is_tried_again(place: Path) -> None:
         "try:\n    broken.four\nexcept OSError:\n    pathlib.Path('mended').touch()\n"
         "print(broken.four)\n"
     )
-    assert printed(place, code) == ["broken", "broken", "4"]
+    assert words_of(place, START + code) == ["broken", "broken", "4"]
 
 
 def test_where_numpy_is_there_nothing_waits(place: Path) -> None:
     code = START.replace("import sys", "import numpy, sys") + "print(type(big) is types.ModuleType)"
-    environment = {**os.environ, "PYTHONPATH": f"{place}{os.pathsep}{ROOT}"}
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment
-    )
-    assert done.stdout.split() == ["big", "part", "other", "more", "True"]
+    assert words_of(place, code) == ["big", "part", "other", "more", "True"]
 
 
 PARTS = (
@@ -123,14 +114,6 @@ SAME = (
 ORDERS = {"lean, parts first": LEAN + PARTS + BLAS + WHOLE, "parts first": PARTS + BLAS + WHOLE}
 
 
-def python(code: str) -> str:
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    command = [sys.executable, "-W", "error", "-c", code]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
-
-
 @pytest.mark.parametrize("order", ORDERS)
 def test_they_are_scipys_own(order: str) -> None:
-    assert python(ORDERS[order] + SAME) == "1 2.0\n"
+    assert printed("-c", ORDERS[order] + SAME) == "1 2.0\n"

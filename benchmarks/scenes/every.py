@@ -6,6 +6,7 @@ from benchmarks.scenes import (  # noqa: F401
     beams,
     bending,
     fits,
+    frictional,
     joints,
     layers,
     machines,

@@ -290,8 +290,13 @@ def tower_tips() -> Scene:
 
 @scene
 def stone_arch() -> Scene:
-    """Five stones of an arch on two abutments, of their own weight, with friction in all joints."""
-    edges, weight = np.linspace(180.0, 0.0, 6).tolist(), 2.5e-5
+    """Five stones of an arch on two abutments."""
+    return arch("stone_arch", 5)
+
+
+def arch(name: str, count: int) -> Scene:
+    """Stones of an arch on two abutments, of their own weight, with friction in all joints."""
+    edges, weight, last = np.linspace(180.0, 0.0, count + 1).tolist(), 2.5e-5, count - 1
     bodies = [
         make_body(f"stone{i}", "stone", "sector", center=[0.0, 0.0], radii=[40.0, 52.0], angles=[end, start])
         for i, (start, end) in enumerate(itertools.pairwise(edges))
@@ -300,10 +305,10 @@ def stone_arch() -> Scene:
         box("left", "stone", (-62.0, -30.0), (-20.0, 0.0)),
         box("right", "stone", (30.0, 62.0), (-20.0, 0.0)),
     ]
-    contacts = [pair(f"joint{i}", f"stone{i}.end", f"stone{i - 1}.start", 0.7) for i in range(1, 5)]
+    contacts = [pair(f"joint{i}", f"stone{i}.end", f"stone{i - 1}.start", 0.7) for i in range(1, count)]
     contacts += [
         pair("from", "stone0.end", "left.top", 0.7),
-        pair("to", "stone4.start", "right.top", 0.7),
+        pair("to", f"stone{last}.start", "right.top", 0.7),
     ]
     given = case(
         "strain",
@@ -311,12 +316,12 @@ def stone_arch() -> Scene:
         bodies,
         support=[held("left.bottom"), held("right.bottom")],
         contact=contacts,
-        load=[weighed(f"weight{i}", f"stone{i}", 0.0, -weight) for i in range(5)],
-        stage=[{f"weight{i}": 1.0 for i in range(5)}],
+        load=[weighed(f"weight{i}", f"stone{i}", 0.0, -weight) for i in range(count)],
+        stage=[{f"weight{i}": 1.0 for i in range(count)}],
     )
     half = 0.25 * weight * float(np.pi) * (52.0**2 - 40.0**2)
     return Scene(
-        "stone_arch",
+        name,
         "arch",
         given,
         [Figure("left", force_at("from", 1), half), Figure("right", force_at("to", 1), half)],

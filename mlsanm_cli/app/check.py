@@ -6,6 +6,8 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from mlsanm_cli.app.checks.check import Verdicts
 from mlsanm_cli.app.checks.quality import Quality, assess, ratio_message
 from mlsanm_cli.app.checks.references import check_reference
@@ -27,6 +29,7 @@ from mlsanm_cli.case import (
 )
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.io.vtu import write_parts
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 NOTED_RATIO = 1.5
 """Ratio of facing spacings above which there is a note; ``quality`` warns if it affects the result."""
@@ -75,7 +78,7 @@ def check(
         "contact_unknowns": None if prepared.ranges else unknowns,
         "loads": len(case.moved),
         "stages": len(case.stage),
-        "estimated_memory_mb": round(memory_mb(case, node_counts(case))),
+        "estimated_memory_mb": round(memory_mb(case, node_counts(prepared.boundaries))),
         "estimated_cpu_seconds": round(cpu_seconds(case, prepared), 1),
         "bodies": {
             name: figures | {"finest": float(prepared.models[name].cloud.spacing.min())}
@@ -162,6 +165,12 @@ def _notes(prepared: SceneModel, quality: Quality, warnings: Collection[str]) ->
             notes.append(f"contact {pairing.name}: pressures use a contact grid unless they reach a corner")
         elif ratio > NOTED_RATIO and message not in warnings:
             notes.append(message)
+        drawn = float(pairing.gap.min()) if pairing.interference == 0.0 and not pairing.bonded else 0.0
+        if -drawn > COARSE_ROUND_OFF * float(np.abs(pairing.points).max()):
+            notes.append(
+                f"contact {pairing.name}: the surfaces overlap by {-drawn:.3g} as drawn and press on each "
+                f"other before any load; draw them touching, or give contact.{pairing.name}.interference"
+            )
         unpaired = len(pairing.slave.index) - len(pairing.position)
         if unpaired:
             other = "obstacle" if pairing.master is None else "master"

@@ -12,7 +12,7 @@ from dataclasses import field, replace
 from functools import cache
 from typing import Any
 
-from mlsanm_cli.case.model.fields import UNIT
+from mlsanm_cli.case.model.section import UNIT
 from mlsanm_cli.case.report import SYNONYMS
 from mlsanm_cli.case.schema import Node, follow, heading, json_schema, tables, tables_at, walk
 from mlsanm_cli.case.starters import kinds, starter
@@ -60,9 +60,13 @@ def explain(key: str = "") -> tuple[Explanation, ...]:
     parts = [part for part in key.split(".") if part]
     found, path = _find(parts)
     keys = {name for table in tables_at(path) for name in table["properties"]}
-    # The last part may be the name of an item, unless it looks like one of its keys, misspelt.
+    # The last part may be the name of an item, unless it looks like one of its keys, misspelt or as others
+    # call it.
     named = bool(path) and parts[-1] != path[-1]
-    misspelt = named and difflib.get_close_matches(parts[-1], keys, n=1, cutoff=TYPO_SIMILARITY)
+    misspelt = named and (
+        SYNONYMS.get(parts[-1].lower()) in keys
+        or difflib.get_close_matches(parts[-1], keys, n=1, cutoff=TYPO_SIMILARITY)
+    )
     if not found or misspelt:
         raise RunError(f'there is no key "{key}"', _nearest(key))
     if path and path[-1] == "kind":
@@ -211,7 +215,9 @@ def _nearest(key: str) -> str:
     def ending(words: Sequence[str]) -> list[str]:
         return [name for name, end in zip(known, ends, strict=True) if end in words]
 
-    similar = ending([last]) or difflib.get_close_matches(key, known, n=3)
+    similar = ending([last])
+    if not similar and "." in key:
+        similar = difflib.get_close_matches(key, known, n=3)
     similar = similar or ending(difflib.get_close_matches(last, ends, n=1))
     return f"did you mean {' or '.join(similar[:4])}?" if similar else '"mlsanm explain" lists the tables'
 

@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
-from mlsanm_cli.case.lines import MAX_KEY_PARTS, KeyPath
+from mlsanm_cli.case.report import MAX_KEY_PARTS, KeyPath
 from mlsanm_cli.errors import Fault
 
 MAX_ITEMS: Mapping[str, int] = {

@@ -10,8 +10,8 @@ from typing import Any
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
-from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.case import Case
+from mlsanm_cli.case.report import KeyPath
 
 DIALECT = "http://json-schema.org/draft-07/schema#"
 TITLE = "mlsanm case file"

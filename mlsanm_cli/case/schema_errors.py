@@ -11,9 +11,8 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.expressions import NO_UNITS, with_unit
-from mlsanm_cli.case.report import child, suggestion
+from mlsanm_cli.case.report import KeyPath, child, suggestion
 from mlsanm_cli.case.schema import heading, tables_at, walk
 from mlsanm_cli.errors import Fault
 
@@ -42,14 +41,18 @@ _REMOVED = {
 """Hints for keys and values that no longer exist."""
 _MISSING = {"format": "write format = 1", "model": 'write [model] with plane = "strain" or "stress"'}
 
-UNKNOWN_KEY = "extra_forbidden"
-"""Pydantic's type of error for an unknown key."""
 
-
-def findings(data: Mapping[str, Any], error: ValidationError) -> Iterator[tuple[KeyPath, ErrorDetails]]:
-    """The errors of a validation of ``data``, each with its path."""
+def faults_of(data: Mapping[str, Any], error: ValidationError) -> Iterator[Fault]:
+    """The errors of a validation of ``data`` in the words of the case file."""
     for detail in error.errors(include_url=False):
-        yield _path(data, detail["loc"]), detail
+        yield _fault(data, _path(data, detail["loc"]), detail)
+
+
+def unknown_keys(data: Mapping[str, Any], error: ValidationError) -> set[KeyPath]:
+    """The paths of unknown keys if these are all errors of a validation; else none."""
+    found = error.errors(include_url=False)
+    only = all(detail["type"] == "extra_forbidden" for detail in found)
+    return {_path(data, detail["loc"]) for detail in found} if only else set()
 
 
 def _path(data: Any, location: tuple[int | str, ...]) -> KeyPath:
@@ -65,8 +68,7 @@ def _path(data: Any, location: tuple[int | str, ...]) -> KeyPath:
     return path
 
 
-def fault_of(data: Mapping[str, Any], path: KeyPath, detail: ErrorDetails) -> Fault:
-    """An error at a path in ``data`` in the words of the case file."""
+def _fault(data: Mapping[str, Any], path: KeyPath, detail: ErrorDetails) -> Fault:
     kind, context, value = detail["type"], detail.get("ctx", {}), detail["input"]
     message, hint = _WORDS.get(kind, detail["msg"]), ""
     match kind:

@@ -14,7 +14,8 @@ import click
 
 from mlsanm_cli.app.results.choice import POINT_FIELDS, QUANTITIES
 from mlsanm_cli.cli import declare
-from mlsanm_cli.cli.running import console_for, of_app, pretty_result, print_result
+from mlsanm_cli.cli.console import TerminalConsole
+from mlsanm_cli.cli.running import of_app, pretty_result, print_result
 from mlsanm_cli.cli.settings import Settings, say
 from mlsanm_cli.cli.text import grid, label, number
 from mlsanm_cli.errors import RunError
@@ -85,7 +86,7 @@ def probe(
 
     A position is the number of completed stages plus the fraction of the current one. Between stored states
     results are evaluated from the power series of the run, or interpolated with an error estimate if there
-    are none. Without options, list the available results.
+    are none. With --at alone, print the figures of all contacts; without options, list the available results.
     """
     targets = {kind: name for kind, name in names.items() if name is not None}
     for wrong, message, hint in (
@@ -105,13 +106,15 @@ def probe(
     ):
         if wrong:
             raise RunError(message, hint)
-    if not targets:
+    if not targets and not at:
         contents = of_app("results.probe.contents")(rundir)
         print_result(settings, contents, pretty_result(settings, contents))
         return 0
-    ((kind, name),) = targets.items()
-    title = f"{kind} {name}"
-    if kind == "contact":
+    kind, name = next(iter(targets.items()), ("contacts", ""))
+    title = f"{kind} {name}".rstrip()
+    if kind == "contacts":
+        rows = of_app("results.probe.probe_everything")(rundir, at)
+    elif kind == "contact":
         rows = of_app("results.probe.probe_contact")(rundir, at, name, quantities)
     elif kind == "force":
         title, rows = f"force of {name}", of_app("results.probe.probe_force")(rundir, at, name)
@@ -124,7 +127,9 @@ def probe(
     if as_csv:
         for row in rows:
             if "error" in row:
-                console_for(settings).warning(f"position {number(row['position'])}: {_origin(row)}")
+                TerminalConsole(sys.stderr, settings).warning(
+                    f"position {number(row['position'])}: {_origin(row)}"
+                )
         say(settings, _csv(rows), newline=False)
         return 0
     print_result(settings, {"levels": rows}, _text(title, rows, settings.paints(sys.stdout)))

@@ -13,7 +13,6 @@ from typing import TypeAlias
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.cloud.joined import points_of
 from mlsanm_cli.cloud.membership import twice_area
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.records import dataclass
@@ -101,7 +100,7 @@ class Halves:
     def of(cls, surface: Surface, rule: Rule = GAUSS[2]) -> Halves:
         """Apply a quadrature ``rule`` to each half interval of a ``surface``. The rule is repeated where the
         curve has more data points than nodes, else cells would not close."""
-        times = max(1, min(-(-points_of(surface.curve) // (2 * len(surface.index))), MAX_REPEATS))
+        times = max(1, min(-(-surface.curve.data_points // (2 * len(surface.index))), MAX_REPEATS))
         rule = tuple(((k + x) / times, weight / times) for k in range(times) for x, weight in rule)
         arc, step = surface.ends, np.diff(surface.ends)
         first = np.arange(len(step))

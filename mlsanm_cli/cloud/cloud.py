@@ -12,20 +12,18 @@ from scipy.spatial import cKDTree
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cells import Faces, dual_faces
 from mlsanm_cli.cloud.curves import Outline
-from mlsanm_cli.cloud.front import fill_region, relax
-from mlsanm_cli.cloud.halves import halved, with_line_nodes
+from mlsanm_cli.cloud.front import fill_region, halved, relax, with_line_nodes
 from mlsanm_cli.cloud.joined import SMOOTH_ANGLE
 from mlsanm_cli.cloud.membership import boundary_chords, inside_body, joints, twice_area
 from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
-from mlsanm_cli.cloud.separation import separation, widths
-from mlsanm_cli.cloud.sight import VisibilityCriterion, visibility_criterion
+from mlsanm_cli.cloud.sight import VisibilityCriterion, separation, triangulate, visibility_criterion, widths
 from mlsanm_cli.cloud.spacing import MIN_DISTANCE, Spacing
 from mlsanm_cli.cloud.surface import Surface, boundary_of
 from mlsanm_cli.cloud.tips import Tips, tips_of
-from mlsanm_cli.cloud.triangles import triangulate
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.records import dataclass
+from mlsanm_cli.roundoff import ROUND_OFF
 
 CANDIDATES = 15
 FLAT_RADIUS = 10.0
@@ -61,9 +59,10 @@ class Cloud:
         """Pairs (b, 2) of neighbours along the boundary, loop by loop, the material on their left."""
         return _edges(self.surfaces.values())
 
-    def contains(self, targets: FloatArray) -> BoolArray:
-        """Which of the ``targets`` (e, 2) lie in the body or on its boundary."""
-        return inside_body(self.points, *self.boundary, targets)
+    def contains(self, targets: FloatArray, slack: float = ROUND_OFF) -> BoolArray:
+        """Which of the ``targets`` (e, 2) lie in the body or, up to a ``slack`` relative to its size, on its
+        boundary."""
+        return inside_body(self.points, *self.boundary, targets, slack)
 
     @cached_property
     def sight(self) -> VisibilityCriterion | None:

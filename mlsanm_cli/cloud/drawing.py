@@ -3,24 +3,30 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment
-from mlsanm_cli.cloud.membership import cross, inside_polygon, signed_area, twice_area
-from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
+from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Point, Segment
+from mlsanm_cli.cloud.membership import (
+    cross,
+    first_crossing,
+    inside_polygon,
+    numbered,
+    signed_area,
+    twice_area,
+)
+from mlsanm_cli.cloud.splines import NodeSpline, Spline
 from mlsanm_cli.errors import Fault, OutlineError
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
-Point = tuple[float, float]
 Named = tuple[str, Curve]
 
 ARC_CHORDS = 16
 """Chords per arc in the search for crossings."""
+IN_ORDER = "list the points in order around the body"
 MAX_CHORDS = 4000
 """Largest number of chords of an outline of sides: with more, the search for crossings takes seconds."""
 
@@ -111,13 +117,13 @@ def closed_chain(
     if len(corners) > MAX_CHORDS:
         raise OutlineError([Fault(("sides",), f"have {len(corners)} points", f"at most {MAX_CHORDS}")])
     if abs(area) <= ROUND_OFF * size**2:
-        raise OutlineError([Fault(("sides",), "all points lie on a line")])
+        raise OutlineError([_without_area("sides", corners)])
     if area < 0.0:
         chain = [(name, points[::-1]) for name, points in reversed(chain)]
     return [
         (name, Segment(points[0], points[1]))
         if len(points) == 2
-        else (name, SplinePart(NodeSpline(np.array(points), closed), 0, len(points) - 1))
+        else (name, NodeSpline(np.array(points), closed).between(0, len(points) - 1))
         for name, points in chain
     ]
 
@@ -131,12 +137,13 @@ def with_holes(outer: Sequence[Named], holes: Sequence[tuple[str, Point, float]]
     names = [name for (name, _), part in zip(outer, parts, strict=True) for _ in part]
     size = float(np.ptp(chords[:, :2], axis=0).max())
     meeting = dict.fromkeys((names[i], names[j]) for i, j in _meetings(chords, ROUND_OFF * size))
-    _refuse(Fault((key,), f'the boundaries "{one}" and "{other}" cross or touch') for one, other in meeting)
+    crossing = 'the boundaries "{}" and "{}" cross or touch'
+    _refuse(Fault((key,), crossing.format(*pair), IN_ORDER) for pair in meeting)
     _refuse(_hole_faults(outer, chords, holes, ROUND_OFF * size))
     circles = [(name, Arc(center, r, 0.5 * math.pi, -2.0 * math.pi)) for name, center, r in holes]
     chain = [*outer, *circles]
     starts = (0, *range(len(outer), len(chain)))
-    return Outline(_numbered([name for name, _ in chain]), tuple(curve for _, curve in chain), starts)
+    return Outline(numbered([name for name, _ in chain], "{}/{}"), tuple(curve for _, curve in chain), starts)
 
 
 def extent(points: Sequence[Point]) -> float:
@@ -154,15 +161,6 @@ def _given(values: Sequence[str], number: int) -> str:
     return values[number] if number < len(values) else ""
 
 
-def _numbered(names: Sequence[str]) -> tuple[str, ...]:
-    total, passed = Counter(names), Counter[str]()
-    found = []
-    for name in names:
-        passed[name] += 1
-        found.append(f"{name}/{passed[name]}" if total[name] > 1 else name)
-    return tuple(found)
-
-
 def _point_faults(points: Sequence[Point], small: float, size: float) -> Iterator[Fault]:
     xy = np.array(points)
     for number, (x, y) in enumerate(points):
@@ -170,7 +168,15 @@ def _point_faults(points: Sequence[Point], small: float, size: float) -> Iterato
             message = f"({x:g}, {y:g}) repeats point {other + 1}"
             yield Fault(("points", number), message, "the last point is joined to the first automatically")
     if abs(signed_area(xy)) <= small * size:
-        yield Fault(("points",), "all points lie on a line")
+        yield _without_area("points", xy)
+
+
+def _without_area(key: str, corners: FloatArray) -> Fault:
+    """The fault of ``corners`` (n, 2) that enclose no area: they lie on a line, or their sides cross."""
+    place = first_crossing(np.hstack([corners, np.roll(corners, -1, axis=0)]))
+    if place is None:
+        return Fault((key,), "all points lie on a line", "a body needs an area")
+    return Fault((key,), f"sides cross near ({place[0]:g}, {place[1]:g})", IN_ORDER)
 
 
 def _rounding_faults(
@@ -281,8 +287,8 @@ def _to_chord(points: FloatArray, start: FloatArray, end: FloatArray) -> FloatAr
 
 def _chords(curve: Curve) -> FloatArray:
     """Chords (e, 4) of a curve; those of a smooth curve join its given points."""
-    if isinstance(curve, SplinePart):
-        points = curve.spline.nodes[curve.first : curve.last + 1]
+    if isinstance(curve, Spline):
+        points = curve.points(curve.node_arcs)
     else:
         count = ARC_CHORDS if isinstance(curve, Arc) else 1
         points = curve.points(np.linspace(0.0, curve.length, count + 1))

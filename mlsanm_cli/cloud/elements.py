@@ -7,11 +7,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import scipy.sparse as sparse
-from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.loops import Loop
-from mlsanm_cli.cloud.membership import cross, signed_area
+from mlsanm_cli.cloud.membership import coincident, signed_area, turns
 from mlsanm_cli.errors import GeometryError
 from mlsanm_cli.roundoff import ROUND_OFF
 
@@ -55,8 +54,7 @@ def _at(points: FloatArray, nodes: IntArray | Sequence[int]) -> str:
 
 
 def _refuse_coincident(points: FloatArray) -> None:
-    size = float(np.ptp(points, axis=0).max())
-    pairs = cKDTree(points).query_pairs(ROUND_OFF * size, output_type="ndarray")
+    pairs = coincident(points)
     if len(pairs):
         raise GeometryError(
             f"{len(pairs)} pairs of nodes coincide, the first at {_at(points, pairs[:1, 0])}",
@@ -67,15 +65,11 @@ def _refuse_coincident(points: FloatArray) -> None:
 def _counter_clockwise(points: FloatArray, ring: IntArray) -> IntArray:
     """The rings (e, m), all counter-clockwise."""
     corners = points[ring]
-    after = np.roll(corners, -1, axis=1) - corners
-    before = np.roll(after, 1, axis=1)
-    turn = cross(before, after)
-    x, y = np.moveaxis(corners - corners[:, :1], 2, 0)
-    area = 0.5 * (x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y).sum(axis=1)
+    area = signed_area(corners)
     extent = np.ptp(corners, axis=1).max(axis=1)
     flat = np.abs(area) <= ROUND_OFF * extent**2
     # Curved sides may be slightly concave, but a corner that turns the wrong way is a folded element.
-    bends = (turn * np.sign(area)[:, None]) < 0.0
+    bends = (turns(corners) * np.sign(area)[:, None]) < 0.0
     step = 1 if ring.shape[1] in (3, 4) else 2
     flat |= bends[:, ::step].any(axis=1)
     if flat.any():

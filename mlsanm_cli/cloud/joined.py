@@ -1,79 +1,27 @@
-"""Curves composed of others and parts of curves: a side named by the user may consist of several pieces."""
+"""Curves composed of others, and boundaries as consecutive pieces of an outline: a side named by the user may
+consist of several pieces."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cached_property
-from itertools import accumulate, pairwise
+from itertools import accumulate
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment, chord_zones
-from mlsanm_cli.cloud.membership import cross
-from mlsanm_cli.cloud.splines import SplinePart
+from mlsanm_cli.cloud.curves import Curve, Outline, Point, turn
 from mlsanm_cli.records import dataclass
-from mlsanm_cli.roundoff import ROUND_OFF
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
 SMOOTH_ANGLE = math.radians(1.0)
 """Largest angle between two curves that counts as a smooth joint: the stress effect of a kink scales with its
 angle."""
-MAX_CHORDS, MAX_TURN = 64, 0.2
 
 
 @dataclass(frozen=True, eq=False)
-class CurvePart:
-    """The part of a ``whole`` curve from arc length ``first`` over ``length``; on a closed curve it may pass
-    the start."""
-
-    whole: Curve
-    first: float
-    length: float
-
-    closed = False
-
-    def _arc(self, s: FloatArray) -> FloatArray:
-        arc = np.clip(s, 0.0, self.length) + self.first
-        return np.mod(arc, self.whole.length) if self.whole.closed else arc
-
-    def points(self, s: FloatArray) -> FloatArray:
-        return self.whole.points(self._arc(s))
-
-    def normals(self, s: FloatArray) -> FloatArray:
-        return self.whole.normals(self._arc(s))
-
-    def curvature(self, s: FloatArray) -> FloatArray:
-        return self.whole.curvature(self._arc(s))
-
-    def closest(self, points: FloatArray) -> FloatArray:
-        s = self.whole.closest(points) - self.first
-        if self.whole.closed:
-            s = np.mod(s, self.whole.length)
-        ends = self.points(np.array([0.0, self.length]))
-        away = np.hypot(*(points[:, None] - ends).transpose(2, 0, 1))
-        nearer = np.where(away[:, 1] < away[:, 0], self.length, 0.0)
-        return np.asarray(np.where((s >= 0.0) & (s <= self.length), s, nearer))
-
-    @cached_property
-    def _chords(self) -> tuple[tuple[float, ...], ...]:
-        return chords(self)
-
-    def zones(self) -> tuple[tuple[float, ...], ...]:
-        return self._chords
-
-
-def chords(curve: Curve) -> tuple[tuple[float, ...], ...]:
-    """Chords that approximate a curve well enough for a spacing field: each turns by at most MAX_TURN, unless
-    that takes more than MAX_CHORDS chords."""
-    x, y = curve.normals(np.linspace(0.0, curve.length, MAX_CHORDS + 1)).T
-    whole = float(np.abs(np.diff(np.unwrap(np.arctan2(y, x)))).sum())
-    count = min(math.ceil(whole / MAX_TURN) or 1, MAX_CHORDS)
-    return chord_zones(curve.points(np.linspace(0.0, curve.length, count + 1)))
-
-
-@dataclass(frozen=True, eq=False)
-class Joined:
+class Joined(Curve):
     """A composite curve: each piece begins where the previous one ends; ``closed`` if the last one ends where
     the first one begins."""
 
@@ -98,6 +46,10 @@ class Joined:
         turns = [turn(before, after) for before, after in pairs]
         places = [*self.starts[1:-1].tolist(), 0.0]
         return np.array([at for at, angle in zip(places, turns, strict=False) if abs(angle) > SMOOTH_ANGLE])
+
+    @property
+    def data_points(self) -> int:
+        return sum(piece.data_points for piece in self.pieces)
 
     def _number(self, s: FloatArray) -> IntArray:
         return np.clip(np.searchsorted(self.starts, s, side="right") - 1, 0, len(self.pieces) - 1)
@@ -128,19 +80,18 @@ class Joined:
             best, found = np.where(nearer, away, best), np.where(nearer, s + start, found)
         return found
 
+    def part(self, first: float, last: float) -> Curve:
+        around = (0.0, self.length) if self.closed else (0.0,)
+        found = []
+        for shift in around:
+            for piece, start in zip(self.pieces, self.starts + shift, strict=False):
+                low, high = max(first - start, 0.0), min(last - start, piece.length)
+                if high - low > ROUND_OFF * self.length:
+                    found.append(piece.part(low, high))
+        return joined(found)
+
     def zones(self) -> tuple[tuple[float, ...], ...]:
         return tuple(row for piece in self.pieces for row in piece.zones())
-
-
-def turn(before: Curve, after: Curve) -> float:
-    """Angle (radians) by which the direction turns left from the end of a curve to the start of the next."""
-    (a,), (b,) = before.normals(np.array([before.length])), after.normals(np.zeros(1))
-    return math.atan2(float(cross(a, b)), float(a @ b))
-
-
-def corners_of(curve: Curve) -> FloatArray:
-    """Arc lengths (c,) of the corners within a curve."""
-    return curve.corners if isinstance(curve, Joined) else np.zeros(0)
 
 
 def normals_towards(curve: Curve, s: FloatArray, other: FloatArray) -> FloatArray:
@@ -148,7 +99,7 @@ def normals_towards(curve: Curve, s: FloatArray, other: FloatArray) -> FloatArra
     the vectors ``other`` (n, 2)."""
     normals = curve.normals(s)
     small = ROUND_OFF * curve.length
-    for corner in corners_of(curve):
+    for corner in curve.corners:
         at = np.flatnonzero(np.abs(s - corner) <= small)
         ways = (corner + small, corner - small if corner > 0.0 else curve.length - small)
         for way in ways if len(at) else ():
@@ -158,21 +109,12 @@ def normals_towards(curve: Curve, s: FloatArray, other: FloatArray) -> FloatArra
     return normals
 
 
-def points_of(curve: Curve) -> int:
-    """Number of data points of a spline curve, 0 for other curves."""
-    if isinstance(curve, Joined):
-        return sum(map(points_of, curve.pieces))
-    if isinstance(curve, CurvePart):
-        return math.ceil(points_of(curve.whole) * curve.length / curve.whole.length)
-    return len(curve.node_arcs) if isinstance(curve, SplinePart) else 0
-
-
 def joined(curves: Sequence[Curve], around: bool = False) -> Curve:
     """Concatenate curves; ``around`` if the last one ends where the first begins. Collinear lines, arcs of
     one circle and consecutive parts of one curve are merged."""
     pieces: list[Curve] = []
     for curve in curves:
-        one = _merged(pieces[-1], curve) if pieces else None
+        one = pieces[-1].merged(curve) if pieces else None
         if one is None:
             pieces.append(curve)
         else:
@@ -182,76 +124,55 @@ def joined(curves: Sequence[Curve], around: bool = False) -> Curve:
     return Joined(tuple(pieces), around)
 
 
-def _merged(one: Curve, other: Curve) -> Curve | None:
-    if isinstance(one, Segment) and isinstance(other, Segment):
-        straight = abs(turn(one, other)) <= ROUND_OFF
-        return Segment(one.start, other.end) if straight else None
-    if isinstance(one, Arc) and isinstance(other, Arc):
-        size = ROUND_OFF * one.radius
-        same = math.dist(one.center, other.center) <= size and abs(one.radius - other.radius) <= size
-        if not same or one.sweep * other.sweep <= 0.0:
-            return None
-        sweep = one.sweep + other.sweep
-        if abs(abs(sweep) - 2.0 * math.pi) <= ROUND_OFF:
-            sweep = math.copysign(2.0 * math.pi, sweep)
-        return Arc(one.center, one.radius, one.start, sweep)
-    if isinstance(one, CurvePart) and isinstance(other, CurvePart) and one.whole is other.whole:
-        whole, length = one.whole, one.length + other.length
-        if abs(length - whole.length) > ROUND_OFF * whole.length:
-            return CurvePart(whole, one.first, length)
-        # The whole of a closed curve starts where the curve does, not at the first part.
-        return whole if not whole.closed or one.first == 0.0 else None
-    return None
+@dataclass(frozen=True, eq=False)
+class BoundaryRun:
+    """Consecutive pieces of an ``outline`` by ``numbers``, which form a closed loop if they go ``around``, or
+    their part between the points nearest to two ``ends``."""
 
+    outline: Outline
+    numbers: tuple[int, ...]
+    around: bool
+    ends: tuple[Point, Point] | None = None
 
-def part_of(curve: Curve, first: float, last: float) -> Curve:
-    """The part of a curve between two arc lengths; on a closed one ``last`` may lie past its end."""
-    if isinstance(curve, Segment):
-        a, b = curve.points(np.array([first, last])).tolist()
-        return Segment((a[0], a[1]), (b[0], b[1]))
-    if isinstance(curve, Arc):
-        sign = math.copysign(1.0, curve.sweep) / curve.radius
-        return Arc(curve.center, curve.radius, curve.start + sign * first, sign * (last - first))
-    if isinstance(curve, CurvePart):
-        return CurvePart(curve.whole, curve.first + first, last - first)
-    return CurvePart(curve, first, last - first)
+    @property
+    def curves(self) -> tuple[Curve, ...]:
+        return tuple(self.outline.curves[number] for number in self.numbers)
 
+    @cached_property
+    def whole(self) -> Curve:
+        """The pieces as one curve."""
+        return joined(self.curves, self.around)
 
-def cut(outline: Outline, cuts: Mapping[int, Sequence[float]]) -> Outline:
-    """Split curves, given by index, at arc lengths. The parts of "side" are "side/1", "side/2" and so on; a
-    closed curve then begins at its first cut."""
-    names, curves, starts = list[str](), list[Curve](), list[int]()
-    for number, (name, curve) in enumerate(zip(outline.names, outline.curves, strict=True)):
-        if number in outline.starts:
-            starts.append(len(curves))
-        places = sorted(cuts.get(number, ()))
-        if not places:
-            names.append(name)
-            curves.append(curve)
-            continue
-        ends = [*places, places[0] + curve.length] if curve.closed else [0.0, *places, curve.length]
-        for k, (first, last) in enumerate(pairwise(ends), start=1):
-            names.append(f"{name}/{k}")
-            curves.append(part_of(curve, first, last))
-    return Outline(tuple(names), tuple(curves), tuple(starts))
+    @cached_property
+    def starts(self) -> list[float]:
+        """Arc lengths at the starts of the pieces and at the end of the last one."""
+        return [*accumulate((curve.length for curve in self.curves), initial=0.0)]
 
+    def nearest(self, point: Point) -> tuple[float, float]:
+        """The arc length of the nearest point of the pieces, that of an end of a piece if it is there, and
+        the distance."""
+        place = np.array([point])
+        (at,) = arc = self.whole.closest(place)
+        end = min(self.starts, key=lambda start: abs(start - at))
+        joint = abs(end - at) <= COARSE_ROUND_OFF * self.starts[-1]
+        return float(end if joint else at), float(np.hypot(*(self.whole.points(arc) - place)[0]))
 
-Chain = tuple[tuple[int, ...], bool]
-"""Curves by index as they follow each other along a loop, and whether they are all of it."""
+    @cached_property
+    def range(self) -> tuple[float, float]:
+        """Arc length at which the part starts, and its length."""
+        if self.ends is None:
+            return 0.0, self.starts[-1]
+        (start, _), (end, _) = (self.nearest(point) for point in self.ends)
+        if self.around:
+            return start, (end - start) % self.starts[-1]
+        return min(start, end), abs(end - start)
 
+    @cached_property
+    def part(self) -> Curve:
+        """The part as a curve."""
+        first, length = self.range
+        return self.whole.part(first, first + length) if self.ends else self.whole
 
-def chains_of(outline: Outline, numbers: Sequence[int]) -> list[Chain]:
-    """The contiguous chains of curves by index, in the order of the outline."""
-    chains: list[Chain] = []
-    for loop in outline.loops:
-        around = range(loop.start, loop.stop)
-        before = dict(zip(around, (loop.stop - 1, *around), strict=False))
-        wanted = [k for k in around if k in numbers]
-        gaps = [place for place, k in enumerate(wanted) if before[k] not in wanted]
-        if wanted and not gaps:
-            chains.append((tuple(wanted), True))
-        elif gaps and gaps[0] > 0:  # the last chain goes on across the start of the loop
-            wanted, gaps = [*wanted[gaps[0] :], *wanted[: gaps[0]]], [place - gaps[0] for place in gaps]
-        ends = [*gaps[1:], len(wanted)]
-        chains += [(tuple(wanted[a:b]), False) for a, b in zip(gaps, ends, strict=False)]
-    return chains
+    def continues(self, at: float) -> bool:
+        """Whether the pieces continue on both sides of the arc length ``at``."""
+        return self.around or COARSE_ROUND_OFF < at / self.starts[-1] < 1.0 - COARSE_ROUND_OFF

@@ -13,17 +13,17 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Curve, Outline, Segment
-from mlsanm_cli.cloud.membership import cross, signed_area
+from mlsanm_cli.cloud.membership import cross, numbered, signed_area, turns
 from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
-from mlsanm_cli.cloud.sight import visibility_criterion
-from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
+from mlsanm_cli.cloud.sight import triangulate, visibility_criterion
+from mlsanm_cli.cloud.splines import NodeSpline, Spline
 from mlsanm_cli.cloud.surface import Surface
-from mlsanm_cli.cloud.triangles import triangulate
 from mlsanm_cli.errors import GeometryError
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 
-ALIGNED = 0.9
+MIN_COSINE = 0.9
+"""Least cosine between a given normal and the outline's own."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def cloud_of_nodes(points: FloatArray, outline: Outline, normals: FloatArray | N
         normal = curve.normals(arc)
         if normals is not None:
             given = normals[nodes]
-            normal = np.where((given * normal).sum(axis=1, keepdims=True) > ALIGNED, given, normal)
+            normal = np.where((given * normal).sum(axis=1, keepdims=True) > MIN_COSINE, given, normal)
         surfaces[name] = Surface(name, curve, nodes, arc, normal)
     cloud = Cloud(points, np.ones(len(points)), surfaces)
     triangles = triangulate(points, cloud.edges, visibility_criterion(points, cloud.edges))
@@ -84,7 +84,7 @@ def mirrored(cloud: Cloud, line: SymmetryLine) -> Cloud | None:
 
 
 def _node_arcs(curve: Curve, points: FloatArray) -> FloatArray:
-    if isinstance(curve, SplinePart):
+    if isinstance(curve, Spline):
         return curve.node_arcs[: len(points)]
     arc = curve.closest(points)
     arc[-1] = curve.length
@@ -106,13 +106,6 @@ def _neighbour_distance(points: FloatArray, triangles: IntArray) -> FloatArray:
     spacing[count == 0] = 0.0
     # Averaged, as mesh sizes vary more from node to node than a spacing field does.
     return np.asarray((spacing + np.bincount(node, spacing[other], len(points))) / (count + 1))
-
-
-def turns(points: FloatArray) -> FloatArray:
-    """Angles (k,) by which a closed polygon turns left at its vertices."""
-    after = np.roll(points, -1, axis=0) - points
-    before = np.roll(after, 1, axis=0)
-    return np.asarray(np.arctan2(cross(before, after), (before * after).sum(axis=1)))
 
 
 def _begun(points: FloatArray, loop: Loop, corner: float) -> Loop:
@@ -145,7 +138,7 @@ def _pieces(
     ends = np.flatnonzero(sharp | renamed)
     if not len(ends):
         spline = NodeSpline(points[nodes], True)
-        yield loop.names[0], SplinePart(spline, 0, count), loop.nodes
+        yield loop.names[0], spline.between(0, count), loop.nodes
         return
     if len(ends) == 1:
         # A curve that ends where it begins is split: no surface contains a node twice.
@@ -157,7 +150,7 @@ def _pieces(
         for start, stop in pairwise(inner.tolist()):
             place = points[nodes[start : stop + 1]]
             straight = _straight(place, small) and (stop - start > 1 or len(inner) == 2)
-            curve: Curve = SplinePart(spline, start - first, stop - first)
+            curve: Curve = spline.between(start - first, stop - first)
             if straight:
                 (x0, y0), (x1, y1) = place[[0, -1]].tolist()
                 curve = Segment((x0, y0), (x1, y1))
@@ -174,14 +167,8 @@ def _straight(points: FloatArray, small: float) -> bool:
 
 
 def _numbered(names: Sequence[str]) -> tuple[str, ...]:
-    """The ``names`` of all curves, numbered where they are shared or empty."""
-    total, passed = Counter(names), Counter[str]()
-    numbered = []
-    for name in names:
-        passed[name] += 1
-        several = total[name] > 1 or not name
-        numbered.append(f"{name or 'edge'}{passed[name]}" if several else name)
-    for name, times in Counter(numbered).items():
+    found = numbered(names, "{}{}", "edge")
+    for name, times in Counter(found).items():
         if times > 1:
             raise GeometryError(f'two boundaries would be called "{name}"', "rename that group in the file")
-    return tuple(numbered)
+    return found

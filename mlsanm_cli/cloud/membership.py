@@ -3,6 +3,7 @@ boundary nodes alone, as run.h5 stores them."""
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import product
 
@@ -41,9 +42,15 @@ def joints(index: IntArray, normal: FloatArray, names: Sequence[str]) -> Iterato
 
 
 def inside_body(
-    points: FloatArray, index: IntArray, normal: FloatArray, names: Sequence[str], targets: FloatArray
+    points: FloatArray,
+    index: IntArray,
+    normal: FloatArray,
+    names: Sequence[str],
+    targets: FloatArray,
+    slack: float = ROUND_OFF,
 ) -> BoolArray:
-    """Mask (e,) of ``targets`` (e, 2) in the body of ``points`` (n, 2) or on its boundary.
+    """Mask (e,) of ``targets`` (e, 2) in the body of ``points`` (n, 2) or on its boundary, up to a ``slack``
+    relative to its size.
 
     Boundary nodes ``index`` (nb,) have outward ``normal`` (nb, 2) and ``names`` as in
     :func:`boundary_chords`. A curve may lie outside its chord by the sagitta c tan(phi/4)/2, with c the chord
@@ -55,7 +62,7 @@ def inside_body(
     length = np.hypot(along[:, 0], along[:, 1])
     cosine = (normal[chords[:, 0]] * normal[chords[:, 1]]).sum(axis=1)
     bulge = 0.5 * length * np.tan(0.25 * np.arccos(np.clip(cosine, -1.0, 1.0)))
-    near = SAGITTA_FACTOR * bulge + ROUND_OFF * float(np.ptp(points, axis=0).max())
+    near = SAGITTA_FACTOR * bulge + slack * float(np.ptp(points, axis=0).max())
     inside = inside_polygon(np.concatenate([start, end], axis=1), targets)
     # Only targets outside the polygon but near a chord can lie between a chord and its curve.
     low, high = start.min(axis=0) - near.max(), start.max(axis=0) + near.max()
@@ -84,10 +91,36 @@ def inside_polygon(edges: FloatArray, points: FloatArray) -> BoolArray:
     return inside
 
 
-def signed_area(points: FloatArray) -> float:
-    """Area of a closed polygon ``points`` (k, 2), negative if clockwise."""
-    x, y = (points - points[0]).T
-    return 0.5 * float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum())
+def signed_area(points: FloatArray) -> FloatArray:
+    """Areas (...) of closed polygons ``points`` (..., k, 2), negative if clockwise."""
+    away = points - points[..., :1, :]
+    area: FloatArray = 0.5 * cross(away, np.roll(away, -1, axis=-2)).sum(axis=-1)
+    return area
+
+
+def turns(points: FloatArray) -> FloatArray:
+    """Angles (..., k) by which closed polygons ``points`` (..., k, 2) turn left at their vertices."""
+    after = np.roll(points, -1, axis=-2) - points
+    before = np.roll(after, 1, axis=-2)
+    return np.asarray(np.arctan2(cross(before, after), (before * after).sum(axis=-1)))
+
+
+def coincident(points: FloatArray) -> IntArray:
+    """Pairs (p, 2) of ``points`` (n, 2) that coincide within round-off."""
+    size = float(np.ptp(points, axis=0).max())
+    return cKDTree(points).query_pairs(ROUND_OFF * size, output_type="ndarray")
+
+
+def numbered(names: Sequence[str], shared: str, unnamed: str = "") -> tuple[str, ...]:
+    """The ``names`` of all curves of an outline; several of one name, and ``unnamed`` ones, are numbered by
+    the pattern ``shared``, as in "{}/{}"."""
+    total, passed = Counter(names), Counter[str]()
+    found = []
+    for name in names:
+        passed[name] += 1
+        several = total[name] > 1 or not name
+        found.append(shared.format(name or unnamed, passed[name]) if several else name)
+    return tuple(found)
 
 
 def first_crossing(chords: FloatArray) -> FloatArray | None:

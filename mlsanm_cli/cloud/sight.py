@@ -1,19 +1,21 @@
 """Visibility criterion at slits, where the outline faces itself across a narrow void. The displacement may
 jump across a slit, so nodes on its two faces are no neighbours, however close. Chords over a hollow of the
-outline or past a reentrant corner are harmless and allowed."""
+outline or past a reentrant corner are harmless and allowed.
+"""
 
 from __future__ import annotations
 
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import Delaunay, cKDTree
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.cloud.membership import cross, inside_polygon
+from mlsanm_cli.cloud.membership import cross, inside_polygon, twice_area
+from mlsanm_cli.cloud.search import nearest as nearest_nodes
 from mlsanm_cli.kernels.sight import cut_lines
 from mlsanm_cli.records import dataclass
-from mlsanm_cli.roundoff import FINE_ROUND_OFF
+from mlsanm_cli.roundoff import FINE_ROUND_OFF, ROUND_OFF
 
 MIN_DETOUR = 3.0
 """A void is a slit if the way along the outline from face to face is at least this many times its width. A
@@ -175,3 +177,69 @@ def _neighbours(tree: cKDTree, targets: FloatArray, radius: FloatArray) -> tuple
     found = tree.query_ball_point(targets, radius)
     start = np.concatenate([[0], np.cumsum([len(one) for one in found])]).astype(np.int64)
     return start, np.concatenate([np.zeros(0, dtype=np.int64), *map(np.array, found)]).astype(np.int64)
+
+
+def triangulate(points: FloatArray, edges: IntArray, sight: VisibilityCriterion | None) -> IntArray:
+    """Delaunay triangles (t, 3), counter-clockwise, of ``points`` (n, 2) inside loops of ``edges`` (e, 2).
+    Triangles across slits are removed by ``sight``."""
+    placed = points if sight is None else sight.opened
+    triangles = np.asarray(Delaunay(placed).simplices, dtype=np.int64)
+    a, b, c = (points[triangles[:, corner]] for corner in range(3))
+    twice = twice_area(a, b, c)
+    triangles[twice < 0.0] = triangles[twice < 0.0][:, ::-1]
+    # Only triangles of three boundary nodes can lie outside, across a hollow or flat along a curve. Where
+    # slits are opened: drawn, those next to a slit's end may turn about and lie over their neighbours.
+    on_boundary = np.zeros(len(points), dtype=bool)
+    on_boundary[edges] = True
+    outside = np.abs(twice) <= ROUND_OFF * ((b - a) ** 2).sum(axis=1)
+    doubtful = np.flatnonzero(on_boundary[triangles].all(axis=1) & ~outside)
+    centers = placed[triangles[doubtful]].mean(axis=1)
+    outside[doubtful] = ~inside_polygon(placed[edges].reshape(-1, 4), centers)
+    inner: IntArray = triangles[~outside]
+    if sight is not None:
+        ends = np.roll(inner, -1, axis=1)
+        inner = inner[~np.any([sight.apart(inner[:, side], ends[:, side]) for side in range(3)], axis=0)]
+    return inner
+
+
+NEIGHBORS = 6
+MAX_FACING, OPPOSITE_COSINE = 32, 0.9
+"""Nearest boundary nodes searched for one on the opposite side, and the least -n1.n2 of such a pair."""
+
+
+def separation(
+    points: FloatArray,
+    tree: cKDTree,
+    spacing: FloatArray,
+    sight: VisibilityCriterion | None,
+    room: FloatArray,
+) -> tuple[FloatArray, float]:
+    """Distance (n,) of ``points`` (n, 2) from the nearest other one over the ``spacing`` (n,), at most
+    ``room`` (n,) between the faces of acute corners, and the largest spacing difference of neighbours over
+    their distance. ``tree`` finds neighbours; pairs that ``sight`` hides from each other across a slit do not
+    count."""
+    count = min(NEIGHBORS, len(points) - 1)
+    distance, found = nearest_nodes(tree, points, np.arange(2, count + 2))
+    neighbour = np.asarray(found, dtype=np.int64)
+    if sight is not None:
+        one = np.repeat(np.arange(len(neighbour)), count)
+        distance[sight.apart(one, neighbour.ravel()).reshape(neighbour.shape)] = np.inf
+    growth = np.abs(spacing[neighbour] - spacing[:, None]) / distance
+    return np.asarray(distance.min(axis=1) / np.minimum(spacing, room)), float(growth.max())
+
+
+def widths(points: FloatArray, index: IntArray, normal: FloatArray) -> FloatArray:
+    """Width (n,) of a body of ``points`` (n, 2) at its boundary nodes ``index`` (b,) with outward ``normal``
+    (b, 2), infinite elsewhere: the diameter of the smallest circle inside that touches the boundary at the
+    node and passes through another one on the opposite side."""
+    at = points[index]
+    count = min(MAX_FACING, len(index) - 1)
+    near = np.asarray(nearest_nodes(cKDTree(at), at, np.arange(2, count + 2))[1], dtype=np.int64)
+    away = at[:, None] - at[near]
+    depth = (away * normal[:, None]).sum(axis=2)
+    across = (depth > 0.0) & ((normal[near] * normal[:, None]).sum(axis=2) < -OPPOSITE_COSINE)
+    width = np.full(near.shape, np.inf)
+    np.divide((away**2).sum(axis=2), depth, out=width, where=across)
+    least = np.full(len(points), np.inf)
+    np.minimum.at(least, index, width.min(axis=1))
+    return least

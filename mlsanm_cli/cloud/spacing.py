@@ -122,7 +122,7 @@ class Spacing:
                 for low, high in pairwise(sorted(ends))
             ]
             even = np.append(np.concatenate([part[:-1] for part in parts]), total)
-        steps = np.interp(even, integral, s)
+        steps: FloatArray = np.interp(even, integral, s)
         steps[0], steps[-1] = 0.0, curve.length
         return steps
 

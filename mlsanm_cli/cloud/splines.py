@@ -11,9 +11,9 @@ from scipy.linalg.lapack import dgtsv
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.cloud.curves import chord_zones
+from mlsanm_cli.cloud.curves import Curve, chord_zones
 from mlsanm_cli.records import dataclass
-from mlsanm_cli.roundoff import LAST_DIGITS
+from mlsanm_cli.roundoff import LAST_DIGITS, ROUND_OFF
 
 GAUSS = 6
 """Gauss points per interval for arc lengths."""
@@ -86,6 +86,7 @@ class NodeSpline:
 
     def parameter_of(self, s: FloatArray) -> FloatArray:
         """Parameters (n,) at arc lengths ``s`` (n,), by Newton's method: the speed is nearly constant."""
+        turns, s = np.divmod(s, self.arcs[-1]) if self.closed else (0.0, s)
         k = self._interval(s, self.arcs)
         low, high = self.knots[k], self.knots[k + 1]
         t = low + (high - low) * (s - self.arcs[k]) / (self.arcs[k + 1] - self.arcs[k])
@@ -95,33 +96,54 @@ class NodeSpline:
             t = np.clip(t - step, low, high)
             if (np.abs(step) <= NEWTON_TOLERANCE * self.knots[-1]).all():
                 break
-        return t
+        return np.asarray(t + turns * self.knots[-1])
+
+    def arc_of(self, t: FloatArray) -> FloatArray:
+        """Arc lengths (n,) at parameters ``t`` (n,)."""
+        turns, t = np.divmod(t, self.knots[-1]) if self.closed else (0.0, t)
+        k = self._interval(t, self.knots)
+        return np.asarray(turns * self.arcs[-1] + self.arcs[k] + self._length(self.knots[k], t))
+
+    def between(self, first: int, last: int) -> Spline:
+        """The curve between two nodes."""
+        return Spline(self, float(self.arcs[first]), float(self.arcs[last]))
 
 
 @dataclass(frozen=True, eq=False)
-class SplinePart:
-    """The part of a spline between the nodes ``first`` and ``last``; the whole of a closed one is closed."""
+class Spline(Curve):
+    """The part of a ``spline`` between the arc lengths ``first`` and ``last``; the whole of a closed one is
+    closed, and its parts may pass its start."""
 
     spline: NodeSpline
-    first: int
-    last: int
-
-    @property
-    def closed(self) -> bool:
-        return self.spline.closed and self.last - self.first == len(self.spline.nodes) - 1
-
-    @property
-    def _start(self) -> float:
-        return float(self.spline.arcs[self.first])
+    first: float
+    last: float
 
     @property
     def length(self) -> float:
-        return float(self.spline.arcs[self.last]) - self._start
+        return self.last - self.first
+
+    @property
+    def closed(self) -> bool:
+        return self.spline.closed and self.length == self.spline.arcs[-1]
+
+    @cached_property
+    def _knots(self) -> FloatArray:
+        """Parameters (k,) of both ends and of the nodes between them."""
+        first, last = self.spline.parameter_of(np.array([self.first, self.last]))
+        knots = self.spline.knots
+        if self.spline.closed:
+            knots = np.append(knots[:-1], knots + knots[-1])
+        small = ROUND_OFF * (last - first)
+        return np.concatenate([[first], knots[(knots > first + small) & (knots < last - small)], [last]])
 
     @property
     def node_arcs(self) -> FloatArray:
-        """Arc lengths of the nodes, both ends included."""
-        return np.asarray(self.spline.arcs[self.first : self.last + 1] - self._start)
+        """Arc lengths (k,) of both ends and of the nodes between them."""
+        return self.spline.arc_of(self._knots) - self.first
+
+    @property
+    def data_points(self) -> int:
+        return len(self._knots)
 
     @cached_property
     def _last_query(self) -> list[tuple[FloatArray, FloatArray]]:
@@ -132,7 +154,7 @@ class SplinePart:
         # Points, normals and curvatures are evaluated at the same arc lengths in turn.
         if self._last_query and np.array_equal(self._last_query[0][0], s):
             return self._last_query[0][1]
-        t = self.spline.parameter_of(np.clip(s, 0.0, self.length) + self._start)
+        t = self.spline.parameter_of(np.clip(s, 0.0, self.length) + self.first)
         self._last_query[:] = [(np.array(s), t)]
         return t
 
@@ -149,15 +171,13 @@ class SplinePart:
     @cached_property
     def _samples(self) -> tuple[FloatArray, cKDTree]:
         """Sample parameters in ascending order, and a search tree of their points."""
-        knots = self.spline.knots[self.first : self.last + 1]
-        inner = np.arange(SAMPLES) / SAMPLES
+        knots, inner = self._knots, np.arange(SAMPLES) / SAMPLES
         t = np.append((knots[:-1, None] + np.diff(knots)[:, None] * inner).ravel(), knots[-1])
         return t, cKDTree(self.spline.derivatives(t[:-1] if self.closed else t)[0])
 
     def closest(self, points: FloatArray) -> FloatArray:
-        t, spline = self._closest(points), self.spline
-        k = spline._interval(t, spline.knots)
-        arc = np.asarray(spline.arcs[k] + spline._length(spline.knots[k], t) - self._start)
+        t = self._closest(points)
+        arc = np.clip(self.spline.arc_of(t) - self.first, 0.0, self.length)
         # The same arc lengths are evaluated next.
         self._last_query[:] = [(arc.copy(), t)]
         return arc
@@ -193,9 +213,21 @@ class SplinePart:
                 break
         return np.mod(t, self.spline.knots[-1]) if self.closed else t
 
+    def part(self, first: float, last: float) -> Spline:
+        return Spline(self.spline, self.first + first, self.first + last)
+
+    def merged(self, following: Curve) -> Spline | None:
+        if not isinstance(following, Spline) or following.spline is not self.spline:
+            return None
+        whole, length = float(self.spline.arcs[-1]), self.length + following.length
+        if abs(length - whole) > ROUND_OFF * whole:
+            return Spline(self.spline, self.first, self.first + length)
+        # The whole of a closed curve starts where the curve does, not at the first part.
+        return Spline(self.spline, 0.0, whole) if not self.spline.closed or self.first == 0.0 else None
+
     def zones(self) -> tuple[tuple[float, ...], ...]:
         """Chords between nodes, which are accurate enough for a spacing field."""
-        return chord_zones(self.spline.nodes[self.first : self.last + 1])
+        return chord_zones(self.spline.derivatives(self._knots)[0])
 
 
 def _across(along: FloatArray) -> FloatArray:

@@ -5,21 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.cloud.loops import Loop, turns
-from mlsanm_cli.cloud.membership import cross, inside_polygon, signed_area
+from mlsanm_cli.cloud.loops import MIN_COSINE, Loop
+from mlsanm_cli.cloud.membership import coincident, cross, inside_polygon, signed_area, turns
 from mlsanm_cli.errors import GeometryError
 from mlsanm_cli.records import dataclass
-from mlsanm_cli.roundoff import ROUND_OFF
 
 GAP_RATIO = 4.0
 """A step this many times longer than adjacent ones is a gap in the boundary."""
 BACKWARD_ANGLE = np.radians(150.0)
 """A boundary that turns by more than this runs backwards."""
-MIN_COSINE = 0.9
-"""Least cosine between a given normal and the outline's own."""
 
 
 @dataclass(frozen=True)
@@ -78,8 +74,7 @@ def _at(point: FloatArray) -> str:
 
 
 def _refuse_coincident(nodes: TaggedNodes) -> None:
-    size = float(np.ptp(nodes.points, axis=0).max())
-    pairs = cKDTree(nodes.points).query_pairs(ROUND_OFF * size, output_type="ndarray")
+    pairs = coincident(nodes.points)
     if len(pairs):
         one, other = np.sort(pairs[np.argmin(pairs.max(axis=1))])
         raise GeometryError(

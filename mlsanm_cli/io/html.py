@@ -9,7 +9,7 @@ from pathlib import Path
 
 from mlsanm_cli import __version__
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.atomic import write_text
+from mlsanm_cli.io.files import write_text
 
 GENERATOR = f'<meta name="generator" content="mlsanm {__version__}">'
 _SIGNATURE = b'<meta name="generator" content="mlsanm '

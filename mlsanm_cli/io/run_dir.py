@@ -11,8 +11,7 @@ from pathlib import Path
 import h5py
 
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.atomic import TEMPORARY_SUFFIX, cannot_write
-from mlsanm_cli.io.lock import LOCK_FILE, refuse_held
+from mlsanm_cli.io.files import LOCK_FILE, TEMPORARY_SUFFIX, cannot_write, refuse_held
 from mlsanm_cli.io.schema import INTERFACE_COLUMNS
 
 RUN_FILE = "run.h5"
@@ -196,7 +195,7 @@ def _is_run(file: Path) -> bool:
             return "mlsanm_version" in root.attrs
     except PermissionError as error:
         raise RunError(f"{file} cannot be read: no permission", hint="use another --out") from error
-    except (OSError, KeyError, ValueError, RuntimeError, TypeError):
+    except (OSError, LookupError, ValueError, RuntimeError, TypeError, MemoryError):
         return file.stat().st_size == 0 or bool(h5py.is_hdf5(file))
 
 

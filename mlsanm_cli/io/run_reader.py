@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import schema
 from mlsanm_cli.io.run_dir import RUN_FILE
-from mlsanm_cli.io.run_file import FORMAT
-from mlsanm_cli.io.summary import path_table
+from mlsanm_cli.io.run_file import FORMAT, path_table
 
 MAX_LISTED = 5
 """Largest number of directories listed in a hint."""
@@ -169,8 +168,8 @@ def _reading(rundir: Path, read: Callable[[Any, Path], Read]) -> Read:
             return read(root, file)
     except PermissionError as error:
         raise RunError(f"{file} cannot be read: {error.strerror}") from error
-    except (OSError, KeyError, ValueError, RuntimeError, TypeError, AttributeError) as error:
-        # TypeError, AttributeError: a damaged dataset may have no shape, or be None.
+    except (OSError, LookupError, ValueError, RuntimeError, TypeError, AttributeError, MemoryError) as error:
+        # A damaged dataset may have no shape, be None, or claim to be too large for the memory.
         raise RunError(
             f"{file} cannot be read: it is damaged ({error})", hint="run the case again with --force"
         ) from error

@@ -1,23 +1,22 @@
-"""Text files of a run: summary.json, events.jsonl, CSV tables, resolved.toml, and path.csv, the load path as
-a table with one row per finished step, for spreadsheets and pandas."""
+"""Text files of a run: summary.json, events.jsonl, CSV tables and resolved.toml."""
 
 from __future__ import annotations
 
+import csv
 import errno
+import io
 import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import tomli_w
 from numpy.typing import NDArray
 
-from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.closing import Closing
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.atomic import cannot_write, write_text
+from mlsanm_cli.io.files import cannot_write, write_text
 from mlsanm_cli.system import open_regular
 from mlsanm_cli.toml import plain
 
@@ -28,15 +27,35 @@ def write_json_atomic(path: Path, mapping: Mapping[str, Any]) -> None:
     write_text(path, text + "\n")
 
 
-def read_json(path: Path) -> dict[str, Any]:
-    """Reads a mapping written by `write_json_atomic`. Raises RunError if that fails."""
+DEPTHS = {
+    **dict.fromkeys(("contacts", "probes", "peak_stress"), 2),
+    **dict.fromkeys(("forces", "error_estimate", "quality", "limits", "seconds"), 1),
+}
+"""Entries of a summary that are mappings, 1, and mappings of mappings, 2."""
+
+
+def read_summary(path: Path) -> dict[str, Any]:
+    """Reads the summary of a run. Raises RunError if that fails, or if it is damaged."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise RunError(f"{path} cannot be read: {error}", hint="remove it; run.h5 holds the run") from error
-    if not isinstance(content, dict):
+    if not _is_summary(content):
         raise RunError(f"{path} is not the summary of a run", hint="remove it; run.h5 holds the run")
-    return content
+    return dict(content)
+
+
+def _is_summary(content: Any) -> bool:
+    """Whether a mapping has mappings where those of runs have them."""
+    if not isinstance(content, dict):
+        return False
+    for name, depth in DEPTHS.items():
+        values = [content.get(name) or {}]
+        for _ in range(depth):
+            if not all(isinstance(value, dict) for value in values):
+                return False
+            values = [inner for value in values for inner in value.values()]
+    return all(isinstance(content.get(name) or [], list) for name in ("warnings", "checks"))
 
 
 def toml_text(mapping: Mapping[str, Any]) -> str:
@@ -47,7 +66,10 @@ def toml_text(mapping: Mapping[str, Any]) -> str:
 def write_csv(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
     """Writes columns (n,) by name; floats read back equal. Raises RunError if that fails."""
     rows = zip(*(column.tolist() for column in columns.values()), strict=True)
-    lines = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
+    header = io.StringIO()
+    # Names with commas, as those of supports at points, are quoted.
+    csv.writer(header, lineterminator="").writerow(columns)
+    lines = [header.getvalue(), *(",".join(map(repr, row)) for row in rows)]
     write_text(path, "\n".join(lines) + "\n")
 
 
@@ -105,57 +127,3 @@ def _is_repeated_step(line: bytes, rows: int) -> bool:
 
 def _line(event: str, values: Mapping[str, Any]) -> bytes:
     return json.dumps(plain({"event": event, **values}), ensure_ascii=False, allow_nan=False).encode()
-
-
-def path_table(root: Any) -> Mapping[str, NDArray[Any]]:
-    """Columns (S+1,) of the path in an open run.h5 ``root``; empty if it has no path. Position and stage,
-    load factors, displacements of platens and the work of their forces, forces of loads and supports; for
-    every contact the force on the slave, the largest pressure, the closed length and the dissipated work."""
-    if "path" not in root:
-        return {}
-    position = root["path/position"][...]
-    columns: dict[str, NDArray[Any]] = {
-        "position": position,
-        # The end of a stage belongs to it, and the start of the path to the first one.
-        "stage": np.maximum(np.ceil(position), 1.0).astype(np.int64),
-    }
-    columns |= {f"factor.{name}": data[...] for name, data in items_of(root, "path/factors")}
-    forces = {name: data[...] for name, data in items_of(root, "path/resultants")}
-    for name, data in items_of(root, "path/displacements"):
-        moved = data[...]
-        columns |= _vector(f"displacement.{name}", moved)
-        if name in forces:
-            columns[f"work.{name}"] = _work(forces[name], moved)
-    for name, force in forces.items():
-        columns |= _vector(f"force.{name}", force)
-    for name, group in items_of(root, "contacts"):
-        columns |= _contact(name, group, forces.get(f"contact {name}"))
-    return columns
-
-
-def _contact(name: str, group: Any, force: FloatArray | None) -> dict[str, NDArray[Any]]:
-    weight, normal, pressure = group["weight"][...], group["normal"][...], group["pressure"][...]
-    if force is None:
-        # At finite strain the force is stored, as directions and lengths change.
-        tangent = np.stack([normal[:, 1], -normal[:, 0]], axis=1)
-        force = (pressure * weight) @ normal + (group["traction"][...] * weight) @ tangent
-    columns = _vector(f"contact.{name}.force", force)
-    columns[f"contact.{name}.peak_pressure"] = pressure.max(axis=1, initial=0.0)
-    columns[f"contact.{name}.closed_length"] = (group["status"][...] != 0) @ weight
-    columns[f"contact.{name}.dissipated_work"] = group["dissipated_work"][...]
-    return columns
-
-
-def _work(force: FloatArray, moved: FloatArray) -> FloatArray:
-    """Work (S+1,) of a force (S+1, 2) along displacements (S+1, 2), by the trapezoidal rule."""
-    steps = (0.5 * (force[1:] + force[:-1]) * np.diff(moved, axis=0)).sum(axis=1)
-    return np.concatenate([[0.0], np.cumsum(steps)])
-
-
-def _vector(name: str, values: FloatArray) -> dict[str, NDArray[Any]]:
-    return {f"{name}_x": values[:, 0], f"{name}_y": values[:, 1]}
-
-
-def items_of(root: Any, place: str) -> list[tuple[str, Any]]:
-    """The members of a group of an open file, empty if it does not exist."""
-    return list(root[place].items()) if place in root else []

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.atomic import replacing, write_text
+from mlsanm_cli.io.files import replacing, write_text
 from mlsanm_cli.io.run_dir import COLLECTION_FILE, LINES_FILE, vtu_name
 from mlsanm_cli.records import dataclass
 

@@ -10,7 +10,7 @@ Equation (2) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache, partial
 from types import MappingProxyType
 
@@ -24,7 +24,7 @@ from mlsanm_cli.mechanics.body import BodyEquations, ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.corners import corner_weight, one_sided_weight, reentrant_corners, reentrant_weight
 from mlsanm_cli.mechanics.elasticity import traction_rows
-from mlsanm_cli.mechanics.pieces import MAX_MODULUS_RATIO, Pieces
+from mlsanm_cli.mechanics.pieces import Pieces
 from mlsanm_cli.mechanics.rigid import FreeSystem, free_motions, pins
 from mlsanm_cli.mechanics.springs import FREE, NO_SPRING, Held, Springs, restrained
 from mlsanm_cli.memo import digest
@@ -34,6 +34,7 @@ from mlsanm_cli.operators.linear.interface import LinearSolver
 from mlsanm_cli.operators.rows import nodal_rows
 from mlsanm_cli.operators.structure import compact
 from mlsanm_cli.operators.system import LinearSystem
+from mlsanm_cli.records import dataclass
 
 HOLD_WEIGHT = 5.0
 """Weight of held displacements: measured, the bulk error is the same from 3 to 10."""
@@ -120,9 +121,8 @@ def _strong(
     if pulls.nnz:
         # A spring row prescribes the sum of traction and spring force.
         rows = rows + loads[:, : pulls.shape[0]] @ pulls
-    modulus = model.material.modulus
-    soft = min(1.0, MAX_MODULUS_RATIO * model.material.shear / modulus)
-    scale = np.where(known, np.tile(soft * pieces.strength / (modulus * pieces.size), 3), 0.0)
+    strength = pieces.strengths_of(model.material) / (model.material.modulus * pieces.size)
+    scale = np.where(known, np.tile(strength, 3), 0.0)
     scaled = sparse.diags_array(scale)
     return sparse.csr_array(scaled @ rows), sparse.csr_array(scaled @ loads), scale
 

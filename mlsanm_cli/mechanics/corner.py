@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 from functools import cached_property
 from typing import TypeAlias
 
@@ -11,7 +11,9 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.mechanics.corner_faces import LOG_STEP, Face, FaceForces, smooth_step
 from mlsanm_cli.mechanics.near_field import SURFACE_INSET, ComplexArray, SurfaceForces, summed, traction
+from mlsanm_cli.mechanics.symmetry import Image
 from mlsanm_cli.mechanics.wedge import Wedge, interpolated
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import FINE_ROUND_OFF, ROUND_OFF
 
 RANGE_BELOW, RANGE_ABOVE = 9.0, 16.0
@@ -79,6 +81,10 @@ class Corner:
         """Distances (e,) of points on the first face from the tip."""
         return self.faces[0].distance(z)
 
+    def reflected(self, away: FloatArray, image: Image) -> FloatArray:
+        """Distances (e,) of the images of points at distances ``away`` (e,), reflected at the face's end."""
+        return np.asarray(2.0 * self.distance(np.array([image.point])) - away)
+
     def cleared(self, z: ComplexArray, normal: ComplexArray) -> tuple[BoolArray, BoolArray]:
         """Masks (e,) of points with outward normals on the first face, and on the second face freed of all
         tractions."""
@@ -141,23 +147,44 @@ class Corner:
             found.append(FaceForces(self.wedge.kernel, face, logarithm, density, self.center))
         return tuple(found)
 
-    def beyond_wedge(self, z: ComplexArray) -> FloatArray:
-        """Displacements (k, k, 2, 2) of points ``z`` (k,) of the first face due to unit forces there, minus
-        :meth:`Wedge.compliance`, for curved faces."""
-        count, x = len(z), np.maximum(self.distance(z), FINE_ROUND_OFF * self.length)
-        lines = self.face_forces(x, _unit(count))
-        moved = sum((line.displacement(z) for line in lines), start=np.zeros((count, 2, 2 * count)))
-        whole = [[self.wedge.compliance(x, x, c, d) for d in (0, 1)] for c in (0, 1)]
-        return np.asarray(_parted(moved, count) - np.moveaxis(np.array(whole), (0, 1), (2, 3)))
+    def with_images(
+        self, away: FloatArray, force: FloatArray, images: Sequence[Image]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Distances (k + i,), and forces (k + i, 2, c), of forces (k, 2, c) at distances ``away`` (k,) and
+        their ``images``."""
+        places = [away, *(self.reflected(away, image) for image in images)]
+        forces = [force, *(np.einsum("fd,kdc->kfc", image.matrix, force) for image in images)]
+        return np.concatenate(places), np.concatenate(forces)
+
+    def beyond_wedge(
+        self, z: ComplexArray, images: Sequence[Image] = (), seen: ComplexArray | None = None
+    ) -> FloatArray:
+        """Displacements (e, k, 2, 2) of points ``seen`` (e,) of the first face, by default those of the
+        forces, due to unit forces at points ``z`` (k,) there, minus :meth:`Wedge.compliance`, for curved
+        faces; both with their ``images``."""
+        seen = z if seen is None else seen
+        count, least = len(z), FINE_ROUND_OFF * self.length
+        x, away = np.maximum(self.distance(z), least), np.maximum(self.distance(seen), least)
+        sources, forces = self.with_images(x, _unit(count), images)
+        lines, total = self.face_forces(sources, forces), np.zeros((len(seen), 2, 2 * count))
+        for image in (None, *images):
+            at = away if image is None else self.reflected(away, image)
+            places = seen if image is None else image.points(seen)
+            moved = sum((line.displacement(places) for line in lines), start=np.zeros_like(total))
+            whole = [[self.wedge.compliance(at, sources, c, d) for d in (0, 1)] for c in (0, 1)]
+            moved -= np.einsum("cdes,sdf->ecf", np.array(whole), forces)
+            total += moved if image is None else np.einsum("dc,edf->ecf", image.matrix, moved)
+        return _parted(total, count)
 
 
 @dataclass(frozen=True)
 class CorneredForces:
     """Unit forces on one face, as :class:`SurfaceForces`, with the densities that free the faces of the
-    ``corners`` at its ends of tractions."""
+    ``corners`` at its ends of tractions; all of it with its ``images`` at planes of symmetry."""
 
     own: SurfaceForces
     corners: tuple[Corner, ...]
+    images: tuple[Image, ...] = ()
 
     @property
     def place(self) -> ComplexArray:
@@ -166,15 +193,22 @@ class CorneredForces:
 
     @cached_property
     def _terms(self) -> tuple[tuple[FaceForces | Images, ...], ...]:
-        """Force densities and images, per corner."""
-        unit, away = (
-            _unit(len(self.place)),
-            [(corner, corner.distance(self.place)) for corner in self.corners],
-        )
-        return tuple((*corner.face_forces(x, unit), *corner.images(x, unit)) for corner, x in away)
+        """Force densities and images behind walls at other angles, per corner."""
+        unit, found = _unit(len(self.place)), list[tuple[FaceForces | Images, ...]]()
+        for corner in self.corners:
+            both = corner.with_images(corner.distance(self.place), unit, self.images)
+            found.append((*corner.face_forces(*both), *corner.images(*both)))
+        return tuple(found)
 
     def displacement(self, z: ComplexArray) -> FloatArray:
         """Displacements (e, k, 2, 2) at points ``z`` (e,) other than those of the forces."""
+        total = self._displacement(z)
+        for image in self.images:
+            total += image.matrix.T @ self._displacement(image.points(z))
+        return total
+
+    def _displacement(self, z: ComplexArray) -> FloatArray:
+        """The same, not reflected."""
         total = self.own.displacement(z)
         for lines in self._terms:
             for line in lines:
@@ -187,10 +221,21 @@ class CorneredForces:
         for corner in self.corners:
             z = corner.off_tip(z, normal)
         total = self.own.traction(z, normal, curvature)
-        cleared = [corner.cleared(z, normal) for corner in self.corners]
-        for _, adjacent in cleared:
-            total[adjacent] = 0.0
-        for (own, adjacent), lines in zip(cleared, self._terms, strict=True):
+        seen = [(image.points(z), image.directions(normal), curvature) for image in self.images]
+        for image, at in zip(self.images, seen, strict=True):
+            total += image.matrix.T @ self.own.traction(*at)
+        for corner in self.corners:
+            total[corner.cleared(z, normal)[1]] = 0.0
+        total += self._by_corners(z, normal, curvature)
+        for image, at in zip(self.images, seen, strict=True) if self.corners else ():
+            total += image.matrix.T @ self._by_corners(*at)
+        return total
+
+    def _by_corners(self, z: ComplexArray, normal: ComplexArray, curvature: FloatArray) -> FloatArray:
+        """Tractions (e, k, 2, 2) by what acts along the faces of corners, except on these faces."""
+        total = np.zeros((len(z), len(self.place), 2, 2))
+        for corner, lines in zip(self.corners, self._terms, strict=True):
+            own, adjacent = corner.cleared(z, normal)
             off = ~(own | adjacent)
             if off.any():
                 for line in lines:

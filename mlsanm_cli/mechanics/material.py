@@ -5,13 +5,13 @@ nan in plane strain."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.records import dataclass
 
 LOCKING_RATIO = 8.0
 """Ratio lambda / mu of Lame's constants above which the formulation for nearly incompressible materials is
@@ -24,14 +24,34 @@ ROOT_DIGITS = 5
 
 @dataclass(frozen=True)
 class PlaneMaterial:
-    """``stiffness`` (3, 3) between stresses (xx, yy, xy) and strains (e_xx, e_yy, 2 e_xy). ``expansion`` (3,)
-    are the free plane strains per degree. The out-of-plane stress is ``across`` (3,) times the plane stresses
-    plus ``across_heat`` per degree."""
+    """``stiffness`` (3, 3) between stresses (xx, yy, xy) and strains (e_xx, e_yy, 2 e_xy) in the plane, and
+    ``free_expansion`` (4,), the strains xx, yy, 2 xy, zz of a free body per degree.
+
+    Stress across the plane is ``across`` (3,) times the stress in the plane, plus ``across_modulus`` times
+    the mechanical strain zz; both vanish in plane stress, where that strain is ``contraction`` (3,) times the
+    stress in the plane. Unknown constants are nan."""
 
     stiffness: FloatArray
     across: FloatArray
-    expansion: FloatArray
-    across_heat: float
+    free_expansion: FloatArray
+    across_modulus: float
+    contraction: FloatArray
+
+    @cached_property
+    def expansion(self) -> FloatArray:
+        """Strains (3,) xx, yy, 2 xy per degree of a body that is free in the plane."""
+        own, thickening = self.free_expansion[:3], float(self.free_expansion[3])
+        return own + self.across * thickening if thickening else own
+
+    @property
+    def across_heat(self) -> float:
+        """Stress across the plane per degree where there is none in the plane."""
+        return -self.across_modulus * float(self.free_expansion[3])
+
+    @property
+    def coupling(self) -> FloatArray:
+        """Stress (3,) in the plane by a unit strain across it."""
+        return np.asarray(self.stiffness @ self.across)
 
     @cached_property
     def modulus(self) -> float:
@@ -116,11 +136,11 @@ def isotropic(modulus: float, poisson: float, plane: str, expansion: float = 0.0
         cross = direct * poisson
     shear = 0.5 * modulus / (1.0 + poisson)
     stiffness = np.array([[direct, cross, 0.0], [cross, direct, 0.0], [0.0, 0.0, shear]])
-    even = np.array([1.0, 1.0, 0.0])
+    even, none = np.array([1.0, 1.0, 0.0]), np.zeros(3)
+    free = expansion * np.array([1.0, 1.0, 0.0, 1.0])
     if strain:
-        free = (1.0 + poisson) * expansion * even
-        return PlaneMaterial(stiffness, poisson * even, free, -modulus * expansion)
-    return PlaneMaterial(stiffness, np.zeros(3), expansion * even, 0.0)
+        return PlaneMaterial(stiffness, poisson * even, free, modulus, none)
+    return PlaneMaterial(stiffness, none, free, 0.0, -poisson / modulus * even)
 
 
 def orthotropic(
@@ -143,26 +163,30 @@ def orthotropic(
     e1, e2, e3 = moduli
     nu12, nu13, nu23 = poisson
     compliance = np.array([[1.0 / e1, -nu12 / e1, 0.0], [-nu12 / e1, 1.0 / e2, 0.0], [0.0, 0.0, 1.0 / shear]])
-    free, across, heat = np.array([expansion[0], expansion[1], 0.0]), np.zeros(3), 0.0
+    coupling, across = np.array([-nu13 / e1, -nu23 / e2, 0.0]), np.zeros(3)
     if plane == "strain":
-        coupling = np.array([-nu13 / e1, -nu23 / e2, 0.0])
-        across, heat = -e3 * coupling, -e3 * expansion[2]
+        across = -e3 * coupling
         compliance = compliance - e3 * np.outer(coupling, coupling)
-        free = free - e3 * coupling * expansion[2]
     c, s = np.cos(angle), np.sin(angle)
     # Rotation of strains (e_xx, e_yy, 2 e_xy) from the axes; its transpose rotates stresses back.
     turn = np.array([[c * c, s * s, -c * s], [s * s, c * c, c * s], [2.0 * c * s, -2.0 * c * s, c**2 - s**2]])
     back = np.linalg.inv(turn)
     stiffness = back.T @ np.linalg.inv(compliance) @ back
-    return PlaneMaterial(0.5 * (stiffness + stiffness.T), turn @ across, turn @ free, heat)
+    stiffness, free = 0.5 * (stiffness + stiffness.T), np.array([expansion[0], expansion[1], 0.0])
+    free = np.append(turn @ free, expansion[2])
+    if plane == "strain":
+        return PlaneMaterial(stiffness, turn @ across, free, e3, np.zeros(3))
+    return PlaneMaterial(stiffness, across, free, 0.0, turn @ coupling)
 
 
 def anisotropic(
     stiffness: FloatArray, plane: str, expansion: Sequence[float] = (0.0, 0.0, 0.0)
 ) -> PlaneMaterial:
     """Material with the given plane ``stiffness`` (3, 3) and plane strains ``expansion`` (3,) per degree."""
-    unknown = np.nan if plane == "strain" else 0.0
-    return PlaneMaterial(0.5 * (stiffness + stiffness.T), np.full(3, unknown), np.array(expansion), unknown)
+    confined, unknown = plane == "strain", np.full(3, np.nan)
+    across, contraction = (unknown, np.zeros(3)) if confined else (np.zeros(3), unknown)
+    free, symmetric = np.append(expansion, 0.0), 0.5 * (stiffness + stiffness.T)
+    return PlaneMaterial(symmetric, across, free, np.nan if confined else 0.0, contraction)
 
 
 DIRECTIONS = 720

@@ -17,7 +17,6 @@ Equation (3) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
@@ -32,7 +31,9 @@ from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.corners import WEIGHT_REACH, thickness
 from mlsanm_cli.mechanics.elasticity import traction_of
+from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.springs import FREE, Held
+from mlsanm_cli.records import dataclass
 
 BOUNDARY_NODES = 16
 """Nodes of a piece at the outline."""
@@ -98,6 +99,10 @@ class Pieces:
     def count(self) -> int:
         """Number of pieces (k)."""
         return len(self.size)
+
+    def strengths_of(self, material: PlaneMaterial) -> FloatArray:
+        """Strengths (k,) in a body of a ``material``."""
+        return min(1.0, MAX_MODULUS_RATIO * material.shear / material.modulus) * self.strength
 
     def fluxes(self, model: BodyModel, held: Held, wanted: BoolArray) -> sparse.csr_array:
         """Rows (3k, 2N) of minus the force and moment that leave every piece through inner faces and through

@@ -18,14 +18,12 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.mechanics.stability import bulk_stability
 from mlsanm_cli.memo import Memo, digest
+from mlsanm_cli.solve.state import CONTACT_LIMIT
 
 BULK_LIMIT = 0.03
 """Smallest accepted estimate of a body. Free faces of nearly incompressible rings have 0.065 to 0.15 at
 degree 4, with errors of 2e-4; 300 random bodies were above 0.13."""
 
-CONTACT_LIMIT = 0.15
-"""Smallest accepted estimate of a contact. In 100 random Hertz scenes, results with 2.4 to 16 times the usual
-error had -0.003 to 0.14, accurate ones 0.15 to 1.6 with six below the limit."""
 
 EQUAL_SPACING_RATIO = 1.5
 """Ratio of facing spacings below which they are not the cause of instability."""

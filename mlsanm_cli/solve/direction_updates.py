@@ -4,7 +4,8 @@ Directions vary along a contact as the normals of the flatter surface, the base.
 along each other the patch moves to where both normals agree: its direction is the initial normal of the base
 rotated with the base there. A round base that is free to roll keeps its initial normal apart from its
 bending: the moment about its centre decides how far it rolls, and is right in a frame that rolls with it. A
-straight side of a rigid obstacle has one normal, and its direction does not rotate.
+straight side of a rigid obstacle has one normal, and its direction does not rotate. Nor does that of a patch
+on a plane of symmetry, which is half of a symmetric one.
 
 A body without stiffness in a direction, as a plate that may slide on two round posts, is held there. If it
 bends, the posts press on it along rotated normals, and at first order only the hold could balance the
@@ -21,7 +22,6 @@ displacements omit. It is compared with the stiffness against q.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -38,7 +38,9 @@ from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.near_field import as_real
 from mlsanm_cli.mechanics.rigid import ROTATION
 from mlsanm_cli.mechanics.scene import RigidConstraint, Scene
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
+from mlsanm_cli.solve.state import INSTABILITY_RATIO
 
 MAX_CARRIED = 1e-8
 """Largest force of fixed motions relative to the contact force."""
@@ -61,6 +63,9 @@ def turns(scene: Scene, condensed: Condensed, state: ExactState) -> dict[str, fl
         place, share = grid.hats.place, grid.hats.weight * state.pressure[span]
         if not share.sum() > 0.0:
             continue
+        if grid.untracted[closed].any():
+            found[pairing.name] = 0.0
+            continue
         middle = float(share @ place / share.sum())
         drawn, bends = _seen(grid, middle, place[closed], share[closed])
         straight = bends[1] <= COARSE_ROUND_OFF * bends[0]
@@ -80,6 +85,10 @@ def turns(scene: Scene, condensed: Condensed, state: ExactState) -> dict[str, fl
         aside = SIDE_WIDTHS * float(place[closed[-1]] - place[closed[0]] + grid.hats.weight[closed].max())
         ends = np.clip([middle - aside, middle + aside], grid.first, grid.last)
         points = as_real(grid.facing.side(ends, base)[0])
+        if np.hypot(*(points[1] - points[0])) <= COARSE_ROUND_OFF * (ends[1] - ends[0]):
+            # All around a closed surface there is no chord, and no side to turn to.
+            found[pairing.name] = drawn
+            continue
         moved = condensed.contact_fields(scene, body, unknowns, points)[0]
         angle = _rotation(scene.bodies[body].model, points, solved[body], moved)
         rolled = _rolled(scene, body, state.motion) if bends[0] > bends[1] else 0.0
@@ -169,9 +178,6 @@ def unturned(
     return {name: float(one / np.sqrt(size)) for (name, size), one in zip(sizes.items(), least, strict=True)}
 
 
-INSTABILITY_RATIO = 0.8
-"""Ratio of the moments neglected by small displacements to those that turn a body above which it is
-unstable."""
 MIN_SHIFT, MIN_ROTATION = 0.1, 1e-3
 """Rotations that move contacts by less than this part of their width, or below this angle (radian), need not
 be caused by loads."""

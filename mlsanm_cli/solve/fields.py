@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse as sparse
@@ -14,20 +13,13 @@ from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.probes import stress_of_expansion
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.state import State
+from mlsanm_cli.solve.state import Fields, State
 
 MAX_STATES = 4
 """States solved for together: twice the work of one; more would only take more memory."""
 
 
 NO_STARTS: Mapping[str, FloatArray] = MappingProxyType({})
-
-
-Fields: TypeAlias = Mapping[str, FloatArray]
-"""Fields of a body in a state by name: ``displacement`` (n, 2), ``stress`` (n, 3), ``stress_zz`` and
-``von_mises`` (n,), ``strain`` (n, 3) as xx, yy, xy including thermal strain; ``rest`` (N, 2), the
-displacement of its elastic system, and ``near`` (n, 3), the stress of the near fields of
-contacts."""
 
 
 def fields_of(

@@ -10,7 +10,7 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.complementarity.problem import STICK
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.io.records import Quantities
+from mlsanm_cli.io.run_file import Quantities
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.rigid import ROTATION
 from mlsanm_cli.mechanics.scene import RigidConstraint, RigidMotion
@@ -60,14 +60,14 @@ def cone_ratio(built: CondensedScene, contact: str, state: State) -> float:
 
 
 def slave_arc(pairing: Pairing) -> FloatArray:
-    """Increasing arc lengths (m,) of a contact's candidates along the slave surface, from its start."""
-    arc = pairing.arc[pairing.candidate]
-    if pairing.grid is None or pairing.grid.facing.slave_first:
-        return arc
-    # Grid places run in the direction of the master, opposite to the slave.
-    curve = pairing.slave.curve
-    found = curve.closest(pairing.points[pairing.candidate])
-    return np.maximum.accumulate(np.unwrap(found, period=curve.length) if curve.closed else found)
+    """Increasing arc lengths (m,) of a contact's candidates along the slave surface, from its start; on a
+    closed surface the first of them is in the first turn."""
+    arc, curve = pairing.arc[pairing.candidate], pairing.slave.curve
+    if pairing.grid is not None and not pairing.grid.facing.slave_first:
+        # Grid places run in the direction of the master, opposite to the slave.
+        arc = curve.closest(pairing.points[pairing.candidate])
+        arc = np.maximum.accumulate(np.unwrap(arc, period=curve.length) if curve.closed else arc)
+    return arc - curve.length * np.floor(arc[0] / curve.length) if curve.closed and len(arc) else arc
 
 
 def platen_displacements(built: CondensedScene, state: State | None = None) -> dict[str, FloatArray]:

@@ -63,6 +63,8 @@ def first_grid(limits: ContactRange) -> ContactGrid:
         limits.hats(places),
         limits.centers,
         limits.corners,
+        limits.planes,
+        limits.pins,
         provisional=not parallel,
     )
 

@@ -106,10 +106,24 @@ def _named(
 
 def _mechanism(scene: Scene, condensed: Condensed, limit: LimitLoad) -> tuple[str, str]:
     """Names of the moving bodies, and the kind of their motion."""
+    names, turns = moving_bodies(scene, limit.motion)
+    text = ", ".join(names[:-1]) + " and " * (len(names) > 1) + names[-1]
+    several = len(names) > 1
+    if limit.friction_share > MIN_FRICTION_WORK:
+        how = SLIDES if several else f"{SLIDES}s"
+    elif turns.any() and (limit.pressed or _pushed(condensed, limit.motion, turns)):
+        how = "tip over" if several else "tips over"
+    else:
+        how = "lose contact" if several else "loses contact"
+    return text, how
+
+
+def moving_bodies(scene: Scene, motions: FloatArray) -> tuple[list[str], BoolArray]:
+    """Bodies and obstacles that ``motions`` (k,) move, and which motions (k,) are rotations."""
     sizes: dict[str, float] = {}
-    turns = np.zeros(len(limit.motion), dtype=bool)
+    turns = np.zeros(len(motions), dtype=bool)
     for number, (constraint, motion) in enumerate(scene.unknown_motions):
-        part, points = abs(float(limit.motion[number])), {}
+        part, points = abs(float(motions[number])), {}
         if not constraint.bodies:
             points[f"the obstacle of contact {constraint.name}"] = np.zeros((1, 2))
         else:
@@ -120,16 +134,7 @@ def _mechanism(scene: Scene, condensed: Condensed, limit: LimitLoad) -> tuple[st
             sizes[name] = max(sizes.get(name, 0.0), moved)
             turns[number] |= motion.component == ROTATION and moved > 0.0
     largest = max(sizes.values())
-    names = [name for name, size in sizes.items() if size > MIN_MOTION * largest]
-    text = ", ".join(names[:-1]) + " and " * (len(names) > 1) + names[-1]
-    several = len(names) > 1
-    if limit.friction_share > MIN_FRICTION_WORK:
-        how = SLIDES if several else f"{SLIDES}s"
-    elif turns.any() and (limit.pressed or _pushed(condensed, limit.motion, turns)):
-        how = "tip over" if several else "tips over"
-    else:
-        how = "lose contact" if several else "loses contact"
-    return text, how
+    return [name for name, size in sizes.items() if size > MIN_MOTION * largest], turns
 
 
 def _pushed(condensed: Condensed, motion: FloatArray, turns: BoolArray) -> bool:

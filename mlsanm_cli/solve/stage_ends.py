@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 
 import numpy as np
 
@@ -180,7 +179,7 @@ def _friction_ends(
     state = unloaded(condensed, stages[0])
     for factors, guess in itertools.zip_longest(stages[1:], starts[: len(stages) - 1]):
         try:
-            found, solves = _incremented(condensed, state, factors, guess)
+            found, solves = increment(condensed, state, factors, guess=guess)
         except NoStateError:
             break
         if not ends and _rolling(scene, condensed, found):
@@ -196,15 +195,6 @@ def _rolling(scene: Scene, condensed: Condensed, state: CoulombState) -> Unbalan
     v, sticking = state.values, state.sets.resting(condensed.friction_nodes)
     turned = turned_by_loads(scene, condensed, (v.motion, v.pressure, v.traction), sticking)
     return turned.error if turned else None
-
-
-def _incremented(
-    condensed: Condensed, state: CoulombState, factors: FloatArray, guess: ContactStatus | None
-) -> tuple[CoulombState, int]:
-    if guess is not None:
-        with suppress(NoStateError):
-            return increment(condensed, state, factors, guess=guess)
-    return increment(condensed, state, factors)
 
 
 def _first_end(scene: Scene, condensed: Condensed, state: CoulombState, end: FloatArray) -> ExactState:

@@ -4,14 +4,15 @@ through the second stage."""
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from dataclasses import field
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.complementarity.problem import OPEN, ContactStatus
+from mlsanm_cli.records import dataclass
 
 if TYPE_CHECKING:
     from mlsanm_cli.solve.condensed_scene import CondensedScene
@@ -21,6 +22,21 @@ UNLOADED = 1e-3
 these, and regularised laws leave as much, on a few nodes. Smaller forces are not checked, residuals are
 relative to pressures of at least this part, and contacts with less than this part of these lose them without
 a warning of the jump."""
+
+
+CONTACT_LIMIT = 0.15
+"""Smallest accepted estimate of a contact. In 100 random Hertz scenes, results with 2.4 to 16 times the usual
+error had -0.003 to 0.14, accurate ones 0.15 to 1.6 with six below the limit."""
+INSTABILITY_RATIO = 0.8
+"""Ratio of the moments neglected by small displacements to those that turn a body above which it is
+unstable."""
+
+
+Fields: TypeAlias = Mapping[str, FloatArray]
+"""Fields of a body in a state by name: ``displacement`` (n, 2), ``stress`` (n, 3), ``stress_zz`` and
+``von_mises`` (n,), ``strain`` (n, 3) as xx, yy, xy including thermal strain; ``rest`` (N, 2), the
+displacement of its elastic system, and ``near`` (n, 3), the stress of the near fields of
+contacts."""
 
 
 def _none() -> FloatArray:

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 from tests.app.scenes import hertz
+from tests.processes import python
 
-ROOT = Path(__file__).parents[2]
 CLI = ("-m", "mlsanm_cli")
 PATIENCE = 120.0
-ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT)}
 
 QUICK = hertz().changed("accuracy = 0.01", "accuracy = 0.1")
 # Thousands of saved states: the run continues for a minute.
@@ -25,14 +22,7 @@ def mlsanm(
     directory: Path, *arguments: str, program: tuple[str, ...] = CLI, **environment: str
 ) -> subprocess.CompletedProcess[str]:
     """What the command says, or a program that calls it."""
-    return subprocess.run(
-        [sys.executable, *program, *arguments],
-        cwd=directory,
-        env={**ENVIRONMENT, **environment},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    return python(*program, *arguments, cwd=directory, **environment)
 
 
 def wait_for_steps(run: Path, steps: int, alive: Callable[[], bool]) -> None:

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from pathlib import Path
 
-import numpy as np
 import pytest
+import tomli_w
 
-from mlsanm_cli.app.checks.energy import strain_of
+from benchmarks import random_friction
+from benchmarks.forked import mlsanm, preload, run_all
+from benchmarks.fuzz_cases import CASES, Trial, broken_case, damaged_run, faults
+from mlsanm_cli.app.check import check
 from mlsanm_cli.app.sweep.run_sweep import sweep
 from mlsanm_cli.case.starters import starter
 from mlsanm_cli.cli import main
 from mlsanm_cli.errors import CaseError
+from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import EXACT_LAW, Quiet, done, hertz, solve
-from tests.case_text import contact, polyline, support
+from tests.case_text import annulus, contact, polyline, scene, support
 
 FLOOR = support("block.bottom", uy=0.0)
 ON_CONTACT, ON_LOAD = FLOOR.support("block.top", ux=0.0), FLOOR.support("cylinder.flat", uy=0.0)
@@ -60,22 +65,13 @@ def test_bad_case(
     assert [path.name for path in tmp_path.iterdir()] == ["case.toml"]
 
 
-def test_an_existing_run_is_kept(hertz_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    before = {path.name: (path.stat().st_mtime_ns, path.stat().st_size) for path in hertz_run.iterdir()}
-    (tmp_path / "case.toml").write_text(hertz())
-    assert main(["run", str(tmp_path / "case.toml"), "--out", str(hertz_run)]) == 2
-    err = capsys.readouterr().err
-    assert "already holds a run" in err
-    assert "--force" in err
-    assert {p.name: (p.stat().st_mtime_ns, p.stat().st_size) for p in hertz_run.iterdir()} == before
-
-
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 def test_a_load_of_the_wrong_sign_is_named(friction: float, tmp_path: Path) -> None:
     changes = ["load.press.force=[0.0, 10.0]", EXACT_LAW, f"contact.interface.friction={friction}"]
     summary = solve(starter("hertz").partition("[reference]")[0], tmp_path / "run", *changes)
     assert summary["status"] == "failed"
     assert summary["hint"] == "load press pulls cylinder away from contact interface: change its sign"
+    assert any("which alone holds it" in warning for warning in summary["warnings"])
 
 
 def test_surfaces_that_look_the_wrong_way(tmp_path: Path) -> None:
@@ -87,20 +83,26 @@ def test_surfaces_that_look_the_wrong_way(tmp_path: Path) -> None:
         solve(text.partition("[[contact]]")[0] + downward, tmp_path / "run")
 
 
+def test_what_lies_outside_its_hole_or_overlaps_is_told_before_a_run(tmp_path: Path) -> None:
+    pin = scene("strain", E=1.0).body("pin", "steel", 0.5, disk=([0.0, 0.0], 1.0))
+    pin = pin.body("ring", "steel", 0.5, shape=annulus([0.0, 0.0], [1.0, 2.0]))
+    case = pin.contact("fit", "pin.arc", "ring.inner").support("ring.outer", ux=0.0, uy=0.0)
+    case = case.body_force("pull", "pin", [0.01, 0.0])
+    (tmp_path / "case.toml").write_text(case)
+    with pytest.raises(CaseError, match=r"pin.arc lies outside ring.inner, whose centre is \(0, 0\)"):
+        check(tmp_path / "case.toml", overrides=("body.pin.shape.center=[4.0, 0.0]",), console=Quiet())
+    for radius, told in ((1.0, 0), (1.001, 1)):
+        override = f"body.pin.shape.radius={radius}"
+        notes = check(tmp_path / "case.toml", overrides=(override,), console=Quiet())["notes"]
+        assert len([note for note in notes if "overlap by 0.001" in note]) == told
+
+
 def test_bodies_far_apart_and_mixed_units_are_warned_of(tmp_path: Path) -> None:
     apart = done(hertz(), tmp_path / "apart", "body.cylinder.shape.center=[0.0, 2.0]", EXACT_LAW)
     assert any("gap of 1 is 0.5 times the size" in warning for warning in apart["warnings"])
     soft = solve(hertz(), tmp_path / "soft", "material.steel.E=10.0", EXACT_LAW)
     (strained, *_) = [warning for warning in soft["warnings"] if "strained or rotated by" in warning]
     assert "check the units of material.steel" in strained
-
-
-def test_a_body_that_only_travels_is_not_strained() -> None:
-    points = np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 1.0]])
-    moved = np.array([[5.0, 0.0], [5.4, 0.0], [5.0, 0.1]])
-    stress = np.array([1.0, 2.0, 2.0])
-    assert strain_of(points, moved, stress, 100.0) == pytest.approx(0.2)
-    assert strain_of(points, moved * 0.0 + 9.0, stress, 100.0) == pytest.approx(0.02)
 
 
 @pytest.mark.parametrize(
@@ -114,3 +116,48 @@ def test_values_that_vary_are_listed_without_brackets(varied: str, words: str, t
     (tmp_path / "case.toml").write_text(hertz())
     with pytest.raises(CaseError, match=rf"--vary: .*{words}"):
         sweep(tmp_path / "case.toml", [varied], out=tmp_path / "all", console=Quiet())
+
+
+BROKEN, DAMAGED = 30, 8
+
+
+def trouble(trials: list[Trial]) -> list[str]:
+    """What went wrong with each of them."""
+    preload()
+    outcomes = run_all([trial.job for trial in trials], seconds=30.0)
+    found = [(trial.label, faults(trial, outcome)) for trial, outcome in zip(trials, outcomes, strict=True)]
+    return [f"{label}: {wrong}" for label, wrong in found if wrong]
+
+
+def test_broken_cases_end_well_or_say_why(tmp_path: Path) -> None:
+    assert trouble([broken_case(0, number, tmp_path / str(number)) for number in range(BROKEN)]) == []
+
+
+def test_damaged_runs_are_read_or_refused(tmp_path: Path) -> None:
+    assert trouble([damaged_run(0, number, tmp_path / str(number)) for number in range(DAMAGED)]) == []
+
+
+def test_supports_of_a_coarse_plate_that_leave_it_free(tmp_path: Path) -> None:
+    """Smooth loads that leave the same trace in the equations had ended the certificate as a bug."""
+    case = deepcopy(CASES["cases/kirsch"])
+    case["body"][0]["refine"][0]["spacing"] = 8.3
+    # So far away that all nodes of the top are as near: the first of them is held.
+    case["support"][0]["near"] = [0.0, 5e7]
+    (tmp_path / "case.toml").write_text(tomli_w.dumps(case))
+    outcome = mlsanm(["run", "case.toml"], tmp_path)
+    assert outcome.sound, outcome.err
+
+
+@pytest.mark.parametrize(("seed", "law"), [(28, "exact"), (56, "hyperbolic")])
+def test_random_scenes_with_friction_end_well_or_say_why(tmp_path: Path, seed: int, law: str) -> None:
+    options = ["output.vtu=false", "output.fields=[]"]
+    options += ["contact.interface.accuracy=0.1"] if law == "exact" else []
+    summary = solve(random_friction.scene(seed, law), tmp_path / "run", *options)
+    ends = (
+        "end of the last stage",
+        "the contact slides as a whole",
+        "body upper slides",
+        "force imbalance on body",
+    )
+    assert summary["stop_reason"].startswith(ends)
+    assert random_friction.faults(summary, read_run(tmp_path / "run").contacts["interface"], law) == []

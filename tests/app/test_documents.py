@@ -9,14 +9,14 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-import h5py
 import pytest
 from click import Context
 
 from mlsanm_cli import __version__
 from mlsanm_cli.app.checks.limits import LIMITS
-from mlsanm_cli.app.comparison.compare import CompareOptions, compare
-from mlsanm_cli.app.comparison.differences import ETA_FACTOR, SAME_LAW_FACTOR, STICK_FACTOR
+from mlsanm_cli.app.comparison.compare import compare
+from mlsanm_cli.app.comparison.measure import SAME_LAW_FACTOR
+from mlsanm_cli.app.comparison.small_strain import ETA_FACTOR, STICK_FACTOR
 from mlsanm_cli.app.results import plot as plot_module
 from mlsanm_cli.case import load_case, resolved_mapping
 from mlsanm_cli.case.starters import kinds, starter
@@ -32,7 +32,6 @@ CASE_FILE = (ROOT / "docs" / "case-file.md").read_text()
 RUN_DIRECTORY = (ROOT / "docs" / "run-directory.md").read_text()
 COMPARED = (ROOT / "docs" / "methods-compared.md").read_text()
 PICTURES = (ROOT / "docs" / "pictures.md").read_text()
-METHOD = (ROOT / "docs" / "method.md").read_text()
 TUTORIAL = (ROOT / "docs" / "tutorial.md").read_text()
 TROUBLE = (ROOT / "docs" / "troubleshooting.md").read_text()
 GLOSSARY = (ROOT / "docs" / "glossary.md").read_text()
@@ -116,37 +115,10 @@ def test_the_gallery_shows_every_published_case() -> None:
         assert (ROOT / "docs" / target).stat().st_size < 150_000
 
 
-def test_summary_is_documented(hertz_run: Path, bar_run: Path) -> None:
-    for summary in (summary_of(hertz_run), summary_of(bar_run)):
-        for key in (*summary, *(key for contact in summary["contacts"].values() for key in contact)):
-            assert f"`{key}`" in RUN_DIRECTORY, key
-
-
-def test_run_file_is_documented(hertz_run: Path) -> None:
-    names: set[str] = set()
-    with h5py.File(hertz_run / "run.h5", "r") as file:
-        file.visititems(lambda name, item: names.add(name))
-        attributes = set(file.attrs)
-    words = set(re.findall(r"[A-Za-z_]+", RUN_DIRECTORY))
-    scene = {"cylinder", "block", "interface", "press", "block.bottom"}
-    parts = {part for name in names for part in name.split("/") if not part.isdigit()} - scene
-    assert parts <= words, parts - words
-    assert attributes <= words, attributes - words
-
-
-def test_limits_are_documented() -> None:
-    balance = LIMITS["force_balance"]
-    assert balance.fails is not None
-    assert balance.warns is not None
-    assert f"above {100 * balance.fails:g} % on any body; above {100 * balance.warns:g} %" in METHOD
-
-
 @pytest.mark.usefixtures("by_nodes")
 def test_comparisons_are_documented(tmp_path: Path) -> None:
     (tmp_path / "patch.toml").write_text(PATCH)
-    found = compare(
-        tmp_path / "patch.toml", CompareOptions(analytic=True), out=tmp_path / "out", console=Quiet()
-    )
+    found = compare(tmp_path / "patch.toml", analytic=True, out=tmp_path / "out", console=Quiet())
     section = RUN_DIRECTORY[RUN_DIRECTORY.index("## `comparison.json`") :]
     for key in {*found, *(key for row in found["methods"] for key in row)} - {"directory"}:
         assert f"`{key}`" in section, key

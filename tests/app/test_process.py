@@ -16,14 +16,15 @@ import pytest
 from mlsanm_cli.app.results.choice import Choice
 from mlsanm_cli.app.results.info import info
 from mlsanm_cli.app.results.plot import plot
-from mlsanm_cli.app.resume import resume
-from mlsanm_cli.app.sweep.point import SweepPoint, solve_point
+from mlsanm_cli.app.run import resume
+from mlsanm_cli.app.sweep.engines import SweepPoint, solve_point
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.stopping import Stopper
 from mlsanm_cli.system import STOPPING
-from tests.app.processes import CLI, ENVIRONMENT, LONG, PATIENCE, wait_for_steps
+from tests.app.processes import CLI, LONG, PATIENCE, wait_for_steps
 from tests.app.runs import resumed_differences, summary_of
 from tests.app.scenes import SHEARED, Quiet, solve
+from tests.processes import ENVIRONMENT
 
 
 def start(

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
+import csv
 import inspect
 import re
 import shutil
-import subprocess
-import sys
 import warnings
 from pathlib import Path
 
@@ -71,12 +70,6 @@ def test_the_page_lists_every_function_with_its_arguments() -> None:
         assert name.startswith("_") or inspect.getdoc(member)
 
 
-def test_the_package_is_the_command_too() -> None:
-    command = [sys.executable, "-m", "mlsanm_cli", "--version"]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)
-    assert done.stdout.startswith(f"mlsanm, version {mlsanm.__version__}")
-
-
 def test_a_contact_is_known_anywhere_on_the_path(run: mlsanm.Run) -> None:
     stored, between = run.contact().at(), run.contact("interface").at(0.37)
     assert (stored.how, between.how) == ("stored", "series")
@@ -91,7 +84,7 @@ def test_a_contact_is_known_anywhere_on_the_path(run: mlsanm.Run) -> None:
 
 
 def test_columns_of_the_path_are_those_of_the_table(run: mlsanm.Run) -> None:
-    head = (run.directory / "path.csv").read_text().splitlines()[0].split(",")
+    head = next(csv.reader((run.directory / "path.csv").read_text().splitlines()))
     assert list(run.path) == head
     assert all(len(column) == run.data.rows for column in run.path.values())
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,14 +14,15 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.results.info import info
-from mlsanm_cli.app.resume import resume
-from mlsanm_cli.app.run import run
-from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.lock import locked
+from mlsanm_cli.app.run import resume, run
+from mlsanm_cli.errors import NumericalError, RunError
+from mlsanm_cli.io.files import locked
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.io.vtu import StateWriter
+from mlsanm_cli.solve.paths import load_path
+from mlsanm_cli.solve.state import PathStep
 from tests.app.runs import events_of, resumed_differences, summary_of
-from tests.app.scenes import ANM, BAR, EXACT_LAW, FAST, SHEARED, Quiet, hertz, solve
+from tests.app.scenes import ANM, BAR, EXACT_LAW, FAST, NEWTON, SHEARED, SMOOTH, Quiet, built, hertz, solve
 from tests.case_text import body, box, contact, head, item, material, pushed, support, table
 
 
@@ -44,7 +46,6 @@ class Deadly(Quiet):
             os.kill(os.getpid(), self._number)
 
 
-# What every kind of path needs to be taken up again is tried in test_checkpoint.py.
 INSIDE = "output.at=[0.3, 0.7, 1.0]"
 # A softer law takes half the steps.
 COARSE = hertz().changed("accuracy = 0.01", "accuracy = 0.1")
@@ -61,9 +62,18 @@ SLID = (
     + item("stage", drag=1.0)
     + table("output", at=[1.0, 1.5, 2.0])
 )
+# Stages that move nothing, and states asked for within steps.
+HISTORY = ("stage=[{press=1.0}, {shear=1.0}, {shear=1.0}, {shear=0.3}]", "output.at=[0.5, 1.5, 4.0]")
+SHEARED_ONCE = ("stage=[{press=1.0}, {shear=0.5}]", "output.at=[0.5, 2.0]", "solver.tolerance=1e-10")
+PRESSED_ON = ("stage=[{press=0.6}, {press=0.6}, {press=1.0}]", "output.at=[0.3, 2.5, 3.0]")
 PATHS = {
     "linear": (BAR, ()),
-    "exact friction": (SHEARED, (EXACT_LAW, FAST)),
+    "exact": (hertz(), (EXACT_LAW, FAST, "output.at=[0.25, 0.5, 1.0]")),
+    "exact friction": (SHEARED, (EXACT_LAW, FAST, *HISTORY)),
+    "stopped": (hertz().item("stop", what="pressure", of="interface", above=1500.0), (FAST,)),
+    "series": (hertz(), (*SMOOTH, *PRESSED_ON)),
+    "newton": (hertz(), (*SMOOTH, NEWTON, INSIDE)),
+    "friction by series": (SHEARED, (*SMOOTH, *SHEARED_ONCE)),
     "adapted": (BAR, ("adapt.passes=1",)),
     "finite strain, equations renewed": (SLID, ()),
     "finite strain, past limit points": (SNAP, ("output.at=[0.3, 1.0]",)),
@@ -83,6 +93,7 @@ def again(whole: Path, out: Path, console: Quiet, **more: Any) -> Mapping[str, A
     return run(whole.with_suffix(".toml"), out=out, console=console, **more)
 
 
+@pytest.mark.usefixtures("alone")
 @pytest.mark.parametrize("name", PATHS)
 def test_a_run_cut_short_is_resumed_to_the_same_result(name: str, tmp_path: Path) -> None:
     text, settings = PATHS[name]
@@ -99,7 +110,8 @@ def test_a_run_cut_short_is_resumed_to_the_same_result(name: str, tmp_path: Path
     console = Quiet()
     resumed = resume(cut, console=console)
     assert (resumed["status"], resumed["warnings"]) == ("done", summary["warnings"])
-    assert abs(len(console.steps) - (summary["steps"] - kept)) <= 2
+    # Newton's increments begin anew with short ones.
+    assert abs(len(console.steps) - (summary["steps"] - kept)) <= (5 if name == "newton" else 2)
     if finite:
         # The direction past limit points and renewed equations are taken up again.
         same = ("steps", "factorizations", "iterations")
@@ -250,3 +262,31 @@ def test_a_kill_loses_what_was_not_written_yet(
         (cut / "run.h5").write_bytes(kept[rows])
         resume(cut, console=Quiet())
         assert resumed_differences(whole, cut) == []
+
+
+def test_what_is_saved_leaves_the_path_alone(tmp_path: Path) -> None:
+    """States within steps have tangents of their own: the path would continue from those, and count them.
+
+    Both follow the path on the same contact grid, of which what is saved tells how fine it is.
+    """
+    few, many = "output.at=[2.0]", f"output.at={[k / 10 for k in range(1, 21)]}"
+    short = ("stage=[{press=1.0}, {shear=0.5}]",)
+    one, other = (
+        built(SHEARED, tmp_path, *SMOOTH, FAST, "solver.tolerance=1e-10", *short, at) for at in (few, many)
+    )
+    paths = [list(load_path(replace(one, case=two.case))) for two in (one, other)]
+    ends = [[step.state.position for step in path] for path in paths]
+    assert ends[0] == pytest.approx(ends[1], rel=1e-12)
+
+
+def test_a_path_that_ended_ends_there_again(tmp_path: Path) -> None:
+    """Also where the last step's event left no state to continue from."""
+    sliding = ("stage=[{press=1.0}, {shear=3.0}]", "output.at=[2.0]")
+    scene = built(SHEARED, tmp_path, EXACT_LAW, FAST, *sliding)
+    steps: list[PathStep] = []
+    with pytest.raises(NumericalError, match="slides as a whole"):
+        steps.extend(load_path(scene))
+    rest: list[PathStep] = []
+    with pytest.raises(NumericalError, match="slides as a whole"):
+        rest.extend(load_path(scene, steps[-1].checkpoint))
+    assert all(abs(step.state.position - steps[-1].state.position) < 1e-9 for step in rest)

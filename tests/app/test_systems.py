@@ -76,23 +76,6 @@ def test_kernels_are_kept_where_users_are_not_known(tmp_path: Path, monkeypatch:
     assert kept.read(tmp_path / "kernels" / "place") == code
 
 
-def test_links_and_pipes_are_not_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "target").write_text("mine")
-    (tmp_path / "link").symlink_to(tmp_path / "target")
-    os.mkfifo(tmp_path / "pipe")
-
-    def refused(name: str, words: str, flags: int = os.O_RDWR | os.O_CREAT) -> None:
-        with pytest.raises(OSError, match=words):
-            system.open_regular(tmp_path / name, flags)
-
-    refused("link", "symbolic link")
-    refused("pipe", "pipe")
-    refused("pipe", "pipe", os.O_RDONLY)
-    monkeypatch.delattr(os, "O_NOFOLLOW")
-    refused("link", "symbolic link")
-    assert (tmp_path / "target").read_text() == "mine"
-
-
 def test_directories_of_a_container_may_belong_to_its_host(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

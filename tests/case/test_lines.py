@@ -6,7 +6,7 @@ import tomllib
 from collections.abc import Iterator
 from typing import Any
 
-from mlsanm_cli.case.lines import KeyPath, key_lines, line_of
+from mlsanm_cli.case.report import KeyPath, key_lines, line_of
 
 NASTY = r'''# [not.a.table] = 1
 title = "a # no comment [x] = 1" # [nor.this]

@@ -11,7 +11,7 @@ import pytest
 
 from mlsanm_cli.app.scene.imported import geometry_of
 from mlsanm_cli.app.scene.outlines import drawn
-from mlsanm_cli.case import case_hash, load_case, parse_case, resolved_mapping
+from mlsanm_cli.case import case_hash, load_case, parse_case, resolved_mapping, rounded
 from mlsanm_cli.cloud.curves import Arc, Outline
 from mlsanm_cli.cloud.membership import signed_area
 from mlsanm_cli.errors import CaseError
@@ -105,6 +105,12 @@ def test_ring() -> None:
     assert (geometry.size, tuple(geometry.normals)) == (4.0, ("outer", "inner"))
 
 
+def test_hints_on_corners_name_keys_that_the_shape_has() -> None:
+    assert "shape.rounding" in rounded(parse(PLATE).case, "plate")
+    box = parse(PLATE, shaped("{kind='rectangle', x=[0.0, 1.0], y=[0.0, 1.0]}", "top", "left")).case
+    assert "rounding" not in rounded(box, "plate")
+
+
 # Of a slit, whose end lies in the corner that a rounding cuts off.
 SLIT = "[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [2.0, 4.0], [0.3, 0.21], [1.9, 4.0], [0.0, 4.0]"
 THIN = "[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [2.0001, 4.0], [2.0, 1.0], [1.9999, 4.0], [0.0, 4.0]"
@@ -119,6 +125,7 @@ THIN = "[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [2.0001, 4.0], [2.0, 1.0], [1.9999, 
         ("[0, 0], [2, 0], [2, 2], [1, 2], [3, 2], [0, 3]", 0.0, "points", "cross or touch"),
         ("[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [2.0, 0.0], [0.0, 2.0]", 0.0, "points", "cross or touch"),
         ("[0.0, 0.0], [1.0, 1.0], [3.0, 3.0]", 0.0, "points", "on a line"),
+        ("[0.0, 0.0], [2.0, 0.0], [0.0, 1.0], [2.0, 1.0]", 0.0, "points", "sides cross near (1, 0.5)"),
         (SLIT, 0.0, "", ""),
         (SLIT, 1.0, "points", '"corner1"'),
         (THIN, 0.0, "", ""),

@@ -140,6 +140,10 @@ def test_syntax_errors_have_their_line(text: str, line: int) -> None:
         ("[material.a]\n[material.a]\n", "[material.a] is declared twice"),
         ("title = “half”\n", 'write straight quotes: "'),
         ("a = 1\na = 2\n", "the key is defined twice"),
+        ("nu = 0,3 # Poisson\n", "write a decimal point: 0.3"),
+        ('name = "pin\n', "a quote is missing"),
+        ("radius 5.98\n", "write KEY = VALUE"),
+        ('{"format": 1}\n', "not JSON"),
         ("a = " + "[" * 20_000 + "]" * 20_000, "nested"),
     ],
 )
@@ -211,6 +215,11 @@ def test_a_directory_whose_name_is_no_text(tmp_path: Path) -> None:
     (folder / "case.toml").write_text(HERTZ)
     with pytest.raises(RunError, match="not UTF-8 text"):
         load_case(folder / "case.toml")
+
+
+@pytest.mark.parametrize(("given", "kept"), [(1e-30, 0.0), (1e-12, 0.0), (1e-6, 1e-6), (0.3, 0.3)])
+def test_friction_that_is_round_off_is_none(given: float, kept: float) -> None:
+    assert parse(HERTZ, [f"contact.interface.friction={given}"]).case.contact[0].friction == kept
 
 
 def test_the_standard_input_is_a_case(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,10 +11,9 @@ import pytest
 from benchmarks.peers.scenes import REFERENCE, read_profile
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.io.run_reader import Dataset
-from tests.cases.test_published import Run, solve
+from tests.cases.test_published import COARSE, Run, solve
 
 FRICTION = 0.3
-COARSE = "contact.interface.accuracy=1e-2"
 
 
 @pytest.fixture(scope="module")
@@ -155,13 +154,3 @@ def test_block_slides_both_ways(tmp_path: Path) -> None:
     assert summary["forces"]["push"][0] == pytest.approx(-60.0, rel=1e-9)
     # The platen continues when the block slides.
     assert data.path.displacements["push"][forward, 0] == pytest.approx(0.002)
-
-
-@pytest.mark.parametrize("friction", [0.0, 0.3])
-def test_wedge(tmp_path: Path, friction: float) -> None:
-    summary, data = solve("wedge", tmp_path / "wedge", COARSE, f"contact.interface.friction={friction}")
-    ratio = summary["forces"]["push"][0] / 100.0
-    assert ratio == pytest.approx((0.1 + friction) / (1.0 - 0.1 * friction), rel=1e-6)
-    count = len(data.contacts["interface"].arc_length)
-    assert summary["contact_unknowns"] == (2 * count if friction else count)
-    assert np.isnan(data.contacts["interface"].slip).all() == (friction == 0.0)

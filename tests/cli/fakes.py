@@ -37,12 +37,12 @@ SUMMARY: dict[str, Any] = {
 }
 
 
-FOLDERS = {"info": "results.", "plot": "results.", "collect": "results."}
-"""Where in ``app`` commands are that are not on top of it."""
+MODULES = {"info": "results.info", "plot": "results.plot", "collect": "results.info", "resume": "run"}
+"""Modules in ``app`` that are not named like their command."""
 
 
 def install(monkeypatch: pytest.MonkeyPatch, name: str, function: Callable[..., Any]) -> None:
     """Makes the given function what the command ``name`` calls."""
-    module = ModuleType(f"mlsanm_cli.app.{FOLDERS.get(name, '')}{name}")
+    module = ModuleType(f"mlsanm_cli.app.{MODULES.get(name, name)}")
     setattr(module, name, function)
     monkeypatch.setitem(sys.modules, module.__name__, module)

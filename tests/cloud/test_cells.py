@@ -10,7 +10,6 @@ import pytest
 from mlsanm_cli.cloud.cells import FINE, GAUSS, Halves, cell_quadrature, measure
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Outline, annulus, disk, half_disk, rectangle
-from mlsanm_cli.cloud.pieces import divide
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 
 GRADED = Spacing(0.1, (Zone.around((1.0, 0.5), 0.02, 0.05, 0.15),))
@@ -40,49 +39,12 @@ def test_cells_close_and_fill_the_body(name: str) -> None:
     assert (np.hypot(*(middles - cloud.points).T) <= cloud.spacing).all()
 
 
-@pytest.mark.parametrize("name", BODIES)
-def test_groups_of_cells_are_their_sums(name: str) -> None:
-    cloud = cloud_of(name)
-    body, labels = (cloud.points, cloud.faces, cloud.surfaces), divide(cloud, 16)
-    areas, middles, _ = measure(*body, np.arange(len(cloud.points)))
-    whole, centers, closed = measure(*body, labels)
-    assert closed.all()
-    np.testing.assert_allclose(whole, np.bincount(labels, areas), rtol=1e-5)
-    for axis in (0, 1):
-        sums = np.bincount(labels, areas * middles[:, axis]) / whole
-        np.testing.assert_allclose(centers[:, axis], sums, atol=1e-5)
-    # Those that are not counted leave the others as they are.
-    few, few_centers, _ = measure(*body, np.where(labels >= 3, labels + 5, -1))
-    np.testing.assert_allclose(few, whole[3:], rtol=1e-12)
-    np.testing.assert_allclose(few_centers, centers[3:], atol=1e-12)
-
-
 def test_a_missing_face_leaves_cells_open() -> None:
     cloud = cloud_of("disk")
     faces = cloud.faces
     kept = np.arange(len(faces.one)) != 40
     closed = measure(cloud.points, faces.select(kept), cloud.surfaces, np.arange(len(cloud.points)))[2]
     assert set(np.flatnonzero(~closed)) == {faces.one[40], faces.other[40]}
-
-
-@pytest.mark.parametrize("name", BODIES)
-def test_faces_of_two_cells_together_are_the_same_faces(name: str) -> None:
-    cloud = cloud_of(name)
-    faces, (one, other, at_edges, across) = cloud.faces, cloud.faces.edges()
-    assert (one < other).all()
-    assert len(np.unique(one * len(cloud.points) + other)) == len(one)
-    points, normals = faces.quadrature()
-    turned = np.where(faces.one < faces.other, 1.0, -1.0)[:, None, None] * normals
-    x = np.random.default_rng(0).normal(size=(2, 2))
-    # Fluxes of a linear field out of every cell by faces, and by edges.
-    by_faces = np.zeros(len(cloud.points))
-    flux = ((points @ x) * turned).sum(axis=(1, 2))
-    np.add.at(by_faces, np.minimum(faces.one, faces.other), flux)
-    by_edges = np.zeros(len(cloud.points))
-    np.add.at(by_edges, one, ((at_edges @ x) * across).sum(axis=(1, 2)))
-    np.testing.assert_allclose(by_edges, by_faces, atol=1e-13)
-    lengths = (np.hypot(*values.transpose(2, 0, 1)).sum() for values in (across, normals))
-    assert next(lengths) == pytest.approx(next(lengths))
 
 
 @pytest.mark.parametrize("name", BODIES)

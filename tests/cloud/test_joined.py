@@ -10,16 +10,8 @@ import pytest
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cells import Halves
 from mlsanm_cli.cloud.curves import Arc, Curve, Segment, annulus, disk, rectangle
-from mlsanm_cli.cloud.joined import (
-    Joined,
-    chains_of,
-    corners_of,
-    cut,
-    joined,
-    normals_towards,
-    part_of,
-)
-from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
+from mlsanm_cli.cloud.joined import Joined, joined, normals_towards
+from mlsanm_cli.cloud.splines import NodeSpline, Spline
 from mlsanm_cli.cloud.surface import Surface, joined_surface
 
 FOOT = (
@@ -29,9 +21,9 @@ FOOT = (
 )
 
 
-def wave() -> SplinePart:
+def wave() -> Spline:
     x = np.linspace(0.0, 3.0, 61)
-    return SplinePart(NodeSpline(np.stack([x, 0.1 * np.cos(2.0 * np.pi * x)], axis=1), False), 0, 60)
+    return NodeSpline(np.stack([x, 0.1 * np.cos(2.0 * np.pi * x)], axis=1), False).between(0, 60)
 
 
 def surface(name: str, curve: Curve, first: int, count: int) -> Surface:
@@ -43,7 +35,7 @@ def test_a_face_with_its_rounded_corners_is_one_smooth_curve() -> None:
     curve = joined(FOOT)
     assert isinstance(curve, Joined)
     assert curve.length == pytest.approx(1.4 + 0.3 * np.pi)
-    assert not len(corners_of(curve))
+    assert not len(curve.corners)
     s = np.linspace(0.0, curve.length, 101)
     points, normals = curve.points(s), curve.normals(s)
     assert np.abs(curve.closest(points + 0.1 * normals) - s).max() < 1e-12
@@ -57,7 +49,7 @@ def test_a_face_with_its_rounded_corners_is_one_smooth_curve() -> None:
 def test_sharp_joints_are_corners_with_two_normals() -> None:
     curve = joined(rectangle((0.0, 2.0), (0.0, 1.0)).curves, around=True)
     assert curve.closed
-    assert sorted(corners_of(curve)) == pytest.approx([0.0, 2.0, 3.0, 5.0])
+    assert sorted(curve.corners) == pytest.approx([0.0, 2.0, 3.0, 5.0])
     corner = np.array([2.0, 2.0])
     towards = np.array([[0.0, 1.0], [-1.0, 0.0]])
     assert normals_towards(curve, corner, towards) == pytest.approx(-towards)
@@ -68,7 +60,7 @@ def test_sharp_joints_are_corners_with_two_normals() -> None:
 )
 def test_parts_of_a_curve_join_to_the_curve(curve: Curve) -> None:
     ends = curve.length * np.array([0.0, 0.3, 0.55, 1.0])
-    parts = [part_of(curve, a, b) for a, b in pairwise(ends.tolist())]
+    parts = [curve.part(a, b) for a, b in pairwise(ends.tolist())]
     s = np.linspace(0.0, parts[1].length, 21)
     assert parts[1].points(s) == pytest.approx(curve.points(s + ends[1]))
     assert parts[1].normals(s) == pytest.approx(curve.normals(s + ends[1]))
@@ -81,7 +73,7 @@ def test_parts_of_a_curve_join_to_the_curve(curve: Curve) -> None:
 
 
 def test_a_circle_that_is_cut_is_a_circle_again() -> None:
-    outline = cut(disk((0.0, 0.0), 1.0), {0: [1.0, 5.0]})
+    outline = disk((0.0, 0.0), 1.0).cut({0: [1.0, 5.0]})
     assert outline.names == ("arc/1", "arc/2")
     assert [curve.length for curve in outline.curves] == pytest.approx([4.0, 2.0 * np.pi - 4.0])
     assert not any(curve.closed for curve in outline.curves)
@@ -90,11 +82,11 @@ def test_a_circle_that_is_cut_is_a_circle_again() -> None:
 
 def test_pieces_follow_each_other_along_one_loop() -> None:
     outline = rectangle((0.0, 2.0), (0.0, 1.0))
-    assert chains_of(outline, [3, 0]) == [((3, 0), False)]
-    assert chains_of(outline, [2, 1, 0, 3]) == [((0, 1, 2, 3), True)]
-    assert len(chains_of(annulus((0.0, 0.0), (1.0, 2.0)), [0, 1])) == 2
-    assert chains_of(outline, [0, 2]) == [((0,), False), ((2,), False)]
-    assert chains_of(outline, [0, 3, 2]) == [((2, 3, 0), False)]
+    assert outline.chains([3, 0]) == [((3, 0), False)]
+    assert outline.chains([2, 1, 0, 3]) == [((0, 1, 2, 3), True)]
+    assert len(annulus((0.0, 0.0), (1.0, 2.0)).chains([0, 1])) == 2
+    assert outline.chains([0, 2]) == [((0,), False), ((2,), False)]
+    assert outline.chains([0, 3, 2]) == [((2, 3, 0), False)]
 
 
 def test_nodes_of_a_joined_surface() -> None:

@@ -11,7 +11,7 @@ from mlsanm_cli.cloud.curves import Outline, Segment, rectangle
 from mlsanm_cli.cloud.loops import Loop, cloud_of_nodes, mirrored, trace
 from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.spacing import Spacing
-from mlsanm_cli.cloud.splines import SplinePart
+from mlsanm_cli.cloud.splines import Spline
 from mlsanm_cli.errors import GeometryError
 
 CORNER = np.radians(40.0)
@@ -64,8 +64,8 @@ def test_names_split_the_outline_and_repeated_ones_get_numbers() -> None:
 def test_a_change_of_name_alone_leaves_no_kink() -> None:
     traced = trace(ring(40), [loop(40, "upper", "lower")], CORNER)
     one, other = traced.curves
-    assert isinstance(one, SplinePart)
-    assert isinstance(other, SplinePart)
+    assert isinstance(one, Spline)
+    assert isinstance(other, Spline)
     assert one.spline is other.spline
     joint = one.normals(np.array([one.length])) - other.normals(np.zeros(1))
     assert np.abs(joint).max() <= 1e-12

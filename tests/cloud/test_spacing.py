@@ -13,7 +13,8 @@ from scipy.integrate import quad
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Arc, Curve, Segment
-from mlsanm_cli.cloud.spacing import Spacing, Zone
+from mlsanm_cli.cloud.mirror import SymmetryLine
+from mlsanm_cli.cloud.spacing import LIMIT, SPACING_TOLERANCE, Spacing, Zone, cover
 
 LINE = Segment((-2.0, 0.0), (2.0, 0.0))
 
@@ -75,20 +76,14 @@ def test_a_fine_zone_stays_where_it_was_asked_for(at: float, fine: float) -> Non
     assert 0.5 * (within[-1] - within[0]) == pytest.approx(20.0 * fine, abs=3.0 * fine)
 
 
-def test_a_zone_far_smaller_than_the_far_spacing_is_not_missed() -> None:
-    at = 0.123_456
-    spacing = Spacing(1.0, (Zone.around((at, 0.0), 1e-6, 1e-5, 0.2),))
-    x = spacing.steps_along(LINE) - 2.0
-    assert np.diff(x).min() <= 1.1e-6
-    assert np.count_nonzero(np.abs(x - at) <= 1e-5) == pytest.approx(21, abs=2)
-
-
-@pytest.mark.parametrize("at", [0.1, 0.104, 0.108, 0.112])
-def test_a_steep_zone_narrower_than_the_first_samples_is_not_missed(at: float) -> None:
-    # It changes the spacing over 0.005 to both sides only, the first samples lie 0.0156 apart.
-    spacing = Spacing(0.004, (Zone.around((at, 0.0), 1e-4, 1e-3, 1.0),))
-    x = spacing.steps_along(LINE) - 2.0
-    assert np.count_nonzero(np.abs(x - at) <= 1e-3) == pytest.approx(21, abs=2)
+@pytest.mark.parametrize(
+    ("far", "at", "fine", "growth"),
+    [(1.0, 0.123_456, 1e-6, 0.2), *((0.004, at, 1e-4, 1.0) for at in (0.1, 0.104, 0.108, 0.112))],
+)
+def test_a_narrow_zone_is_not_missed(far: float, at: float, fine: float, growth: float) -> None:
+    """Of a millionth of the spacing; or narrower than the distance of the first samples, 0.0156."""
+    x = Spacing(far, (Zone.around((at, 0.0), fine, 10.0 * fine, growth),)).steps_along(LINE) - 2.0
+    assert np.count_nonzero(np.abs(x - at) <= 10.0 * fine) == pytest.approx(21, abs=2)
 
 
 def test_an_even_curve_is_cut_into_equal_steps() -> None:
@@ -102,3 +97,53 @@ def test_an_even_curve_is_cut_into_equal_steps() -> None:
 def test_short_curves_keep_a_node_in_their_middle_and_circles_eight() -> None:
     assert len(Spacing(100.0).steps_along(LINE)) == 3
     assert len(Spacing(100.0).steps_along(Arc((0.0, 0.0), 1.0, 0.0, 2.0 * math.pi))) == 9
+
+
+X = np.linspace(-1.0, 1.0, 41)
+POINTS = np.stack(np.meshgrid(X, X), axis=-1).reshape(-1, 2)
+HAS = np.full(len(POINTS), 0.05)
+
+
+def test_nodes_get_what_they_want_and_little_more() -> None:
+    wanted = np.where(np.hypot(*(POINTS - [0.4, 0.1]).T) < 0.3, 0.02, np.inf)
+    spacing = Spacing(0.05)
+    zones = cover(POINTS, HAS, wanted, spacing, 0.2)
+    assert 1 <= len(zones) <= 12
+    finer = spacing.with_zones(zones).at(POINTS)
+    assert (finer <= SPACING_TOLERANCE * wanted).all()
+    away = np.hypot(*(POINTS - [0.4, 0.1]).T) > 0.7
+    np.testing.assert_array_equal(finer[away], 0.05)
+
+
+def test_what_is_planned_already_is_not_asked_for_again() -> None:
+    wanted = np.full(len(POINTS), np.inf)
+    wanted[0] = 0.02
+    planned = Spacing(0.05, (Zone.around((-1.0, -1.0), 0.02, 0.1, 0.2),))
+    assert cover(POINTS, HAS, wanted, planned, 0.2) == ()
+    assert cover(POINTS, HAS, np.full(len(POINTS), np.inf), Spacing(0.05), 0.2) == ()
+
+
+def test_a_few_dense_nodes_do_not_make_a_wide_zone() -> None:
+    # Many nodes on a speck want little spacings; by number alone they would outvote all others.
+    speck = 1e-3 * POINTS
+    points = np.concatenate([speck, POINTS])
+    has = np.concatenate([np.full(len(speck), 5e-5), HAS])
+    wanted = np.concatenate([np.full(len(speck), 2e-5), np.full(len(POINTS), np.inf)])
+    (zone, *others) = cover(points, has, wanted, Spacing(0.05), 0.2)
+    assert all(one.radius <= 0.01 for one in (zone, *others))
+    assert len(others) < LIMIT
+
+
+def test_what_is_wanted_symmetrically_is_given_symmetrically() -> None:
+    x, y = np.abs(POINTS[:, 0]), POINTS[:, 1]
+    adjacent, upon = np.hypot(x - 0.5, y - 0.1) < 0.25, np.hypot(x - 0.01, y + 0.6) < 0.2
+    wanted = np.where(adjacent, 0.02, np.where(upon, 0.025, np.inf))
+    spacing = Spacing(0.05)
+    for line in (SymmetryLine(0, 0.0), SymmetryLine(1, 0.3)):
+        points = POINTS if line.axis == 0 else POINTS[:, ::-1] + [0.0, 0.3]
+        assert not spacing.with_zones(cover(points, HAS, wanted, spacing, 0.2)).symmetric(line)
+        zones = cover(points, HAS, wanted, spacing, 0.2, line)
+        assert spacing.with_zones(zones).symmetric(line)
+        assert (spacing.with_zones(zones).at(points) <= SPACING_TOLERANCE * wanted).all()
+        places = [row[1:3] for row in Spacing(0.05, zones).table()]
+        assert any(place[line.axis] == line.at for place in places)

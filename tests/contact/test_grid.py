@@ -14,6 +14,8 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.grid import MAX_RATIO, Hats
 from mlsanm_cli.contact.geometry.hat_pairs import HatPairs
 from mlsanm_cli.contact.geometry.panels import chebyshev, lagrange, on_panels
+from mlsanm_cli.contact.geometry.profile import THRESHOLD, half_width
+from mlsanm_cli.solve.grid_ranges import spaced_apart
 
 LOG, NONE = np.eye(2), np.zeros((2, 2))
 GRADED = Hats(
@@ -220,3 +222,33 @@ def test_panels_stand_for_places_towards_a_corner() -> None:
     # As what the corner of a right angle adds: poles half pi off the axis.
     by, exact = (1.0 / np.cosh(np.log(one[:, None] / one)) for one in (places, x))
     assert np.abs(shares @ by @ shares.T - exact).max() < 1e-8
+
+
+PLACES = np.linspace(-0.5, 1.5, 21)
+PROFILES = {
+    "triangle": (PLACES, np.maximum(0.0, 1.0 - np.abs(PLACES - 0.5) / 0.5), 0.5 * (1.0 - THRESHOLD)),
+    "crossings between nodes": ([0.0, 1.0, 2.0, 3.0], [0.0, 1.0, 0.0, 0.0], 0.99),
+    # 100 falling to 0 over a distance of 4 on the right and 1 on the left.
+    "uneven nodes": ([0.0, 1.0, 5.0, 6.0], [0.0, 100.0, 0.0, 0.0], 0.5 * 0.99 * 5.0),
+    "outermost crossings": (np.arange(7.0), [0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0], 2.0 + 0.99),
+    "up to the last node": ([0.0, 0.5, 2.0], np.ones(3), 1.0),
+    "unloaded": (np.arange(3.0), np.zeros(3), 0.0),
+    "tension": (np.arange(3.0), -np.ones(3), 0.0),
+    "no nodes": ([], [], 0.0),
+}
+
+
+@pytest.mark.parametrize(("arc", "pressure", "expected"), PROFILES.values(), ids=PROFILES)
+def test_half_width(arc: list[float], pressure: list[float], expected: float) -> None:
+    assert half_width(np.array(arc), np.array(pressure)) == pytest.approx(expected, rel=1e-12)
+
+
+def test_no_interval_is_round_off() -> None:
+    # A range continued by whole steps came to its new end but for round-off: halving next to that interval
+    # went on down to 1e-15, and a frame under a roller did not start.
+    steps = np.arange(0.0, 0.9, 0.1)
+    nodes = np.concatenate([[-1e-15], steps, [0.3 + 1e-12, 0.8 + 4e-16]])
+    found = spaced_apart(nodes, 0.05)
+    assert (found[0], found[-1]) == (nodes.min(), nodes.max())
+    assert np.diff(found) == pytest.approx(np.full(8, 0.1))
+    assert spaced_apart(np.array([0.0, 1e-9, 1.0]), 0.1).tolist() == [0.0, 1.0]

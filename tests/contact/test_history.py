@@ -95,21 +95,6 @@ def test_an_event_takes_one_new_system(planes: HalfPlanes) -> None:
     assert sum(event.solves for event in events) <= 1.2 * len(events)
 
 
-def test_stops_change_nothing() -> None:
-    planes = half_planes(60, 0.4, 0.2, 0.0002)
-    ends = []
-    for stops in ([1.0], [0.1, 0.35, 0.7, 1.0]):
-        state = start(planes.condensed, np.zeros(2)).state
-        for target in (PRESSED, UP, TURNED):
-            reached = []
-            for event in event_driven_path(planes.condensed, state, np.array(target), stops):
-                state = event.state
-                reached.append(event.fraction)
-            assert set(stops) <= set(reached)
-        ends.append(state.values.traction)
-    assert difference(ends[1], ends[0], ends[0]) <= 1e-8
-
-
 def test_small_increments_tend_to_it() -> None:
     planes = half_planes(40, 0.3, 0.2, 0.0003)
     targets = (PRESSED, UP, TURNED)
@@ -135,26 +120,6 @@ def test_sliding_as_a_whole_is_named() -> None:
     # The load factor of the shear force is relative to mu P.
     assert caught.value.fraction * 1.25 == pytest.approx(1.0, abs=1e-9)
     assert events[-1].fraction == caught.value.fraction
-
-
-def test_a_stuck_contact_dissipates_nothing() -> None:
-    planes = half_planes(60, 5.0)
-    state = planes.event_driven_path(PRESSED, (1.0, 0.01), (1.0, -0.01))[-1]
-    assert state.sets.stuck.sum() >= state.sets.closed.sum() - 2
-    assert np.abs(planes.condensed.weight @ state.work) <= 1e-6 * planes.force * planes.half
-
-
-def test_loop_area_converges() -> None:
-    areas = []
-    for m in (40, 80, 160):
-        planes = half_planes(m)
-        states = planes.event_driven_path(PRESSED, UP, TURNED, UP)
-        work = [planes.condensed.weight @ state.work for state in states]
-        areas.append(work[3] - work[1])
-        # What the platen puts in over a closed loop is what friction takes out.
-        assert work[3] - work[1] == pytest.approx(2.0 * (work[2] - work[1]), rel=0.02)
-    assert abs(areas[2] - areas[1]) < abs(areas[1] - areas[0])
-    assert abs(areas[2] / areas[1] - 1.0) <= 0.05
 
 
 def test_an_overlap_as_drawn_pushes_apart() -> None:

@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.geometry.panels import chebyshev
 from mlsanm_cli.contact.geometry.transfer import surface_fit
 from mlsanm_cli.contact.laws.coulomb import increment, unloaded
 from mlsanm_cli.contact.response import condensation
 from mlsanm_cli.contact.response.coercivity import contact_stability
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.contact.response.short_waves import FIT_WINDOW, correct_short_waves
+from mlsanm_cli.contact.response.smoothing import smoothing
 from tests.case_text import annulus, body, contact, head, item, load, material, support, table
 from tests.contact.scenes import Small, build, cylinder
 
@@ -58,13 +60,6 @@ def fit_of(one: Small) -> FloatArray:
     return np.asarray(surface_fit(arc, one.condensed.weight, arc, FIT_WINDOW * spacing).toarray())
 
 
-def test_linear_tractions_only_lose_the_short_waves_of_their_slips() -> None:
-    raw, kept = (small(flag).condensed.slip.traction for flag in (False, True))
-    arc, fit = small(True).pairing.arc[small(True).pairing.candidate], fit_of(small(True))
-    for t in (np.ones(len(arc)), arc - arc.mean()):
-        assert np.abs(kept @ t - fit @ raw @ t).max() <= 1e-12 * np.abs(raw @ t).max()
-
-
 def test_alternating_tractions_meet_the_half_plane() -> None:
     # E* = 0.5 E / (1 - nu^2) and k = pi/h: the amplitude is 2/(E* k).
     raw, kept = (small(flag).condensed.slip.traction for flag in (False, True))
@@ -84,26 +79,23 @@ def test_smooth_tractions_hardly_notice() -> None:
     assert np.abs(middle(kept @ t - raw @ t)).max() <= 0.02 * np.abs(raw @ t).max()
 
 
-def test_pressures_cause_smooth_slips() -> None:
-    raw, kept = (small(flag).condensed.slip for flag in (False, True))
-    fit = fit_of(small(True))
-    # The short waves of pressures cause none: bodies do not feel the force that the weights give them.
-    for before, after in (
-        (raw.pressure @ fit, kept.pressure),
-        (raw.motion, kept.motion),
-        (raw.load, kept.load),
-    ):
-        assert np.abs(after - fit @ before).max() <= 1e-12 * np.abs(before).max(initial=1e-300)
-    # A rigid motion is linear along the surface, but for its curvature.
-    assert np.abs(kept.motion - raw.motion).max() <= 1e-3
-
-
-def test_gaps_follow_the_fit_of_tractions() -> None:
+def test_slips_and_gaps_follow_the_local_fit() -> None:
     raw, kept = (small(flag).condensed for flag in (False, True))
-    fit = fit_of(small(True))
-    assert np.abs(kept.gap.traction - raw.gap.traction @ fit).max() <= 1e-12 * np.abs(raw.gap.traction).max()
-    for name in ("constant", "load", "motion", "pressure"):
-        assert (getattr(kept.gap, name) == getattr(raw.gap, name)).all(), name
+    arc, fit = small(True).pairing.arc[small(True).pairing.candidate], fit_of(small(True))
+    linear = np.stack([np.ones(len(arc)), arc - arc.mean()], axis=1)
+    for after, before in (
+        # Linear tractions only lose the short waves of their slips.
+        (kept.slip.traction @ linear, fit @ raw.slip.traction @ linear),
+        # Short waves of pressures cause none: bodies do not feel the force that the weights give them.
+        (kept.slip.pressure, fit @ raw.slip.pressure @ fit),
+        (kept.slip.motion, fit @ raw.slip.motion),
+        (kept.slip.load, fit @ raw.slip.load),
+        (kept.gap.traction, raw.gap.traction @ fit),
+        *((getattr(kept.gap, name), getattr(raw.gap, name)) for name in ("load", "motion", "pressure")),
+    ):
+        assert np.abs(after - before).max() <= 1e-12 * np.abs(before).max(initial=1e-300)
+    # A rigid motion is linear along the surface, but for its curvature.
+    assert np.abs(kept.slip.motion - raw.slip.motion).max() <= 1e-3
 
 
 def test_degree_4_resists_where_spacings_grow_along_the_contact() -> None:
@@ -162,3 +154,30 @@ def test_a_fit_sticks_independently_of_the_direction_of_the_load() -> None:
         tractions.append(np.interp(angles, angle[order := np.argsort(angle)], state.values.traction[order]))
     middle_, turned = (t[18:55] for t in tractions)
     assert np.abs(turned - middle_).max() <= 0.02 * np.abs(tractions[0]).max()
+
+
+def test_smoothing_keeps_resolved_waves_and_linear_displacements() -> None:
+    angle = chebyshev(0.0, np.pi, 48)
+    points = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    project = smoothing(points, np.pi, 0.19)
+    assert project is not None
+    kept = [np.ones(48), points[:, 0], points[:, 1], np.sin(2.0 * angle)]
+    for values in kept:
+        assert project @ values == pytest.approx(values, abs=2e-3)
+    assert project @ points == pytest.approx(points, abs=1e-12)
+    # Chebyshev polynomials resolve more towards the ends.
+    middle = np.abs(angle - 0.5 * np.pi) < 0.3 * np.pi
+    noise = np.sin(2.0 * np.pi * angle / (2.5 * 0.19))
+    assert np.abs((project @ noise)[middle]).max() <= 0.3
+    assert smoothing(points, np.pi, 0.01) is None
+
+
+def test_around_a_closed_surface_both_ends_move_together() -> None:
+    # Polynomials that ended elsewhere made a peak of pressure there.
+    angle = chebyshev(0.0, 2.0 * np.pi, 48)
+    points = np.stack([2.0 * np.cos(angle), np.sin(angle)], axis=1)
+    project = smoothing(points, 10.0, 0.3, closed=True)
+    assert project is not None
+    assert project @ np.cos(4.0 * angle) == pytest.approx(np.cos(4.0 * angle), abs=1e-9)
+    rough = project @ np.random.default_rng(3).normal(size=48)
+    assert abs(rough[0] - rough[-1]) <= 0.02 * np.abs(rough).max()

@@ -10,6 +10,7 @@ from scipy.linalg.lapack import dgetrf, dgetrs
 
 from mlsanm_cli.continuation import Branch
 from mlsanm_cli.continuation.problem import FloatArray, SingularTangentError, Tangent
+from tests.contact.friction import strip_compliance
 
 
 @dataclass
@@ -145,3 +146,70 @@ class Circle(Known):
 
     def series_rhs(self, x: FloatArray, lam: FloatArray) -> FloatArray:
         return np.asarray(-convolution(x, x) - convolution(lam, lam))
+
+
+class Contact(Known):
+    """(p + eta) h = eta opening and h = gap + lam push + A p for pressures and gaps (p, h), in units of
+    ``pressure`` and ``length``."""
+
+    def __init__(
+        self,
+        compliance: FloatArray,
+        gap: FloatArray,
+        push: FloatArray,
+        eta: float,
+        opening: float = 1.0,
+        pressure: float = 1.0,
+        length: float = 1.0,
+    ) -> None:
+        super().__init__(*np.repeat([pressure, length], len(gap)))
+        self.compliance, self.gap, self.push = compliance, gap, push
+        self.eta, self.opening = eta, opening
+        self.pressure, self.length = pressure, length
+
+    @property
+    def guess(self) -> FloatArray:
+        """Unknowns without load: no pressure, every gap opened."""
+        return np.concatenate([0.0 * self.gap, self.gap + self.opening])
+
+    def equations(self, x: FloatArray, lam: float) -> FloatArray:
+        p, h = np.split(x, 2)
+        products = ((p + self.eta) * h - self.eta * self.opening) / (self.pressure * self.length)
+        gaps = (self.gap + lam * self.push + self.compliance @ p - h) / self.length
+        return np.concatenate([products, gaps])
+
+    def matrix(self, x: FloatArray) -> FloatArray:
+        p, h = np.split(x, 2)
+        products = np.hstack([np.diag(h), np.diag(p + self.eta)]) / (self.pressure * self.length)
+        gaps = np.hstack([self.compliance, -np.eye(len(p))]) / self.length
+        return np.vstack([products, gaps])
+
+    def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
+        return np.concatenate([0.0 * self.push, self.push / self.length])
+
+    def series_rhs(self, x: FloatArray, lam: FloatArray) -> FloatArray:
+        products = convolution(*np.split(x, 2, axis=1)) / (self.pressure * self.length)
+        return np.concatenate([-products, 0.0 * products])
+
+    def admissible(self, x: FloatArray, lam: float) -> bool:
+        p, h = np.split(x, 2)
+        return bool(h.min() > 0.0 and p.min() > -self.eta)
+
+
+def hertz(m: int, eta: float) -> Contact:
+    """A cylinder of radius 1 pushed into a half-plane (E* = 1) up to a half-width of 0.05; ``eta`` is
+    relative to the peak pressure."""
+    half, width = 0.05, 0.15 / m
+    peak, depth = 0.5 * half, 0.5 * half**2
+    x: FloatArray = (np.arange(m, dtype=np.float64) + 0.5) * width - 1.5 * half
+    compliance, gap = strip_compliance(x, width), 0.5 * x**2
+    approach = gap + compliance @ (peak * np.sqrt(np.maximum(0.0, 1.0 - (x / half) ** 2)))
+    return Contact(compliance, gap, np.full(m, -approach[m // 2]), eta * peak, depth, peak, depth)
+
+
+def random_contact(m: int, eta: float, seed: int) -> Contact:
+    """Random well-conditioned compliance and random loads."""
+    rng = np.random.default_rng(seed)
+    factor = rng.normal(size=(m, m)) / np.sqrt(m)
+    compliance = factor @ factor.T + 0.3 * np.eye(m)
+    return Contact(compliance, rng.uniform(0.05, 1.0, m), rng.normal(size=m) * 2.0 - 0.5, eta)

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
 import pytest
 
-from mlsanm_cli.continuation import AnmOptions, Problem, Step, StopReason, follow
+from mlsanm_cli.continuation import AnmOptions, NewtonOptions, Problem, Step, StopReason, follow
 from mlsanm_cli.continuation.problem import FloatArray
 
-from .contact_problems import hertz, open_start
-from .problems import Circle, Scalar, Truss, Yielding, first_at
+from .problems import Circle, Contact, Scalar, Truss, Yielding, first_at, hertz
+from .test_corrector import watched
 
 
 def walked(problem: Problem, x: FloatArray, lam: float, end: float, options: AnmOptions) -> list[Step]:
@@ -30,20 +30,6 @@ def test_all_but_straight_path(exponent: int) -> None:
     assert len(list(follower.steps())) == 1
     assert follower.outcome.reached
     assert follower.outcome.x == pytest.approx([1.0], rel=2.0 * 10.0**-exponent + 1e-12)
-
-
-def test_quadratic_is_followed_to_its_closed_solution() -> None:
-    problem = Scalar(0.0, 1.0, 1.0)
-    steps = walked(problem, np.zeros(1), 0.0, 50.0, AnmOptions())
-    assert steps[-1].lam == 50.0
-    assert steps[-1].x[0] == pytest.approx(0.5 * (np.sqrt(201.0) - 1.0), abs=1e-9)
-    for step in steps:
-        lam = np.linspace(step.branch.lam[0], step.branch.load_factor(step.branch.length), 9)
-        for level in lam:
-            x, reached = step.branch.evaluate(step.branch.parameter_at(level))
-            assert reached == pytest.approx(level, rel=1e-14, abs=1e-14)
-            # dlam/dx >= 1, so the residual bounds the error
-            assert x[0] == pytest.approx(0.5 * (np.sqrt(1.0 + 4.0 * level) - 1.0), abs=1e-8)
 
 
 @pytest.mark.parametrize("pade", [False, True])
@@ -94,8 +80,8 @@ def test_truss_snaps_through() -> None:
 
 
 def test_pieces_join_and_hold_every_load_factor() -> None:
-    problem, _, _ = hertz(40, 1e-3)
-    steps = walked(problem, open_start(problem), 0.0, 1.0, AnmOptions(order=12))
+    problem = hertz(40, 1e-3)
+    steps = walked(problem, problem.guess, 0.0, 1.0, AnmOptions(order=12))
     branches = [step.branch for step in steps]
     for before, after in pairwise(branches):
         x, lam = before.evaluate(before.length)
@@ -114,22 +100,9 @@ def test_what_is_hardly_held_turns_no_path_back(scale: float) -> None:
     walked(problem, np.array([1e-4, 1e-5]), 1e-4, 1.0, AnmOptions(pade=False))
 
 
-def test_counts_are_those_the_problem_saw() -> None:
-    problem, _, _ = hertz(40, 1e-3)
-    follower = follow(problem, open_start(problem), 0.0, 1.0)
-    steps = list(follower.steps())
-    outcome = follower.outcome
-    assert outcome.factorizations == problem.counts.tangents
-    assert outcome.solves == problem.counts.solves
-    assert outcome.steps == len(steps) == steps[-1].index
-    assert sum(step.factorizations for step in steps) == outcome.factorizations
-    assert sum(step.solves for step in steps) == outcome.solves
-    assert all(step.order == 20 and step.factorizations >= 1 and step.arc_length > 0.0 for step in steps)
-
-
 def test_residuals_left_at_the_ends_do_not_pile_up() -> None:
-    problem, _, _ = hertz(40, 1e-4)
-    steps = walked(problem, open_start(problem), 0.0, 1.0, AnmOptions(order=8))
+    problem = hertz(40, 1e-4)
+    steps = walked(problem, problem.guess, 0.0, 1.0, AnmOptions(order=8))
     assert len(steps) > 60
     residuals = np.array([step.residual for step in steps])
     assert residuals.max() <= 1e-8
@@ -139,8 +112,8 @@ def test_residuals_left_at_the_ends_do_not_pile_up() -> None:
 
 
 def test_a_path_taken_up_again_goes_on_as_before() -> None:
-    problem, _, _ = hertz(40, 1e-3)
-    whole = walked(problem, open_start(problem), 0.0, 1.0, AnmOptions())
+    problem = hertz(40, 1e-3)
+    whole = walked(problem, problem.guess, 0.0, 1.0, AnmOptions())
     middle = whole[len(whole) // 2]
     rest = list(follow(problem, middle.x, middle.lam, 1.0, AnmOptions(), previous=middle.branch).steps())
     assert len(rest) == len(whole) - middle.index
@@ -162,10 +135,56 @@ def test_previous_piece_keeps_the_direction_behind_a_fold() -> None:
 
 
 def test_units_of_the_unknowns_change_nothing() -> None:
-    factor, (plain, _, _) = 1e3, hertz(30, 1e-2)
-    scaled = {name: getattr(plain, name) * factor for name in ("force", "eta", "p_ref")}
-    other = replace(plain, compliance=plain.compliance / factor, **scaled)
-    one = walked(plain, open_start(plain), 0.0, 1.0, AnmOptions())
-    two = walked(other, open_start(other), 0.0, 1.0, AnmOptions())
+    factor, plain = 1e3, hertz(30, 1e-2)
+    geometry = (plain.compliance / factor, plain.gap, plain.push)
+    other = Contact(*geometry, plain.eta * factor, plain.opening, plain.pressure * factor, plain.length)
+    one = walked(plain, plain.guess, 0.0, 1.0, AnmOptions())
+    two = walked(other, other.guess, 0.0, 1.0, AnmOptions())
     assert len(one) == len(two)
     np.testing.assert_allclose(two[-1].x / other.scale, one[-1].x / plain.scale, rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("control", ["load", "arc-length"])
+def test_levels_are_ends_of_steps(control: Literal["load", "arc-length"]) -> None:
+    levels = (0.3, 1.0 / 3.0, 7.0, 49.999)
+    options = NewtonOptions(control=control)
+    follower = follow(Scalar(0.0, 1.0, 1.0), np.zeros(1), 0.0, 50.0, options, levels=levels)
+    steps = {step.lam: step for step in follower.steps()}
+    assert follower.outcome.reached
+    assert {*levels, 50.0} <= steps.keys()
+    for lam, step in steps.items():
+        assert step.x[0] == pytest.approx(0.5 * (np.sqrt(1.0 + 4.0 * lam) - 1.0), rel=1e-9)
+        assert step.order == 0
+        x, reached = step.branch.evaluate(step.branch.length)
+        assert (x[0], reached) == pytest.approx((step.x[0], lam), rel=1e-13)
+        weights = step.branch.derivative_weights(np.array([0.0, step.branch.length]))
+        slope = (weights @ step.branch.terms[0])[:, 0] / (weights @ step.branch.terms[1])
+        ends = step.branch.weights(np.array([0.0, step.branch.length])) @ step.branch.terms[0][:, 0]
+        assert slope == pytest.approx(1.0 / (1.0 + 2.0 * ends), rel=1e-6)
+
+
+def test_the_truss_snaps_through_both_folds() -> None:
+    target = 2.0 / (3.0 * np.sqrt(3.0))
+    follower = follow(Truss(), np.ones(1), 0.0, target, NewtonOptions(control="arc-length"))
+    steps = list(follower.steps())
+    assert follower.outcome.reached
+    assert np.all(np.diff([step.x[0] for step in steps]) < 0.0)
+    assert min(step.lam for step in steps) < -0.45 * target
+    roots = np.roots([-0.5, 0.0, 0.5, -target])
+    assert follower.outcome.x[0] == pytest.approx(float(roots[np.abs(roots.imag) < 1e-9].real[0]), abs=1e-8)
+
+
+def test_load_control_says_that_it_cannot_pass_a_fold() -> None:
+    follower = follow(Circle(), np.ones(1), 0.0, 1.5, NewtonOptions())
+    steps = list(follower.steps())
+    assert not follower.outcome.reached
+    assert follower.outcome.reason in (StopReason.CORRECTION_FAILED, StopReason.SINGULAR_TANGENT)
+    assert 0.99 < steps[-1].lam <= 1.0 + 1e-8
+
+
+def test_no_trial_leaves_the_admissible_region() -> None:
+    problem = watched(1e-4, 3)  # asserts so itself
+    follower = follow(problem, problem.guess, 0.0, 1.0, NewtonOptions(first=1.0))
+    steps = list(follower.steps())
+    assert follower.outcome.reached
+    assert max(step.residual for step in steps) <= 1e-8

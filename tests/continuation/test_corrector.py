@@ -2,37 +2,35 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
-
 import numpy as np
 import pytest
 
 from mlsanm_cli.continuation import AnmOptions, FloatArray, Tangent, correct
 from mlsanm_cli.continuation.corrector import Effort, correct_end
 from mlsanm_cli.continuation.expansion import expansion_point
+from mlsanm_cli.continuation.problem import Problem
 from mlsanm_cli.errors import NumericalError
 
-from .contact_problems import Contact, open_start, random_contact
-from .problems import Circle, DenseTangent, Scalar, Truss
+from .problems import Circle, Contact, DenseTangent, Scalar, Truss, random_contact
 
 
 class Watched(Contact):
     """Contact problem that refuses to be evaluated at a closed gap."""
 
-    def residual(self, x: FloatArray, lam: float) -> FloatArray:
-        assert np.all(x[self.m : 2 * self.m] > 0.0)
-        return super().residual(x, lam)
+    def equations(self, x: FloatArray, lam: float) -> FloatArray:
+        assert self.admissible(x, lam)
+        return super().equations(x, lam)
 
 
 def watched(eta: float, seed: int) -> Watched:
-    plain = vars(random_contact(20, eta, seed))
-    return Watched(**{one.name: plain[one.name] for one in fields(Watched)})
+    plain = random_contact(20, eta, seed)
+    return Watched(plain.compliance, plain.gap, plain.push, eta)
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_damping_never_lets_a_gap_close(seed: int) -> None:
     problem = watched(1e-3, seed)
-    start = open_start(problem)
+    start = problem.guess
     # An undamped first update would go through the constraint.
     update = problem.tangent(start, 1.0).solve(-problem.residual(start, 1.0))
     assert not problem.admissible(start + update, 1.0)
@@ -50,23 +48,23 @@ def test_solution_is_left_alone() -> None:
 
 def test_start_point_outside_is_refused() -> None:
     problem = random_contact(5, 1e-2, 0)
-    x = open_start(problem)
-    x[problem.m] = -1e-3
+    x = problem.guess
+    x[-1] = -1e-3
     with pytest.raises(NumericalError, match="not admissible") as caught:
         correct(problem, x, 0.0)
     assert caught.value.hint
 
 
-def test_no_solution_is_an_error_with_a_hint() -> None:
-    # x^2 = -1
-    with pytest.raises(NumericalError, match="no solution found") as caught:
-        correct(Scalar(0.0, 0.0, 1.0), np.array([1.1]), -1.0)
-    assert caught.value.hint
-
-
-def test_singular_tangent_is_an_error_with_a_hint() -> None:
-    with pytest.raises(NumericalError, match="singular tangent") as caught:
-        correct(Circle(), np.zeros(1), 0.5)
+@pytest.mark.parametrize(
+    ("problem", "start", "lam", "words"),
+    [
+        (Scalar(0.0, 0.0, 1.0), 1.1, -1.0, "no solution found"),  # x^2 = -1
+        (Circle(), 0.0, 0.5, "singular tangent"),
+    ],
+)
+def test_failures_have_a_hint(problem: Problem, start: float, lam: float, words: str) -> None:
+    with pytest.raises(NumericalError, match=words) as caught:
+        correct(problem, np.array([start]), lam)
     assert caught.value.hint
 
 

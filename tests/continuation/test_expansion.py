@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mlsanm_cli.continuation import Branch, FloatArray, Problem, SingularTangentError, Tangent, correct
+from mlsanm_cli.continuation import Branch, Problem, SingularTangentError, correct
 from mlsanm_cli.continuation.expansion import Metric, expand, expansion_point
 
-from .contact_problems import Contact, hertz, open_start, random_contact
-from .problems import Circle, Scalar, Truss
+from .problems import Circle, Contact, Scalar, Truss, random_contact
 
 
 def series_at(problem: Problem, x: np.ndarray, lam: float, order: int, unit: float = 1.0) -> Branch:
@@ -56,47 +55,22 @@ def test_residual_of_order_k_truncation_falls_with_power_k_plus_1(
 ) -> None:
     if x is None:
         assert isinstance(problem, Contact)
-        x = correct(problem, open_start(problem), lam).x
+        x = correct(problem, problem.guess, lam).x
     unit = 0.1 if isinstance(problem, Contact) else 0.5
     rates = residual_orders(problem, series_at(problem, x, lam, 5, unit))
     for order, rate in enumerate(rates, start=1):
         assert rate > order + 0.5, rates
 
 
-def test_parameter_is_the_projection_on_the_tangent() -> None:
-    problem, _, _ = hertz(30, 1e-2)
-    start = correct(problem, open_start(problem), 0.0)
-    here = expansion_point(problem, start.x, 0.0)
-    metric = Metric(problem.scale)
-    series = series_at(problem, start.x, 0.0, 6, unit=0.25)
-    length = metric.norm(here.slope, 1.0)
-    tangent = 0.25 / length * here.slope, 0.25 / length
-    # The first coefficient is the tangent and, orthogonal to it, what leads the start's residual to zero.
-    rest = series.x[1] - tangent[0], float(series.lam[1]) - tangent[1]
-    assert metric.norm(*rest) < 1e-8
-    assert abs(metric.product(*rest, *tangent)) < 1e-17
-    for k in range(2, 7):
-        size = metric.norm(series.x[k], float(series.lam[k]))
-        product = metric.product(series.x[k], float(series.lam[k]), *tangent)
-        assert abs(product) <= 1e-12 * size * 0.25
-
-
 def test_residual_of_the_start_is_led_to_zero() -> None:
     problem = random_contact(8, 0.2, 3)
-    x = correct(problem, open_start(problem), 0.0).x + 1e-5
+    x = correct(problem, problem.guess, 0.0).x + 1e-5
     start = problem.residual(x, 0.0)
     series = series_at(problem, x, 0.0, 20, unit=0.02)
     for a in (0.0, 0.5, 1.0, 1.5):
         powers = a ** np.arange(21.0)
         residual = problem.residual(powers @ series.x, float(powers @ series.lam))
         np.testing.assert_allclose(residual, (1.0 - a) * start, atol=1e-13)
-
-
-def test_unit_of_the_parameter_changes_no_digit() -> None:
-    problem = Scalar(0.0, 1.0, 0.7, 0.1)  # an exact start: its residual would be led to zero at a = 1
-    one, half = (series_at(problem, np.zeros(1), 0.0, 10, unit) for unit in (1.0, 0.5))
-    np.testing.assert_array_equal(half.x, one.x * 0.5 ** np.arange(11.0)[:, None])
-    np.testing.assert_array_equal(half.lam, one.lam * 0.5 ** np.arange(11.0))
 
 
 def test_direction_decides_the_sign() -> None:
@@ -111,19 +85,3 @@ def test_direction_decides_the_sign() -> None:
 def test_singular_tangent_is_named() -> None:
     with pytest.raises(SingularTangentError):
         expansion_point(Circle(), np.zeros(1), 1.0)
-
-
-class Quiet(Circle):
-    """A singular tangent that is not noticed by its factorisation."""
-
-    def tangent(self, x: FloatArray, lam: float) -> Tangent:
-        class _Factors:
-            def solve(self, rhs: FloatArray) -> FloatArray:
-                return np.full_like(rhs, np.inf)
-
-        return _Factors()
-
-
-def test_tangent_without_a_finite_solution_is_singular() -> None:
-    with pytest.raises(SingularTangentError):
-        expansion_point(Quiet(), np.array([0.8]), 0.6)

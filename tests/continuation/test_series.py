@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
 from mlsanm_cli.continuation import Branch, FloatArray
+from mlsanm_cli.continuation.roots import root
+from mlsanm_cli.continuation.series import denominator, nearest_pole
 
 
 def polynomial(*lam: float, length: float = 1.0) -> Branch:
@@ -87,3 +91,65 @@ def test_round_off_bounds_the_digits_lost() -> None:
     assert abs(branch.evaluate(1.0)[0][0]) <= branch.round_off(1.0, np.ones(1))
     assert branch.round_off(1.0, np.ones(1)) == pytest.approx(2.0 * big / 1.5 * 2.2e-16, rel=0.02)
     assert branch.round_off(1.0, np.full(1, big)) == pytest.approx(2.0 / 1.5 * 2.2e-16, rel=0.02)
+
+
+def rational_series(poles: list[complex], size: int, order: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the series of vectors sum_i v_i/(1 - a/pole_i), real, and the vectors' sum at a = 0.9."""
+    rng = np.random.default_rng(5)
+    residues = rng.normal(size=(len(poles), size))
+    values = np.array(poles)
+    coefficients = np.real((1.0 / values) ** np.arange(order + 1.0)[:, None] @ residues)
+    return coefficients, np.real((1.0 / (1.0 - 0.9 / values)) @ residues)
+
+
+@pytest.mark.parametrize("size", [2, 40])
+@pytest.mark.parametrize("order", [12, 20])
+def test_common_poles_are_found(size: int, order: int) -> None:
+    poles = [1.0 + 0.0j, -1.3 + 0.0j, 0.5 + 1.2j, 0.5 - 1.2j]
+    coefficients, _ = rational_series(poles, size, order)
+    coefficients[0] += 5.0  # the start point is free: only the path from there is rational
+    lower = denominator(coefficients, 0.5)
+    assert lower is not None
+    assert lower[0] == 1.0
+    assert nearest_pole(lower, 2.0) == pytest.approx(1.0, rel=1e-6)
+
+
+def test_approximant_is_exact_where_the_series_diverges() -> None:
+    poles = [-0.5 + 0.0j, -0.8 + 0.0j, -0.3 + 0.6j, -0.3 - 0.6j]
+    coefficients, value = rational_series(poles, 10, 15)
+    lower = denominator(coefficients, 0.3)
+    assert lower is not None
+    branch = Branch(coefficients, np.zeros(16), 1.0, lower)
+    np.testing.assert_allclose(branch.evaluate(0.9)[0], value, rtol=1e-5)
+    taylor = Branch(coefficients, np.zeros(16), 1.0)
+    assert np.abs(taylor.evaluate(0.9)[0] - value).max() > 10.0
+
+
+def test_short_or_overflowing_series_have_none() -> None:
+    assert denominator(np.ones((3, 4)), 1.0) is None
+    with np.errstate(over="ignore"):
+        assert denominator(np.full((8, 4), 1e300) * 1e300, 1.0) is None
+
+
+@pytest.mark.parametrize(
+    ("function", "low", "high", "expected"),
+    [
+        (math.cos, 1.0, 2.0, math.pi / 2),
+        (lambda x: x**3 - 2.0, 2.0, 0.0, 2.0 ** (1 / 3)),
+        (lambda x: (x - 1.0) ** 9, 0.0, 3.3, 1.0),
+        (lambda x: math.copysign(1.0, x - 0.3), 0.0, 1.0, 0.3),
+        (lambda x: math.exp(-50.0 * x) - 1e-15, 0.0, 5.0, 15.0 * math.log(10.0) / 50.0),
+        (lambda x: x, 0.0, 1.0, 0.0),
+        (lambda x: x - 1.0, 0.0, 1.0, 1.0),
+    ],
+)
+def test_roots_are_found_to_round_off(function, low, high, expected) -> None:  # type: ignore[no-untyped-def]
+    asked: list[float] = []
+
+    def counted(x: float) -> float:
+        asked.append(x)
+        return float(function(x))
+
+    found = root(counted, low, high)
+    assert function(found) == 0.0 or found == pytest.approx(expected, rel=1e-15)
+    assert len(asked) <= 70

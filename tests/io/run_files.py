@@ -8,8 +8,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from mlsanm_cli.io.records import row
-from mlsanm_cli.io.run_file import RunFile
+from mlsanm_cli.io.run_file import RunFile, row
 
 M = 7  # slave nodes of the contact
 LOADS = ["squeeze", "press"]

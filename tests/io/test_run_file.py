@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import subprocess
-import sys
 from pathlib import Path
 
 import h5py
@@ -13,7 +11,7 @@ import pytest
 
 from mlsanm_cli import __version__
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.run_file import RunFile
+from mlsanm_cli.io.run_file import RunFile, place
 from mlsanm_cli.io.run_reader import read_run
 from tests.io.run_files import (
     LOADS,
@@ -26,6 +24,7 @@ from tests.io.run_files import (
     write_fields,
     write_steps,
 )
+from tests.processes import printed
 
 
 def test_reader_gives_back_what_was_written_in_the_order_of_the_case(tmp_path: Path) -> None:
@@ -89,10 +88,7 @@ def test_other_programs_read_what_is_saved_while_the_run_goes_on(tmp_path: Path)
         write_steps(run, range(3))
         run.save()
         write_steps(run, range(3, 5))
-        output = subprocess.run(
-            [sys.executable, "-c", code, str(tmp_path / "run.h5")], capture_output=True, text=True, check=True
-        )
-        assert output.stdout.split() == ["running", "3", "2.0", "3"]
+        assert printed("-c", code, str(tmp_path / "run.h5")).split() == ["running", "3", "2.0", "3"]
         assert read_run(tmp_path).rows == 3
     assert read_run(tmp_path).rows == 5
 
@@ -196,3 +192,98 @@ def test_a_run_killed_before_its_path_began_reads_as_empty(tmp_path: Path) -> No
     assert (data.status, data.rows, data.case_raw, dict(data.bodies)) == ("running", 0, "", {})
     start_run(tmp_path / "other.h5").close()
     assert read_run(tmp_path / "other.h5").contacts["interface"].pressure.shape == (0, M)
+
+
+def test_a_row_of_another_shape_is_refused(tmp_path: Path) -> None:
+    run = start_run(tmp_path / "run.h5")
+    write_steps(run, range(1))
+    run.save()
+    run.add([step_row(1, contacts={"interface": contact_values(1) | {"gap": np.ones(M + 1)}})])
+    with pytest.raises(ValueError, match=r"contacts/interface/gap: shape \(8,\), expected \(7,\)"):
+        run.save()
+    assert {len(array) for name, array in datasets(tmp_path / "run.h5").items() if "path/" in name} == {1}
+
+
+@pytest.mark.parametrize("name", ["", ".", "..", "a/b"])
+def test_names_that_hdf5_would_take_for_paths_are_refused(name: str) -> None:
+    with pytest.raises(RunError, match="cannot be stored"):
+        place("bodies", name, "points")
+
+
+def test_create_never_overwrites_and_reports_a_missing_directory(tmp_path: Path) -> None:
+    path = tmp_path / "run.h5"
+    path.write_text("mine")
+    with pytest.raises(RunError, match="exists already"):
+        RunFile.create(path, {})
+    assert path.read_text() == "mine"
+    with pytest.raises(RunError, match="cannot write"):
+        RunFile.create(tmp_path / "none" / "run.h5", {}).save()
+
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_reader_names_what_is_wrong(tmp_path: Path) -> None:
+    with pytest.raises(RunError, match="no such directory"):
+        read_run(tmp_path / "none")
+    with pytest.raises(RunError, match=r"holds no run\.h5"):
+        read_run(tmp_path)
+    path = tmp_path / "run.h5"
+    path.write_bytes(b"not hdf5 at all")
+    with pytest.raises(RunError, match="it is damaged"):
+        read_run(tmp_path)
+    path.unlink()
+    with h5py.File(path, "w") as file:
+        file.attrs["creator"] = "another program"
+    with pytest.raises(RunError, match="not written by mlsanm"):
+        read_run(tmp_path)
+    path.unlink()
+    RunFile.create(path, {"format": 2}).close()
+    with pytest.raises(RunError, match="format 2"):
+        read_run(tmp_path)
+
+
+def test_a_damaged_file_is_refused_by_name_or_read(tmp_path: Path) -> None:
+    """In a process of its own, which HDF5 must not bring down."""
+    with start_run(tmp_path / "run.h5") as run:
+        write_steps(run, range(20))
+        write_fields(run, 0, 0.5, {"upper/von_mises": np.arange(5.0)})
+    refused, whole = map(int, printed("-c", DAMAGED, str(tmp_path / "run.h5")).split())
+    assert refused > 50
+    assert whole > 10
+
+
+@pytest.mark.parametrize("values", [np.arange(5.0) + 0.1, np.linspace(0.3, 0.4, 7)])
+def test_a_flipped_bit_is_no_other_value(values: np.ndarray, tmp_path: Path) -> None:
+    path = tmp_path / "run.h5"
+    with start_run(path) as run:
+        write_steps(run, range(3))
+        write_fields(run, 0, 0.5, {"upper/von_mises": values})
+    content = bytearray(path.read_bytes())
+    content[content.index(values.tobytes()) + 6] ^= 1
+    path.write_bytes(content)
+    for read in (read_run, lambda _: RunFile.reopen(path, {})):
+        with pytest.raises(RunError, match="cannot be read"):
+            read(tmp_path)
+
+
+DAMAGED = """
+import random, sys
+from pathlib import Path
+from mlsanm_cli.errors import RunError
+from mlsanm_cli.io.run_file import RunFile
+from mlsanm_cli.io.run_reader import read_origin, read_run
+path, draw, refused = Path(sys.argv[1]), random.Random(0), 0
+content = path.read_bytes()
+for trial in range(300):
+    damaged = bytearray(content)
+    for _ in range(draw.choice((1, 20, 300))):
+        damaged[draw.randrange(len(damaged) if trial % 2 else 2000)] = draw.randrange(256)
+    path.write_bytes(damaged[: draw.choice((len(damaged), draw.randrange(len(damaged))))])
+    try:
+        read_run(path), read_origin(path), RunFile.reopen(path, {}).close()
+    except RunError as error:
+        assert str(path) in str(error), error
+        refused += 1
+print(refused, 300 - refused)
+"""

@@ -11,10 +11,20 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.atomic import cannot_write, replacing
+from mlsanm_cli.io.files import cannot_write, replacing
 from mlsanm_cli.io.schema import INTERFACE_COLUMNS
-from mlsanm_cli.io.summary import EventLog, write_csv, write_json_atomic
+from mlsanm_cli.io.summary import EventLog, read_summary, write_csv, write_json_atomic
 from mlsanm_cli.toml import plain
+
+
+@pytest.mark.parametrize(
+    "content",
+    ["[]", '{"contacts": {"a": [1]}}', '{"forces": [1]}', '{"seconds": "none"}', '{"checks": {"a": 1}}'],
+)
+def test_what_is_no_summary_is_refused(content: str, tmp_path: Path) -> None:
+    (tmp_path / "summary.json").write_text(content)
+    with pytest.raises(RunError, match="not the summary of a run"):
+        read_summary(tmp_path / "summary.json")
 
 
 def test_json_converts_numpy_and_turns_nan_and_inf_into_null(tmp_path: Path) -> None:

@@ -13,29 +13,39 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
-from mlsanm_cli.mechanics.finite.law import Law
 from mlsanm_cli.mechanics.finite.loads import Loads
 from mlsanm_cli.mechanics.finite.problem import FiniteProblem
 from mlsanm_cli.mechanics.finite.projector import Projector, weights_of
-from mlsanm_cli.mechanics.finite.response import Kind
+from mlsanm_cli.mechanics.laws.law import Law, law_class
+from mlsanm_cli.mechanics.laws.saint_venant_kirchhoff import SaintVenantKirchhoff
 from mlsanm_cli.mechanics.material import isotropic
 from tests.mechanics.bodies import build
 
 E, NU = 2.6, 0.3
-KINDS: tuple[Kind, ...] = ("saint-venant-kirchhoff", "neo-hookean")
+KINDS = ("saint-venant-kirchhoff", "neo-hookean")
+
+
+def law_of(kind: str, plane: str, poisson: float = NU) -> Law:
+    """A law of E = 2.6, nu = 0.3, or of another Poisson's ratio."""
+    if kind == "saint-venant-kirchhoff":
+        return SaintVenantKirchhoff(isotropic(E, poisson, plane), plane)
+    law: Law = law_class(kind)(E=E, nu=poisson, plane=plane)
+    return law
 
 
 def finite_body(
     cloud: Cloud,
-    kind: Kind,
+    kind: str,
     held: Mapping[str, tuple[bool, bool]],
     loads: Callable[[ElasticBody], Loads],
     degree: int = 2,
     plane: str = "strain",
+    poisson: float = NU,
 ) -> FiniteBody:
-    """A body of E = 2.6, nu = 0.3."""
-    elastic = build(cloud, held, degree, isotropic(E, NU, plane))
-    return FiniteBody(elastic, Law.isotropic(kind, E, NU, plane), loads(elastic))
+    """A body of E = 2.6."""
+    law = law_of(kind, plane, poisson)
+    elastic = build(cloud, held, degree, law.linear)
+    return FiniteBody(elastic, law, loads(elastic))
 
 
 def boundary_loads(

@@ -63,18 +63,9 @@ def test_polynomial_patch(degree: int, held: dict[str, tuple[bool, bool]]) -> No
     body, exact = patch(degree, held)
     source = boundary_values(body, exact.displacement, exact.stress)
     assert_solved(body, with_body_force(body, source, exact.force), exact)
-
-
-@pytest.mark.parametrize("degree", [1, 2, 3])
-@pytest.mark.parametrize("held", HELDS)
-def test_polynomial_patch_under_forces_known_at_nodes(
-    degree: int, held: dict[str, tuple[bool, bool]]
-) -> None:
-    # Body forces of degree 1 are what is between their nodal values.
-    body, exact = patch(degree, held)
-    source = boundary_values(body, exact.displacement, exact.stress)
-    source += body.force_source(exact.force(body.model.cloud.points))
-    assert_solved(body, source, exact)
+    if degree <= 3:
+        # Body forces of degree 1 are what is between their nodal values.
+        assert_solved(body, source + body.force_source(exact.force(body.model.cloud.points)), exact)
 
 
 def wave_solution(
@@ -152,42 +143,9 @@ def test_held_nodes_hold(degree: int) -> None:
     assert error[body.model.cloud.surfaces["bottom"].index].max() <= bar * error.max()
 
 
-def test_single_held_nodes_stop_a_rigid_motion() -> None:
-    cloud = jittered_square(9)
-    corner = int(np.argmin(cloud.points.sum(axis=1)))
-    adjacent = int(np.argmin(np.hypot(cloud.points[:, 0] - 1.0, cloud.points[:, 1])))
-    body = build(cloud, {}, held_nodes=((corner, 0), (corner, 1), (adjacent, 1)))
-    stretch = np.array([0.01, -0.003])
-    stress = STEEL.stiffness @ np.array([*stretch, 0.0])
-    source = boundary_values(body, lambda at: at * stretch, lambda at: np.tile(stress, (len(at), 1)))
-    assert np.abs(solved(body, source) - cloud.points * stretch).max() <= 1e-12
-
-
-@pytest.mark.parametrize("plane", ["strain", "stress"])
-def test_units_of_the_modulus_change_nothing_but_the_stress(plane: str) -> None:
-    displacements = []
-    for modulus in (1.0, 210e9):
-        material = isotropic(modulus, 0.3, plane)
-        body = build(jittered_square(9), HELD, 2, material)
-        load = np.tile([0.1 * modulus, -0.2 * modulus], (9, 1))
-        displacements.append(solved(body, body.source("top", load, held=False)))
-    assert np.abs(displacements[0] - displacements[1]).max() <= 1e-9 * np.abs(displacements[0]).max()
-
-
 def test_a_ring_under_pressure_is_exact_to_a_hundred_thousandth_on_a_bad_cloud() -> None:
     # 1.7e-5 with equal weights at boundary nodes, 1.1e-5 with lower ones alone.
     assert lame(13, 4, seed=4)["displacement"] < 1.0e-5
-
-
-@pytest.mark.parametrize("degree", [1, 2, 4])
-@pytest.mark.parametrize("nu", [0.3, 0.4999])
-def test_divergence_is_what_the_rows_of_equilibrium_make(degree: int, nu: float) -> None:
-    model = build(jittered_square(12), HELD, degree, isotropic(210.0, nu, "strain")).model
-    u = np.random.default_rng(0).normal(size=model.cloud.points.shape)
-    found = model.divergence_of(model.stencils.derivatives(u))
-    for component in (0, 1):
-        expected = model.equilibrium(component) @ u.ravel()
-        assert np.abs(found[:, component] - expected).max() <= 1e-12 * np.abs(expected).max()
 
 
 def test_equal_rows_are_known_by_their_content() -> None:

@@ -63,14 +63,6 @@ def test_pieces_lack_what_both_degrees_fluxes_differ_by(degree: int) -> None:
     assert np.linalg.norm(defect.reactions["left"] - (new - old)) <= 0.1 * np.linalg.norm(new - old)
 
 
-def test_held_rows_have_no_defect() -> None:
-    body = build(jittered_square(12), HELD)
-    source = defect_of(body, polynomial(body.model.cloud.points, 3)).source
-    for component in (0, 1):
-        assert not source[body.condition_rows("left", component)].any()
-        assert source[body.condition_rows("right", component)].any()
-
-
 def loaded(body: ElasticBody) -> sparse.csc_array:
     """A right-hand side (r, 1) of tractions that no polynomial of a low degree balances."""
     source = np.zeros(body.rows)

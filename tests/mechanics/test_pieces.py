@@ -101,13 +101,6 @@ def test_fluxes_of_displacements_are_those_of_their_stress() -> None:
     np.testing.assert_allclose(some[np.tile(wanted, 3)], expected[np.tile(wanted, 3)], atol=1e-8)
 
 
-def test_what_flows_between_pieces_adds_up_to_nothing() -> None:
-    body = build(jittered_square(21), {})
-    inner = body.pieces.flux_of(of_edges(lambda at: np.sin(3.0 * at @ np.ones((2, 3)))), {})
-    assert np.abs(inner).max() > 1e-2
-    assert body.pieces.totals((0.3, -1.0)) @ inner == pytest.approx([0.0, 0.0, 0.0], abs=1e-13)
-
-
 def pressed(body: ElasticBody, name: str, pressure: float) -> FloatArray:
     """Right-hand side (r,) of an even pressure on a surface."""
     surface = body.model.cloud.surfaces[name]
@@ -221,13 +214,6 @@ def test_a_slender_clamped_beam_bends_as_it_should(degree: int, seed: int) -> No
     assert compliance(beam(seed), shear, CLAMPED, degree) == pytest.approx(BEAM, rel=0.01)
 
 
-@pytest.mark.parametrize("line", [SymmetryLine(0, 10.0), SymmetryLine(1, 0.0)], ids=["upright", "level"])
-def test_so_it_does_on_a_cloud_that_is_its_own_mirror_image(line: SymmetryLine) -> None:
-    cloud = beam(line=line)
-    assert cloud.mirror is not None
-    assert compliance(cloud, shear, CLAMPED) == pytest.approx(BEAM, rel=0.01)
-
-
 def test_with_pieces_as_weak_as_nodes_it_is_too_stiff(monkeypatch: pytest.MonkeyPatch) -> None:
     """By 6 % where the force and the moment on the whole of it hold all the same, else by much more."""
     monkeypatch.setattr(pieces, "EQUILIBRIUM_WEIGHT", 1.0)
@@ -237,11 +223,16 @@ def test_with_pieces_as_weak_as_nodes_it_is_too_stiff(monkeypatch: pytest.Monkey
     assert compliance(beam(), shear, CLAMPED) <= 0.8 * BEAM
 
 
-@pytest.mark.parametrize(("ratio", "degree"), [(20, 2), (10, 4)])
-def test_a_thin_ring_bends_as_it_should(ratio: int, degree: int) -> None:
-    work, energy_error = thin_bodies.solved(thin_bodies.ring(ratio), 5, degree)
-    assert work == pytest.approx(thin_bodies.REFERENCES[f"ring {ratio}"], rel=0.002)
-    assert abs(energy_error) <= 0.01
+@pytest.mark.parametrize(
+    ("name", "degree", "off"),
+    # Fillets of two spacings: with pieces as large as elsewhere the portal lost 1.2 to 5.2 %.
+    [("ring 20", 2, 0.002), ("ring 10", 4, 0.002), ("portal", 2, 0.015), ("portal", 4, 0.015)],
+)
+def test_a_thin_body_bends_as_it_should(name: str, degree: int, off: float) -> None:
+    body = thin_bodies.portal() if name == "portal" else thin_bodies.ring(int(name.split()[1]))
+    work, energy_error = thin_bodies.solved(body, 5, degree)
+    assert work == pytest.approx(thin_bodies.REFERENCES[name], rel=off)
+    assert abs(energy_error) <= 2.0 * max(off, 0.005)
 
 
 def test_a_long_thin_arch_is_solved_and_not_told_to_be_solved_badly() -> None:
@@ -259,18 +250,6 @@ def test_a_long_thin_arch_is_solved_and_not_told_to_be_solved_badly() -> None:
     moved = found[cloud.surfaces["end"].index, 1].mean()
     c, s = np.cos(angle), np.sin(angle)
     assert moved == pytest.approx(12e-9 * radius**3 * ((0.5 + c * c) * angle - 1.5 * c * s), rel=2e-3)
-
-
-@pytest.mark.parametrize(("degree", "size"), [(2, 12), (2, 16), (2, 20), (4, 12), (4, 16)])
-def test_a_portal_with_small_fillets_sways_as_it_should_wherever_pieces_are_cut(
-    degree: int, size: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    # Fillets of two spacings: with pieces as large as elsewhere it lost 1.2 to 5.2 %, by the size. With 20
-    # nodes it loses 1.8 % at degree 4, with 24, all of a limb's thickness of five, up to 2.1 %.
-    monkeypatch.setattr(pieces, "BOUNDARY_NODES", size)
-    work, energy_error = thin_bodies.solved(thin_bodies.portal(), 5, degree)
-    assert work == pytest.approx(thin_bodies.REFERENCES["portal"], rel=0.015)
-    assert abs(energy_error) <= 0.03
 
 
 def test_a_hole_in_a_coarse_structured_mesh_keeps_its_peak() -> None:

@@ -115,17 +115,6 @@ def test_refinement_finds_what_the_factor_has_lost() -> None:
     assert np.abs(found - expected).max() <= 1e-8
 
 
-def test_residual_is_small_at_the_minimum_only() -> None:
-    system, _, _ = least_squares(1.0)
-    b = sparse.csc_array(np.random.default_rng(7).normal(size=(300, 1)))
-    best = system.solve(b)
-    assert system.residual(b, best) <= 1e-14
-    worse = best.copy()
-    worse[11] *= 1.0 + 1e-6
-    assert system.residual(b, worse) >= 1e-9
-    assert system.residual(sparse.csc_array((300, 1)), np.zeros((120, 1))) == 0.0
-
-
 def test_residual_tells_the_size_of_a_step() -> None:
     system = least_squares(1.0)[0]
     b = sparse.csc_array(np.random.default_rng(7).normal(size=(300, 1)))
@@ -139,18 +128,6 @@ def test_residual_tells_the_size_of_a_step() -> None:
         found, change = system.solve_with_error(b, off)
         assert change <= 1e-7
         np.testing.assert_allclose(found, best, rtol=0.0, atol=1e-12 * np.abs(best).max())
-
-
-def test_checked_solutions_tell_what_the_last_update_changed() -> None:
-    system = least_squares(1e-4)[0]
-    rng = np.random.default_rng(7)
-    b = sparse.csc_array(rng.normal(size=(300, 3)) * [1.0, 0.0, 1e6])
-    expected = system.solve(b)
-    size = np.linalg.norm(expected, axis=0)
-    for start in (None, expected[:, :1] * (1.0 + 1e-5), rng.normal(size=(120, 1))):
-        found, change = system.solve_with_error(b, start)
-        assert (change <= 1e-7).all()
-        assert (np.linalg.norm(found - expected, axis=0) <= 1e-9 * size).all()
 
 
 def strong_ones(seed: int, sums: sparse.csr_array | None = None) -> Strong:
@@ -180,38 +157,6 @@ def strengthened(
     return plain, system, whole, scale
 
 
-@given(seed=st.integers(0, 500))
-@settings(max_examples=15)
-def test_strong_rows_against_numpy(seed: int) -> None:
-    _, system, whole, scale = strengthened(1.0, seed)
-    b = np.random.default_rng(seed + 1).normal(size=(309, 3))
-    np.testing.assert_allclose(system.scaled(sparse.csc_array(b)), scale @ b, atol=1e-10)
-    np.testing.assert_allclose(
-        system.scaled(sparse.csc_array(b), strong=False), (scale @ b)[:300], atol=1e-10
-    )
-    expected = np.linalg.lstsq(whole, scale @ b, rcond=None)[0]
-    assert np.abs(system.solve(sparse.csc_array(b)) - expected).max() <= 1e-10 * np.abs(expected).max()
-    assert (
-        np.abs(system.solve_unrefined(sparse.csc_array(b)) - expected).max() <= 1e-7 * np.abs(expected).max()
-    )
-    vectors = np.random.default_rng(seed + 2).normal(size=(120, 2))
-    found, wanted = system.inverse_normal(vectors), np.linalg.solve(whole.T @ whole, vectors)
-    assert np.abs(found - wanted).max() <= 1e-7 * np.abs(wanted).max()
-
-
-def test_written_out_equations_are_those_that_are_solved() -> None:
-    _, system, whole, scale = strengthened(1.0)
-    rng = np.random.default_rng(2)
-    b, u = rng.normal(size=(309, 4)), rng.normal(size=120)
-    out = system.equations(sparse.csc_array(b))
-    assert out.definite
-    np.testing.assert_allclose(out.matrix.toarray(), whole.T @ whole, rtol=1e-12, atol=1e-8)
-    np.testing.assert_allclose(out.sources.toarray(), whole.T @ (scale @ b), rtol=1e-12, atol=1e-6)
-    np.testing.assert_allclose(
-        system.residual_vector(b[:, 0], u), whole.T @ (whole @ u - scale @ b[:, 0]), rtol=1e-10, atol=1e-6
-    )
-
-
 def some_sums(seed: int) -> sparse.csr_array:
     return sparse.csr_array(np.random.default_rng(seed).normal(size=(2, 9)))
 
@@ -225,10 +170,10 @@ def held(whole: FloatArray, wanted: FloatArray, sums: FloatArray) -> FloatArray:
     return np.asarray(some + free @ rest)
 
 
-@given(seed=st.integers(0, 500))
-@settings(max_examples=10)
-def test_sums_of_strong_rows_hold_exactly(seed: int) -> None:
-    sums, rng = some_sums(seed), np.random.default_rng(seed + 1)
+@given(seed=st.integers(0, 500), exact=st.booleans())
+@settings(max_examples=15)
+def test_strong_rows_and_sums_that_hold_exactly(seed: int, exact: bool) -> None:
+    sums, rng = some_sums(seed)[: 2 if exact else 0], np.random.default_rng(seed + 1)
     _, system, whole, scale = strengthened(1.0, seed, sums)
     b, more = (sparse.csc_array(rng.normal(size=(309, 3))) for _ in range(2))
     expected, other = (held(whole, scale @ one.toarray(), sums.toarray()) for one in (b, more))
@@ -245,7 +190,8 @@ def test_sums_of_strong_rows_hold_exactly(seed: int) -> None:
         wanted = expected[:, : solution.shape[1]]
         assert np.abs(solution - wanted).max() <= bar * size, name
         lack = sums @ (whole[300:] @ (solution - wanted))
-        assert np.abs(lack).max() <= 1e-10 * np.abs(sums @ (whole[300:] @ expected)).max(), name
+        size_of_sums = np.abs(sums @ (whole[300:] @ expected)).max(initial=0.0)
+        assert np.abs(lack).max(initial=0.0) <= 1e-10 * size_of_sums, name
     adjacent = system.step(column, off, sparse.csc_array(more[:, [0]]))[:, 1:]
     assert np.abs(adjacent - other[:, :1]).max() <= 1e-6 * np.abs(other).max()
     observed = sparse.csr_array(np.concatenate([rng.normal(size=(5, 120)), sums @ whole[300:]]))
@@ -254,10 +200,11 @@ def test_sums_of_strong_rows_hold_exactly(seed: int) -> None:
         assert system.functionals(observed, b, mixed) == pytest.approx(observed @ answers, abs=1e-7 * size)
     # What held them but nearly is told.
     assert system.residual(b, expected).max() <= 1e-10
-    nearly = strengthened(1.0, seed)[1].solve(b)
-    moved = np.linalg.norm(nearly - expected, axis=0) / np.linalg.norm(nearly, axis=0)
-    assert system.residual(b, nearly) == pytest.approx(moved, rel=1e-4)
-    assert moved.min() >= 1e-5
+    if exact:
+        nearly = strengthened(1.0, seed)[1].solve(b)
+        moved = np.linalg.norm(nearly - expected, axis=0) / np.linalg.norm(nearly, axis=0)
+        assert system.residual(b, nearly) == pytest.approx(moved, rel=1e-4)
+        assert moved.min() >= 1e-5
     # Written out.
     out = system.equations(b)
     assert (

@@ -11,11 +11,14 @@ from scipy.spatial import cKDTree
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import rectangle
+from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.stencil_weights import Stencils
 from mlsanm_cli.operators.stencils import build_stencils
+from tests.mechanics.bodies import STEEL
 
 KINDS = [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)]
 # Twenty times what was measured; a Cholesky factorisation of the moments would leave 1e-8 at degree 6.
@@ -138,3 +141,22 @@ def test_nodes_that_no_radius_separates_are_refused(scale: float) -> None:
     points = scale * lattice(9)
     with pytest.raises(NumericalError, match=r"the nodes around \(0, 0\)"):
         build_stencils(points, cKDTree(points), points[:1], 1, MlsSettings())
+
+
+@pytest.mark.parametrize("degree", [1, 2, 4])
+@pytest.mark.parametrize("line", [SymmetryLine(0, 0.0), SymmetryLine(1, 0.0)])
+def test_stencils_are_their_own_images_and_reproduce_polynomials(line: SymmetryLine, degree: int) -> None:
+    cloud = build_cloud(rectangle((-1.0, 1.0), (-0.5, 0.5)), Spacing(0.12), 0, line=line)
+    model, mirror = BodyModel.build("body", cloud, STEEL, MlsSettings(degree)), cloud.mirror
+    assert mirror is not None
+    field = np.random.default_rng(0).normal(size=(len(cloud.points), 1))
+    found = model.stencils.derivatives(field)
+    reflected = model.stencils.derivatives(field[mirror.image])[mirror.image, :, 0]
+    np.testing.assert_allclose(
+        reflected * mirror.derivative_signs(found.shape[1]), found[:, :, 0], atol=1e-8 * np.abs(found).max()
+    )
+    x, y = cloud.points.T
+    for p, q in [(p, total - p) for total in range(degree + 1) for p in range(total + 1)]:
+        values = model.stencils.derivatives((x**p * y**q)[:, None])[:, :3, 0]
+        dx, dy = p * x ** max(p - 1, 0) * y**q, q * x**p * y ** max(q - 1, 0)
+        assert np.abs(values - np.stack([x**p * y**q, dx, dy], axis=1)).max() <= 1e-9

@@ -12,6 +12,8 @@ import scipy.sparse as sparse
 from scipy.sparse.linalg import spsolve
 
 from mlsanm_cli.app.results.path_lookup import level_at
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.continuation import Problem
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.paper import system as system_module
 from mlsanm_cli.paper.collocation import Collocation
@@ -20,9 +22,29 @@ from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import State
 from tests.app.scenes import NEWTON, NODAL, SHEARED, SMOOTH, built, done, hertz, refused, solve
+from tests.case_text import scene
 from tests.mechanics.bodies import boundary_values, build, with_body_force
 from tests.mechanics.test_body import HELDS, patch
-from tests.paper.derivatives import highest_terms, tangent_times
+
+
+def tangent_times(problem: Problem, x: FloatArray, lam: float, v: FloatArray) -> FloatArray:
+    """The derivative of the residual along v; central differences are exact for quadratic equations."""
+    return 0.5 * (problem.residual(x + v, lam) - problem.residual(x - v, lam))
+
+
+def highest_terms(problem: Problem, x: FloatArray, lam: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    """Along x(a) = sum x_r a^r, (order + 1, size), lam(a) likewise: the residual's coefficient of a^order,
+    interpolated; what tangent, load derivative and right-hand side make of it; the largest coefficient."""
+    order = len(lam) - 1
+    nodes = np.cos(np.pi * (np.arange(2 * order + 1) + 0.5) / (2 * order + 1))
+    powers = nodes[:, None] ** np.arange(order + 1)
+    residuals = [problem.residual(p @ x, float(p @ lam)) for p in powers]
+    coefficients = np.linalg.solve(nodes[:, None] ** np.arange(2 * order + 1), np.array(residuals))
+    expected = tangent_times(problem, x[0], lam[0], x[order])
+    expected += problem.load_derivative(x[0], lam[0]) * lam[order]
+    expected -= problem.series_rhs(x[:order], lam[:order])
+    return coefficients[order], expected, float(np.abs(coefficients).max())
+
 
 LAW = "contact.interface.regularization"
 
@@ -165,3 +187,23 @@ def test_automatic_clouds_resolve_nodal_pressures(tmp_path: Path) -> None:
     summary = done(hertz_case, tmp_path / "run", NEWTON, "output.vtu=false")
     contact = summary["contacts"]["interface"]
     assert contact["peak_pressure"] == pytest.approx(contact["reference"]["peak_pressure"], rel=0.01)
+
+
+def test_bodies_that_float_on_the_law_are_named(tmp_path: Path) -> None:
+    """Beside a loaded contact the law holds a light body off by what the warning says."""
+    text = scene("strain", E=1.0)
+    for name, x, force in (("loaded", 0.0, -1e-3), ("light", 3.0, -1e-6)):
+        text = (
+            text.body(name, "steel", 0.25, box=([x, x + 1.0], [0.0, 1.0]))
+            .body(f"{name}-floor", "steel", 0.25, box=([x, x + 1.0], [-1.0, 0.0]))
+            .support(f"{name}-floor.bottom", ux=0.0, uy=0.0)
+            .load(name, f"{name}.top", "platen", ux=0.0, fy=force)
+            .contact(f"{name}-foot", f"{name}.bottom", f"{name}-floor.top", friction=0.3)
+        )
+    laws = [f'contact.{name}-foot.regularization.law="hyperbolic"' for name in ("loaded", "light")]
+    floating = solve(text, tmp_path / "floating", *laws)
+    solve(text, tmp_path / "exact")
+    (found,) = [one for one in floating["checks"] if one["name"] == "law_gap" and one["outcome"] == "warned"]
+    assert found["place"] == "contact light-foot"
+    down = [read_run(tmp_path / name).path.displacements["light"][-1, 1] for name in ("floating", "exact")]
+    assert (down[0] - down[1]) / abs(down[0]) == pytest.approx(found["value"], rel=0.4)

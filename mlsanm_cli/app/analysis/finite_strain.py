@@ -10,9 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.analysis.finite_lines import contact_lines, obstacle_lines
 from mlsanm_cli.app.checks.check import Check, Verdicts
-from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.finite.checks import FiniteEnd, checks_of, finite_limits
 from mlsanm_cli.app.finite.contact_path import contact_path
 from mlsanm_cli.app.finite.estimate import (
@@ -25,45 +23,77 @@ from mlsanm_cli.app.finite.estimate import (
 from mlsanm_cli.app.finite.fields import (
     CONTACT_PREFIX,
     SceneForces,
+    contact_values,
     extremes,
     fields_of,
     figures_of_contacts,
     plates_turned,
     quantities,
     resultants,
+    stretch_along,
 )
 from mlsanm_cli.app.finite.grids import knots_of, located, with_knots
 from mlsanm_cli.app.finite.path import finite_path
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
 from mlsanm_cli.app.finite.states import STATE
 from mlsanm_cli.app.output.analysis import Analysis, BodyFields
-from mlsanm_cli.app.output.parts import ContactNodes, vtu_states
-from mlsanm_cli.app.scene.assemble import SceneModel
+from mlsanm_cli.app.output.parts import ContactNodes, contact_part, obstacles, vtu_states
 from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Case
+from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.io.records import Quantities
+from mlsanm_cli.io.run_file import Quantities
 from mlsanm_cli.io.vtu import VtuPart
+from mlsanm_cli.mechanics.near_field import as_complex, as_real
 from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State
+
+
+def contact_lines(scene: FiniteScene, state: State) -> dict[str, VtuPart]:
+    """Slave sides of all contacts in a state with their pressures; stresses act on the slave of the case."""
+    records = contact_values(scene, state)
+    lines = {}
+    for contact, _, there in scene.contacts.each:
+        record, side = records[contact.name], contact.slave
+        moved = state.solver["surface"][there][: 2 * side.count].reshape(-1, 2)
+        turn, _ = side.turned(moved)
+        sign = -1.0 if contact.exchanged else 1.0
+        normal = -sign * as_real(as_complex(side.outward) * turn)
+        stretch = stretch_along(side, moved.ravel())
+        stress = sign * state.side_traction[there].reshape(-1, 2)[: side.count] / stretch[:, None]
+        numbers = np.arange(side.count, dtype=np.int64)
+        edges = np.stack([numbers, np.roll(numbers, -1)], axis=1)
+        edges = edges if side.around is not None else edges[:-1]
+        lines[contact.name] = contact_part(
+            *(side.places, edges, record, bool(contact.friction)),
+            arc_length=side.arc,
+            displacement=moved,
+            normal=normal,
+            contact_stress=stress,
+        )
+    return lines
+
+
+def obstacle_lines(scene: FiniteScene, state: State) -> dict[str, VtuPart]:
+    """Rigid obstacles in a state, by contact."""
+    points = np.concatenate([body.elastic.model.cloud.points for body in scene.bodies.values()])
+    drawn = obstacles(scene.case, points.min(axis=0), points.max(axis=0))
+    lines = {}
+    for contact in scene.contacts.pairs:
+        if isinstance(contact, RigidContact):
+            places, edges = drawn[contact.name]
+            turned = (places - contact.pivot) @ contact.turn(state.driven).T
+            moved = contact.pivot + contact.motion @ state.driven + turned - places
+            lines[contact.name] = VtuPart(places, edges, {"displacement": moved})
+    return lines
 
 
 class FiniteStrain(Analysis):
     """The analysis at finite strain, with the knots of a ``refinement`` if these are known."""
 
-    def __init__(
-        self,
-        case: Case,
-        prepared: SceneModel,
-        context: RunContext,
-        refinement: Refinement | None = None,
-    ) -> None:
-        super().__init__(case, prepared, context)
-        self._knots = refinement.knots if refinement is not None else ()
-        self._scene: FiniteScene | None = None
-        self._missed: Callable[[], Any] | None = None
-        self._estimates: tuple[State, dict[str, Any]] | None = None
+    _scene: FiniteScene | None = None
+    _missed: Callable[[], Any] | None = None
+    _estimates: tuple[State, dict[str, Any]] | None = None
 
     @property
     def scene(self) -> FiniteScene:
@@ -76,8 +106,8 @@ class FiniteStrain(Analysis):
         self.announce(verdicts)
         with self.context.phase("operators"):
             scene = finite_scene(self.case, self.prepared)
-        if self._knots:
-            scene = with_knots(scene, self._knots)
+        if self.known is not None and self.known.knots:
+            scene = with_knots(scene, self.known.knots)
         elif scene.contacts.pairs:
             with self.context.phase("condensation", "locating contacts"):
                 scene = located(scene, self.context)
@@ -203,7 +233,7 @@ class FiniteStrain(Analysis):
             "error_estimate": self._errors(state, tally),
             "energy_error": work_error(tally),
             "finite_strain": {
-                "law": ", ".join(dict.fromkeys(body.law.kind for body in scene.bodies.values())),
+                "law": ", ".join(dict.fromkeys(body.law.name for body in scene.bodies.values())),
                 **extremes(scene, state),
                 "equations_renewed": tally["renewed"],
                 "limit_points": [

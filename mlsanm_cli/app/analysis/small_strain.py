@@ -9,41 +9,44 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.analysis.small_lines import contact_lines, obstacle_lines, sliding_distance
+from mlsanm_cli.app.analysis.small_contacts import (
+    contact_lines,
+    contact_summary,
+    obstacle_lines,
+    sliding_distance,
+    worst_state,
+)
 from mlsanm_cli.app.checks import end, states
-from mlsanm_cli.app.checks.balance import force_balance, force_mismatch, worst_of
 from mlsanm_cli.app.checks.check import Check, Verdicts
-from mlsanm_cli.app.checks.diagnosis import diagnose, node_fields, worst_nodes
-from mlsanm_cli.app.checks.energy import EnergyErrors, energy_error
+from mlsanm_cli.app.checks.end_contacts import End
+from mlsanm_cli.app.checks.ended import EnergyErrors, worst_of
+from mlsanm_cli.app.checks.energy import energy_error, force_balance, force_mismatch
 from mlsanm_cli.app.checks.overlaps import overlaps
 from mlsanm_cli.app.checks.peaks import boundary_peaks
 from mlsanm_cli.app.checks.quality import assess, factor_notes, nodal_contacts, refinement_pass
-from mlsanm_cli.app.checks.references import reference_profile
 from mlsanm_cli.app.checks.refinement import Adapted, adapt
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.output.analysis import Analysis, BodyFields
-from mlsanm_cli.app.output.parts import ContactNodes, contact_figures, vtu_states
-from mlsanm_cli.app.output.views import Views, shown_fields
-from mlsanm_cli.app.scene.assemble import SceneModel
+from mlsanm_cli.app.output.parts import ContactNodes
+from mlsanm_cli.app.output.views import View, finer_views, shown_fields
+from mlsanm_cli.app.scene.assemble import NOTHING, SceneModel
 from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.laws.failures import SlidingError
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.io.records import Quantities, place
-from mlsanm_cli.io.run_file import Value
+from mlsanm_cli.io.run_file import Quantities, Value, place
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.memo import digest
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.fields import NO_STARTS, Fields, fields_of
-from mlsanm_cli.solve.functionals import cone_ratio, contact_values, plates_turned, quantities, slave_arc
+from mlsanm_cli.solve.fields import NO_STARTS, fields_of
+from mlsanm_cli.solve.functionals import cone_ratio, plates_turned, quantities, slave_arc
 from mlsanm_cli.solve.limit_loads import at_limit
 from mlsanm_cli.solve.paths import load_path
-from mlsanm_cli.solve.state import Checkpoint, PathStep, State, output_positions
+from mlsanm_cli.solve.state import Checkpoint, Fields, PathStep, State, output_positions
 
 WITH_STRESS = {"stress", "von_mises", "strain"}
 """Fields that need stresses."""
@@ -68,20 +71,11 @@ def set_up(
 class SmallStrain(Analysis):
     """The analysis at small strain; the clouds may be those of a ``refinement`` of an earlier process."""
 
-    def __init__(
-        self,
-        case: Case,
-        prepared: SceneModel,
-        context: RunContext,
-        refinement: Refinement | None = None,
-    ) -> None:
-        super().__init__(case, prepared, context)
-        self._known = refinement
-        self._adapted: Adapted | None = None
-        self._first: State | None = None
-        self._stressed: tuple[State, Mapping[str, Fields]] | None = None
-        self._energies: EnergyErrors | None = None
-        self._peaks: Mapping[str, Mapping[str, Any]] = {}
+    _adapted: Adapted | None = None
+    _first: State | None = None
+    _stressed: tuple[State, Mapping[str, Fields]] | None = None
+    _energies: EnergyErrors | None = None
+    _peaks: Mapping[str, Mapping[str, Any]] = NOTHING
 
     @property
     def _built(self) -> CondensedScene:
@@ -98,7 +92,7 @@ class SmallStrain(Analysis):
     def set_up(self, verdicts: Verdicts) -> None:
         """Condenses and refines the scene."""
         self.announce(verdicts)
-        adapted = set_up(self.case, self.prepared, self.context, verdicts, self._known)
+        adapted = set_up(self.case, self.prepared, self.context, verdicts, self.known)
         self._adapted, self.prepared = adapted, adapted.prepared
         if adapted.refined:
             self.quality = assess(self.case, adapted.prepared, self.context.memo)
@@ -149,23 +143,19 @@ class SmallStrain(Analysis):
         if "linear_residual" not in tally:
             with context.phase("output"):
                 unsaved, tally["linear_residual"] = fields_of(built, [last], False, self._starts)[0]
-            yield from self._overlaps(last, unsaved)
+            # At the nodes, as no state was saved.
+            yield from overlaps(self._built, last, self.nodes, displacements(unsaved))
         with context.phase("output"):
             fields = self._stress_fields(last)
             self._energies = energy_error(built, last, fields)
             self._peaks = boundary_peaks(built, last, fields)
         figures = tally["linear_residual"], self._energies, self._peaks
-        yield from end.checks_of(end.End(built, self._first, last, *figures))
+        yield from end.checks_of(End(built, self._first, last, *figures))
         if note := end.idle_note(built, last):
             context.console.note(note)
         self._adapted = self._estimated(last)
         known = self._adapted.accuracy
         yield from end.estimates(built, known.figures(built, last), known.missing)
-
-    def _overlaps(self, last: State, fields: Mapping[str, Fields]) -> Iterator[Check]:
-        """Overlaps of a path without saved states, at the nodes."""
-        moved = {name: one["displacement"] for name, one in fields.items()}
-        return overlaps(self._built, last, self.nodes, moved)
 
     def _stress_fields(self, state: State) -> Mapping[str, Fields]:
         """The fields of all bodies with stresses; recomputed unless the state was the last one saved."""
@@ -201,13 +191,13 @@ class SmallStrain(Analysis):
         return {name: body.model for name, body in self._built.scene.bodies.items()}
 
     @cached_property
-    def _views(self) -> Views:
-        return Views.of(self._built, self.context.memo)
+    def _views(self) -> Mapping[str, View]:
+        return finer_views(self._built, self.prepared.boundaries, self.context.memo)
 
     @property
     def clouds(self) -> Mapping[str, Cloud]:
         """The points at which fields are written, finer than the nodes under contact grids."""
-        return self._views.clouds
+        return {**self.nodes, **{name: view.cloud for name, view in self._views.items()}}
 
     @cached_property
     def contacts(self) -> Mapping[str, ContactNodes]:
@@ -259,7 +249,7 @@ class SmallStrain(Analysis):
 
     def field_checks(self, state: State, fields: BodyFields) -> Iterator[Check]:
         """Overlaps, and surfaces that slide far."""
-        moved = {name: one["displacement"] for name, one in fields.items()}
+        moved = displacements(fields)
         yield from overlaps(self._built, state, self.clouds, moved)
         yield from sliding_distance(self._built, state, self.clouds, moved)
 
@@ -287,22 +277,12 @@ class SmallStrain(Analysis):
         """The bodies in the state of a failed run with residuals of contact nodes, and the worst nodes."""
         if self._adapted is None or state is None:
             return super().diagnosis(state)
-        built = self._built
-        cause = diagnose(built, state)
-        fields, _ = fields_of(built, [state], stress=True)[0]
-        bodies = vtu_states(self.nodes, fields, ("displacement", "stress", "von_mises"))
-        if len(cause["residual"]):
-            more = node_fields(built, cause)
-            bodies = {k: replace(body, data={**body.data, **more[k]}) for k, body in bodies.items()}
-        return list(bodies.values()), {
-            "position": state.position,
-            "worst_nodes": worst_nodes(built, cause),
-        }
+        return worst_state(self._built, state, self.nodes)
 
     @property
     def notes(self) -> Iterator[str]:
         """Notes on factorisations."""
-        return iter(()) if self._adapted is None else factor_notes(self._built.scene)
+        return factor_notes(self._built.scene) if self._adapted else iter(())
 
     def sizes(self, tally: Mapping[str, Any]) -> dict[str, Any]:
         """Numbers of nodes, unknowns and factorisations; passes of the refinement."""
@@ -330,7 +310,7 @@ class SmallStrain(Analysis):
         imbalance, lost, cone = force_balance(built, state), force_mismatch(built, state), tally["cone"]
         energies = dict(self._energies.bodies) if self._energies else {}
         contacts = {
-            one.name: _contact(built, one, state)
+            one.name: contact_summary(built, one, state)
             | {"max_cone_ratio": cone.get(one.name), "force_mismatch": lost.get(one.name)}
             for one in built.condensed.reported
         }
@@ -350,33 +330,13 @@ class SmallStrain(Analysis):
         return end.limits(self.case, None if self._adapted is None else self._adapted.built)
 
 
-def _contact(built: CondensedScene, pairing: Pairing, state: State) -> dict[str, Any]:
-    """The figures of a contact, with those of the reference solution if the case has one."""
-    values = contact_values(built, pairing, state)
-    pressure, force = values["pressure"], built.condensed.contact_forces[pairing.name](*state.unknowns)
-    if pairing.bonded:
-        return {
-            "peak_pressure": float(pressure.max(initial=0.0)),
-            "peak_tension": float(-pressure.min(initial=0.0)),
-            "peak_traction": float(np.abs(values["traction"]).max(initial=0.0)),
-            "force": force.tolist(),
-            "closed_nodes": len(pressure),
-            "stick_nodes": len(pressure),
-        }
-    figures = contact_figures(values, slave_arc(pairing), pressure, force)
-    profile = reference_profile(built, pairing, state)
-    if profile is not None:
-        figures["reference"] = {
-            "solution": built.case.reference.solution if built.case.reference else None,
-            "peak_pressure": profile.peak,
-            "half_width": profile.half_width,
-            "pressure_error_l2": profile.error_l2,
-        }
-    return figures
-
-
 def _symmetry(built: CondensedScene) -> str | None:
     """The symmetry line of the nodes of all bodies, None if there is none."""
     mirrors = [body.model.cloud.mirror for body in built.scene.bodies.values()]
     lines = {None if mirror is None else str(mirror.line) for mirror in mirrors}
     return lines.pop() if len(lines) == 1 else None
+
+
+def displacements(fields: Mapping[str, Fields]) -> dict[str, FloatArray]:
+    """The displacements (n, 2) among the fields of all bodies."""
+    return {name: values["displacement"] for name, values in fields.items()}

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
+from mlsanm_cli.app.checks.check import Check
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.membership import inside_polygon
@@ -168,3 +169,18 @@ def deepest(
 def label(name: str) -> str:
     """Name of the boundary of a surface in the case."""
     return name.partition("/")[0]
+
+
+def overlap_check(
+    found: Sequence[Overlap], position: float, hint: Callable[[Overlap, Sequence[Overlap]], str]
+) -> Check:
+    """The check of overlaps, which names the deepest."""
+    if not found:
+        return Check("overlap", 0.0, "")
+    worst = max(found, key=lambda overlap: overlap.depth)
+    x, y = worst.place
+    message = (
+        f"{worst.boundary} lies inside {worst.other} by {worst.depth:.3g} near ({x:.6g}, {y:.6g}) at "
+        f"position {position:.6g}, and no contact is defined there"
+    )
+    return Check("overlap", len(found), message, hint(worst, found))

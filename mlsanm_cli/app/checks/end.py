@@ -2,103 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import replace
-from functools import cached_property
-from typing import Any, Protocol
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.checks.balance import force_balance, force_mismatch, worst_of
 from mlsanm_cli.app.checks.check import Check
-from mlsanm_cli.app.checks.energy import EnergyErrors
+from mlsanm_cli.app.checks.end_contacts import (
+    End,
+    contact_end,
+    initial_overlap,
+    law_gap,
+    peak_pressure,
+    pressed_spacings,
+    transfer,
+)
+from mlsanm_cli.app.checks.ended import (
+    COMMON,
+    displacement_estimate,
+    force_estimate,
+    pressure_estimate,
+)
 from mlsanm_cli.app.checks.limits import LIMITS, level
 from mlsanm_cli.app.checks.states import body_rotation
-from mlsanm_cli.app.scene.contact_pairs import shape_of
-from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Case, Contact, finer_nodes
-from mlsanm_cli.cloud.cloud import continuations
-from mlsanm_cli.contact.geometry.obstacles import Chain
-from mlsanm_cli.contact.geometry.pairing import Pairing, spacing_ratio
-from mlsanm_cli.contact.geometry.profile import regular_peak
-from mlsanm_cli.records import dataclass
+from mlsanm_cli.case import Case, finer_nodes
+from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.solve.coercivity import stability_limit
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.direction_updates import moment_error, turns
 from mlsanm_cli.solve.state import State
-
-END_DISTANCE = 0.75
-"""Distance from an end, in spacings, within which nodes belong to it."""
-
-
-class Ended(Protocol):
-    """A completed path at either strain, with the missing forces and works of its bodies."""
-
-    @property
-    def case(self) -> Case: ...
-    @property
-    def imbalance(self) -> Mapping[str, float]: ...
-    @property
-    def energies(self) -> EnergyErrors: ...
-
-
-@dataclass(frozen=True)
-class End:
-    """A completed path at small strain: its ``first`` state, None if it was resumed, its ``last`` one, and
-    the estimates of that."""
-
-    built: CondensedScene
-    first: State | None
-    last: State
-    linear_residual: float
-    energies: EnergyErrors
-    peaks: Mapping[str, Mapping[str, Any]]
-
-    @property
-    def case(self) -> Case:
-        return self.built.case
-
-    @cached_property
-    def imbalance(self) -> Mapping[str, float]:
-        """Missing force of every body over the largest force on it."""
-        return force_balance(self.built, self.last)
-
-
-def balance(end: Ended) -> Iterator[Check]:
-    """The body whose forces are farthest from adding up to zero."""
-    if not end.imbalance:
-        return
-    name = worst_of(end.imbalance)
-    error = end.imbalance[name]
-    message = f"force imbalance on body {name}: {100 * error:.2g} % of the largest force"
-    hint = f"{finer_nodes(end.case, [name])} where it is held and around its notches, or use mls.degree = 4"
-    yield Check("force_balance", error, message, hint, f"body {name}")
-
-
-def work(end: Ended) -> Iterator[Check]:
-    """The body whose energy differs most from the work done on it."""
-    name = worst_of(end.energies.bodies)
-    error = end.energies.bodies[name]
-    size = f"{100 * abs(error):.2g} % {'below' if error < 0.0 else 'above'}"
-    message = f"{end.energies.what} body {name} is {size} the work done on it"
-    where = end.energies.thin.get(name) or "where it is held and around its notches"
-    hint = f"{finer_nodes(end.case, [name])}, above all {where}"
-    yield Check(end.energies.name, abs(error), message, hint, f"body {name}")
-
-
-def single_nodes(end: Ended) -> Iterator[Check]:
-    """Bodies held at single nodes, whose displacements depend on the spacing."""
-    for name, part in end.energies.pointed.items():
-        yield Check(
-            "single_nodes",
-            part,
-            f"body {name} is held at single nodes: displacements next to a point force are unbounded, and "
-            f"grow by about {100 * part:.2g} % when its spacing is halved",
-            "support a part of a boundary (from, to), or measure displacements relative to another point "
-            "than the fixed one",
-            f"body {name}",
-        )
 
 
 def stability(end: End) -> Iterator[Check]:
@@ -117,123 +51,6 @@ def linear_residual(end: End) -> Iterator[Check]:
     )
 
 
-def pressed_spacings(end: End) -> Iterator[Check]:
-    """Spacings of surfaces with nodal pressures in contact: pressures of too different ones look
-    plausible."""
-    clouds = {name: body.model.cloud for name, body in end.built.scene.bodies.items()}
-    for pairing in end.built.condensed.pairings:
-        if pairing.grid is not None:
-            continue
-        closed = np.zeros_like(pairing.candidate)
-        closed[pairing.candidate] = end.last.closed[end.built.condensed.spans[pairing.name]]
-        ratio = spacing_ratio(replace(pairing, candidate=closed), clouds)
-        yield Check(
-            "pressed_spacings",
-            ratio,
-            f"contact {pairing.name}: spacings of the surfaces in contact differ by a factor of {ratio:.3g}",
-            f"bring the spacings of {' and '.join(pairing.names)} closer together where they touch",
-            f"contact {pairing.name}",
-        )
-
-
-def initial_overlap(end: End) -> Iterator[Check]:
-    """Pressures before any load of surfaces that are drawn overlapping."""
-    given = {contact.name for contact in end.case.contact if contact.gap != 0.0}
-    if end.first is None or end.first.position > 0.0:
-        return
-    for pairing in end.built.condensed.pairings:
-        span = end.built.condensed.spans[pairing.name]
-        before, after = (float(state.pressure[span].max(initial=0.0)) for state in (end.first, end.last))
-        gap, partner = pairing.gap[pairing.candidate], pairing.partner[pairing.candidate]
-        overlaps = (gap < -ROUND_OFF * np.abs(partner).max(initial=0.0)).any()
-        if pairing.name in given or not before > 0.0 or not overlaps:
-            continue
-        deepest = int(np.argmin(gap))
-        x, y = partner[deepest]
-        yield Check(
-            "initial_overlap",
-            before / after if after > 0.0 else np.inf,
-            f"contact {pairing.name}: the surfaces overlap as drawn, by {-gap[deepest]:.3g} near "
-            f"({x:.6g}, {y:.6g}), and press on each other with up to {before:.4g} before any load",
-            f"draw them touching, or give contact.{pairing.name}.interference if they are a press fit",
-            f"contact {pairing.name}",
-        )
-
-
-def contact_end(end: End) -> Iterator[Check]:
-    """Pressures at ends of contacts where the boundary continues: they are those of the rest of it."""
-    built, state = end.built, end.last
-    contacts = {contact.name: contact for contact in end.case.contact}
-    for pairing in built.condensed.pairings:
-        contact, span = contacts[pairing.name], built.condensed.spans[pairing.name]
-        pressure, weight, closed = state.pressure[span], built.condensed.weight[span], state.closed[span]
-        if not closed.any():
-            continue
-        mean = float(weight @ pressure) / float(weight[closed].sum())
-        for (body, slave, _), side in zip(pairing.sides, contact.sides, strict=True):
-            elastic = built.scene.bodies[body]
-            cloud = elastic.model.cloud
-            places = (pairing.points if slave else pairing.partner)[pairing.candidate]
-            surface = pairing.surface_of(slave)
-            for place, name in continuations(cloud, surface):
-                node, beyond = surface.index[place], name.partition("/")[0]
-                tip, close = cloud.points[node], END_DISTANCE * cloud.spacing[node]
-                known = np.concatenate([_bonded_nodes(built, body), _obstacle_corners(contact)])
-                held = elastic.held.get(name) == (True, True)
-                if held or (np.hypot(*(known - tip).T) <= close).any():
-                    continue
-                near = closed & (np.hypot(*(places - tip).T) <= close)
-                listed = ", ".join(f'"{one}"' for one in (*side.boundaries, f"{body}.{beyond}"))
-                role = "slave" if slave else "master"
-                yield Check(
-                    "contact_end",
-                    float(pressure[near].max(initial=0.0)) / mean if mean > 0.0 else 0.0,
-                    f"contact {pairing.name} is pressed up to the end of {side.label} near "
-                    f"({tip[0]:.6g}, {tip[1]:.6g}), where {body}.{beyond} continues without a corner and "
-                    f"should carry a part of the pressure",
-                    f"add it to the contact, as in contact.{pairing.name}.{role} = [{listed}]",
-                    f"contact {pairing.name} at ({tip[0]:.6g}, {tip[1]:.6g})",
-                )
-
-
-def _bonded_nodes(built: CondensedScene, body: str) -> FloatArray:
-    """Nodes (n, 2) of a body on bonds, which may begin at the end of a surface, as at a crack tip."""
-    bonds = built.condensed.bonds.pairings
-    slaves = [one.points for one in bonds if one.slave_body == body]
-    masters = [one.partner for one in bonds if one.master_body == body]
-    return np.concatenate([np.zeros((0, 2)), *slaves, *masters])
-
-
-def _obstacle_corners(contact: Contact) -> FloatArray:
-    """Corners (n, 2) of the obstacle of a contact, as those of a punch."""
-    shape = None if contact.obstacle is None else shape_of(contact.obstacle)
-    return shape.points[~shape.smooth] if isinstance(shape, Chain) else np.zeros((0, 2))
-
-
-def peak_pressure(end: End) -> Iterator[Check]:
-    """Peak pressures off the ends of contacts that no material carries, as at a rigid tip."""
-    built = end.built
-    for pairing in built.condensed.pairings:
-        chosen = np.flatnonzero(pairing.candidate)
-        if not len(chosen):
-            continue
-        pressure = end.last.pressure[built.condensed.spans[pairing.name]]
-        at = chosen[[int(np.argmax(pressure))]]
-        materials = [built.scene.bodies[name].model.material for name in pairing.bodies]
-        compliance = sum(float(one.contact_compliance(pairing.normal[at]).sum()) for one in materials)
-        peak = regular_peak(pairing.arc[chosen], pressure)
-        x, y = pairing.points[at[0]].tolist()
-        yield Check(
-            "peak_pressure",
-            peak * compliance,
-            f"contact {pairing.name}: the peak pressure {peak:.3g} near ({x:.6g}, {y:.6g}) is "
-            f"{peak * compliance:.3g} times the contact modulus, which no material carries",
-            "at a sharp tip or edge it is unbounded and depends on the grid: judge by forces, or round the "
-            "tip; elsewhere check the units of the moduli against those of the loads",
-            f"contact {pairing.name}",
-        )
-
-
 def strain(end: End) -> Iterator[Check]:
     """Bodies strained beyond the validity of a linear model."""
     materials = {body.name: body.material for body in end.case.body}
@@ -243,23 +60,9 @@ def strain(end: End) -> Iterator[Check]:
             largest,
             f"body {body} is strained or rotated by {100.0 * largest:.3g} %, but the linear model is valid "
             f"for a few percent only",
-            f"check the units of material.{materials[body]} against those of the loads",
+            'use model.strain = "finite" if it bends so far, '
+            f"else check the units of material.{materials[body]} against those of the loads",
             f"body {body}",
-        )
-
-
-def transfer(end: End) -> Iterator[Check]:
-    """Different forces on slave and master."""
-    mismatches = force_mismatch(end.built, end.last)
-    for pairing in end.built.condensed.pairings:
-        lost = mismatches[pairing.name]
-        keys = " and ".join(f"body.{body}.spacing" for body in pairing.bodies)
-        yield Check(
-            "force_mismatch",
-            lost,
-            f"contact {pairing.name}: the forces on slave and master differ by {100.0 * lost:.2g} %",
-            f"bring {keys} closer together where they touch, or {finer_nodes(end.case, pairing.bodies)}",
-            f"contact {pairing.name}",
         )
 
 
@@ -311,9 +114,6 @@ def no_pressure(end: End) -> Iterator[Check]:
     )
 
 
-COMMON: Sequence[Callable[[Ended], Iterator[Check]]] = (balance, work, single_nodes)
-"""Checks of a completed path at either strain."""
-
 # The strain comes before the checks that fail for inconsistent units, so that the warning names the cause.
 END: Sequence[Callable[[End], Iterator[Check]]] = (
     *(
@@ -327,7 +127,7 @@ END: Sequence[Callable[[End], Iterator[Check]]] = (
         transfer,
     ),
     *COMMON,
-    *(peak_stress, held_motion, lambda end: body_rotation(end.built, end.last)),
+    *(peak_stress, law_gap, held_motion, lambda end: body_rotation(end.built, end.last)),
     no_pressure,
 )
 """Checks of a completed path at small strain."""
@@ -339,6 +139,16 @@ def checks_of(end: End) -> Iterator[Check]:
         yield from check(end)
 
 
+def _turned_too_far(names: str, angle: float, share: float) -> str:
+    """What the rotation (radian) of bodies does to a limit load, a relative error of ``share``."""
+    if abs(angle) > math.pi:
+        return f"{names} turns round and round: a mechanism, which limits no load at small strain"
+    return (
+        f"{names} has rotated by {np.degrees(angle):.2g} degrees without its contacts moving along its "
+        f"surface: the moment at the limit is up to {100.0 * share:.2g} % too large"
+    )
+
+
 def limit_load(built: CondensedScene, state: State) -> Iterator[Check]:
     """A limit load close to a ``state`` that is too large, as the contacts of a rotated body have not moved
     along its surface."""
@@ -347,9 +157,7 @@ def limit_load(built: CondensedScene, state: State) -> Iterator[Check]:
         yield Check(
             "limit_load",
             turned.share,
-            f"{turned.names} has rotated by {np.degrees(turned.angle):.2g} degrees without its contacts "
-            f"moving along its surface: the moment at the limit is up to {100.0 * turned.share:.2g} % too "
-            f"large",
+            _turned_too_far(turned.names, turned.angle, turned.share),
             'use model.strain = "finite", or stiffer materials',
             turned.names,
         )
@@ -387,42 +195,6 @@ def estimates(built: CondensedScene, figures: Mapping[str, Any], missing: str) -
         yield from pressure_estimate(
             pressure_limit(pairing), built.case, name, pairing.bodies, figures["pressure"].get(name), finer
         )
-
-
-def displacement_estimate(case: Case, figures: Mapping[str, Any]) -> Iterator[Check]:
-    """The largest estimated error of displacements, of all or at a probe."""
-    probes = figures.get("probes", {}).items()
-    errors = {f"the displacement at probe {name} is": error for name, error in probes}
-    if figures["displacement"] is not None:
-        errors["displacements are"] = figures["displacement"]
-    if errors:
-        worst, names = worst_of(errors), [body.name for body in case.body]
-        yield Check(
-            "displacement_error",
-            errors[worst],
-            f"{worst} estimated to be off by {100 * errors[worst]:.2g} %",
-            f"{finer_nodes(case, names)}, above all where bodies are held, loaded or bent",
-        )
-
-
-def force_estimate(limit: str, case: Case, contact: str, bodies: Collection[str], error: float) -> Check:
-    """Estimated error of the force of a contact that finer nodes in ``bodies`` reduce."""
-    return Check(
-        limit,
-        error,
-        f"contact {contact}: its force is estimated to be off by {100 * error:.2g} %",
-        f"{finer_nodes(case, bodies)}, above all where bodies are held or touch",
-        f"contact {contact}",
-    )
-
-
-def pressure_estimate(
-    limit: str, case: Case, contact: str, bodies: Collection[str], error: float | None, more: str = ""
-) -> Iterator[Check]:
-    """Estimated error of the pressures of a contact, if there is one; ``more`` of a hint."""
-    if error is not None:
-        message = f"contact {contact}: pressures are estimated to be off by {100 * error:.2g} %"
-        yield Check(limit, error, message, f"{finer_nodes(case, bodies)}{more}", f"contact {contact}")
 
 
 def pressure_limit(pairing: Pairing) -> str:

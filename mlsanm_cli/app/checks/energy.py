@@ -1,24 +1,72 @@
-"""Comparison of twice the strain energy of every body with the work done on it."""
+"""Balances of forces and energies: missing forces relative to those that act, and twice the strain energy of
+every body compared with the work done on it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import field
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from mlsanm_cli.app.checks.balance import largest_force, least_force
+from mlsanm_cli.app.checks.ended import NODE_FORCE_SHIFT, EnergyErrors, thin_part
 from mlsanm_cli.app.checks.limits import level
 from mlsanm_cli.app.scene.assemble import single_nodes
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.response.work import work_on
 from mlsanm_cli.mechanics.energy import energy_at_tips, energy_between_nodes, twice_strain_energy
-from mlsanm_cli.records import dataclass
-from mlsanm_cli.roundoff import COARSE_ROUND_OFF
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.fields import Fields
-from mlsanm_cli.solve.state import State
+from mlsanm_cli.solve.state import UNLOADED, Fields, State
+
+
+def force_balance(built: CondensedScene, state: State) -> dict[str, float]:
+    """Resultant of all forces on each body over the largest force on it, in a state."""
+    unbalanced = built.condensed.imbalance(*state.unknowns).reshape(-1, 2)
+    per_body = {}
+    for number, name in enumerate(built.scene.bodies):
+        largest = max(largest_force(built, name, state.unknowns), least_force(built, name))
+        size = float(np.hypot(*unbalanced[number]))
+        per_body[name] = 0.0 if largest == 0.0 else size / largest
+    return per_body
+
+
+def largest_force(built: CondensedScene, body: str, unknowns: Sequence[FloatArray]) -> float:
+    """Largest force on a body in a state f, q, p, t. The magnitudes of pressures, tractions and body forces
+    are summed, so that press fits and couples, whose resultants vanish, count."""
+    condensed, (factors, _, pressure, _) = built.condensed, unknowns
+    sizes = [
+        float(condensed.weight[span] @ np.abs(pressure[span]))
+        for pairing, span in zip(condensed.pairings, condensed.spans.values(), strict=True)
+        if body in pairing.bodies
+    ]
+    for pairing in condensed.bonds.pairings:
+        if body in pairing.bodies:
+            size = np.hypot(*condensed.bonds.values(pairing.name, unknowns))
+            sizes.append(float(pairing.weight[pairing.candidate] @ size))
+    maps = [condensed.forces[load.name] for load in built.case.load if body in load.owners]
+    sizes += [abs(factors[number]) * size for number, size in built.scene.sizes[body]]
+    sizes.append(built.scene.heat_force(body, factors))
+    return float(np.max([*sizes, *(np.hypot(*force(*unknowns)) for force in maps)]))
+
+
+def least_force(built: CondensedScene, body: str) -> float:
+    """Force below which those on a body are not checked, from those at the ends of stages: on it, and, if
+    nothing loads it, on all."""
+    sizes = {
+        name: max((largest_force(built, name, end.unknowns) for end in built.ends), default=0.0)
+        for name in built.scene.bodies
+    }
+    return max(UNLOADED * sizes[body], ROUND_OFF * max(sizes.values()))
+
+
+def force_mismatch(built: CondensedScene, state: State) -> dict[str, float]:
+    """Difference of the forces on slave and master over the normal force, by contact."""
+    found = {}
+    for name, span in built.condensed.spans.items():
+        pressed = float(built.condensed.weight[span] @ np.abs(state.pressure[span]))
+        lost = float(np.hypot(*built.condensed.mismatches[name](*state.unknowns)))
+        found[name] = lost / pressed if pressed else 0.0
+    return found
+
 
 MIN_ENERGY_SHARE = 1e-3
 """Bodies with less than this part of the total energy have an accordingly smaller weight."""
@@ -27,33 +75,12 @@ MIN_THERMAL_SHARE = 0.1
 NODE_FORCE_ENERGY = 0.3
 """Energy under a single node that exerts a force F which the integrals miss, over F^2/E', at any
 spacing."""
-NODE_FORCE_SHIFT = 2.0 * np.log(2.0) / np.pi
-"""Increase of the work, over F^2/E', by the displacement of the node with half the spacing, without limit."""
-BENDING_NODES = 5
-"""Nodes across parts required for bending."""
 MIN_ENERGY_DEGREE = 3
 """Degree from which on energies estimate errors of clamped bodies better than fits of the next degree."""
 MIN_BENDING_SHARE = 0.1
 """Not if contacts with contact grids do more than this part of the work by themselves."""
 STRAIN_QUANTILE = 0.99
 """Larger strains are those at corners, where they are unbounded."""
-
-
-@dataclass(frozen=True)
-class EnergyErrors:
-    """By body the relative difference of twice the strain energy and the work, the strain, the relative
-    increase of the work at single supported nodes with half the spacing (``pointed``) and a description of
-    parts with too few nodes across (``thin``). ``deflection`` is the root mean square error of the
-    displacements, relative, as far as only the energies show it. ``name`` is the limit of the differences,
-    ``what`` the quantity compared with the work."""
-
-    bodies: Mapping[str, float]
-    strains: Mapping[str, float] = field(default_factory=dict)
-    pointed: Mapping[str, float] = field(default_factory=dict)
-    thin: Mapping[str, str] = field(default_factory=dict)
-    deflection: float = 0.0
-    name: str = "energy_error"
-    what: str = "twice the strain energy of"
 
 
 def energy_error(built: CondensedScene, state: State, fields: Mapping[str, Fields]) -> EnergyErrors:
@@ -120,20 +147,6 @@ def _deflection(built: CondensedScene, errors: Mapping[str, float], fields: Mapp
             lost += errors[name] ** 2 * squares[name]
     whole = sum(squares.values())
     return float(np.sqrt(lost / whole)) if whole > 0.0 else 0.0
-
-
-def thin_part(cloud: Cloud) -> str:
-    """Place where a body has too few nodes across for bending, and the spacing it needs ("" if none)."""
-    across = cloud.spacings_across
-    if across > BENDING_NODES - 1.5:
-        return ""
-    node = (cloud.widths / cloud.spacing).argmin()
-    x, y = cloud.points[node]
-    size = cloud.widths[node] / (BENDING_NODES - 1)
-    return (
-        f"near ({x:.6g}, {y:.6g}), where it has {round(across) + 1} nodes across: parts in "
-        f"bending need {BENDING_NODES} or more, a spacing of {size:.3g}"
-    )
 
 
 def _on_single_nodes(built: CondensedScene, state: State) -> dict[str, float]:

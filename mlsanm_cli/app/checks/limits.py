@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from mlsanm_cli.solve.coercivity import CONTACT_LIMIT
-from mlsanm_cli.solve.direction_updates import INSTABILITY_RATIO
+from mlsanm_cli.solve.state import CONTACT_LIMIT, INSTABILITY_RATIO
 
 
 class Limit(NamedTuple):
@@ -44,6 +43,8 @@ MODEL: Mapping[str, Limit] = {
     "weak_motion": Limit(ANY, None, "motions along the surfaces in contact that are hardly resisted"),
     "reentrant_corners": Limit(ANY, None, "sharp corners that point into the material of a body"),
     "plane_stiffness": Limit(ANY, None, "materials whose stress out of the plane is not known"),
+    "moduli": Limit(3e5, None, "largest modulus over the smallest; that of steel over soft rubber is 3e5"),
+    "pulled_apart": Limit(ANY, None, "bodies that loads pull away from the only contact that holds them"),
     "friction_coefficient": Limit(4.0, None, "coefficient of friction; that of rubber is up to 4"),
     "refinement_pass": Limit(ANY, None, "passes of a refinement that failed; results are those before it"),
 }
@@ -57,6 +58,7 @@ STATE: Mapping[str, Limit] = {
     "overlap": Limit(None, ANY, "boundaries inside a body or an obstacle without a contact there"),
     "self_overlap": Limit(ANY, None, "points of a boundary inside its own body; fails at finite strain"),
     "sliding_distance": Limit(0.25, None, "sliding at small strain over the width of the contact"),
+    "uniqueness": Limit(ANY, None, "motions along contacts with friction that no force determines"),
     "snap": Limit(ANY, None, "jumps of a contact with friction, whose path is not continuous"),
     "body_rotation": Limit(
         0.03, INSTABILITY_RATIO, "moment of forces by the rotation of a body over the moment that resists it"
@@ -86,6 +88,7 @@ END: Mapping[str, Limit] = {
     "peak_stress": Limit(0.03, None, "estimated error of the largest stress on a free boundary"),
     "held_motion": Limit(0.01, None, "part of a contact force along a motion that is fixed at 0"),
     "limit_load": Limit(0.01, None, "part of a limit load from contacts that do not move as they should"),
+    "law_gap": Limit(0.02, None, "mean gap below pressures of the regularised law over the displacements"),
     "no_pressure": Limit(ANY, None, "scenes without contact pressure at the end of any stage"),
     "missing_estimates": Limit(ANY, None, "missing error estimates"),
     "displacement_error": Limit(0.02, None, "estimated error of displacements, of the whole or at a probe"),

@@ -7,7 +7,7 @@ overlaps are ignored, as are those next to a corner of a surface in contact, whi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from itertools import permutations
 
@@ -22,6 +22,7 @@ from mlsanm_cli.app.checks.deformed import (
     inside,
     label,
     outline_of,
+    overlap_check,
 )
 from mlsanm_cli.app.scene.contact_pairs import profile_of, shape_of
 from mlsanm_cli.arrays import BoolArray, FloatArray
@@ -54,21 +55,6 @@ def overlaps(
     found += list(_with_obstacles(built, state, outlines, given))
     yield overlap_check(found, state.position, partial(_hint, built))
     yield from _self_overlaps(state.position, outlines)
-
-
-def overlap_check(
-    found: Sequence[Overlap], position: float, hint: Callable[[Overlap, Sequence[Overlap]], str]
-) -> Check:
-    """The check of overlaps, which names the deepest."""
-    if not found:
-        return Check("overlap", 0.0, "")
-    worst = max(found, key=lambda overlap: overlap.depth)
-    x, y = worst.place
-    message = (
-        f"{worst.boundary} lies inside {worst.other} by {worst.depth:.3g} near ({x:.6g}, {y:.6g}) at "
-        f"position {position:.6g}, and no contact is defined there"
-    )
-    return Check("overlap", len(found), message, hint(worst, found))
 
 
 def _given_gaps(built: CondensedScene) -> dict[str, float]:

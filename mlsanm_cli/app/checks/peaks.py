@@ -26,8 +26,7 @@ from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.springs import FREE, NO_SPRING
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.fields import Fields
-from mlsanm_cli.solve.state import State
+from mlsanm_cli.solve.state import Fields, State
 
 NEIGHBORHOOD = 3.2
 """Nodes within so many spacings are in the neighbourhood of a node."""

@@ -12,10 +12,10 @@ from mlsanm_cli.app.checks.check import Check, Verdicts
 from mlsanm_cli.app.checks.limits import level
 from mlsanm_cli.app.checks.load_checks import load_resolution, loaded_length
 from mlsanm_cli.app.context import RunContext
+from mlsanm_cli.app.scene import pulls
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.refinement import Refinement
-from mlsanm_cli.case import Case, finer_nodes
-from mlsanm_cli.cloud.joined import corners_of
+from mlsanm_cli.case import Case, finer_nodes, rounded
 from mlsanm_cli.cloud.quality import measure
 from mlsanm_cli.contact.geometry.pairing import Pairing, spacing_ratio
 from mlsanm_cli.contact.response.coercivity import stiffness_ratio
@@ -148,7 +148,7 @@ def nodal_contacts(
             "slave_stiffness",
             stiffer,
             f"{place}: the slave is {stiffer:.3g} times stiffer than the master",
-            "swap them: pressures are more accurate with the softer body as slave",
+            "swap them, `from` and `to` too: pressures are more accurate with the softer body as slave",
             place,
         )
 
@@ -186,7 +186,7 @@ def _corners_inside(pairing: Pairing) -> Iterator[Check]:
     corners."""
     sides = ((pairing.slave, pairing.points), (pairing.master, pairing.partner))
     for (surface, points), name in zip(sides, pairing.names, strict=False):
-        corners = np.zeros(0) if surface is None else corners_of(surface.curve)
+        corners = np.zeros(0) if surface is None else surface.curve.corners
         if surface is None or not len(corners):
             continue
         arcs = surface.curve.closest(points[pairing.candidate])
@@ -273,7 +273,7 @@ def corners(model: Quality) -> Iterator[Check]:
                 "reentrant_corners",
                 len(sharp),
                 f"body {name}: a sharp corner points into the material at ({x:.6g}, {y:.6g}){more}; the "
-                f"stress there is singular{slow}: give it a radius in body.{name}.shape.rounding",
+                f"stress there is singular{slow}: {rounded(model.case, name)}",
                 place=f"body {name}",
             )
 
@@ -292,6 +292,34 @@ def materials(model: Quality) -> Iterator[Check]:
             )
 
 
+def moduli(model: Quality) -> Iterator[Check]:
+    """Bodies in contact whose moduli may have different units."""
+    for pairing in model.prepared.pairings:
+        ratio = stiffness_ratio(pairing, model.prepared.models)
+        if ratio > 0.0:
+            stiffer = max(ratio, 1.0 / ratio)
+            place = f"contact {pairing.name}"
+            yield Check(
+                "moduli",
+                stiffer,
+                f"{place}: one body is {stiffer:.2g} times as stiff as the other",
+                "check that the moduli of all materials have the same unit",
+                place,
+            )
+
+
+def pulled_apart(model: Quality) -> Iterator[Check]:
+    """Loads of the wrong sign."""
+    for load, body, contact in pulls.pulled_apart(model.case, model.prepared.pairings):
+        yield Check(
+            "pulled_apart",
+            1.0,
+            f"load {load} pulls {body} away from contact {contact}, which alone holds it",
+            "change its sign",
+            f"load {load}",
+        )
+
+
 def friction(model: Quality) -> Iterator[Check]:
     """Coefficients of friction."""
     for contact in model.case.touching:
@@ -308,6 +336,6 @@ def friction(model: Quality) -> Iterator[Check]:
 
 MODEL: Sequence[Callable[[Quality], Iterator[Check]]] = (
     *(clouds, facing_surfaces, bonded_curves, degree, initial_gap, loads, weak_motions, corners),
-    *(materials, friction),
+    *(materials, moduli, pulled_apart, friction),
 )
 """Checks of a model."""

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mlsanm_cli.app.scene.materials import materials
-from mlsanm_cli.app.scene.outlines import drawn, numbers_of
+from mlsanm_cli.app.scene.outlines import drawn
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Contact, DiskObstacle, LoadedCase, Mesh, Points, split_boundary
 from mlsanm_cli.cloud.curves import Arc, Curve, Segment
@@ -16,8 +17,10 @@ from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.reference.hertz import HertzLine
-from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.state import State
+
+if TYPE_CHECKING:
+    from mlsanm_cli.solve.condensed_scene import CondensedScene
+    from mlsanm_cli.solve.state import State
 
 SAMPLES = 4001
 
@@ -128,7 +131,7 @@ def _curve(case: Case, boundary: str) -> Curve | None:
     if isinstance(shape, Mesh | Points):
         return None
     outline = drawn(shape)
-    numbers = numbers_of(outline, edge)
+    numbers = outline.numbers(edge)
     return outline.curves[numbers[0]] if len(numbers) == 1 else None
 
 

@@ -1,50 +1,37 @@
 """``mlsanm compare``: several methods on the same scene and operators. The rules of the comparison are in
-docs/methods-compared.md."""
+docs/methods-compared.md.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from mlsanm_cli.app.checks.references import check_reference
-from mlsanm_cli.app.comparison.precision import draw_precision
+from mlsanm_cli.app.comparison.measure import Comparison, Measured
 from mlsanm_cli.app.context import Clock, Console, RunContext
-from mlsanm_cli.app.output.provenance import attributes
+from mlsanm_cli.app.output.checkpoint import attributes
 from mlsanm_cli.app.run import RESULTS
 from mlsanm_cli.app.scene.imported import load_with_files
 from mlsanm_cli.case import Case, LoadedCase
 from mlsanm_cli.io import run_dir
+from mlsanm_cli.io.plots.curves import Curve, Panel, Picture, draw
+from mlsanm_cli.io.plots.figures import REFERENCE_LINE
 from mlsanm_cli.io.summary import write_json_atomic
-from mlsanm_cli.records import dataclass
-
-
-@dataclass(frozen=True)
-class CompareOptions:
-    """Options of a comparison.
-
-    ``methods`` besides ANM; ``analytic``: errors against the reference of the case; ``levels`` per stage at
-    which states are compared; ``tolerance``: largest difference between methods with the same law (None: from
-    solver.tolerance); ``repeat``: repetitions of each path; ``picture``: whether to draw the diagram.
-    """
-
-    methods: tuple[str, ...] = ()
-    analytic: bool = False
-    levels: int = 10
-    tolerance: float | None = None
-    repeat: int = 1
-    picture: bool = True
-
-
-Changed = Callable[..., LoadedCase]
-"""Returns the case with further changes."""
 
 
 def compare(
     case_path: Path,
-    options: CompareOptions,
     *,
+    methods: Sequence[str] = (),
+    analytic: bool = False,
+    levels: int = 10,
+    tolerance: float | None = None,
+    repeat: int = 1,
+    picture: bool = True,
     overrides: tuple[str, ...] = (),
     out: Path | None = None,
     force: bool = False,
@@ -53,6 +40,10 @@ def compare(
     argv: tuple[str, ...] = (),
 ) -> Mapping[str, Any]:
     """Solves a case by several methods and writes comparison.json and a picture.
+
+    ``methods`` besides ANM; ``analytic``: errors against the reference of the case; ``levels`` per stage at
+    which states are compared; ``tolerance``: largest difference between methods with the same law (None: from
+    solver.tolerance); ``repeat``: repetitions of each path; ``picture``: whether to draw the diagram.
 
     Returns the mapping of comparison.json with the ``directory`` added; its ``status`` is "agree", "disagree"
     (or a method other than ANM failed) or "failed" (ANM failed). Raises CaseError or RunError, with nothing
@@ -65,25 +56,40 @@ def compare(
 
     loaded, directory = changed(), out or RESULTS / case_path.stem
     check_reference(loaded)
+    kind: type[Comparison]
     if loaded.case.model.strain == "small":
-        from mlsanm_cli.app.comparison.small_strain import followed, refuse
+        from mlsanm_cli.app.comparison.small_strain import SmallComparison as kind
     else:
-        from mlsanm_cli.app.comparison.finite_strain import followed, refuse
-    refuse(loaded.case, options)
+        from mlsanm_cli.app.comparison.finite_strain import FiniteComparison as kind
+    kind.refuse(loaded.case, methods, analytic)
     run_dir.check_comparison(directory, force)
-    levels = f"output.at={_levels(loaded.case, options.levels)!r}"
-    found, curves = followed(options, context, changed, partial(changed, levels))
+    scene = kind(methods, context, changed, _levels(loaded.case, levels))
+    rows = []
+    for name in scene.methods:
+        console.phase(f"following the path: {name}")
+        rows.append(scene.measure(name, repeat))
+    scene.judge(rows[0])
+    limits = scene.limits(tolerance)
+    table = [_figures(scene, row, rows, context.clock, analytic, limits) for row in rows]
     result = {
         "case": str(loaded.path),
         "title": loaded.case.title,
         "overrides": list(overrides),
-        "warnings": [],
-        **found,
+        "status": agreement(table),
+        "levels": sorted(rows[0].states),
+        "limits": limits,
+        **scene.sizes,
+        "methods": table,
+    }
+    curves = scene.curves(rows) if picture and rows[0].done else {}
+    result |= {"precision": curves} if curves else {}
+    for warning in scene.warnings:
+        console.warning(warning)
+    result |= {
+        "warnings": scene.warnings,
         "seconds": context.clock.seconds,
         "provenance": attributes(loaded, argv, threads),
     }
-    for warning in result["warnings"]:
-        console.warning(warning)
     run_dir.prepare_comparison(directory, force)
     if curves.get("smooth"):
         draw_precision(directory, curves)
@@ -97,3 +103,78 @@ def _levels(case: Case, count: int) -> list[float]:
     # Rounded, so that equal levels of the case are the same number.
     even = {round(stage + i / count, 12) for stage in stages for i in range(1, count + 1)}
     return sorted(even | {position for position in case.output.at if position > 0.0})
+
+
+def _figures(
+    scene: Comparison,
+    row: Measured,
+    rows: Sequence[Measured],
+    clock: Clock,
+    analytic: bool,
+    limits: Mapping[str, float],
+) -> dict[str, Any]:
+    """One method as in comparison.json, with the seconds of its set-up, and its differences from the first of
+    the preceding methods with the same law, else from ANM."""
+    setup, condensed = scene.setup(row.name)
+    own, none = (row.factorizations, row.solves), (0, 0)
+    dense, sparse = (none, own) if condensed is None else (own, condensed)
+    found: dict[str, Any] = {
+        "method": row.name,
+        "law": row.law,
+        "status": "done" if row.done else "failed",
+        "steps": row.steps,
+        "iterations": row.iterations,
+        "dense_factorizations": dense[0],
+        "sparse_factorizations": sparse[0],
+        "dense_solves": dense[1],
+        "sparse_solves": sparse[1],
+        "seconds_setup": sum(clock.seconds[phase] for phase in setup),
+        "seconds_path": row.seconds,
+    }
+    if not row.done:
+        return found | {"reason": row.failure, "hint": row.hint}
+    if analytic:
+        found["reference_error"] = scene.reference_error(row)
+    before = [one for one in rows[: rows.index(row)] if one.done]
+    against = next(iter([*(one for one in before if one.law == row.law), *before]), None)
+    if against is None:
+        return found
+    same = against.law == row.law
+    limit = next(iter(limits.values())) if same else limits["other_law"]
+    apart = scene.difference(row.states, against.states)
+    agrees = all(value <= limit for value in apart.values())
+    found |= {"against": against.name, "difference": apart, "limit": limit, "agrees": agrees}
+    return found if same or agrees else found | scene.convergence(row, against)
+
+
+def agreement(table: Sequence[Mapping[str, Any]]) -> str:
+    """The status of a comparison from its rows, ANM first: "agree", "disagree", or "failed" if ANM failed."""
+    if table[0]["status"] == "failed":
+        return "failed"
+    agree = all(row["status"] == "done" and row.get("agrees", True) for row in table)
+    return "agree" if agree else "disagree"
+
+
+FACTORIZATIONS = "factorisations of tangents"
+
+
+def draw_precision(directory: Path, curves: Mapping[str, Any]) -> None:
+    """Draws errors against CPU seconds and against factorisations, one curve per method, in the directory of
+    comparison.json. The cost for the exact law, the reference of the errors, is a vertical line."""
+    errors = [point["error"] for points in curves["smooth"].values() for point in points]
+    panels = []
+    for key, label in (("seconds", "CPU seconds of the path"), ("factorizations", FACTORIZATIONS)):
+        drawn, notes = [], []
+        for name, points in curves["smooth"].items():
+            cost, error = (np.array([point[part] for point in points]) for part in (key, "error"))
+            drawn.append(Curve(cost, error, name))
+            if label == FACTORIZATIONS:
+                notes += [(f"eta {one['eta']:.2g}", one[key], one["error"]) for one in points]
+        if curves["exact"] and errors:
+            cost = np.full(2, curves["exact"][key])
+            drawn.append(
+                Curve(cost, np.array([min(errors), max(errors)]), "active set, exact law", REFERENCE_LINE)
+            )
+        panels.append(Panel(drawn, label, "pressure, error against the exact law", notes=notes, scale="log"))
+    picture = Picture(panels, "", "outside upper center", (8.4, 3.8), beside=True)
+    draw(directory / run_dir.picture_name("comparison", "png"), picture)

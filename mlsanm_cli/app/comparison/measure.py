@@ -1,69 +1,41 @@
-"""The methods of `mlsanm compare`, as changes of the case by ``--set``, and their measurement: states at the
-levels, work, or failure."""
+"""A scene whose path several methods follow, and the measurement of each: states at the levels, work, or
+failure."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from statistics import median
-from typing import Any
+from typing import Any, ClassVar
 
-from mlsanm_cli.app.checks.check import Verdicts
-from mlsanm_cli.app.checks.states import checks_of
-from mlsanm_cli.case import Case
+from mlsanm_cli.app.context import RunContext
+from mlsanm_cli.case import Case, LoadedCase
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.records import dataclass
-from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.paths import load_path
-from mlsanm_cli.solve.state import PathStep
+from mlsanm_cli.solve.state import PathStep, State
 
 ANM, NEWTON, ACTIVE_SET = "anm", "newton", "active-set"
+SAME_LAW_FACTOR = 100.0
+"""Largest difference of methods with the same law over ``solver.tolerance``; that of published cases is 4.4,
+of pressures next to the corner of a block 12."""
 
-
-@dataclass(frozen=True)
-class Method:
-    """A method's ``name`` in the table and the ``changes`` of the case that select it."""
-
-    name: str
-    changes: tuple[str, ...]
-
-    @property
-    def is_exact(self) -> bool:
-        """Whether it solves the exact law, on the condensed system."""
-        return self.name == ACTIVE_SET
-
-
-def method_of(case: Case, name: str, softer: float = 1.0) -> Method:
-    """A method for the scene of the case, with eta and stick of all contacts multiplied by ``softer``."""
-    law = "exact" if name == ACTIVE_SET else "hyperbolic"
-    changes = [f'contact.{contact.name}.regularization.law="{law}"' for contact in case.touching]
-    if softer != 1.0:
-        changes += [
-            f"contact.{contact.name}.regularization.{key}={softer * getattr(contact.regularization, key)!r}"
-            for contact in case.touching
-            for key in (("eta", "stick") if contact.friction else ("eta",))
-        ]
-    if law == "exact":
-        changes.append('solver.formulation="condensed"')
-    return Method(name, (*changes, f'solver.method="{name}"'))
-
-
-def chosen_methods(case: Case, asked: Iterable[str]) -> tuple[Method, ...]:
-    """ANM, the methods ``asked`` for, and that of the case, in the order of the table. ``asked`` may contain
-    "newton" and "active-set"."""
-    wanted = {ANM, *asked, case.solver.method if case.is_regularized else ACTIVE_SET}
-    return tuple(method_of(case, name) for name in (ANM, NEWTON, ACTIVE_SET) if name in wanted)
+Changed = Callable[..., LoadedCase]
+"""Returns the case with further changes, as by ``--set``."""
+States = Mapping[float, State]
+"""States by position."""
 
 
 @dataclass
 class Measured:
-    """``states`` by position, as far as the path was followed, and the counts of the whole path. ``seconds``
-    is the median CPU time of the path; ``failure`` and ``hint`` are empty if it was completed."""
+    """``states`` by position, as far as the path was followed by the method ``name``, and the counts of the
+    whole path. ``seconds`` is the median CPU time of the path; ``failure`` and ``hint`` are empty if it was
+    completed."""
 
-    method: Method
+    name: str
     law: str
-    states: dict[float, Any] = field(default_factory=dict)
+    states: dict[float, State] = field(default_factory=dict)
     steps: int = 0
     iterations: int = 0
     factorizations: int = 0
@@ -77,49 +49,79 @@ class Measured:
         """Whether the path was completed."""
         return not self.failure
 
-    def row(self, setup: float, condensed: tuple[int, int] | None = None) -> dict[str, Any]:
-        """The method as in comparison.json, with the seconds of its ``setup``; ``condensed`` are the sparse
-        factorisations and solutions before a path on the condensed system, None for other paths."""
-        own = self.factorizations, self.solves
-        dense, sparse = ((0, 0), own) if condensed is None else (own, condensed)
-        found = {
-            "method": self.method.name,
-            "law": self.law,
-            "status": "done" if self.done else "failed",
-            "steps": self.steps,
-            "iterations": self.iterations,
-            "dense_factorizations": dense[0],
-            "sparse_factorizations": sparse[0],
-            "dense_solves": dense[1],
-            "sparse_solves": sparse[1],
-            "seconds_setup": setup,
-            "seconds_path": self.seconds,
-        }
-        return found if self.done else found | {"reason": self.failure, "hint": self.hint}
+
+class Comparison(ABC):
+    """A scene set up for several ``methods``, ANM first, with states saved at the ``levels``; ``changed``
+    returns its case with changes."""
+
+    methods: Sequence[str]
+    warnings: list[str]
+    phases: ClassVar[tuple[str, ...]] = ("cloud", "operators")
+    """Set-up phases of all methods."""
+
+    @abstractmethod
+    def __init__(
+        self, methods: Sequence[str], context: RunContext, changed: Changed, levels: Sequence[float]
+    ) -> None: ...
+
+    @classmethod
+    @abstractmethod
+    def refuse(cls, case: Case, methods: Sequence[str], analytic: bool) -> None:
+        """Raises RunError for methods that are not available, and if there is nothing to compare."""
+
+    @abstractmethod
+    def measure(self, name: str, repeat: int = 1) -> Measured:
+        """Follows the path by a method ``repeat`` times."""
+
+    @abstractmethod
+    def difference(self, found: States, reference: States) -> dict[str, float]:
+        """Largest relative differences of pressures, tractions and displacements at common levels."""
+
+    @abstractmethod
+    def limits(self, tolerance: float | None) -> dict[str, float]:
+        """The largest differences, first that of methods with the same law."""
+
+    @property
+    @abstractmethod
+    def sizes(self) -> dict[str, Any]:
+        """Numbers of nodes and unknowns."""
+
+    def setup(self, name: str) -> tuple[Sequence[str], tuple[int, int] | None]:
+        """The phases in which a method is set up, and the sparse factorisations and solutions before a path
+        on the condensed system, None for other paths."""
+        return self.phases, None
+
+    def judge(self, series: Measured) -> None:
+        """Checks the last state of ANM."""
+        return
+
+    def convergence(self, row: Measured, against: Measured) -> dict[str, Any]:
+        """Whether two laws that differ by more than the limit agree in the limit."""
+        return {}
+
+    def reference_error(self, row: Measured) -> dict[str, float | None]:
+        """Error of the pressure of every contact against the closed formula."""
+        return {}
+
+    def curves(self, rows: Sequence[Measured]) -> Mapping[str, Any]:
+        """Work-precision curves; empty if there are none."""
+        return {}
 
 
-def measure(built: CondensedScene, method: Method, case: Case, repeat: int = 1) -> Measured:
-    """Follows the path of ``built`` with the settings of ``case``, ``repeat`` times, with states saved at its
-    ``output.at``."""
-    chosen, verdicts = replace(built, case=case), Verdicts(lambda check: None)
-
-    def check(step: PathStep) -> None:
-        for state in (step.state, *step.saved):
-            verdicts.judge(checks_of(chosen, state))
-
-    return measure_path(method, case.touching[0].regularization.law, lambda: load_path(chosen), repeat, check)
-
-
-def measure_path(
-    method: Method, law: str, path: Callable[[], Iterator[Any]], repeat: int, check: Callable[[Any], None]
+def followed(
+    name: str,
+    law: str,
+    path: Callable[[], Iterator[PathStep]],
+    repeat: int,
+    check: Callable[[PathStep], None],
 ) -> Measured:
     """Follows a ``path`` ``repeat`` times; ``check`` is called with every step, and may raise
     NumericalError."""
-    runs = [_once(Measured(method, law), path(), check) for _ in range(repeat)]
+    runs = [_once(Measured(name, law), path(), check) for _ in range(repeat)]
     return replace(runs[0], seconds=median(run.seconds for run in runs))
 
 
-def _once(found: Measured, path: Iterator[Any], check: Callable[[Any], None]) -> Measured:
+def _once(found: Measured, path: Iterator[PathStep], check: Callable[[PathStep], None]) -> Measured:
     # The first state, at the start of the path, is not a step.
     steps = -1
     try:

@@ -3,169 +3,245 @@ one."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from mlsanm_cli.app.analysis.small_strain import set_up
-from mlsanm_cli.app.checks.check import Check, Verdicts
-from mlsanm_cli.app.checks.end import End, balance, pressed_spacings, work
+from mlsanm_cli.app.checks.check import Verdicts
+from mlsanm_cli.app.checks.end_contacts import End, pressed_spacings
+from mlsanm_cli.app.checks.ended import balance, work
 from mlsanm_cli.app.checks.energy import energy_error
 from mlsanm_cli.app.checks.quality import announce, factor_notes
 from mlsanm_cli.app.checks.references import reference_profile
-from mlsanm_cli.app.comparison.compare import Changed, CompareOptions
-from mlsanm_cli.app.comparison.differences import (
-    CONVERGENCE_RATIO,
-    SOFTER,
-    agreement,
-    compared,
-    difference,
-    other_law_limit,
-    same_law_limit,
-    surface_error,
+from mlsanm_cli.app.checks.states import checks_of
+from mlsanm_cli.app.comparison.measure import (
+    ACTIVE_SET,
+    ANM,
+    NEWTON,
+    SAME_LAW_FACTOR,
+    Changed,
+    Comparison,
+    Measured,
+    States,
+    followed,
 )
-from mlsanm_cli.app.comparison.measure import Measured, Method, chosen_methods, measure, method_of
-from mlsanm_cli.app.comparison.precision import precision_curves
-from mlsanm_cli.app.context import Clock, RunContext
+from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.build import build_scene
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import fields_of
-from mlsanm_cli.solve.state import State
+from mlsanm_cli.solve.paths import load_path
+from mlsanm_cli.solve.state import PathStep
 
-SHARED_PHASES = ("cloud", "operators")
 CONDENSED_PHASES = ("factorization", "condensation")
-"""Set-up phases of all methods, and of condensed methods only."""
+"""Set-up phases of the method on the condensed system."""
+ETA_FACTOR, STICK_FACTOR = 6.0, 10.0
+"""Largest differences of pressures and tractions due to the regularised law, over the root of eta and over
+``stick``: it smooths the pressure at the edge of a contact by up to 4.3 times the root of eta."""
+SOFTER, CONVERGENCE_RATIO = 10.0, 0.75
+"""At corners pressures are unbounded, and these limits do not apply to the largest. The regularised law also
+agrees with the exact one if its L2 error is at most this ratio of that with ``SOFTER`` times eta and
+stick."""
+ETA_FACTORS = (100.0, 10.0)
+"""Multiples of the eta of the case at which the regularised methods are also measured for the picture."""
+MAX_ETA = 0.1
+"""For larger eta the regularised law does not represent contact."""
 
 
-def refuse(case: Case, options: CompareOptions) -> None:
-    """Raises RunError if there is nothing to compare."""
-    if not case.touching:
-        raise RunError(
-            "the case has no unilateral [[contact]]: it is linear, and all methods are the same",
-            "use mlsanm run",
+def chosen_methods(case: Case, asked: Iterable[str]) -> tuple[str, ...]:
+    """ANM, the methods ``asked`` for, and that of the case, in the order of the table. ``asked`` may contain
+    "newton" and "active-set"."""
+    wanted = {ANM, *asked, case.solver.method if case.is_regularized else ACTIVE_SET}
+    return tuple(name for name in (ANM, NEWTON, ACTIVE_SET) if name in wanted)
+
+
+def changes_for(case: Case, name: str, softer: float = 1.0) -> tuple[str, ...]:
+    """The changes of a case by which a method solves it, with eta and stick of all contacts multiplied by
+    ``softer``."""
+    law = "exact" if name == ACTIVE_SET else "hyperbolic"
+    changes = [f'contact.{contact.name}.regularization.law="{law}"' for contact in case.touching]
+    if softer != 1.0:
+        changes += [
+            f"contact.{contact.name}.regularization.{key}={softer * getattr(contact.regularization, key)!r}"
+            for contact in case.touching
+            for key in (("eta", "stick") if contact.friction else ("eta",))
+        ]
+    if law == "exact":
+        changes.append('solver.formulation="condensed"')
+    return (*changes, f'solver.method="{name}"')
+
+
+def other_law_limit(case: Case) -> float:
+    """Largest difference between the regularised and the exact law."""
+    eta = max(contact.regularization.eta for contact in case.touching)
+    stick = max((c.regularization.stick for c in case.touching if c.friction), default=0.0)
+    return float(ETA_FACTOR * np.sqrt(eta) + STICK_FACTOR * stick)
+
+
+class SmallComparison(Comparison):
+    """A scene with contact; all methods share the nodal pressures of the regularised law."""
+
+    def __init__(
+        self, methods: Sequence[str], context: RunContext, changed: Changed, levels: Sequence[float]
+    ) -> None:
+        self._changed, self._levels, self._context = changed, f"output.at={list(levels)!r}", context
+        self._case = changed().case
+        self.methods, self.warnings = chosen_methods(self._case, methods), []
+        # Refused before anything is computed.
+        cases = [self._changed_case(name) for name in self.methods]
+        self._verdicts = Verdicts(lambda check: self.warnings.append(check.text))
+        shared = changed(*changes_for(self._case, ANM))
+        prepared = build_scene(shared, context)
+        announce(shared.case, prepared, context, self._verdicts)
+        built = set_up(shared.case, prepared, context, self._verdicts).built
+        self._built = replace(built, case=cases[0])
+
+    def _changed_case(self, name: str, softer: float = 1.0) -> Case:
+        return self._changed(self._levels, *changes_for(self._case, name, softer)).case
+
+    @classmethod
+    def refuse(cls, case: Case, methods: Sequence[str], analytic: bool) -> None:
+        """Raises RunError if there is nothing to compare."""
+        if not case.touching:
+            raise RunError(
+                "the case has no unilateral [[contact]]: it is linear, and all methods are the same",
+                "use mlsanm run",
+            )
+        if analytic and case.reference is None:
+            raise RunError("--analytic: the case names no reference", "add [reference] with its solution")
+        if len(chosen_methods(case, methods)) == 1 and not analytic:
+            raise RunError("no method to compare with ANM", "add --newton, --active-set or --analytic")
+
+    @property
+    def sizes(self) -> dict[str, Any]:
+        """Numbers of nodes and contact unknowns, and eta by contact."""
+        condensed = self._built.condensed
+        return {
+            "nodes": sum(len(body.model.cloud.points) for body in self._built.scene.bodies.values()),
+            "contact_unknowns": len(condensed.weight) + len(condensed.friction_nodes),
+            "eta": {contact.name: contact.regularization.eta for contact in self._case.contact},
+        }
+
+    def setup(self, name: str) -> tuple[Sequence[str], tuple[int, int] | None]:
+        """The phases and sparse solutions before a path; those of the exact law are on the condensed
+        system."""
+        if name != ACTIVE_SET:
+            return super().setup(name)
+        counts = len(self._built.scene.bodies), self._built.condensed.solves
+        return (*self.phases, *CONDENSED_PHASES), counts
+
+    def measure(self, name: str, repeat: int = 1, softer: float = 1.0) -> Measured:
+        """Follows the path by a method, with ``softer`` times eta and stick."""
+        case, verdicts = self._changed_case(name, softer), Verdicts(lambda check: None)
+        chosen = replace(self._built, case=case)
+
+        def check(step: PathStep) -> None:
+            for state in (step.state, *step.saved):
+                verdicts.judge(checks_of(chosen, state))
+
+        law = case.touching[0].regularization.law
+        return followed(name, law, lambda: load_path(chosen), repeat, check)
+
+    def judge(self, series: Measured) -> None:
+        """Checks the last state of ANM."""
+        self.warnings += factor_notes(self._built.scene)
+        if series.done:
+            built, last = self._built, series.states[max(series.states)]
+            fields, _ = fields_of(built, [last], stress=True)[0]
+            end = End(built, None, last, 0.0, energy_error(built, last, fields), {})
+            for check in (pressed_spacings, balance, work):
+                self._verdicts.judge(check(end))
+
+    def limits(self, tolerance: float | None) -> dict[str, float]:
+        """The largest differences of methods with the same law and with another one."""
+        same = SAME_LAW_FACTOR * self._built.case.solver.tolerance
+        return {
+            "same_law": same if tolerance is None else tolerance,
+            "other_law": other_law_limit(self._built.case),
+        }
+
+    def difference(self, found: States, reference: States) -> dict[str, float]:
+        """Differences over all nodes: pressures and tractions relative to the peak pressure, displacements
+        relative to the largest one."""
+        pressure = traction = displacement = peak = largest = 0.0
+        for position in found.keys() & reference.keys():
+            one, other = found[position], reference[position]
+            change = tuple(a - b for a, b in zip(one.unknowns, other.unknowns, strict=True))
+            pressure = np.maximum(pressure, np.abs(one.pressure - other.pressure).max(initial=0.0))
+            traction = np.maximum(traction, np.abs(one.traction - other.traction).max(initial=0.0))
+            # Displacements are linear in the unknowns.
+            displacement = np.maximum(displacement, self._largest_displacement(change))
+            peak = max(peak, float(other.pressure.max(initial=0.0)))
+            largest = max(largest, self._largest_displacement(other.unknowns))
+        return {
+            "pressure": float(pressure) / (peak or 1.0),
+            "traction": float(traction) / (peak or 1.0),
+            "displacement": float(displacement) / (largest or 1.0),
+        }
+
+    def _largest_displacement(self, unknowns: tuple[FloatArray, ...]) -> float:
+        """Largest displacement of a node for given unknowns."""
+        condensed, scene = self._built.condensed, self._built.scene
+        moved = [condensed.displacement(scene, name, unknowns) for name in scene.bodies]
+        return max(float(np.hypot(*u.T).max()) for u in moved)
+
+    def surface_error(self, found: States, exact: States) -> float:
+        """Largest L2 norm over all levels of the difference of pressures and tractions from the exact ones,
+        relative to the largest norm of these."""
+        weight, nodes = self._built.condensed.weight, self._built.condensed.friction_nodes
+
+        def norm(pressure: FloatArray, traction: FloatArray) -> float:
+            return float(np.sqrt(weight @ pressure**2 + weight[nodes] @ traction**2))
+
+        worst = max(
+            norm(found[at].pressure - state.pressure, found[at].traction - state.traction)
+            for at, state in exact.items()
         )
-    if options.analytic and case.reference is None:
-        raise RunError("--analytic: the case names no reference", "add [reference] with its solution")
-    if len(chosen_methods(case, options.methods)) == 1 and not options.analytic:
-        raise RunError("no method to compare with ANM", "add --newton, --active-set or --analytic")
+        return worst / max(norm(state.pressure, state.traction) for state in exact.values())
 
+    def convergence(self, row: Measured, against: Measured) -> dict[str, Any]:
+        """L2 errors of the regularised law with larger parameters (0 if that fails) and with those of the
+        case, and whether they fall."""
+        smooth, exact = (against, row) if row.law == "exact" else (row, against)
+        softer = self.measure(smooth.name, softer=SOFTER)
+        before = self.surface_error(softer.states, exact.states) if softer.done else 0.0
+        now = self.surface_error(smooth.states, exact.states)
+        return {"convergence": (before, now), "agrees": now <= CONVERGENCE_RATIO * before}
 
-def followed(
-    options: CompareOptions, context: RunContext, changed: Changed, with_levels: Changed
-) -> tuple[dict[str, Any], Mapping[str, Any]]:
-    """Follows the path by all methods; entries of comparison.json, and curves of the picture."""
-    case = changed().case
+    def reference_error(self, row: Measured) -> dict[str, float | None]:
+        """L2 error of the pressure of every contact at the end of the path."""
+        last, built = row.states[max(row.states)], self._built
+        profiles = {one.name: reference_profile(built, one, last) for one in built.condensed.pairings}
+        return {name: None if profile is None else profile.error_l2 for name, profile in profiles.items()}
 
-    def case_of(method: Method) -> Case:
-        return with_levels(*method.changes).case
-
-    methods = chosen_methods(case, options.methods)
-    cases = list(map(case_of, methods))
-    # All methods share the nodal pressures of the regularised law.
-    shared, warnings = changed(*methods[0].changes), list[str]()
-    prepared = build_scene(shared, context)
-    verdicts = Verdicts(lambda check: warnings.append(check.text))
-    announce(shared.case, prepared, context, verdicts)
-    built = replace(set_up(shared.case, prepared, context, verdicts).built, case=case)
-    rows = []
-    for method, changes in zip(methods, cases, strict=True):
-        context.console.phase(f"following the path: {method.name}")
-        rows.append(measure(built, method, changes, options.repeat))
-    warnings += factor_notes(built.scene)
-    if rows[0].done:
-        verdicts.judge(_checked(built, rows[0].states[max(rows[0].states)]))
-    result = _result(built, rows, options, context.clock, case_of)
-    curves: Mapping[str, Any] = {}
-    if options.picture and rows[0].done:
-        context.console.phase("following the paths at larger eta, for the picture")
-        curves = precision_curves(built, rows, case_of)
-        result["precision"] = curves
-        if not curves["smooth"]:
-            warnings.append("no picture: the exact law has no state at some level")
-    return result | {"warnings": warnings}, curves
-
-
-def _checked(built: CondensedScene, last: State) -> Iterator[Check]:
-    """Checks of the ``last`` state of ANM."""
-    fields, _ = fields_of(built, [last], stress=True)[0]
-    done = End(built, None, last, 0.0, energy_error(built, last, fields), {})
-    for check in (pressed_spacings, balance, work):
-        yield from check(done)
-
-
-def _result(
-    built: CondensedScene,
-    rows: Sequence[Measured],
-    options: CompareOptions,
-    clock: Clock,
-    case_of: Callable[[Method], Case],
-) -> dict[str, Any]:
-    case = built.case
-    limits = {
-        "same_law": same_law_limit(case) if options.tolerance is None else options.tolerance,
-        "other_law": other_law_limit(case),
-    }
-    table = [_figures(built, row, rows, limits, clock, options.analytic, case_of) for row in rows]
-    return {
-        "status": agreement(table),
-        "levels": sorted(rows[0].states),
-        "limits": limits,
-        "nodes": sum(len(body.model.cloud.points) for body in built.scene.bodies.values()),
-        "contact_unknowns": len(built.condensed.weight) + len(built.condensed.friction_nodes),
-        "eta": {contact.name: contact.regularization.eta for contact in case.contact},
-        "methods": table,
-    }
-
-
-def _figures(
-    built: CondensedScene,
-    row: Measured,
-    rows: Sequence[Measured],
-    limits: Mapping[str, float],
-    clock: Clock,
-    analytic: bool,
-    case_of: Callable[[Method], Case],
-) -> dict[str, Any]:
-    """One method as in comparison.json."""
-    exact = row.method.is_exact
-    phases = (*SHARED_PHASES, *CONDENSED_PHASES) if exact else SHARED_PHASES
-    condensed = (len(built.scene.bodies), built.condensed.solves) if exact else None
-    found = row.row(sum(clock.seconds[phase] for phase in phases), condensed)
-    if not row.done:
-        return found
-    if analytic:
-        found["reference_error"] = _reference_error(built, row)
-    before = [one for one in rows[: rows.index(row)] if one.done]
-    # The first of the preceding methods with the same law, else ANM.
-    against = next(iter([*(one for one in before if one.law == row.law), *before]), None)
-    if against is not None:
-        limit = limits["same_law" if against.law == row.law else "other_law"]
-        apart = difference(built, row.states, against.states)
-        found |= compared(against.method.name, apart, limit)
-        if against.law != row.law and not found["agrees"]:
-            errors = _errors_by_law(built, row, against, case_of)
-            found |= {"convergence": errors, "agrees": errors[1] <= CONVERGENCE_RATIO * errors[0]}
-    return found
-
-
-def _errors_by_law(
-    built: CondensedScene, row: Measured, against: Measured, case_of: Callable[[Method], Case]
-) -> tuple[float, float]:
-    """L2 errors of the regularised law with larger parameters (0 if that fails) and with those of the
-    case."""
-    smooth, exact = (against, row) if row.law == "exact" else (row, against)
-    method = method_of(built.case, smooth.method.name, SOFTER)
-    softer = measure(built, method, case_of(method))
-    before = surface_error(built, softer.states, exact.states) if softer.done else 0.0
-    return before, surface_error(built, smooth.states, exact.states)
-
-
-def _reference_error(built: CondensedScene, row: Measured) -> dict[str, float | None]:
-    """L2 error of the pressure of every contact at the end of the path against the analytical solution."""
-    profiles = {
-        pairing.name: reference_profile(built, pairing, row.states[max(row.states)])
-        for pairing in built.condensed.pairings
-    }
-    return {name: None if profile is None else profile.error_l2 for name, profile in profiles.items()}
+    def curves(self, rows: Sequence[Measured]) -> Mapping[str, Any]:
+        """L2 error against the exact law, CPU seconds and factorisations, of the regularised (``smooth``)
+        methods by name and eta, and cost of the ``exact`` method, if measured. A method that fails at some
+        eta has no point there; there are no points if the exact law has no states."""
+        self._context.console.phase("following the paths at larger eta, for the picture")
+        exact = next((row for row in rows if row.done and row.name == ACTIVE_SET), None)
+        reference = self.measure(ACTIVE_SET) if exact is None else exact
+        if not reference.done:
+            self.warnings.append("no picture: the exact law has no state at some level")
+            return {"smooth": {}, "exact": None}
+        eta = max(contact.regularization.eta for contact in self._case.touching)
+        smooth = {}
+        for row in (row for row in rows if row.name != ACTIVE_SET):
+            factors = [factor for factor in ETA_FACTORS if factor * eta <= MAX_ETA]
+            points = [(factor * eta, self.measure(row.name, softer=factor)) for factor in factors]
+            smooth[row.name] = [
+                {
+                    "eta": value,
+                    "error": self.surface_error(found.states, reference.states),
+                    "seconds": found.seconds,
+                    "factorizations": found.factorizations,
+                }
+                for value, found in (*points, (eta, row))
+                if found.done
+            ]
+        cost = exact and {"seconds": exact.seconds, "factorizations": exact.factorizations}
+        return {"smooth": smooth, "exact": cost}

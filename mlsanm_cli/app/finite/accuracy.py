@@ -10,7 +10,7 @@ Equation (29) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -28,6 +28,7 @@ from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.projector import Projector
 from mlsanm_cli.mechanics.finite.tangent import load_columns
 from mlsanm_cli.mechanics.near_field import as_complex, as_real
+from mlsanm_cli.records import dataclass
 
 PRESSED_MISFIT = 0.1
 """Tractions are not resolved where their projection differs by more than this part of the largest one."""
@@ -135,4 +136,4 @@ def _next(body: FiniteBody) -> FiniteBody:
         raise NumericalError(f"no error estimate is known for degree {model.settings.degree}")
     settings = next_degree(model.settings, model.material)
     better = type(model).build(model.name, model.cloud, model.material, settings)
-    return replace(body, elastic=replace(body.elastic, model=better))
+    return replace(body, elastic=replace(body.elastic, model=better), coarser=model)

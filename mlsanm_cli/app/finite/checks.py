@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from mlsanm_cli.app.checks.check import Check
-from mlsanm_cli.app.checks.end import COMMON, displacement_estimate, force_estimate, pressure_estimate
-from mlsanm_cli.app.checks.energy import NODE_FORCE_SHIFT, EnergyErrors, thin_part
+from mlsanm_cli.app.checks.ended import (
+    COMMON,
+    NODE_FORCE_SHIFT,
+    EnergyErrors,
+    displacement_estimate,
+    force_estimate,
+    pressure_estimate,
+    thin_part,
+)
 from mlsanm_cli.app.checks.limits import LIMITS, level
 from mlsanm_cli.app.finite.estimate import energy_errors, work_error
 from mlsanm_cli.app.finite.fields import SceneForces
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.case import Case
-from mlsanm_cli.solve.coercivity import CONTACT_LIMIT
-from mlsanm_cli.solve.state import State
+from mlsanm_cli.records import dataclass
+from mlsanm_cli.solve.state import CONTACT_LIMIT, State
 
 RECOMMENDED_REFINEMENT = 8.0
 """Factor by which the message of a large estimate of the energy proposes to refine."""

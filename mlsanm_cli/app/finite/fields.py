@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,48 +10,58 @@ import numpy as np
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.output.parts import contact_figures
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Displacement, ObstacleMotion, Platen
+from mlsanm_cli.case import Case, Displacement, ObstacleMotion, Platen
 from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.contact.finite.meeting import NO_GAP
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.geometry.profile import unrolled
-from mlsanm_cli.io.records import Quantities
+from mlsanm_cli.io.run_file import Quantities
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.finite.forces import Forces
-from mlsanm_cli.mechanics.finite.law import Law, cauchy_stress, determinant, gradient_of, stretches
+from mlsanm_cli.mechanics.laws.law import Law, gradient_of, stretches
 from mlsanm_cli.operators.stencils import build_stencils
-from mlsanm_cli.solve.fields import Fields
-from mlsanm_cli.solve.state import State
+from mlsanm_cli.records import dataclass
+from mlsanm_cli.solve.state import Fields, State
 
 CONTACT_PREFIX = "contact "
 """Prefix of the names of contacts among the resultants of a run: the force on the obstacle."""
 
 
-def fields_at(law: Law, derivatives: FloatArray, stretch: FloatArray | None) -> dict[str, FloatArray]:
+def fields_at(
+    law: Law, derivatives: FloatArray, degrees: FloatArray | None, mean: FloatArray | None
+) -> dict[str, FloatArray]:
     """Fields at n points from ``derivatives`` (n, 3 or more, 2) of the displacement (value, d/dx, d/dy) and
-    the thermal ``stretch`` (n,): displacement (n, 2), Cauchy stress xx, yy, xy (n, 3) and zz (n,), von Mises
-    stress (n,), principal in-plane stretches (n, 2), the larger first, and volume ratio J = det F (n,), which
-    includes the stretch in z."""
+    the temperature change ``degrees`` (n,): displacement (n, 2), Cauchy stress xx, yy, xy (n, 3) and zz (n,),
+    von Mises stress (n,), principal in-plane stretches (n, 2), the larger first, and volume ratio J = det F
+    (n,), which includes the stretch in z. ``mean`` (n,) is the mean stress of volume changes of nearly
+    incompressible bodies, fitted to nodal values; else None."""
     gradient = gradient_of(derivatives)
-    stress, across = cauchy_stress(law, gradient, stretch).T, law.stress_across(gradient, stretch)
+    response = law.state(gradient, degrees, apart=mean is not None)
+    xx, yy, across, xy = response.cauchy
+    if mean is not None:
+        xx, yy, across = xx + mean, yy + mean, across + mean
+    stress = np.stack([xx, yy, xy], axis=1)
     return {
         "displacement": derivatives[:, 0],
         "stress": stress,
         "stress_zz": across,
         "von_mises": von_mises(stress, across),
         "stretch": stretches(gradient).T,
-        "volume_ratio": (1.0 + determinant(gradient)) * law.across(gradient, stretch),
+        "volume_ratio": response.volume,
     }
 
 
 def fields_of(scene: FiniteScene, state: State) -> dict[str, Fields]:
     """Fields at the nodes of every body."""
-    found = dict[str, Fields]()
+    found, parts = dict[str, Fields](), scene.parts(state.displacement)
     for name, own in scene.parts(scene.shown(state)).items():
         body = scene.bodies[name]
         derivatives = body.elastic.model.stencils.derivatives(own.reshape(-1, 2))
-        fields = fields_at(body.law, derivatives, body.stretch(state.factors))
+        mean = body.mean_stress(parts[name], state.factors)
+        if mean is not None:
+            mean = body.elastic.model.stencils.derivatives(mean[:, None])[:, 0, 0]
+        fields = fields_at(body.law, derivatives, body.degrees(state.factors), mean)
         found[name] = fields | {"displacement": own.reshape(-1, 2)}
     return found
 
@@ -73,14 +82,17 @@ def probe_values(scene: FiniteScene, state: State) -> dict[str, dict[str, Any]]:
     values: dict[str, dict[str, Any]] = {}
     if not scene.probes:
         return values
-    shown = scene.parts(scene.shown(state))
+    parts, shown = scene.parts(state.displacement), scene.parts(scene.shown(state))
     for probe in scene.probes:
         body, own = scene.bodies[probe.body], shown[probe.body]
-        model, warm = body.elastic.model, body.stretch_at(probe.point, state.factors)
+        model, warm = body.elastic.model, body.degrees_at(probe.point, state.factors)
         stencils = build_stencils(
             model.cloud.points, model.cloud.tree, probe.point, 1, model.settings, model.cloud.sight
         )
-        seen = fields_at(body.law, stencils.derivatives(own.reshape(-1, 2)), warm)
+        mean = body.mean_stress(parts[probe.body], state.factors)
+        if mean is not None:
+            mean = stencils.derivatives(mean[:, None])[:, 0, 0]
+        seen = fields_at(body.law, stencils.derivatives(own.reshape(-1, 2)), warm, mean)
         vectors = {key: seen[key][0] for key in ("displacement", "stress")}
         values[probe.name] = {**vectors, "von_mises": float(seen["von_mises"][0])}
     return values
@@ -124,6 +136,25 @@ class SceneForces:
         return np.asarray(sum((one.loads[number] for one in self.bodies.values()), np.zeros(2)))
 
 
+def _shares(case: Case) -> dict[str, tuple[bool, bool]]:
+    """Which components of the force on a plate or an obstacle each of the loads on it reports: those that it
+    prescribes, and the first of them also what none does."""
+    together: dict[object, list[Platen | ObstacleMotion]] = {}
+    for load in case.load:
+        if isinstance(load, Platen | ObstacleMotion):
+            moved = load.obstacle if isinstance(load, ObstacleMotion) else (load.boundary, load.ends)
+            together.setdefault(moved, []).append(load)
+
+    def reports(load: Platen | ObstacleMotion, axis: str, group: list[Platen | ObstacleMotion]) -> bool:
+        return load in ([other for other in group if axis in other.control] or group[:1])
+
+    return {
+        load.name: (reports(load, "x", group), reports(load, "y", group))
+        for group in together.values()
+        for load in group
+    }
+
+
 def resultants(scene: FiniteScene, forces: SceneForces) -> dict[str, FloatArray]:
     """The force (2,) of every load and support on its body, and of every contact on its slave."""
     nothing = np.zeros(2)
@@ -137,6 +168,10 @@ def resultants(scene: FiniteScene, forces: SceneForces) -> dict[str, FloatArray]
         for number, load in enumerate(scene.case.load)
         if not isinstance(load, Displacement | Platen)
     }
+    for name, share in _shares(scene.case).items():
+        for named in (loads, held):
+            if name in named:
+                named[name] = np.where(share, named[name], 0.0)
     return loads | held | {f"{CONTACT_PREFIX}{name}": force for name, force in pressed.items()}
 
 

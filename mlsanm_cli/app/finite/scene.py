@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,9 +13,10 @@ from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.contact_pairs import shape_of
 from mlsanm_cli.app.scene.corners import ends_of
+from mlsanm_cli.app.scene.materials import laws_of
 from mlsanm_cli.app.scene.void import void_center
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Case, Displacement, Material, ObstacleMotion, Place, Platen, Pressure
+from mlsanm_cli.case import Case, Displacement, ObstacleMotion, Place, Platen, Pressure
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.finite.pair import BodyContact
@@ -26,12 +27,12 @@ from mlsanm_cli.contact.finite.update import AnyContact, Contacts
 from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.body import FiniteBody
-from mlsanm_cli.mechanics.finite.law import Law
 from mlsanm_cli.mechanics.finite.loads import Loads
 from mlsanm_cli.mechanics.finite.projector import NO_ROWS, Projector, weights_of
 from mlsanm_cli.mechanics.near_field import as_complex
 from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.operators.linear.interface import LinearSolver
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.solve.stages import stage_factors
 from mlsanm_cli.solve.state import State
 
@@ -176,7 +177,7 @@ def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
     contacts = unknown_motions(case, prepared)
     pairs = tuple(_contact(case, prepared, number, contacts) for number in range(len(prepared.pairings)))
     contacts, loose = replace(contacts, pairs=pairs), {one.body: one for one in contacts.loose}
-    bodies = {}
+    bodies, laws = {}, laws_of(case)
     for name, model in prepared.models.items():
         own = loose.get(name)
         pinned = own.pins if own is not None else ()
@@ -193,7 +194,7 @@ def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
             last = elastic.rows - 3 * elastic.pieces.count
             rows = np.arange(last - len(pinned), last)
             loads.sources[np.ix_(rows, len(case.moved) + own.numbers)] = own.moves
-        law, loads = law_of(case, name), with_sides(loads, elastic, sides)
+        law, loads = laws[name], with_sides(loads, elastic, sides)
         bodies[name] = FiniteBody(elastic, law, loads, turning)
     supports = _supports(case, prepared.boundaries)
     scene = FiniteScene(case, bodies, stage_factors(case), supports, prepared.probes, solver, contacts)
@@ -251,20 +252,6 @@ def _side(prepared: SceneModel, body: str, surface: Surface) -> ContactSide:
     return ContactSide.on(nodes, nodes.arc)
 
 
-def material_of(case: Case, body: str) -> Material:
-    """Material of a body."""
-    return case.material[next(one.material for one in case.body if one.name == body)]
-
-
-def law_of(case: Case, body: str) -> Law:
-    """Finite-strain law of a body."""
-    material = material_of(case, body)
-    assert material.law != "linear"
-    assert material.E is not None
-    assert material.nu is not None
-    return Law.isotropic(material.law, material.E, material.nu, case.model.plane)
-
-
 def _supports(case: Case, boundaries: Boundaries) -> dict[str, tuple[tuple[str, str], ...]]:
     """Bodies and surfaces by the label of a support or the name of a load that prescribes displacements."""
     found: dict[str, tuple[Place, ...]] = {
@@ -309,7 +296,6 @@ def _loads(case: Case, prepared: SceneModel, name: str, body: ElasticBody) -> Lo
         for one in acting:
             force[:, :, one.number] += one.values
         sources[: force[:, :, 0].size] -= force.transpose(1, 0, 2).reshape(-1, count)
-    alpha = material_of(case, name).alpha
-    expansion = alpha if isinstance(alpha, float) else 0.0
-    warming = tuple(heat for heat in prepared.acting.heatings if heat.body == name and expansion)
-    return Loads(count, sources, tractions, force, pressing, warming=warming, expansion=expansion)
+    expands = body.model.material.free_expansion.any()
+    warming = tuple(heat for heat in prepared.acting.heatings if heat.body == name and expands)
+    return Loads(count, sources, tractions, force, pressing, warming=warming)

@@ -9,17 +9,23 @@ from itertools import permutations
 import numpy as np
 
 from mlsanm_cli.app.checks.check import Check
-from mlsanm_cli.app.checks.deformed import DeformedOutline, Overlap, deepest, inside, label, outline_of
+from mlsanm_cli.app.checks.deformed import (
+    DeformedOutline,
+    Overlap,
+    deepest,
+    inside,
+    label,
+    outline_of,
+    overlap_check,
+)
 from mlsanm_cli.app.checks.limits import ANY, level
-from mlsanm_cli.app.checks.overlaps import overlap_check
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.continuation import Outcome
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.mechanics.finite.law import determinant
-from mlsanm_cli.solve.coercivity import CONTACT_LIMIT
-from mlsanm_cli.solve.state import State
+from mlsanm_cli.mechanics.laws.law import determinant
+from mlsanm_cli.solve.state import CONTACT_LIMIT, State
 
 _LAWS = 'use law = "neo-hookean", which admits any compression, or smaller loads'
 
@@ -36,7 +42,7 @@ def deformation(scene: FiniteScene, state: State) -> Iterator[Check]:
             "use smaller loads, or finer nodes there",
             f"body {name}",
         )
-        waves, law = scene.bodies[name].ellipticity(own, state.factors), scene.bodies[name].law.kind
+        waves, law = scene.bodies[name].ellipticity(own, state.factors), scene.bodies[name].law.name
         node = int(np.argmin(waves))
         lost = "has lost ellipticity" if waves[node] <= 0.0 else "is close to losing ellipticity"
         yield Check(

@@ -11,18 +11,17 @@ from mlsanm_cli.app.checks.quality import Quality, announce
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.output.parts import ContactNodes, body_datasets, model_bodies
 from mlsanm_cli.app.scene.assemble import SceneModel
+from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Stop
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.errors import NumericalError, RunError
-from mlsanm_cli.io.records import Quantities, place
-from mlsanm_cli.io.run_file import Value
+from mlsanm_cli.io.run_file import Quantities, Value, place
 from mlsanm_cli.io.schema import INTERFACE_COLUMNS
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.records import dataclass
-from mlsanm_cli.solve.fields import Fields
-from mlsanm_cli.solve.state import Checkpoint, PathStep, State
+from mlsanm_cli.solve.state import Checkpoint, Fields, PathStep, State
 from mlsanm_cli.solve.stop_events import Follow, StoppedPath, measured
 
 BodyFields = Mapping[str, Fields]
@@ -42,14 +41,17 @@ class Ending:
 
 
 class Analysis(ABC):
-    """The scene of a ``case`` on the clouds ``prepared``, its path, and the results of its states.
+    """The scene of a ``case`` on the clouds ``prepared``, those of a ``known`` refinement if there is one,
+    its path, and the results of its states.
 
     A run calls `set_up`, follows `steps`, and judges the `checks` of every state and those of `judge` at the
     end. ``tally`` are the totals of the path so far, plain values that a checkpoint keeps.
     """
 
-    def __init__(self, case: Case, prepared: SceneModel, context: RunContext) -> None:
-        self.case, self.prepared, self.context = case, prepared, context
+    def __init__(
+        self, case: Case, prepared: SceneModel, context: RunContext, known: Refinement | None = None
+    ) -> None:
+        self.case, self.prepared, self.context, self.known = case, prepared, context, known
         self.quality = Quality(case, prepared, {}, {}, {})
         self._reached: Stop | None = None
 

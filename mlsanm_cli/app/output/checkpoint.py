@@ -1,20 +1,30 @@
-"""The checkpoint of a run: conversion to and from the datasets of /checkpoint in run.h5."""
+"""The checkpoint of a run, as datasets of /checkpoint in run.h5, and the provenance of a result: versions,
+machine, command."""
 
 from __future__ import annotations
 
 import json
+import os
+import platform
+import sys
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
+from functools import lru_cache
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 
+from mlsanm_cli import __version__
 from mlsanm_cli.app.scene.refinement import Refinement
+from mlsanm_cli.case import LoadedCase
+from mlsanm_cli.commit import commit
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_file import Value
 from mlsanm_cli.io.run_reader import RunData
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.solve.state import Checkpoint, State
+from mlsanm_cli.system import host
 
 REFINEMENT = "checkpoint/refinement"
 
@@ -60,7 +70,7 @@ def interrupted_run(origin: RunData) -> EarlierRun:
             else None,
             refinement=Refinement.read(json.loads(stored["refinement"])) if "refinement" in stored else None,
         )
-    except (KeyError, TypeError, ValueError) as error:
+    except (LookupError, AttributeError, TypeError, ValueError) as error:
         raise RunError(
             f"the checkpoint of the run cannot be read: {error!r}",
             "it is damaged or from another version of mlsanm; run the case again with --force",
@@ -93,4 +103,46 @@ def restored(kind: type[Record], stored: Mapping[str, Any]) -> Record:
     """A record from its stored numbers, arrays and mappings of arrays."""
     return kind(
         **{name: value.item() if getattr(value, "ndim", 1) == 0 else value for name, value in stored.items()}
+    )
+
+
+PACKAGES = ("numpy", "scipy", "numba", "h5py", "meshio", "pydantic")
+
+
+def attributes(loaded: LoadedCase, argv: tuple[str, ...], threads: int) -> dict[str, str | int | float]:
+    """Root attributes of run.h5."""
+    return {
+        "git": commit(),
+        "argv": " ".join(argv),
+        "case_hash": loaded.case_hash,
+        "case_path": str(loaded.path),
+        "versions": _versions(),
+        "cpu": cpu(),
+        "host": host(),
+        "threads": threads,
+        "mlsanm": __version__,
+        **({"strain": "finite"} if loaded.case.model.strain == "finite" else {}),
+    }
+
+
+@lru_cache(maxsize=1)
+def cpu() -> str:
+    """The name of the processor if the system reports it, else its architecture."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or platform.machine()
+
+
+@lru_cache(maxsize=1)
+def _versions() -> str:
+    """Versions of Python and of the packages, from the names of their metadata directories: importing
+    ``importlib.metadata``, or the packages, takes longer."""
+    names = [name for folder in reversed(sys.path) if os.path.isdir(folder) for name in os.listdir(folder)]
+    found = [name.removesuffix(".dist-info").partition("-") for name in names if name.endswith(".dist-info")]
+    versions = {package: version for package, _, version in found}
+    return " ".join(
+        [f"python {platform.python_version()}", *(f"{name} {versions.get(name, '?')}" for name in PACKAGES)]
     )

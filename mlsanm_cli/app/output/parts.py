@@ -1,4 +1,5 @@
-"""Bodies and contacts of either strain as datasets of run.h5, parts of VTU files, and summary figures."""
+"""Bodies, contacts and obstacles of either strain as datasets of run.h5, parts of VTU files, and summary
+figures."""
 
 from __future__ import annotations
 
@@ -10,14 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.app.scene.assemble import SceneModel
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.case import AnyObstacle, Case, DiskObstacle, ObstacleMotion, PlaneObstacle
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.complementarity.problem import OPEN, SLIP, STICK
 from mlsanm_cli.contact.geometry.profile import half_width, is_singular
-from mlsanm_cli.io.records import place
-from mlsanm_cli.io.run_file import Value
+from mlsanm_cli.io.run_file import Value, place
+from mlsanm_cli.io.schema import COMPONENTS, CONTACT_ARRAYS, FIELDS, members
 from mlsanm_cli.io.vtu import VtuPart
-from mlsanm_cli.solve.fields import Fields
+from mlsanm_cli.solve.state import Fields
 
 
 def body_datasets(name: str, cloud: Cloud, degree: int) -> dict[str, Value]:
@@ -77,15 +79,15 @@ def vtu_states(
 
 
 def vtu_data(fields: Fields, wanted: Sequence[str]) -> dict[str, NDArray[Any]]:
-    """The requested fields by name, with the out-of-plane component of stresses, and principal stretches by
+    """The requested fields by name, with the out-of-plane component of stresses, and principal values by
     number."""
     data: dict[str, NDArray[Any]] = {}
     for name in wanted:
-        values = fields[name]
-        if name == "stretch":
-            data |= {"stretch_1": values[:, 0], "stretch_2": values[:, 1]}
-            continue
-        data[name] = np.column_stack([values, fields["stress_zz"]]) if name == "stress" else values
+        values, axis = fields[name], QUANTITIES[name].dimensions[-1]
+        if axis == "principal":
+            data |= {f"{name}_{part}": values[:, k] for k, part in enumerate(COMPONENTS[axis])}
+        else:
+            data[name] = np.column_stack([values, fields["stress_zz"]]) if name == "stress" else values
     return data
 
 
@@ -119,3 +121,52 @@ def model_bodies(prepared: SceneModel) -> list[VtuPart]:
         data = {"spacing": cloud.spacing, "normal": normal, "partner": partner}
         bodies.append(replace(body_part(cloud, data), cells=np.zeros((0, 3), dtype=np.int64)))
     return bodies
+
+
+CIRCLE_POINTS = 181
+QUANTITIES = members(FIELDS)
+PLANE_LENGTH = 0.75
+"""Length of a plane to both sides, in diameters of the scene."""
+
+
+def obstacles(case: Case, low: FloatArray, high: FloatArray) -> dict[str, tuple[FloatArray, IntArray]]:
+    """Points (k, 2) and pairs of neighbours (e, 2) of the obstacle of every contact before loading. Planes
+    are drawn with a length relative to the scene, whose box is from ``low`` (2,) to ``high`` (2,)."""
+    return {
+        contact.name: _drawn(contact.obstacle, low, high)
+        for contact in case.contact
+        if contact.obstacle is not None
+    }
+
+
+def obstacle_shift(case: Case, contact: str, moved: Mapping[str, FloatArray]) -> FloatArray:
+    """Displacement (2,) of an obstacle, from the displacements ``moved`` by load, which are all equal."""
+    names = [load.name for load in case.load if isinstance(load, ObstacleMotion) and load.obstacle == contact]
+    return next((moved[name] for name in names if name in moved), np.zeros(2))
+
+
+def contact_part(
+    points: FloatArray, edges: IntArray, record: Mapping[str, Any], friction: bool, **more: FloatArray
+) -> VtuPart:
+    """A contact surface with the arrays of the schema among the values of a ``record`` and ``more``."""
+    values = {**record, **more, "status": record["status"].astype(np.int32)}
+    # Without friction the slip is not computed; viewers cannot show nan.
+    names = [name for name in CONTACT_ARRAYS if name in values and (friction or name != "slip")]
+    return VtuPart(points, edges, {name: values[name] for name in names})
+
+
+def _drawn(obstacle: AnyObstacle, low: FloatArray, high: FloatArray) -> tuple[FloatArray, IntArray]:
+    if isinstance(obstacle, PlaneObstacle):
+        normal = np.array(obstacle.normal) / np.hypot(*obstacle.normal)
+        middle = 0.5 * (low + high)
+        foot = middle - ((middle - np.array(obstacle.point)) @ normal) * normal
+        reach = PLANE_LENGTH * float(np.hypot(*(high - low))) * np.array([normal[1], -normal[0]])
+        points = np.array([foot - reach, foot + reach])
+    elif isinstance(obstacle, DiskObstacle):
+        angle = np.linspace(0.0, 2.0 * np.pi, CIRCLE_POINTS)
+        ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        points = np.array(obstacle.center) + obstacle.radius * ring
+    else:
+        points = np.array(obstacle.points)
+    numbers = np.arange(len(points), dtype=np.int64)
+    return points, np.stack([numbers[:-1], numbers[1:]], axis=1)

@@ -1,4 +1,4 @@
-"""Recording of a run in its directory."""
+"""Recording of a run in its directory, and the content of summary.json."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ import numpy as np
 
 from mlsanm_cli.app.checks.check import Check, Verdicts
 from mlsanm_cli.app.context import RunContext
-from mlsanm_cli.app.output.analysis import Analysis, BodyFields
+from mlsanm_cli.app.output.analysis import Analysis, BodyFields, Ending
 from mlsanm_cli.app.output.checkpoint import REFINEMENT, EarlierRun, as_text, plain_checkpoint
 from mlsanm_cli.app.output.parts import stored_fields, vtu_states
 from mlsanm_cli.case import LoadedCase, resolved_mapping
 from mlsanm_cli.closing import Closing
-from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.errors import NumericalError, UnstableError
 from mlsanm_cli.io import run_dir
-from mlsanm_cli.io.atomic import write_text
-from mlsanm_cli.io.records import place, row
-from mlsanm_cli.io.run_file import Attribute, RunFile, Value
+from mlsanm_cli.io.files import write_text
+from mlsanm_cli.io.run_file import Attribute, RunFile, Value, place, row
 from mlsanm_cli.io.summary import EventLog, toml_text, write_csv, write_json_atomic
 from mlsanm_cli.io.vtu import LinesWriter, StateWriter, write_parts
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State
+from mlsanm_cli.system import peak_memory_mb
 
 ESTIMATE_AFTER = 2.0
 """Seconds after which the remaining time of a path is shown."""
@@ -219,16 +219,15 @@ class Recorder(Closing):
             self._events.write("failure", reason=error.message, hint=error.hint, **self.failed_at)
 
     def finish(self, analysis: Analysis, summary: Mapping[str, Any]) -> None:
-        """Writes the tables of the path and of all contacts, and closes all files; summary.json is written
-        last, so that its presence means that the run is over."""
+        """Writes the tables of the path and of all contacts, and the status; summary.json is written last, so
+        that its presence means that the run is over."""
         if self.last is not None:
-            write_csv(self.directory / run_dir.PATH_FILE, self._file.path_table())
-            tables = analysis.interfaces(self.last)
+            tables, path = analysis.interfaces(self.last), self._file.path_table()
+            write_csv(self.directory / run_dir.PATH_FILE, path)
             for name, columns in tables.items():
                 write_csv(self.directory / run_dir.interface_name(name, len(tables)), columns)
         self._events.write("end", status=summary["status"], reason=summary["stop_reason"])
         self._file.set_status(str(summary["status"]))
-        self.close()
         write_json_atomic(self.directory / run_dir.SUMMARY_FILE, summary)
 
     def close(self) -> None:
@@ -237,3 +236,43 @@ class Recorder(Closing):
             self._file.close()
         finally:
             self._events.close()
+
+
+def summarise(analysis: Analysis, ending: Ending, recorder: Recorder) -> dict[str, Any]:
+    """The content of summary.json, as far as known when the run ended."""
+    state, tally, context = recorder.last, recorder.tally, analysis.context
+    summary: dict[str, Any] = {
+        "status": ending.status,
+        "stop_reason": ending.reason,
+        "position": state.position if state else None,
+        **{name: tally[name] for name in ("steps", "iterations", "factorizations", "solves")},
+    }
+    if ending.stopped_by and state is not None:
+        factors = dict(zip(analysis.case.moved, state.factors.tolist(), strict=True))
+        summary |= {"stopped_at": state.position, "stopped_by": ending.stopped_by, "factors": factors}
+    if ending.hint:
+        summary["hint"] = ending.hint
+    if recorder.failed_at:
+        summary["failure"] = recorder.failed_at
+    summary |= {"contacts": {}, "residual": tally["residual"], **analysis.sizes(tally)}
+    if state is not None:
+        quantities = analysis.quantities(state)
+        summary["forces"] = {name: force.tolist() for name, force in quantities["resultants"].items()}
+        if quantities["probes"]:
+            summary["probes"] = {
+                name: values | {key: values[key].tolist() for key in ("displacement", "stress")}
+                for name, values in quantities["probes"].items()
+            }
+        summary |= analysis.figures(state, tally)
+    if isinstance(ending.error, UnstableError) and summary.get("stability") is None:
+        summary["stability"] = ending.error.stability
+    return summary | {
+        "quality": analysis.quality.figures,
+        "limits": analysis.limits(),
+        "seconds": context.clock.seconds,
+        "wall_seconds": context.clock.wall_seconds,
+        "peak_memory_mb": peak_memory_mb(),
+        "warnings": recorder.warnings,
+        "checks": recorder.verdicts.rows,
+        "cache": context.memo.figures,
+    }

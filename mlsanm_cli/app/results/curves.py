@@ -1,28 +1,27 @@
-"""Curves of runs as pictures: pressures and tractions along contacts, loops, the load path, fields along
-lines."""
+"""Curves of runs as pictures: pressures and tractions along contacts, loops, the load path."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
 from mlsanm_cli.app.checks.references import ReferenceProfile, profile_on
 from mlsanm_cli.app.results.choice import Choice
-from mlsanm_cli.app.results.fields import SCALARS, fields_at, inside, nodal, saved_state, scalar
-from mlsanm_cli.app.results.marks import boundary_nodes
 from mlsanm_cli.app.results.path_lookup import (
+    along_surface,
+    contact_force,
     level_at,
     mean_tangent,
-    pressing_force,
     pressures_at,
     tangential_force,
 )
 from mlsanm_cli.app.results.probe import probe_contact
-from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.case import Case, Place
+from mlsanm_cli.arrays import FloatArray, runs_of
+from mlsanm_cli.case import Case, Platen
+from mlsanm_cli.case.model.motions import ObstacleMotion
 from mlsanm_cli.contact.complementarity.problem import SLIP, STICK
-from mlsanm_cli.contact.geometry.profile import regular_peak, unrolled
+from mlsanm_cli.contact.geometry.profile import regular_peak
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.plots.curves import (
     OUTSIDE,
@@ -35,7 +34,9 @@ from mlsanm_cli.io.plots.curves import (
     visible_range,
 )
 from mlsanm_cli.io.plots.figures import COLOURS, REFERENCE_LINE
+from mlsanm_cli.io.run_file import force_on_slave
 from mlsanm_cli.io.run_reader import Dataset, RunData
+from mlsanm_cli.roundoff import ROUND_OFF
 
 MAX_LEVELS = 6
 """More load levels in one picture cannot be distinguished."""
@@ -62,16 +63,6 @@ def load_words(run: RunData, case: Case, position: float) -> str:
 def position_words(run: RunData, case: Case, position: float) -> str:
     """A position as a number and in words."""
     return ", ".join(filter(None, (f"position {position:.4g}", load_words(run, case, position))))
-
-
-def along_surface(contact: Dataset, pressure: FloatArray) -> tuple[IntArray, FloatArray]:
-    """The nodes (m,) of a contact in the order in which they are drawn, and their arc lengths: those of a
-    surface that closes around a body begin where pressures (m,) are furthest away. A surface of six nodes or
-    more is closed if the last one is within 1.5 spacings of the first, and far along the surface."""
-    arc, step = contact.arc_length, float(np.hypot(*(contact.points[-1] - contact.points[0])))
-    if len(arc) < 6 or step > 1.5 * float(np.diff(arc).max()) or 6 * step > arc[-1] - arc[0]:
-        return np.arange(len(arc)), arc
-    return unrolled(arc, float(arc[-1] - arc[0]) + step, pressure)
 
 
 def pressure_levels(
@@ -150,10 +141,16 @@ def profile_picture(
 
 def reference_profile(run: RunData, case: Case, name: str) -> ReferenceProfile | None:
     """The closed formula at the end of the path; None where the case names none or nothing is pressed."""
-    force = float(np.hypot(*pressing_force(run, name)[-1]))
+    contact, described = run.contacts[name], next(c for c in case.contact if c.name == name)
+    # That of the pressures: Hertz' formula knows no tractions.
+    pressing = (
+        contact_force(run, name)[-1]
+        if run.is_finite
+        else force_on_slave(contact.weight, contact.normal, contact.pressure[-1])
+    )
+    force = float(np.hypot(*pressing))
     if case.reference is None or force == 0.0:
         return None
-    contact, described = run.contacts[name], next(c for c in case.contact if c.name == name)
     return profile_on(case, described, contact.points, contact.normal, contact.pressure[-1], force)
 
 
@@ -195,8 +192,7 @@ def _zones(arc: FloatArray, status: FloatArray) -> Iterator[tuple[float, float, 
         return
     borders = np.concatenate([arc[:1], 0.5 * (arc[1:] + arc[:-1]), arc[-1:]])
     for kind, (label, colour) in ZONES.items():
-        steps = np.diff(np.concatenate([[False], status == kind, [False]]).astype(np.int64))
-        for first, last in zip(np.flatnonzero(steps == 1), np.flatnonzero(steps == -1), strict=True):
+        for first, last in runs_of(status == kind):
             yield float(borders[first]), float(borders[last]), colour, label
             label = ""
 
@@ -205,9 +201,11 @@ def loop_picture(run: RunData, case: Case, name: str, choice: Choice, over_slip:
     """The tangential force on the master over the tangential displacement of the platen that moves most.
     Without a platen, or with ``over_slip``, over the mean slip."""
     force, tangent = tangential_force(run, name), mean_tangent(run, name)
+    if not force.any():
+        raise RunError(f"contact {name} transmits no tangential force", "use --what pressure or traction")
     along = {load: moved @ tangent for load, moved in run.path.displacements.items()}
     moved, label = mean_slip(run.contacts[name]), SLIP_LABEL
-    load = max(along, key=lambda name: float(np.ptp(along[name])), default="")
+    load = _mover(case, along, tangent)
     if load and not over_slip and float(np.ptp(along[load])) > MIN_TANGENTIAL_MOTION * float(np.ptp(moved)):
         moved, label = along[load], f"displacement along the contact, by {load}"
     ends = [
@@ -221,6 +219,19 @@ def loop_picture(run: RunData, case: Case, name: str, choice: Choice, over_slip:
     labels = case.units.label(label, "length"), case.units.label(TANGENTIAL, "force")
     panel = Panel([Curve(moved, force, look=look), *ends], *labels)
     return Picture([panel], f"Tangential force, {name}", "best", (5.2, 4.2))
+
+
+def _mover(case: Case, along: Mapping[str, FloatArray], tangent: FloatArray) -> str:
+    """The load whose displacement ``along`` (S+1,) the tangent (2,) changes most; of several on one plate the
+    one that prescribes most along it."""
+    prescribed = {
+        load.name: abs(sum(value * tangent["xy".index(axis)] for axis, (_, value) in load.control.items()))
+        for load in case.load
+        if isinstance(load, Platen | ObstacleMotion)
+    }
+    most = max((float(np.ptp(moved)) for moved in along.values()), default=0.0)
+    equal = [load for load, moved in along.items() if float(np.ptp(moved)) >= (1.0 - ROUND_OFF) * most]
+    return max(equal, key=lambda load: prescribed.get(load, 0.0), default="")
 
 
 def mean_slip(contact: Dataset) -> FloatArray:
@@ -278,79 +289,11 @@ def _of_run(run: RunData, name: str, kind: str, choice: Choice) -> Iterator[Curv
                 order, arc = along_surface(contact, pressure)
                 yield Curve(arc, pressure[order], f"{label}, position {level:.4g}" if choice.at else label)
         elif kind == "force":
-            yield Curve(position, np.hypot(*pressing_force(run, contact_name).T), label, joined=joined)
+            yield Curve(position, np.hypot(*contact_force(run, contact_name).T), label, joined=joined)
         elif kind == "peak":
             yield Curve(position, contact.pressure.max(axis=1, initial=0.0), label, joined=joined)
-        elif not np.isnan(contact.slip).any():
+        elif not np.isnan(contact.slip).any() and tangential_force(run, contact_name).any():
             yield Curve(mean_slip(contact), tangential_force(run, contact_name), label)
-
-
-def line_picture(runs: Sequence[RunData], cases: Sequence[Case], choice: Choice) -> Picture:
-    """A field along a boundary such as ``block.top``, or along the straight line ``X,Y:X,Y``, at saved
-    positions. Raises RunError for an invalid line, and for one that crosses no body."""
-    assert choice.along is not None
-    field = choice.field or "von_mises"
-    curves = []
-    for run, case, name in zip(runs, cases, run_names(runs), strict=True):
-        for position in choice.at or (saved_state(run, None).position,):
-            words = [name] if len(runs) > 1 else []
-            words += [f"position {position:.4g}"] if len(choice.at) > 1 or len(runs) == 1 else []
-            for where, x, y in _along(run, case, choice.along, field, position):
-                curves.append(Curve(x, y, ", ".join([*words, where] if where else words)))
-    units, label = cases[0].units, SCALARS[field].label
-    along = "distance along the line" if ":" in choice.along else "arc length"
-    labels = units.label(along, "length"), units.label(label, SCALARS[field].unit)
-    return curves_picture(curves, *labels, f"{label[0].upper()}{label[1:]} along {choice.along}")
-
-
-def _along(
-    run: RunData, case: Case, along: str, field: str, position: float
-) -> list[tuple[str, FloatArray, FloatArray]]:
-    """For every body crossed: name, distances (k,) and values (k,), nan outside the body."""
-    ends = along.split(":")
-    if len(ends) == 1:
-        return [("", *_on_boundary(run, case, along, field, position))]
-    try:
-        first, last = (np.array([float(part) for part in end.split(",")]) for end in ends)
-        if first.shape != (2,) or last.shape != (2,) or not np.isfinite([first, last]).all():
-            raise ValueError
-    except ValueError:
-        message = f'"{along}" is neither a boundary nor a line'
-        raise RunError(message, "as in --along block.top or --along 0,0:0,-1") from None
-    share = np.linspace(0.0, 1.0, 301)
-    points = first + share[:, None] * (last - first)
-    level = level_at(run, position)
-    crossed = []
-    for name, body in run.bodies.items():
-        within = inside(body, points)
-        if within.sum() < 2:
-            continue
-        ((seen, _),) = fields_at(run, case, name, points[within], [level])
-        values = np.full(len(points), np.nan)
-        values[within] = scalar(seen, field)
-        crossed.append((name, share * float(np.hypot(*(last - first))), values))
-    if not crossed:
-        raise RunError(f"the line {along} crosses no body", "give coordinates of the undeformed bodies")
-    return [("" if len(crossed) == 1 else name, x, y) for name, x, y in crossed]
-
-
-def _on_boundary(
-    run: RunData, case: Case, boundary: str, field: str, position: float
-) -> tuple[FloatArray, FloatArray]:
-    """Arc lengths (k,) and values (k,) at the nodes of a boundary."""
-    name, _, edge = boundary.partition(".")
-    body = run.bodies.get(name)
-    edges = (
-        [] if body is None else list(dict.fromkeys(piece.partition("/")[0] for piece in body.boundary.name))
-    )
-    if edge not in edges:
-        known = ", ".join(f"{name}.{edge}" for edge in edges) or ", ".join(run.bodies)
-        raise RunError(f'there is no boundary "{boundary}"', f"there are: {known}")
-    assert body is not None
-    index, _ = boundary_nodes(body, Place((boundary,)))
-    values = scalar(nodal(run, case, saved_state(run, position), name), field)
-    steps = np.hypot(*np.diff(body.points[index], axis=0).T)
-    return np.concatenate([[0.0], np.cumsum(steps)]), values[index]
 
 
 def run_names(runs: Sequence[RunData]) -> list[str]:

@@ -16,19 +16,19 @@ from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case, Temperature
 from mlsanm_cli.cloud.membership import boundary_chords, inside_body
-from mlsanm_cli.cloud.sight import visibility_criterion
+from mlsanm_cli.cloud.sight import triangulate, visibility_criterion
 from mlsanm_cli.cloud.tips import tips_of
-from mlsanm_cli.cloud.triangles import triangulate
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import schema
 from mlsanm_cli.io.run_reader import Dataset, RunData, SavedState
 from mlsanm_cli.mechanics.body_model import enough_neighbors, enriched_tips
 from mlsanm_cli.mechanics.elasticity import von_mises
+from mlsanm_cli.mechanics.laws.law import gradient_of
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.probes import point_rows, stress_of_expansion
 from mlsanm_cli.operators.stencil_weights import Stencils
 from mlsanm_cli.operators.stencils import build_stencils
-from mlsanm_cli.roundoff import FINE_ROUND_OFF
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF, FINE_ROUND_OFF
 
 SCALARS = schema.scalars(schema.FIELDS)
 Quantities = Mapping[str, FloatArray]
@@ -87,12 +87,17 @@ def fields_at(
     stencils = _stencils_at(run, case, body, points)
     if run.is_finite:
         from mlsanm_cli.app.finite.fields import fields_at
-        from mlsanm_cli.app.finite.scene import law_of, material_of
+        from mlsanm_cli.app.scene.materials import laws_of
 
-        law, alpha = law_of(case, body), material_of(case, body).alpha
+        law, nodes = laws_of(case)[body], run.bodies[body].points
+        at_nodes = _stencils_at(run, case, body, nodes) if law.nested else None
         for level, (displacement, how) in zip(levels, saved, strict=True):
-            warm = 1.0 + alpha * _degrees(case, body, level, points) if isinstance(alpha, float) else None
-            yield fields_at(law, stencils.derivatives(displacement), warm), how
+            degrees, mean = _degrees(case, body, level, points), None
+            if at_nodes is not None:
+                gradient = gradient_of(at_nodes.derivatives(displacement))
+                nodal = law.mean(gradient, _degrees(case, body, level, nodes))[0]
+                mean = stencils.derivatives(nodal[:, None])[:, 0, 0]
+            yield fields_at(law, stencils.derivatives(displacement), degrees, mean), how
         return
     of_nodes = partial(_stencils_at, run, case, body, run.bodies[body].points)
     rows = point_rows(stencils, _material(case, body), of_nodes)
@@ -112,9 +117,9 @@ def with_mises(
 
 
 def inside(body: Dataset, points: FloatArray) -> BoolArray:
-    """Mask (e,) of ``points`` (e, 2) that are in a body or on its boundary."""
+    """Mask (e,) of ``points`` (e, 2) that are in a body or, to the digits of cases, on its boundary."""
     boundary = body.boundary
-    return inside_body(body.points, boundary.index, boundary.normal, boundary.name, points)
+    return inside_body(body.points, boundary.index, boundary.normal, boundary.name, points, COARSE_ROUND_OFF)
 
 
 def boundary_edges(body: Dataset) -> IntArray:

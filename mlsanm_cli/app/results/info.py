@@ -1,19 +1,24 @@
-"""``mlsanm info``: summary and provenance of a run, complete or not; whether it is of a given case."""
+"""``mlsanm info`` and ``mlsanm collect``: summary and provenance of a run, complete or not; one row per run,
+with the parameters that differ and the results."""
 
 from __future__ import annotations
 
+import csv
+import io
 import time
-from collections.abc import Mapping
+import tomllib
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from mlsanm_cli import __version__
+from mlsanm_cli.case.vary import flat
 from mlsanm_cli.contact.geometry.profile import half_width
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_dir
-from mlsanm_cli.io.lock import holder
+from mlsanm_cli.io.files import holder, write_text
 from mlsanm_cli.io.run_reader import RunData, read_origin, read_run
-from mlsanm_cli.io.summary import read_json
+from mlsanm_cli.io.summary import read_summary
 
 PROVENANCE = (
     "mlsanm_version",
@@ -36,7 +41,7 @@ def info(rundir: Path) -> Mapping[str, Any]:
     RunError for a directory without a readable run."""
     run = read_run(rundir, ("path", "contacts"))
     summary_file = run.directory / run_dir.SUMMARY_FILE
-    summary = read_json(summary_file) if summary_file.is_file() else _unfinished(run)
+    summary = read_summary(summary_file) if summary_file.is_file() else _unfinished(run)
     provenance = {key: run.attributes[key] for key in PROVENANCE if run.attributes.get(key) not in (None, "")}
     return {"directory": str(run.directory), **summary, "provenance": provenance}
 
@@ -93,7 +98,89 @@ def finished(directory: Path, case_hash: str) -> Mapping[str, Any] | None:
         wanted = {"case_hash": case_hash, "mlsanm": __version__, "status": "done"}
         if any(known.get(key) != value for key, value in wanted.items()):
             return None
-        summary = read_json(directory / run_dir.SUMMARY_FILE)
+        summary = read_summary(directory / run_dir.SUMMARY_FILE)
     except RunError:
         return None
     return summary if summary.get("status") == "done" else None
+
+
+FIGURES = (
+    *("position", "steps", "factorizations", "solves", "nodes", "contact_unknowns"),
+    *("contacts", "forces", "residual", "linear_residual", "force_balance"),
+    *("energy_error", "stability"),
+    *("error_estimate", "warnings", "seconds", "peak_memory_mb"),
+)
+"""Entries of a summary that become columns."""
+FORMULA_SIGNS = ("=", "+", "-", "@", "\t", "\r")
+"""What formulas of spreadsheets begin with."""
+
+Row = dict[str, Any]
+
+
+def collect(rundirs: Sequence[Path]) -> list[Row]:
+    """One row per run: directory, status, the keys that differ between the cases, figures. Failed, stopped
+    and running runs have rows with the figures available, and directories without a readable run rows with
+    status "unreadable". Files among the arguments, as ``sweep.csv``, are ignored."""
+    rundirs = [place for place in rundirs if not place.is_file() or place.name == run_dir.RUN_FILE]
+    heads, cases, results = zip(*map(_run, rundirs), strict=True) if rundirs else ((), (), ())
+    keys = dict.fromkeys(key for case in cases for key in case)
+    readable = [case for case in cases if case]
+    varied = [key for key in keys if any(case.get(key) != readable[0].get(key) for case in readable)]
+    columns = dict.fromkeys(name for figures in results for name in figures)
+    return [
+        {**head, **{key: case.get(key) for key in varied}, **{name: figures.get(name) for name in columns}}
+        for head, case, figures in zip(heads, cases, results, strict=True)
+    ]
+
+
+def as_csv(rows: Sequence[Mapping[str, Any]]) -> str:
+    """The rows as CSV with a header; lists in one cell, empty cells for missing figures."""
+    stream = io.StringIO()
+    if rows:
+        writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows({name: _cell(value) for name, value in row.items()} for row in rows)
+    return stream.getvalue()
+
+
+def _cell(value: Any) -> Any:
+    """A value of a table; text that spreadsheets would compute as a formula begins with an apostrophe."""
+    return f"'{value}" if isinstance(value, str) and value.startswith(FORMULA_SIGNS) else value
+
+
+def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Writes the rows as a CSV file, atomically. Raises RunError if that fails."""
+    write_text(path, as_csv(rows))
+
+
+def _run(directory: Path) -> tuple[Row, dict[str, Any], dict[str, Any]]:
+    """Directory and status of a run, its case and its figures."""
+    row: Row = {"directory": str(directory), "status": "unreadable", "stop_reason": None}
+    try:
+        head = read_origin(directory)
+    except RunError as error:
+        return {**row, "stop_reason": error.message}, {}, {}
+    case = flat(tomllib.loads(head.case_resolved))
+    row["status"] = head.attributes["status"]
+    summary = directory / run_dir.SUMMARY_FILE
+    if not summary.is_file():
+        return {**row, "stop_reason": "no summary: still running or killed"}, case, {}
+    try:
+        known = read_summary(summary)
+    except RunError as error:
+        return {**row, "stop_reason": error.message}, case, {}
+    row |= {"status": known.get("status"), "stop_reason": known.get("stop_reason")}
+    chosen = flat({name: known[name] for name in FIGURES if name in known})
+    chosen["warnings"] = chosen.get("warnings") or None
+    return row, case, _columns(chosen)
+
+
+def _columns(figures: Mapping[str, Any]) -> dict[str, Any]:
+    """Figures as single values, vectors by component."""
+    columns: dict[str, Any] = {}
+    for name, value in figures.items():
+        if isinstance(value, list) and len(value) == 2 and not any(isinstance(part, str) for part in value):
+            columns |= {f"{name}_x": value[0], f"{name}_y": value[1]}
+        elif not isinstance(value, Mapping):
+            columns[name] = value
+    return columns

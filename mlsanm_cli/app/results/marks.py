@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mlsanm_cli.app.output.lines import obstacle_shift, obstacles
+from mlsanm_cli.app.output.parts import obstacle_shift, obstacles
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import (
@@ -26,7 +26,7 @@ from mlsanm_cli.case import (
     value_at,
 )
 from mlsanm_cli.io.plots.cloud import BodyPicture, CloudBody, plot_bodies
-from mlsanm_cli.io.plots.marks import ConditionMarks
+from mlsanm_cli.io.plots.figures import ConditionMarks
 from mlsanm_cli.io.run_reader import Dataset, RunData, SavedState
 
 MAX_TICKS, MAX_ARROWS = 40, 7

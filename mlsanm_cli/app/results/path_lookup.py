@@ -8,12 +8,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.contact.geometry.profile import unrolled
 from mlsanm_cli.continuation import Branch
 from mlsanm_cli.errors import RunError
+from mlsanm_cli.io.run_file import force_on_slave
 from mlsanm_cli.io.run_reader import Dataset, RunData, read_series
 from mlsanm_cli.records import dataclass
-from mlsanm_cli.roundoff import FINE_ROUND_OFF, ROUND_OFF
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF, FINE_ROUND_OFF, ROUND_OFF
 
 STORED, SERIES, LINEAR, INTERPOLATED = "stored", "series", "linear", "interpolated"
 MAX_ERROR = 0.25
@@ -218,6 +220,16 @@ def pressures_at(run: RunData, position: float) -> dict[str, FloatArray]:
     return {name: level[f"contacts/{name}/pressure"] for name in run.contacts}
 
 
+def along_surface(contact: Dataset, pressure: FloatArray) -> tuple[IntArray, FloatArray]:
+    """The nodes (m,) of a contact in the order in which they are drawn, and their arc lengths: those of a
+    surface that closes around a body begin where pressures (m,) are furthest away. A surface of six nodes or
+    more is closed if the last one is within 1.5 spacings of the first, and far along the surface."""
+    arc, step = contact.arc_length, float(np.hypot(*(contact.points[-1] - contact.points[0])))
+    if len(arc) < 6 or step > 1.5 * float(np.diff(arc).max()) or 6 * step > arc[-1] - arc[0]:
+        return np.arange(len(arc)), arc
+    return unrolled(arc, float(arc[-1] - arc[0]) + step, pressure)
+
+
 def refuse_unknown(name: str, names: Collection[str], what: str) -> None:
     """Raises RunError for a name that is not one of the ``names`` of this kind of items of a run."""
     if name not in names:
@@ -225,27 +237,31 @@ def refuse_unknown(name: str, names: Collection[str], what: str) -> None:
         raise RunError(f'the run has no {what} "{name}"', known)
 
 
-def pressing_force(run: RunData, name: str) -> FloatArray:
-    """The force (S+1, 2) of a contact's pressures on its slave; at finite strain of its tractions too."""
+def contact_force(run: RunData, name: str) -> FloatArray:
+    """The force (S+1, 2) of a contact on its slave, as in path.csv."""
     contact = run.contacts[name]
     if run.is_finite:
         # Normals turn and lengths change: the forces are stored as such.
         return np.asarray(run.path.resultants[f"contact {name}"])
-    return np.asarray(contact.pressure @ (contact.weight[:, None] * contact.normal))
+    return force_on_slave(contact.weight, contact.normal, contact.pressure, contact.traction)
 
 
 def tangential_force(run: RunData, name: str) -> FloatArray:
-    """The force (S+1,) of a contact on its master along the mean tangent."""
-    contact = run.contacts[name]
-    if run.is_finite:
-        return np.asarray(-pressing_force(run, name) @ mean_tangent(run, name))
-    return np.asarray(-(contact.traction @ contact.weight))
+    """The force (S+1,) of a contact on its master along the mean tangent, at small strain that of its
+    tractions; exactly zero where it is round-off of the whole force."""
+    contact, force = run.contacts[name], contact_force(run, name)
+    largest = float(np.hypot(*force.T).max(initial=0.0))
+    if not run.is_finite:
+        # Without the pressures, whose resultant is normal only to the accuracy of the mean tangent.
+        force = force - force_on_slave(contact.weight, contact.normal, contact.pressure)
+    along = -force @ mean_tangent(run, name)
+    return np.asarray(np.where(np.abs(along) > COARSE_ROUND_OFF * largest, along, 0.0))
 
 
 def mean_tangent(run: RunData, name: str) -> FloatArray:
-    """The mean (2,) of a contact's tangents before loading, where it is pressed at some time, as a unit
-    vector."""
+    """The mean (2,) of a contact's tangents before loading, weighted with the largest pressures of the path,
+    as a unit vector."""
     contact = run.contacts[name]
-    weight = np.where((contact.pressure > 0.0).any(axis=0), contact.weight, 0.0)
+    weight = contact.weight * contact.pressure.max(axis=0, initial=0.0)
     x, y = (weight if weight.any() else contact.weight) @ contact.normal
     return np.asarray(np.array([y, -x]) / np.hypot(x, y))

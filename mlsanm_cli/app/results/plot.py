@@ -12,8 +12,9 @@ from mlsanm_cli.app.results import curves
 from mlsanm_cli.app.results.bodies import bodies_picture
 from mlsanm_cli.app.results.choice import KINDS, Choice
 from mlsanm_cli.app.results.fields import saved_state
+from mlsanm_cli.app.results.lines import line_picture
 from mlsanm_cli.app.results.marks import marks_at
-from mlsanm_cli.app.results.path_lookup import pressures_at, refuse_unknown
+from mlsanm_cli.app.results.path_lookup import along_surface, pressures_at, refuse_unknown, tangential_force
 from mlsanm_cli.case import Case, stored_case
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_dir
@@ -88,7 +89,8 @@ def pictures(run: RunData, case: Case, choice: Choice) -> Iterator[tuple[str, st
         yield "pressure", name, partial(curves.pressure_picture, **of_contact)
         if friction[name]:
             yield "traction", name, partial(curves.traction_picture, **of_contact)
-        if friction[name] and np.isfinite(friction[name]):
+        asked = not {"loop", "hysteresis"}.isdisjoint(choice.what)
+        if friction[name] and np.isfinite(friction[name]) and (asked or tangential_force(run, name).any()):
             yield "loop", name, partial(curves.loop_picture, **of_contact)
             yield "hysteresis", name, partial(curves.loop_picture, **of_contact, over_slip=True)
     for kind in ("force", "peak") if run.contacts else ("force",):
@@ -97,14 +99,14 @@ def pictures(run: RunData, case: Case, choice: Choice) -> Iterator[tuple[str, st
         state = partial(saved_state, run, choice.at[-1] if choice.at else None)
         yield "bodies", "", lambda: bodies_picture(run, case, state(), choice.field)
     if choice.along is not None:
-        yield "line", choice.along, partial(curves.line_picture, [run], [case], choice)
+        yield "line", choice.along, partial(line_picture, [run], [case], choice)
 
 
 def _together(runs: Sequence[RunData], cases: Sequence[Case], choice: Choice) -> Picture:
     """Several runs in one picture. Raises RunError for kinds that do not support it."""
     kind = "line" if choice.along is not None else choice.what[0] if len(choice.what) == 1 else ""
     if kind == "line":
-        return curves.line_picture(runs, cases, choice)
+        return line_picture(runs, cases, choice)
     if kind in ("pressure", "force", "peak", "loop", "hysteresis"):
         return curves.path_picture(runs, cases, kind, choice)
     raise RunError(
@@ -133,7 +135,7 @@ def _pressure(run: RunData, case: Case, name: str, choice: Choice) -> Path:
         raise RunError("the run has one state only", "an animation needs at least two")
     levels = places.tolist()
     pressure = np.stack([pressures_at(run, level)[name] for level in levels])
-    order, arc = curves.along_surface(run.contacts[name], pressure.max(axis=0))
+    order, arc = along_surface(run.contacts[name], pressure.max(axis=0))
     file = choice.out or run.directory / run_dir.picture_name("pressure", "gif", name)
     animate_pressure(
         file,

@@ -10,10 +10,19 @@ import numpy as np
 
 from mlsanm_cli.app.results.choice import POINT_FIELDS, QUANTITIES
 from mlsanm_cli.app.results.fields import SCALARS, Quantities, fields_at, scalar, with_mises
-from mlsanm_cli.app.results.path_lookup import Level, checked_error, level_at, pressing_force, refuse_unknown
+from mlsanm_cli.app.results.path_lookup import (
+    Level,
+    along_surface,
+    checked_error,
+    contact_force,
+    level_at,
+    refuse_unknown,
+)
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, stored_case
+from mlsanm_cli.contact.geometry.profile import half_width
 from mlsanm_cli.errors import RunError
+from mlsanm_cli.io.run_file import force_on_slave
 from mlsanm_cli.io.run_reader import RunData, read_run
 
 TANGENTIAL = ("traction", "slip")
@@ -54,6 +63,26 @@ def probe_contact(
     ]
 
 
+def probe_everything(rundir: Path | RunData, at: Sequence[float]) -> list[Row]:
+    """Largest pressure, half-width and force on the slave of all contacts at every position of ``at``; of a
+    run without contacts the forces of loads and supports."""
+    run, _ = _read(rundir)
+    rows = []
+    for level in _levels(run, at):
+        for name in run.contacts or run.path.resultants:
+            (force,) = probe_force(run, [level.position], name, contact=name in run.contacts)
+            row = {"position": force.pop("position"), "name": name}
+            if name in run.contacts:
+                pressure = level[f"contacts/{name}/pressure"]
+                order, arc = along_surface(run.contacts[name], pressure)
+                row |= {
+                    "peak_pressure": float(pressure.max(initial=0.0)),
+                    "half_width": half_width(arc, pressure[order]),
+                }
+            rows.append(row | force)
+    return rows
+
+
 def probe_force(rundir: Path | RunData, at: Sequence[float], name: str, contact: bool = False) -> list[Row]:
     """Force (x, y) that a load or support exerts on its body, or a contact on its slave. With ``contact`` the
     name is that of a contact, even if a load has it too."""
@@ -62,7 +91,7 @@ def probe_force(rundir: Path | RunData, at: Sequence[float], name: str, contact:
     refuse_unknown(name, [*resultants, *run.contacts], "load, support or contact")
     if name in resultants and name in run.contacts and not contact:
         raise RunError(f'"{name}" is both a load and a contact', "give one of them another name")
-    history = resultants[name] if name in resultants else pressing_force(run, name)
+    history = resultants[name] if name in resultants else contact_force(run, name)
     rows = []
     for level in _levels(run, at):
         if name not in run.contacts:
@@ -137,12 +166,9 @@ def _has_friction(case: Case, contact: str) -> bool:
 
 def _contact_force(run: RunData, level: Level, name: str, friction: bool) -> FloatArray:
     """Force (2,) on the slave at small strain."""
-    contact = run.contacts[name]
-    force = (contact.weight * level[f"contacts/{name}/pressure"]) @ contact.normal
-    if friction:
-        tangent = np.stack([contact.normal[:, 1], -contact.normal[:, 0]], axis=1)
-        force = force + (contact.weight * level[f"contacts/{name}/traction"]) @ tangent
-    return np.asarray(force, dtype=np.float64)
+    contact, pressure = run.contacts[name], level[f"contacts/{name}/pressure"]
+    traction = level[f"contacts/{name}/traction"] if friction else None
+    return force_on_slave(contact.weight, contact.normal, pressure, traction)
 
 
 def _row(seen: Quantities, field: str | None) -> Row:

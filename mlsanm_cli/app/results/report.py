@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from mlsanm_cli.app.results.choice import OF_CONTACT, Choice
-from mlsanm_cli.app.results.collect import collect
-from mlsanm_cli.app.results.info import info
+from mlsanm_cli.app.results.info import collect, info
 from mlsanm_cli.app.results.plot import pictures, write
 from mlsanm_cli.case import Case, Displacement, stored_case
 from mlsanm_cli.errors import RunError

@@ -15,14 +15,13 @@ import numpy as np
 from mlsanm_cli.app.scene.conditions import conditions
 from mlsanm_cli.app.scene.contact_sides import sides_of
 from mlsanm_cli.app.scene.load_profiles import profiles
-from mlsanm_cli.app.scene.outlines import BoundaryRun, chains_at, drawn, imported_geometry, numbers_of, run_of
+from mlsanm_cli.app.scene.outlines import drawn, imported_geometry, run_of
 from mlsanm_cli.case import Body, Case, Place, Platen, Pressure, Traction
-from mlsanm_cli.case.model.conditions import Kind, compatible
+from mlsanm_cli.case.model.conditions import Kind, Support, compatible
 from mlsanm_cli.case.model.shapes import Mesh, Points
-from mlsanm_cli.case.model.supports import Support
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Curve, Outline, Segment
-from mlsanm_cli.cloud.joined import cut
+from mlsanm_cli.cloud.joined import BoundaryRun
 from mlsanm_cli.cloud.surface import Surface, joined_surface
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.records import dataclass
@@ -34,10 +33,12 @@ Cuts = Mapping[int, Sequence[float]]
 """Arc lengths at which the curves of an outline are cut, by curve number."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Boundaries:
-    """The ``drawn`` outline of every body and its ``cuts``; the ``sides`` of every contact, slave first."""
+    """The ``drawn`` outline of every body of a ``case`` and its ``cuts``; the ``sides`` of every contact,
+    slave first."""
 
+    case: Case
     drawn: Mapping[str, Outline]
     cuts: Mapping[str, Cuts]
     sides: Mapping[str, tuple[Place, ...]]
@@ -51,11 +52,11 @@ class Boundaries:
         touching = [(f"contact.{name}", place) for name, places in sides.items() for place in places]
         parts = [(key, place) for key, place in (*conditioned, *touching) if place.ends is not None]
         cuts = {body.name: _cuts_of(case, body, outlines, parts) for body in case.body}
-        return cls(outlines, cuts, sides)
+        return cls(case, outlines, cuts, sides)
 
     def outline(self, body: str) -> Outline:
         """The outline of a body with its cuts."""
-        return cut(self.drawn[body], self.cuts[body])
+        return self.drawn[body].cut(self.cuts[body])
 
     def curve(self, place: Place, key: str) -> tuple[Curve, tuple[Curve, ...]]:
         """The curve of a side of a contact, and the other curves of the body's outline. Raises CaseError."""
@@ -84,17 +85,14 @@ class Boundaries:
     def names(self, place: Place) -> tuple[str, ...]:
         """The names of the surfaces of a place, in order along the outline."""
         outline, cuts = self.drawn[place.body], self.cuts[place.body]
-        chains = chains_at(outline, place.edges)
+        chains = outline.chains(outline.numbers(*place.edges))
         # Loaded and held boundaries need not join.
         numbers = chains[0][0] if len(chains) == 1 else sorted(k for chain, _ in chains for k in chain)
         run = BoundaryRun(outline, tuple(numbers), chains[0][1], place.ends)
         (first, length), found = run.range, []
-        for number, curve, start in zip(run.numbers, run.curves, run.starts, strict=False):
-            name, places = outline.names[number], sorted(cuts.get(number, ()))
-            whole = [*places, places[0] + curve.length] if places and curve.closed else None
-            for k, (low, high) in enumerate(pairwise(whole or [0.0, *places, curve.length]), start=1):
-                away = (start + 0.5 * (low + high) - first) % run.starts[-1]
-                found.append((away, f"{name}/{k}" if places else name))
+        for number, start in zip(run.numbers, run.starts, strict=False):
+            for name, low, high in outline.pieces(number, cuts.get(number, ())):
+                found.append(((start + 0.5 * (low + high) - first) % run.starts[-1], name))
         if place.ends is None:
             return tuple(name for _, name in found)
         return tuple(name for away, name in sorted(found) if away < length)
@@ -110,7 +108,7 @@ class Boundaries:
             if not places:
                 surfaces[name] = whole
                 continue
-            parts = cut(Outline((name,), (whole.curve,)), {0: places})
+            parts = Outline((name,), (whole.curve,)).cut({0: places})
             for own, curve, nodes in zip(parts.names, parts.curves, _split(whole, places), strict=True):
                 arc = np.mod(whole.arc_length[nodes] - whole.arc_length[nodes[0]], whole.curve.length)
                 surfaces[own] = Surface(own, curve, whole.index[nodes], arc, whole.normal[nodes])
@@ -182,8 +180,9 @@ def _split(surface: Surface, places: Sequence[float]) -> list[list[int]]:
     return [list(range(a, b + 1)) for a, b in pairwise([0, *at, count - 1])]
 
 
-def refuse_conflicts(case: Case, boundaries: Boundaries) -> None:
+def refuse_conflicts(boundaries: Boundaries) -> None:
     """Raises CaseError for conflicting conditions on lists and parts of boundaries."""
+    case = boundaries.case
     taken: dict[tuple[str, str, int], list[tuple[Kind, str, str]]] = {}
     problems = []
     for key, condition, place in conditions(case):
@@ -217,7 +216,7 @@ def refuse_conflicts(case: Case, boundaries: Boundaries) -> None:
 
 def _normal(outline: Outline, place: Place) -> tuple[float, float] | None:
     """The outward normal of a straight place, None for others."""
-    curves = [outline.curves[k] for edge in place.edges for k in numbers_of(outline, edge)]
+    curves = [outline.curves[k] for k in outline.numbers(*place.edges)]
     if not all(isinstance(curve, Segment) for curve in curves):
         return None
     normals = {tuple(np.round(curve.normals(np.zeros(1))[0], 9).tolist()) for curve in curves}

@@ -6,13 +6,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 
-import numpy as np
-
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.assemble import NOTHING, SceneModel, assemble_bodies, prepare
 from mlsanm_cli.app.scene.build import placing_key
+from mlsanm_cli.app.scene.pulls import pull_hint
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Case, Platen, Traction
+from mlsanm_cli.case import Case
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.laws.failures import EndlessError, NoStateError, UnbalancedError
@@ -40,36 +39,10 @@ def condense_scene(
     try:
         return _condensed_scene(case, prepared, context, before)
     except (UnbalancedError, NoStateError) as error:
-        hint = _pull_hint(case, prepared.pairings)
+        hint = pull_hint(case, prepared.pairings)
         if not hint:
             raise
         raise NumericalError(error.message, hint) from error
-
-
-def _pull_hint(case: Case, pairings: tuple[Pairing, ...]) -> str:
-    """A hint on forces that pull bodies away from their contacts, "" if there are none."""
-    found = []
-    for load in case.load:
-        force = _force(load)
-        for pairing in pairings:
-            if force is None or getattr(load, "owner", None) not in pairing.bodies:
-                continue
-            # The normal of a pairing, the master's outward one, points to the slave.
-            away = pairing.normal.mean(axis=0) * (1.0 if load.owner == pairing.slave_body else -1.0)
-            if force @ away > 0.0:
-                found.append(f"load {load.name} pulls {load.owner} away from contact {pairing.name}")
-    return f"{'; '.join(found)}: change its sign" if found else ""
-
-
-def _force(load: object) -> FloatArray | None:
-    """The direction of the force of a load, None if it is not given by numbers."""
-    if isinstance(load, Platen):
-        moved = load.control
-        held = [moved.get(axis, ("force", 0.0)) for axis in "xy"]
-        return np.array([value if how == "force" else 0.0 for how, value in held])
-    if isinstance(load, Traction) and all(isinstance(part, int | float) for part in load.traction or ("",)):
-        return np.array(load.traction, dtype=np.float64)
-    return None
 
 
 def _condensed_scene(
@@ -90,7 +63,7 @@ def _condensed_scene(
             key = digest(placing_key(case), scene)
             found = find_grids(case, scene, prepared.pairings, prepared.ranges, search, context.memo, key)
         if found is None:
-            return _condensed_scene(case, _without_grids(case, prepared, context), context, None)
+            return _condensed_scene(case, _without_grids(prepared, context), context, None)
         condensed, ends = found
     else:
         condensed, ends = _condense(case, scene, prepared.pairings, stages, context)
@@ -99,15 +72,15 @@ def _condensed_scene(
     return CondensedScene(case, scene, condensed, stages, ends, stability)
 
 
-def _without_grids(case: Case, prepared: SceneModel, context: RunContext) -> SceneModel:
+def _without_grids(prepared: SceneModel, context: RunContext) -> SceneModel:
     """A scene whose contact grids do not converge, at the low degree, which may help; if it has that, with
     nodal pressures."""
     placed = {name: model.cloud for name, model in prepared.models.items()}
     with context.phase("operators"):
-        low = prepare(case, placed, context.memo, prepared.models, low=True)
+        low = prepare(prepared.boundaries, placed, context.memo, prepared.models, low=True)
         if any(model is not prepared.models[name] for name, model in low.models.items()):
             return low
-        return prepare(case, placed, context.memo, prepared.models, grids=False)
+        return prepare(prepared.boundaries, placed, context.memo, prepared.models, grids=False)
 
 
 def _condense(

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from typing import TypeAlias
 
 from mlsanm_cli.case import Case, Displacement, Place, Platen
+from mlsanm_cli.case.model.conditions import Support
 from mlsanm_cli.case.model.loads import OnBoundary
-from mlsanm_cli.case.model.supports import Support
 
 Condition: TypeAlias = Support | OnBoundary
 
@@ -33,3 +33,10 @@ def prescribes(condition: Condition) -> tuple[bool, bool]:
     else:
         return False, False
     return x is not None, y is not None
+
+
+def stays(condition: Condition) -> bool:
+    """Whether the displacements that a condition prescribes are zero."""
+    if isinstance(condition, Displacement):
+        return all(one is None or one == 0.0 for one in condition.components)
+    return isinstance(condition, Support)

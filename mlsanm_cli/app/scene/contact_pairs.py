@@ -16,6 +16,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import AnyObstacle, Case, Contact, DiskObstacle, Place, PlaneObstacle
 from mlsanm_cli.case.model.contacts import PolylineObstacle
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.curves import Arc
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.contact.geometry.obstacles import Chain, Plane, Round, Shape
 from mlsanm_cli.contact.geometry.pairing import Pairing, pair_surfaces
@@ -66,7 +67,7 @@ def _paired(case: Case, boundaries: Boundaries, contact: Contact, clouds: Mappin
 def _unfaced_hint(boundaries: Boundaries, contact: Contact, clouds: Mapping[str, Cloud]) -> str:
     """A hint on why no node of a contact's slave faces the other side."""
     if isinstance(contact.obstacle, PolylineObstacle):
-        return "the obstacle lies to the left of its line, seen in the order of its points: reverse the order"
+        return REVERSE
     if contact.obstacle is not None:
         return "bodies must lie on the side of the obstacle to which its normal points, or outside its circle"
     places, directions = [], []
@@ -122,6 +123,9 @@ def _stiff_slave(case: Case, places: Sequence[Place]) -> bool:
     return any(slave < (1.0 - COARSE_ROUND_OFF) * master for master in masters)
 
 
+REVERSE = "the obstacle lies to the left of its line, seen in the order of its points: reverse the order"
+
+
 def shape_of(obstacle: AnyObstacle) -> Shape:
     """The geometry of an obstacle."""
     if isinstance(obstacle, PlaneObstacle):
@@ -164,15 +168,35 @@ def _fitted(pairing: Pairing, interference: float) -> Pairing:
     raise CaseError((CaseProblem(f"contact.{pairing.name}.interference", message, hint=hint),))
 
 
-def refuse_overlap(pairings: tuple[Pairing, ...]) -> None:
+def refuse_overlap(contacts: Sequence[Contact], pairings: Sequence[Pairing]) -> None:
     """Raises CaseError for surfaces that initially overlap by more than the node spacing."""
     problems = []
     for pairing in pairings:
         deepest = int(np.argmin(pairing.gap + pairing.spacing))
         if pairing.gap[deepest] < -pairing.spacing[deepest]:
+            contact = next(one for one in contacts if one.name == pairing.name)
             (x, y), overlap = pairing.partner[deepest], -pairing.gap[deepest]
             message = f"the surfaces overlap by {overlap:g} near ({x:g}, {y:g}), more than the node spacing"
             hint = "move one body so that the surfaces at most touch, or declare it with interference"
-            problems.append(CaseProblem(f"contact.{pairing.name}", message, hint=hint))
+            if isinstance(contact.obstacle, PolylineObstacle):
+                hint += f"; if it lies on the wrong side, {REVERSE}"
+            outside = _outside(pairing)
+            hint = "move it into the hole" if outside else hint
+            problems.append(CaseProblem(f"contact.{pairing.name}", outside or message, hint=hint))
     if problems:
         raise CaseError(tuple(problems))
+
+
+def _outside(pairing: Pairing) -> str:
+    """What is wrong with a surface that lies outside the circular hole it is to touch, "" for others."""
+    sides = [(pairing.slave.curve, pairing.partner), (getattr(pairing.master, "curve", None), pairing.points)]
+    names = (*pairing.names, "the obstacle")
+    for number, (hole, points) in enumerate(sides):
+        if not isinstance(hole, Arc) or hole.sweep > -2.0 * math.pi:
+            continue
+        middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+        away = float(np.hypot(*(middle - np.array(hole.center))))
+        if away > hole.radius:
+            x, y = hole.center
+            return f"{names[1 - number]} lies outside {names[number]}, whose centre is ({x:g}, {y:g})"
+    return ""

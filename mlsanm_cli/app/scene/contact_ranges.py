@@ -8,21 +8,23 @@ from dataclasses import replace
 import numpy as np
 
 from mlsanm_cli.app.scene.contact_spacing import valleys
-from mlsanm_cli.app.scene.corners import END_CLEARANCE, Restraints, SmoothPart, stretches_of
+from mlsanm_cli.app.scene.corners import END_CLEARANCE, Restraints, SmoothPart, shared_planes, stretches_of
 from mlsanm_cli.app.scene.facing import ALIKE, RAYS, facing_of, minimum
 from mlsanm_cli.app.scene.void import void_center
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.curves import Curve
-from mlsanm_cli.cloud.joined import points_of
 from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.cloud.surface import Surface
+from mlsanm_cli.contact.geometry.contact_grid import Pin
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.geometry.facing import Facing, turned
 from mlsanm_cli.contact.geometry.obstacles import Chain
 from mlsanm_cli.contact.geometry.pairing import MAX_FACING_COSINE, Pairing
+from mlsanm_cli.contact.geometry.unfolding import Planes
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.near_field import as_complex, as_real
+from mlsanm_cli.mechanics.symmetry import SymmetryPlane, images_of
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
 SNAP_SAMPLES = 1.5
@@ -32,10 +34,16 @@ SAMPLES, PROFILE_SAMPLES, SAMPLES_PER_POINT = 800, 4000, 2
 
 
 def contact_ranges(
-    case: Case, models: Mapping[str, BodyModel], pairings: tuple[Pairing, ...], held: Mapping[str, Restraints]
+    case: Case,
+    models: Mapping[str, BodyModel],
+    pairings: tuple[Pairing, ...],
+    held: Mapping[str, Restraints],
+    fixed: Mapping[str, Collection[str]],
+    held_nodes: Mapping[str, Collection[tuple[int, int]]],
 ) -> dict[str, ContactRange]:
-    """The contacts that may have contact grids, by name: none on surfaces that are ``held`` or have
-    springs."""
+    """The contacts that may have contact grids, by name: none on surfaces that are ``held`` or have springs.
+    Surfaces ``fixed`` at zero displacement may be planes of symmetry; ``held_nodes`` are single ones, by
+    component."""
     if case.is_regularized:
         return {}
     touching: dict[str, set[str]] = {name: set() for name in models}
@@ -43,12 +51,39 @@ def contact_ranges(
         for body, slave, _ in pairing.sides:
             touching[body] |= {part.name for part, _ in pairing.surface_of(slave).members}
     ranges = {
-        pairing.name: _clear(case, models, pairing, held, touching)
+        pairing.name: _clear(case, models, pairing, held, touching, fixed)
         for pairing in pairings
         if pairing.slave.name not in held[pairing.slave_body]
         and (pairing.master is None or pairing.master.name not in held[str(pairing.master_body)])
     }
-    return {name: clear for name, clear in ranges.items() if clear is not None}
+    pairs = {pairing.name: pairing for pairing in pairings}
+    return {
+        name: replace(clear, pins=_pins(clear.facing, pairs[name], models, held_nodes))
+        for name, clear in ranges.items()
+        if clear is not None
+    }
+
+
+def _pins(
+    facing: Facing,
+    pairing: Pairing,
+    models: Mapping[str, BodyModel],
+    held_nodes: Mapping[str, Collection[tuple[int, int]]],
+) -> tuple[Pin, ...]:
+    """The single held nodes on the surfaces of a contact that it does not push on."""
+    found = []
+    for body, slave, _ in pairing.sides:
+        model = models[body]
+        for node in dict.fromkeys(node for node, _ in held_nodes[body]):
+            point = model.cloud.points[[node]]
+            place = facing.locate(point)
+            away = np.abs(facing.side(place, slave)[0] - as_complex(point))
+            if away[0] <= COARSE_ROUND_OFF * facing.base.length:
+                held = [axis for own, axis in held_nodes[body] if own == node]
+                # What carries load at a point moves without bound next to it, and holds a spacing around.
+                pushed = pairing.friction or np.abs(facing.normal(place)[0, held]).max() > COARSE_ROUND_OFF
+                found += [] if pushed else [Pin(node, slave, float(place[0]), model.kernel)]
+    return tuple(found)
 
 
 def directed(pairings: tuple[Pairing, ...], clear: Mapping[str, ContactRange]) -> tuple[Pairing, ...]:
@@ -71,6 +106,7 @@ def _clear(
     pairing: Pairing,
     held: Mapping[str, Restraints],
     touching: Mapping[str, Collection[str]],
+    fixed: Mapping[str, Collection[str]],
 ) -> ContactRange | None:
     """The range of a contact around the place where its surfaces are nearest, None if that is at a corner or
     without a place at which fields of forces end."""
@@ -81,17 +117,23 @@ def _clear(
     # Sampled along the base, so that roles do not decide which of several equal minima is taken.
     sign, ahead = (1.0 if facing.slave_first else -1.0), replace(facing, slave_first=True)
     count = SAMPLES if facing.profile is None else PROFILE_SAMPLES
-    count = max(count, SAMPLES_PER_POINT * max(map(points_of, facing.curves)))
+    count = max(count, SAMPLES_PER_POINT * max(curve.data_points for curve in facing.curves))
     s = np.linspace(0.0, base.length, count + 1)[: count if base.closed else count + 1]
     faces, gap = _faces(ahead, s), ahead.gap(s)
     if not faces.any():
         return None
     surfaces = [pairing.surface_of(slave) for _, slave, _ in pairing.sides]
-    stretches, numbers, off = [], [], faces.copy()
-    for surface, (body, slave, _) in zip(surfaces, pairing.sides, strict=True):
-        stretches.append(stretches_of(models[body], surface, held[body], touching[body]))
+    numbers, off = [], faces.copy()
+    stretches = shared_planes(
+        [
+            stretches_of(models[body], surface, held[body], touching[body], fixed[body])
+            for surface, body in zip(surfaces, pairing.bodies, strict=True)
+        ],
+        COARSE_ROUND_OFF * base.length,
+    )
+    for surface, parts, (body, slave, _) in zip(surfaces, stretches, pairing.sides, strict=True):
         places = as_real(facing.side(sign * s, slave)[0])
-        number, away_from_ends = _located(models[body], surface, stretches[-1], places)
+        number, away_from_ends = _located(models[body], surface, parts, places)
         numbers.append(number)
         off &= away_from_ends
     slack = COARSE_ROUND_OFF * base.length
@@ -123,23 +165,41 @@ def _clear(
     exact_ends = _exact_ends(facing, list(zip(curves, chosen, strict=True)))
     step = SNAP_SAMPLES * float(s[1] - s[0])
     snapped = [_snapped(end, exact_ends, step) for end in (first, last)]
+    planes = _planes_at(facing, snapped, chosen)
     whole = around or snapped[0] is not None, around or snapped[1] is not None
     first, last = (end if exact is None else exact for end, exact in zip((first, last), snapped, strict=True))
     inset = ROUND_OFF * base.length  # at a corner: the normal of the stretch
     rays = sign * np.linspace(first + inset, last - inset, RAYS)
+    images = images_of([plane for plane in planes if plane is not None])
     centers = [
-        void_center(models[body].cloud, *facing.side(rays, slave))
+        void_center(models[body].cloud, *facing.side(rays, slave), images)
         for body, slave in zip(pairing.bodies, (True, False), strict=False)
     ]
     if not all(centers):
         return None
     closest = minimum(ahead, max(s[max(nearest - 1, 0)], first), min(s[min(nearest + 1, len(s) - 1)], last))
     if not facing.slave_first:
-        first, last, whole = -last, -first, whole[::-1]
+        first, last, whole, planes = -last, -first, whole[::-1], planes[::-1]
     both = centers[0][0], centers[1][0] if len(centers) > 1 else None
     of_bodies = corners[0], corners[1] if len(corners) > 1 else ()
     minima = len(valleys(gap[stretch[0] : stretch[1] + 1], slack))
-    return ContactRange(facing, first, last, sign * closest, both, of_bodies, whole, minima, around)
+    return ContactRange(facing, first, last, sign * closest, both, of_bodies, planes, whole, minima, around)
+
+
+def _planes_at(facing: Facing, ends: list[float | None], parts: list[SmoothPart]) -> Planes:
+    """The planes of symmetry through the places at both ``ends`` of a range on the base."""
+    found: list[SymmetryPlane | None] = []
+    slack = COARSE_ROUND_OFF * facing.base.length
+    for end in ends:
+        tips = as_complex(facing.base.points(np.array([0.0 if end is None else end])))
+        through = [
+            plane
+            for part in parts
+            for plane in part.planes
+            if plane is not None and end is not None and abs(float(plane.height(tips)[0])) <= slack
+        ]
+        found.append(through[0] if through else None)
+    return found[0], found[1]
 
 
 def _faces(ahead: Facing, s: FloatArray) -> BoolArray:
@@ -186,8 +246,8 @@ def _located(
     off = np.ones(len(arc), dtype=bool)
     for at, stretch in enumerate(stretches):
         ends = (stretch.first, stretch.last)
-        for end, corner, continues in zip(ends, stretch.corners, stretch.continues, strict=True):
-            if corner is None and not continues:
+        for end, known, continues in zip(ends, stretch.known, stretch.continues, strict=True):
+            if not known and not continues:
                 place = np.mod(end, curve.length) if curve.closed else end
                 near = np.interp(place, surface.arc_length, spacing)
                 off &= (number != at) | (np.abs(arc - end) >= END_CLEARANCE * near)

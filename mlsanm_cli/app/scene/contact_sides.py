@@ -7,10 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from mlsanm_cli.app.scene.conditions import conditions
-from mlsanm_cli.app.scene.outlines import neighbours, numbers_of, run_of
+from mlsanm_cli.app.scene.outlines import run_of
 from mlsanm_cli.case import Case, Contact, Place, Pressure, Traction
-from mlsanm_cli.cloud.curves import Arc, Outline
-from mlsanm_cli.cloud.joined import SMOOTH_ANGLE, turn
+from mlsanm_cli.cloud.curves import Arc, Outline, turn
+from mlsanm_cli.cloud.joined import SMOOTH_ANGLE
 
 COINCIDENCE = 1e-4
 """Largest distance of coincident surfaces, relative to their length."""
@@ -41,8 +41,8 @@ def _with_roundings(
         return place
     outline, found = run.outline, list[tuple[str, int]]()
     for last, ahead in ((run.numbers[0], 0), (run.numbers[-1], 1)):
-        adjacent = neighbours(outline, last)[ahead]
-        beyond = neighbours(outline, adjacent)[ahead]
+        adjacent = outline.neighbours(last)[ahead]
+        beyond = outline.neighbours(adjacent)[ahead]
         curve = outline.curves[adjacent]
         if not isinstance(curve, Arc) or curve.sweep <= 0.0 or curve.closed:
             continue
@@ -52,7 +52,7 @@ def _with_roundings(
             found.append((names[0], adjacent))
     # All arcs of a name are included, or none.
     taken = {number for _, number in found}
-    more = {name for name, _ in found if {*numbers_of(outline, name.partition(".")[2])} <= taken}
+    more = {name for name, _ in found if {*outline.numbers(name.partition(".")[2])} <= taken}
     return Place((*place.boundaries, *sorted(more))) if more else place
 
 

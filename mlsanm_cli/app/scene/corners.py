@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TypeAlias
 
@@ -12,12 +12,13 @@ from mlsanm_cli.app.scene.void import all_see
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud, continuations
 from mlsanm_cli.cloud.curves import Curve
-from mlsanm_cli.cloud.joined import corners_of
 from mlsanm_cli.cloud.surface import Surface, joined_surface
+from mlsanm_cli.contact.geometry.unfolding import Planes
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.corner import Corner
 from mlsanm_cli.mechanics.corner_faces import Face
 from mlsanm_cli.mechanics.near_field import Isotropic, as_complex, as_real
+from mlsanm_cli.mechanics.symmetry import SymmetryPlane, copies_around
 from mlsanm_cli.mechanics.wedge import Wedge
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
@@ -45,40 +46,89 @@ Restraints: TypeAlias = Mapping[str, tuple[bool, bool] | None]
 @dataclass(frozen=True)
 class SmoothPart:
     """A stretch of a surface without a corner, from arc length ``first`` to ``last``. At both ends: the
-    corner if its fields are known, whether the outline ``continues`` smoothly, and whether pressures may
-    reach the end (``ended``): at known corners, and where the outline continues without a contact."""
+    corner if its fields are known, the plane of symmetry if any, whether the outline ``continues`` smoothly,
+    and whether it is ``divided`` there, continuing without a contact."""
 
     first: float
     last: float
     corners: tuple[Corner | None, Corner | None] = (None, None)
+    planes: Planes = (None, None)
     continues: tuple[bool, bool] = (False, False)
-    ended: tuple[bool, bool] = (False, False)
+    divided: tuple[bool, bool] = (False, False)
+
+    @property
+    def known(self) -> tuple[bool, bool]:
+        """Whether the fields of forces near either end are known."""
+        first, last = (
+            corner is not None or plane is not None
+            for corner, plane in zip(self.corners, self.planes, strict=True)
+        )
+        return first, last
+
+    @property
+    def ended(self) -> tuple[bool, bool]:
+        """Whether pressures may reach either end."""
+        first, last = (any(each) for each in zip(self.known, self.divided, strict=True))
+        return first, last
+
+    def at_planes(self, chosen: tuple[bool, bool]) -> SmoothPart:
+        """The same with the planes at ``chosen`` ends only, without the corners there."""
+        planes = [plane if keep else None for plane, keep in zip(self.planes, chosen, strict=True)]
+        corners = [None if keep else corner for corner, keep in zip(self.corners, chosen, strict=True)]
+        return replace(self, planes=(planes[0], planes[1]), corners=(corners[0], corners[1]))
 
 
 def stretches_of(
-    model: BodyModel, surface: Surface, held: Restraints, touching: Collection[str]
+    model: BodyModel,
+    surface: Surface,
+    held: Restraints,
+    touching: Collection[str],
+    fixed: Collection[str] = (),
 ) -> tuple[SmoothPart, ...]:
-    """The stretches of a surface between its corners; ``touching`` are the body's surfaces in contact."""
+    """The stretches of a surface between its corners; ``touching`` are the body's surfaces in contact,
+    ``fixed`` those held at zero displacement."""
     curve = surface.curve
-    if curve.closed and not len(corners_of(curve)):
+    if curve.closed and not len(curve.corners):
         return (SmoothPart(0.0, curve.length, continues=(True, True)),)
     found = []
     for parts, first in _between_corners(surface):
         own = joined_surface(surface.name, parts, False)
         names = {part.name for part in parts}
         beyond = dict(continuations(model.cloud, own))
-        corners, continues, ended = [], [], []
+        corners, planes, continues, divided = [], [], [], []
         for at_end, place in ((False, 0), (True, -1)):
             # A straight continuation that is held is a corner of 180 degrees.
             smooth = place in beyond and beyond[place] not in held
-            corner = None if smooth else _corner(model, own, names, at_end, held)
-            corners.append(corner)
+            corners.append(None if smooth else _corner(model, own, names, at_end, held))
+            planes.append(None if smooth else symmetry_plane(model, own, names, at_end, held, fixed))
             continues.append(smooth)
-            ended.append(corner is not None or (smooth and beyond[place] not in touching))
+            divided.append(smooth and beyond[place] not in touching)
         last = first + own.curve.length
-        (a, b), (c, d), (e, f) = corners, continues, ended
-        found.append(SmoothPart(first, last, (a, b), (c, d), (e, f)))
+        (a, b), (c, d), (e, f), (g, h) = corners, planes, continues, divided
+        found.append(SmoothPart(first, last, (a, b), (c, d), (e, f), (g, h)))
     return tuple(found)
+
+
+def shared_planes(stretches: Sequence[tuple[SmoothPart, ...]], slack: float) -> list[tuple[SmoothPart, ...]]:
+    """The stretches of the bodies of a contact with those planes of symmetry only that all of them have, up
+    to a distance ``slack``, and where two planes of a stretch make a whole number of copies of it."""
+    found = []
+    for number, parts in enumerate(stretches):
+        others = [
+            [plane for part in other for plane in part.planes if plane is not None]
+            for other in (*stretches[:number], *stretches[number + 1 :])
+        ]
+        kept = []
+        for part in parts:
+            first, last = (
+                plane is not None and all(any(plane.coincides(one, slack) for one in some) for some in others)
+                for plane in part.planes
+            )
+            one, other = part.planes
+            both = one is not None and other is not None and copies_around(one, other) is None
+            kept.append(part.at_planes((first and not (last and both), last and not (first and both))))
+        found.append(tuple(kept))
+    return found
 
 
 def ends_of(model: BodyModel, surface: Surface, held: Restraints) -> tuple[Corner | None, Corner | None]:
@@ -94,7 +144,7 @@ def _between_corners(surface: Surface) -> Iterator[tuple[list[Surface], float]]:
     the part that passes its start comes last."""
     parts = [part for part, _ in surface.members]
     starts = np.cumsum([0.0, *(part.curve.length for part in parts)])
-    corners = corners_of(surface.curve)
+    corners = surface.curve.corners
     small = ROUND_OFF * surface.curve.length
     cut = [bool((np.abs(corners - start) <= small).any()) for start in starts[:-1]]
     if surface.curve.closed and not cut[0]:
@@ -114,13 +164,7 @@ def _corner(
     free or clamped, or if both faces are straight and that of an isotropic body slides along a wall, for
     angles that are neither blunt nor very sharp."""
     face = _face(surface.curve, at_end)
-    for name, adjacent in model.cloud.surfaces.items():
-        if name in own or adjacent.curve.closed:
-            continue
-        ends = [_face(adjacent.curve, at) for at in (False, True)]
-        other = min(ends, key=lambda end: abs(end.tip - face.tip))
-        if abs(other.tip - face.tip) > ROUND_OFF * surface.curve.length:
-            continue
+    for name, adjacent, other in _adjacent(model, face, surface.curve.length, own):
         clamped = held.get(name) == (True, True)
         sliding = name in held and not clamped
         if sliding and not (_straight(adjacent.curve) and _slides(other.along, held[name])):
@@ -138,6 +182,48 @@ def _corner(
             return corner
         return None if wedge.sliding else _limited(model.cloud, corner, (face, other), spacing)
     return None
+
+
+def symmetry_plane(
+    model: BodyModel,
+    surface: Surface,
+    own: Collection[str],
+    at_end: bool,
+    held: Restraints,
+    fixed: Collection[str],
+) -> SymmetryPlane | None:
+    """The plane of symmetry at one end of a surface, None if there is none: a straight side, held in its
+    normal component at zero (``fixed``), that the surface meets at a right angle, with all of the body on one
+    side. The angle may differ as that of splines through nodes does, by the square of their turn from node to
+    node."""
+    face = _face(surface.curve, at_end)
+    for name, adjacent, other in _adjacent(model, face, surface.curve.length, own):
+        if name not in fixed or not _straight(adjacent.curve) or not _slides(other.along, held[name]):
+            return None
+        plane = SymmetryPlane(other.tip, other.along)
+        end = surface.index[-1 if at_end else 0]
+        bend = float(surface.curve.curvature(np.array([surface.curve.length * at_end]))[0])
+        turn = (bend * model.cloud.spacing[end]) ** 2
+        right = abs((face.along * np.conj(other.along)).real) <= max(ROUND_OFF, float(turn))
+        size = float(np.ptp(model.cloud.points, axis=0).max())
+        away = plane.height(as_complex(model.cloud.points)) * np.sign(
+            plane.height(np.array(other.tip + face.along))
+        )
+        return plane if right and away.min() >= -ROUND_OFF * size and plane.reflects(model.kernel) else None
+    return None
+
+
+def _adjacent(
+    model: BodyModel, face: Face, length: float, own: Collection[str]
+) -> Iterator[tuple[str, Surface, Face]]:
+    """The surface, not one of its ``own``, that begins or ends at the tip of a face of some ``length``, and
+    its face there."""
+    for name, surface in model.cloud.surfaces.items():
+        if name not in own and not surface.curve.closed:
+            ends = [_face(surface.curve, at) for at in (False, True)]
+            other = min(ends, key=lambda end: abs(end.tip - face.tip))
+            if abs(other.tip - face.tip) <= ROUND_OFF * length:
+                yield name, surface, other
 
 
 def _face(curve: Curve, at_end: bool) -> Face:
@@ -203,4 +289,4 @@ def _straight(curve: Curve) -> bool:
     """Whether a curve is a straight line."""
     ends = curve.points(np.array([0.0, curve.length]))
     straight = abs(float(np.hypot(*(ends[1] - ends[0]))) - curve.length) <= ROUND_OFF * curve.length
-    return straight and not len(corners_of(curve))
+    return straight and not len(curve.corners)

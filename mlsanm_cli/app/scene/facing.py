@@ -8,9 +8,8 @@ import numpy as np
 
 from mlsanm_cli.app.scene.contact_pairs import profile_of, shape_of
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Case
+from mlsanm_cli.case import Case, rounded
 from mlsanm_cli.cloud.curves import Curve
-from mlsanm_cli.cloud.joined import corners_of
 from mlsanm_cli.contact.geometry.facing import Facing
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
@@ -92,7 +91,7 @@ def check_tips(case: Case, pairings: tuple[Pairing, ...]) -> None:
     for pairing in pairings:
         sides = zip((pairing.slave, pairing.master), pairing.bodies, ("slave", "master"), strict=False)
         for surface, body, role in () if pairing.bonded else sides:
-            corners = np.zeros(0) if surface is None else corners_of(surface.curve)
+            corners = np.zeros(0) if surface is None else surface.curve.corners
             for place in surface.curve.points(corners) if surface is not None and len(corners) else ():
                 if _is_tip(facing_of(case, pairing), place):
                     x, y = place
@@ -101,8 +100,7 @@ def check_tips(case: Case, pairings: tuple[Pairing, ...]) -> None:
                         "which pressures would be unbounded"
                     )
                     hint = (
-                        f"give it a radius, as by body.{body}.shape.rounding, and add the name of the "
-                        f"arc to contact.{pairing.name}.{role}"
+                        f"{rounded(case, body)}, and add the name of the arc to contact.{pairing.name}.{role}"
                     )
                     problems.append(CaseProblem(f"contact.{pairing.name}", message, hint=hint))
     if problems:

@@ -7,11 +7,12 @@ from functools import lru_cache
 
 import numpy as np
 
-from mlsanm_cli.app.scene.outlines import BoundaryRun, chains_at, drawn
+from mlsanm_cli.app.scene.outlines import drawn
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Displacement, ExpressionError, Place, Pressure, Traction, value_at
 from mlsanm_cli.case.model.shapes import AnyShape
 from mlsanm_cli.cloud.curves import Curve
+from mlsanm_cli.cloud.joined import BoundaryRun
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.records import dataclass
 
@@ -41,7 +42,9 @@ def runs_of(shape: AnyShape, place: Place) -> list[BoundaryRun]:
     outline = drawn(shape)
     groups = [place.edges] if place.ends else [(edge,) for edge in place.edges]
     return [
-        BoundaryRun(outline, *chain, place.ends) for edges in groups for chain in chains_at(outline, edges)
+        BoundaryRun(outline, *chain, place.ends)
+        for edges in groups
+        for chain in outline.chains(outline.numbers(*edges))
     ]
 
 

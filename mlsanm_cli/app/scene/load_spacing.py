@@ -14,9 +14,9 @@ import numpy as np
 
 from mlsanm_cli.app.scene.conditions import conditions
 from mlsanm_cli.app.scene.contact_spacing import SMOOTH
-from mlsanm_cli.app.scene.default_spacing import GROWTH, LEVELS, even_ranges, zone_at
+from mlsanm_cli.app.scene.default_spacing import GROWTH, LEVELS, MIN_SPACING, banded, zone_at
 from mlsanm_cli.app.scene.load_profiles import LoadProfile, profiles, runs_of
-from mlsanm_cli.app.scene.outlines import BoundaryRun, drawn, neighbours
+from mlsanm_cli.app.scene.outlines import drawn
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import (
     Body,
@@ -29,17 +29,16 @@ from mlsanm_cli.case import (
     Traction,
     value_at,
 )
+from mlsanm_cli.case.model.conditions import Support
 from mlsanm_cli.case.model.shapes import AnyShape
-from mlsanm_cli.case.model.supports import Support
-from mlsanm_cli.cloud.joined import part_of, turn
+from mlsanm_cli.cloud.curves import turn
+from mlsanm_cli.cloud.joined import BoundaryRun
 from mlsanm_cli.cloud.membership import inside_polygon
 from mlsanm_cli.cloud.spacing import Zone
 
 PER_LENGTH, PER_LENGTH_AT_ENDS, PER_LENGTH_AT_FIXED_ENDS = 8.0, 32.0, 256.0
 """Length of a loaded or fixed part over the spacing along it, and over that at its ends; at those of fixed
 parts stresses are unbounded."""
-MIN_SPACING = 2.0**-14
-"""Least spacing relative to that far away: with 6e-6 of it factors lose their digits."""
 LINEARITY_TOLERANCE = 0.02
 """Largest deviation of values from linear over a spacing, relative to the largest value."""
 SAMPLES = 5
@@ -86,7 +85,7 @@ def _continues(run: BoundaryRun, at: float, end: int) -> bool:
     if run.continues(at):
         return True
     number = run.numbers[-end]
-    sides = (number, neighbours(run.outline, number)[end])[:: 1 if end else -1]
+    sides = (number, run.outline.neighbours(number)[end])[:: 1 if end else -1]
     return bool(np.cos(turn(*(run.outline.curves[side] for side in sides))) > SMOOTH)
 
 
@@ -103,9 +102,7 @@ def _varying_zones(profile: LoadProfile, far: float) -> Iterator[Zone]:
         near = np.abs(0.5 * (arc[1:] + arc[:-1]) - jump) < 0.5 * apart
         sizes = np.where(near, np.maximum(sizes, least), sizes)
         yield zone_at(curve.points(np.array([jump]))[0], least)
-    for low, high in even_ranges(sizes):
-        if sizes[low] < far:
-            yield Zone(part_of(curve, float(arc[low]), float(arc[high])), float(sizes[low]), 0.0, GROWTH)
+    yield from banded(curve, sizes, far)
 
 
 def resolved_sizes(values: FloatArray, length: float, far: float) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Plane elasticity of the materials of a case."""
+"""Plane elasticity and laws of the materials of a case."""
 
 from __future__ import annotations
 
@@ -7,12 +7,43 @@ import math
 import numpy as np
 
 from mlsanm_cli.case import Case, Material
+from mlsanm_cli.errors import CaseError, CaseProblem
+from mlsanm_cli.mechanics.laws.law import Law, law_class
+from mlsanm_cli.mechanics.laws.saint_venant_kirchhoff import SaintVenantKirchhoff
 from mlsanm_cli.mechanics.material import PlaneMaterial, anisotropic, isotropic, orthotropic
 
 
 def materials(case: Case) -> dict[str, PlaneMaterial]:
-    """Plane elasticity of every material."""
-    return {name: _in_plane(material, case.model.plane) for name, material in case.material.items()}
+    """Plane elasticity of every material at small strain."""
+    plane = case.model.plane
+    return {
+        name: _in_plane(material, plane) if material.elastic else _hyperelastic(material, plane).linear
+        for name, material in case.material.items()
+    }
+
+
+def laws_of(case: Case) -> dict[str, Law]:
+    """The law of every body at finite strain. Raises CaseError for an anisotropic material that is nearly
+    incompressible."""
+    plane, found = case.model.plane, dict[str, Law]()
+    for body in case.body:
+        material = case.material[body.material]
+        if material.law == SaintVenantKirchhoff.name:
+            found[body.name] = SaintVenantKirchhoff(_in_plane(material, plane), plane)
+            if found[body.name].linear.nearly_incompressible:
+                message = f'"{material.law}" cannot represent a nearly incompressible material'
+                hint = "give constants of a more compressible material, or a law of rubber"
+                raise CaseError((CaseProblem(f"material.{body.material}.law", message, hint=hint),))
+        else:
+            found[body.name] = _hyperelastic(material, plane)
+    return found
+
+
+def _hyperelastic(material: Material, plane: str) -> Law:
+    """A law whose constants are keys of the case."""
+    assert not isinstance(material.alpha, tuple)
+    law: Law = law_class(material.law)(plane=plane, alpha=material.alpha or 0.0, **material.constants)
+    return law
 
 
 def _in_plane(material: Material, plane: str) -> PlaneMaterial:

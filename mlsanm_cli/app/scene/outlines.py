@@ -5,9 +5,8 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cached_property, lru_cache
-from itertools import accumulate
 from pathlib import Path
 
 import numpy as np
@@ -30,9 +29,9 @@ from mlsanm_cli.case.model.shapes import (
 )
 from mlsanm_cli.cloud import drawing
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.cloud.curves import Curve, Outline, annulus, disk, half_disk, rectangle, sector
+from mlsanm_cli.cloud.curves import Outline, annulus, disk, half_disk, rectangle, sector
 from mlsanm_cli.cloud.elements import boundary_loops
-from mlsanm_cli.cloud.joined import Chain, chains_of, joined, part_of
+from mlsanm_cli.cloud.joined import BoundaryRun
 from mlsanm_cli.cloud.loops import Loop, cloud_of_nodes, trace
 from mlsanm_cli.cloud.membership import first_crossing
 from mlsanm_cli.cloud.tagged import TaggedNodes, check_normals, tagged_loops
@@ -41,7 +40,6 @@ from mlsanm_cli.inputs import MB, read_input
 from mlsanm_cli.io.meshes import read_mesh
 from mlsanm_cli.io.point_files import read_points
 from mlsanm_cli.records import dataclass
-from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 MAX_BYTES = 256 * MB
 """Largest file of a body: a million nodes or more."""
@@ -75,80 +73,10 @@ def drawn(shape: AnyShape) -> Outline:
     return drawing.with_holes(outer, holes, "sides")
 
 
-def numbers_of(outline: Outline, edge: str) -> tuple[int, ...]:
-    """The numbers of the curves that form a boundary."""
-    return tuple(k for k, name in enumerate(outline.names) if name == edge or name.startswith(f"{edge}/"))
-
-
-def neighbours(outline: Outline, number: int) -> tuple[int, int]:
-    """The numbers of the curves before and after a curve on its loop."""
-    loop = next(loop for loop in outline.loops if loop.start <= number < loop.stop)
-    count, place = loop.stop - loop.start, number - loop.start
-    return loop.start + (place - 1) % count, loop.start + (place + 1) % count
-
-
-@dataclass(frozen=True, eq=False)
-class BoundaryRun:
-    """Consecutive pieces of a body's ``outline`` by ``numbers``, which form a closed loop if they go
-    ``around``, or their part between the points nearest to two ``ends``."""
-
-    outline: Outline
-    numbers: tuple[int, ...]
-    around: bool
-    ends: tuple[tuple[float, float], tuple[float, float]] | None = None
-
-    @property
-    def curves(self) -> tuple[Curve, ...]:
-        return tuple(self.outline.curves[number] for number in self.numbers)
-
-    @cached_property
-    def whole(self) -> Curve:
-        """The pieces as one curve."""
-        return joined(self.curves, self.around)
-
-    @cached_property
-    def starts(self) -> list[float]:
-        """Arc lengths at the starts of the pieces and at the end of the last one."""
-        return [*accumulate((curve.length for curve in self.curves), initial=0.0)]
-
-    def nearest(self, point: tuple[float, float]) -> tuple[float, float]:
-        """The arc length of the nearest point of the pieces, and the distance."""
-        best = (0.0, math.inf)
-        for curve, start in zip(self.curves, self.starts, strict=False):
-            s = curve.closest(np.array([point]))
-            away = float(np.hypot(*(curve.points(s) - np.array(point))[0]))
-            if away < best[1]:
-                at = float(s[0])
-                for end in (0.0, curve.length):
-                    at = end if abs(at - end) <= COARSE_ROUND_OFF * curve.length and not curve.closed else at
-                best = start + at, away
-        return best
-
-    @cached_property
-    def range(self) -> tuple[float, float]:
-        """Arc length at which the part starts, and its length."""
-        if self.ends is None:
-            return 0.0, self.starts[-1]
-        (start, _), (end, _) = (self.nearest(point) for point in self.ends)
-        if self.around:
-            return start, (end - start) % self.starts[-1]
-        return min(start, end), abs(end - start)
-
-    @cached_property
-    def part(self) -> Curve:
-        """The part as a curve."""
-        first, length = self.range
-        return part_of(self.whole, first, first + length) if self.ends else self.whole
-
-    def continues(self, at: float) -> bool:
-        """Whether the pieces continue on both sides of the arc length ``at``."""
-        return self.around or COARSE_ROUND_OFF < at / self.starts[-1] < 1.0 - COARSE_ROUND_OFF
-
-
 def run_of(outlines: Mapping[str, Outline], place: Place, key: str) -> BoundaryRun:
     """The pieces of a place in the outline of its body as drawn. Raises CaseError if they do not join."""
     outline = outlines[place.body]
-    chains = chains_at(outline, place.edges)
+    chains = outline.chains(outline.numbers(*place.edges))
     if len(chains) == 1:
         return BoundaryRun(outline, *chains[0], place.ends)
     names = (dict.fromkeys(outline.names[k].partition("/")[0] for k in chain) for chain, _ in chains)
@@ -156,11 +84,6 @@ def run_of(outlines: Mapping[str, Outline], place: Place, key: str) -> BoundaryR
     message = f"{', '.join(groups[:-1])} and {groups[-1]} do not join end to end"
     hint = "the pieces of one surface are consecutive along the outline"
     raise CaseError((CaseProblem(key, message, hint=hint),))
-
-
-def chains_at(outline: Outline, edges: Sequence[str]) -> list[Chain]:
-    """The chains of curves that form the boundaries named ``edges``."""
-    return chains_of(outline, [number for edge in edges for number in numbers_of(outline, edge)])
 
 
 @dataclass(frozen=True, eq=False)

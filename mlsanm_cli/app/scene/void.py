@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.mechanics.near_field import ComplexArray, as_complex
+from mlsanm_cli.mechanics.symmetry import Image
 from mlsanm_cli.roundoff import ROUND_OFF
 
 MIN_CLEARANCE = 0.1
@@ -17,10 +20,15 @@ CHORDS = 200
 """Number of chords by which every boundary is approximated."""
 
 
-def void_center(cloud: Cloud, place: ComplexArray, inward: ComplexArray) -> list[complex | None]:
+def void_center(
+    cloud: Cloud, place: ComplexArray, inward: ComplexArray, images: Sequence[Image] = ()
+) -> list[complex | None]:
     """Where the fields of forces at places (e,) of an outline end: [None] at infinity if the outward rays are
-    free, else a center visible from all places; empty if there is none."""
+    free, else a center visible from all places; empty if there is none. The ``images`` of the body are in the
+    way as it is itself."""
     free = _free(cloud, place, -inward)
+    for image in images:
+        free = np.minimum(free, _free(cloud, image.points(place), -image.directions(inward)))
     if np.isinf(free).all():
         return [None]
     middle = len(place) // 2
@@ -29,13 +37,18 @@ def void_center(cloud: Cloud, place: ComplexArray, inward: ComplexArray) -> list
     # nodes of a surface close to a center would not resolve its fields.
     for size in min(0.5 * float(free[middle]), wide) * HALVES if away < MIN_CLEARANCE * wide else (away,):
         center = complex(place[middle] - size * inward[middle])
-        if all_see(cloud, place, inward, center):
+        if all_see(cloud, place, inward, center, images):
             return [center]
-    return _seen_around(cloud, place, inward, free, wide)
+    return _seen_around(cloud, place, inward, free, wide, images)
 
 
 def _seen_around(
-    cloud: Cloud, place: ComplexArray, inward: ComplexArray, free: FloatArray, wide: float
+    cloud: Cloud,
+    place: ComplexArray,
+    inward: ComplexArray,
+    free: FloatArray,
+    wide: float,
+    images: Sequence[Image],
 ) -> list[complex | None]:
     """The visible center farthest from the outline, of those outward of any place: the mouth of a slot is
     visible from its rounded edge and from its wall, the region outward of their middle is not."""
@@ -48,14 +61,25 @@ def _seen_around(
     for number in np.argsort(-clear):
         if clear[number] < MIN_CLEARANCE * wide:
             break
-        if all_see(cloud, place, inward, complex(centers[number])):
+        if all_see(cloud, place, inward, complex(centers[number]), images):
             return [complex(centers[number])]
     return []
 
 
-def all_see(cloud: Cloud, place: ComplexArray, inward: ComplexArray, center: complex | None) -> bool:
+def all_see(
+    cloud: Cloud,
+    place: ComplexArray,
+    inward: ComplexArray,
+    center: complex | None,
+    images: Sequence[Image] = (),
+) -> bool:
     """Whether the segments from places (e,) of an outline to a ``center``, or the outward rays without one,
-    are outside the body."""
+    are outside the body and its ``images``."""
+    if images:
+        ends = [None if center is None else complex(one.points(np.array(center))) for one in images]
+        each = zip(images, ends, strict=True)
+        seen = [all_see(cloud, one.points(place), one.directions(inward), end) for one, end in each]
+        return all(seen) and all_see(cloud, place, inward, center)
     if center is None:
         return bool(np.isinf(_free(cloud, place, -inward)).all())
     lines = center - place

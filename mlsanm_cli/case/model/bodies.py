@@ -6,11 +6,9 @@ from typing import Annotated
 
 from pydantic import Field
 
-from mlsanm_cli.case.lines import KeyPath
-from mlsanm_cli.case.model.fields import LENGTH, NUMBER, AutoLength, Name, Positive, Vector
-from mlsanm_cli.case.model.section import Scope, Section
+from mlsanm_cli.case.model.section import LENGTH, NUMBER, AutoLength, Name, Positive, Scope, Section, Vector
 from mlsanm_cli.case.model.shapes import Mesh, Points, Shape
-from mlsanm_cli.case.report import suggestion
+from mlsanm_cli.case.report import KeyPath, suggestion
 from mlsanm_cli.errors import Fault
 from mlsanm_cli.roundoff import ROUND_OFF
 

@@ -8,16 +8,12 @@ from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticKnownError
 
 from mlsanm_cli.case.model.bodies import Body
-from mlsanm_cli.case.model.conditions import condition_faults
+from mlsanm_cli.case.model.conditions import Stop, Support, condition_faults
 from mlsanm_cli.case.model.contacts import Contact
-from mlsanm_cli.case.model.defaults import with_defaults
-from mlsanm_cli.case.model.fields import Name
 from mlsanm_cli.case.model.materials import Material
 from mlsanm_cli.case.model.motions import AnyLoad
-from mlsanm_cli.case.model.section import Scope, Section
-from mlsanm_cli.case.model.settings import Adapt, Mls, Output, Probe, Reference, Solver, Units
-from mlsanm_cli.case.model.stop import Stop
-from mlsanm_cli.case.model.supports import Support
+from mlsanm_cli.case.model.section import Name, Scope, Section
+from mlsanm_cli.case.model.settings import Adapt, Mls, Output, Probe, Reference, Solver, Units, with_defaults
 from mlsanm_cli.case.report import suggestion
 from mlsanm_cli.errors import Fault
 
@@ -54,7 +50,7 @@ class Case(Section):
     model: Model
     units: Units = Units()
     material: dict[Name, Material]
-    # An empty list is reported by the checks: while invalid items are removed it must remain valid.
+    # An empty list is a fault of the case: pydantic would find one wherever a body is invalid.
     body: tuple[Body, ...] = Field(json_schema_extra={"minItems": 1})
     support: tuple[Support, ...] = ()
     load: tuple[Annotated[AnyLoad, Field(discriminator="kind")], ...] = ()
@@ -86,29 +82,37 @@ class Case(Section):
         return any(contact.regularization.law != "exact" for contact in self.touching)
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
+        if not self.body:
+            yield Fault(("body",), "the list is empty, at least one item is required", "add [[body]]")
         yield from condition_faults(scope)
-        if not self.moved and scope.complete("load", "contact"):
+        if not self.moved:
             yield Fault(("load",), "no loads", "add [[load]], or interference in a contact")
-        yield from self._stage_faults(scope)
+        yield from self._stage_faults()
 
-    def _stage_faults(self, scope: Scope) -> Iterator[Fault]:
+    def _stage_faults(self) -> Iterator[Fault]:
         """Stages without loads or with unknown ones, and loads in no stage."""
-        names = list(dict.fromkeys([*scope.names["load"], *self.moved]))
-        others = () if scope.complete("contact") else scope.names["contact"]
         for index, stage in enumerate(self.stage):
-            if not stage and names and scope.complete("load"):
-                yield Fault(("stage", index), "names no load", suggestion("", names, "loads"))
+            if not stage and self.moved:
+                yield Fault(("stage", index), "names no load", suggestion("", self.moved, "loads"))
             for name in stage:
-                if name not in (*names, *others):
-                    hint = suggestion(name, names, "loads")
+                if name not in self.moved:
+                    hint = suggestion(name, self.moved, "loads")
                     yield Fault(("stage", index, name), f'there is no load "{name}"', hint)
         used = {name for stage in self.stage for name in stage}
-        for index, load in enumerate(self.load if scope.complete("stage") else ()):
+        for index, load in enumerate(self.load):
             if load.name not in used:
                 hint = f"write {load.name} = 1.0 in a [[stage]]"
                 yield Fault(("load", index), "no stage applies this load", hint)
 
     _defaults = model_validator(mode="before")(with_defaults)
+
+
+def rounded(case: Case, body: str) -> str:
+    """Hint to round a corner of the body of this name."""
+    shape = next(one.shape for one in case.body if one.name == body)
+    if shape.kind == "polygon":
+        return f"give it a radius in body.{body}.shape.rounding"
+    return f"draw an arc there in body.{body}.shape"
 
 
 def finer_nodes(case: Case, names: Collection[str], key: str = "spacing") -> str:

@@ -7,7 +7,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from mlsanm_cli.case.model.fields import (
+from mlsanm_cli.case.model.places import Boundaries, BoundaryPart, Place, listed
+from mlsanm_cli.case.model.section import (
     LENGTH,
     NUMBER,
     Amount,
@@ -15,10 +16,10 @@ from mlsanm_cli.case.model.fields import (
     Coefficient,
     Name,
     Positive,
+    Scope,
+    Section,
     Vector,
 )
-from mlsanm_cli.case.model.places import Boundaries, BoundaryPart, Place, listed
-from mlsanm_cli.case.model.section import Scope, Section
 from mlsanm_cli.errors import Fault
 
 
@@ -157,7 +158,7 @@ class Contact(BoundaryPart):
             yield Fault(("friction",), "bonding to a rigid obstacle is not possible", hint)
         elif self.master is not None and self.obstacle is None:
             yield from self._pair_faults(scope)
-        if self.interference is not None and self.name in scope.names["load"]:
+        if self.interference is not None and self.name in scope.names("load"):
             message = f'a load is called "{self.name}" too, which is ambiguous in stages'
             yield Fault(("name",), message)
         yield from self._law_faults(scope)

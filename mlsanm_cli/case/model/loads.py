@@ -6,7 +6,8 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from mlsanm_cli.case.model.conditions import Kind
-from mlsanm_cli.case.model.fields import (
+from mlsanm_cli.case.model.places import Boundaries, BoundaryPart, Place, listed
+from mlsanm_cli.case.model.section import (
     DENSITY,
     LENGTH,
     STRESS,
@@ -14,10 +15,11 @@ from mlsanm_cli.case.model.fields import (
     Amount,
     AmountVector,
     Name,
+    Point,
+    Scope,
+    Section,
     split_boundary,
 )
-from mlsanm_cli.case.model.places import Boundaries, BoundaryPart, Place, listed
-from mlsanm_cli.case.model.section import Point, Scope, Section
 from mlsanm_cli.case.model.tables import INCREASING, OrFile
 from mlsanm_cli.errors import Fault
 

@@ -1,14 +1,22 @@
-"""Materials: their constants, laws, and the conditions of a positive definite stiffness. A further law is an
-entry of ``law``, its keys, and a row of ``FORMS`` and ``FINITE_LAWS``."""
+"""Materials: their constants, laws, and the conditions of a positive definite stiffness. A further
+hyperelastic law is an entry of ``law``, its keys, and a row of ``HYPERELASTIC``."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from mlsanm_cli.case.model.fields import ANGLE, EXPANSION, NUMBER, STRESS, Positive, expecting
-from mlsanm_cli.case.model.section import Scope, Section
+from mlsanm_cli.case.model.section import (
+    ANGLE,
+    EXPANSION,
+    NUMBER,
+    STRESS,
+    Positive,
+    Scope,
+    Section,
+    expecting,
+)
 from mlsanm_cli.errors import Fault
 from mlsanm_cli.roundoff import FINE_ROUND_OFF, ROUND_OFF
 from mlsanm_cli.toml import toml_value
@@ -25,8 +33,24 @@ FORMS: dict[Form, tuple[tuple[str, ...], tuple[str, ...]]] = {
 }
 """Required and optional keys of each form of a material. One of them selects the form."""
 CHOICES = "; or ".join(", ".join(required) for required, _ in reversed(FORMS.values()))
-FINITE_LAWS: Mapping[str, Form] = {"saint-venant-kirchhoff": "isotropic", "neo-hookean": "isotropic"}
-"""Laws for finite strain, with the form of their constants."""
+KIRCHHOFF = "saint-venant-kirchhoff"
+"""The law of finite strain with the constants of linear elasticity, in any form."""
+HYPERELASTIC: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "neo-hookean": (("E", "nu"), ()),
+    "mooney-rivlin": (("c10", "c01", "nu"), ()),
+    "yeoh": (("c10", "c20", "c30", "nu"), ()),
+    "arruda-boyce": (("mu", "locking_stretch", "nu"), ()),
+    "blatz-ko": (("E", "nu"), ("f",)),
+    "ogden": (("shear_moduli", "exponents", "nu"), ()),
+}
+"""Required and optional keys of the other laws of finite strain."""
+LOCKING = (KIRCHHOFF, "blatz-ko")
+"""Laws of finite strain without the formulation for nearly incompressible materials."""
+MAX_NU = 0.4999
+"""Largest Poisson's ratio at finite strain: the bulk modulus is then 5,000 times the shear modulus."""
+MAX_TERMS = 6
+"""Terms of Ogden's law that may be given."""
+SOME = "expected a list of numbers"
 MAX_PLANE_STRAIN_NU = 4.0 / 9.0
 """Largest Poisson's ratio in plane strain without locking of the strong form: lambda = 8 mu."""
 
@@ -70,9 +94,45 @@ class Material(Section):
     """Coefficient of thermal expansion; for orthotropic materials also [a1, a2, a3] along the axes; with
     `stiffness` the strains [xx, yy, 2xy] per degree of a body that is free in the plane."""
 
-    law: Literal["linear", "saint-venant-kirchhoff", "neo-hookean"] = "linear"
-    """Linear elasticity for small strains; Saint Venant-Kirchhoff (large rotations, moderate strains) or
-    compressible neo-Hookean (large strains) for finite strains, with E and nu of the undeformed state."""
+    c10: Annotated[float, STRESS] | None = None
+    """Constant of the first invariant (`mooney-rivlin`, `yeoh`)."""
+    c01: Annotated[float, STRESS] | None = None
+    """Constant of the second invariant; c10 + c01, half the shear modulus, is positive."""
+    c20: Annotated[float, STRESS] | None = None
+    """Constant of the square of the first invariant (`yeoh`)."""
+    c30: Annotated[float, STRESS] | None = None
+    """Constant of its cube (`yeoh`)."""
+    mu: Annotated[Positive, STRESS] | None = None
+    """Modulus of the chains (`arruda-boyce`)."""
+    locking_stretch: Annotated[float, Field(gt=1.0), NUMBER] | None = None
+    """Stretch at which the chains are straight (`arruda-boyce`)."""
+    shear_moduli: (
+        Annotated[tuple[float, ...], Field(min_length=1, max_length=MAX_TERMS), expecting(SOME), STRESS]
+        | None
+    ) = None
+    """Moduli m of `ogden`, W = sum m/a (l1^a + l2^a + l3^a - 3); half the sum of m a is the shear modulus."""
+    exponents: (
+        Annotated[tuple[float, ...], Field(min_length=1, max_length=MAX_TERMS), expecting(SOME), NUMBER]
+        | None
+    ) = None
+    """Exponents a of `ogden`, one for each modulus, of the same sign."""
+    f: Annotated[float, Field(ge=0.0, le=1.0), NUMBER] | None = None
+    """Part of the first invariant of `blatz-ko`; 0, a foam, by default."""
+
+    law: Literal[
+        "linear",
+        "saint-venant-kirchhoff",
+        "neo-hookean",
+        "mooney-rivlin",
+        "yeoh",
+        "ogden",
+        "arruda-boyce",
+        "blatz-ko",
+    ] = "linear"
+    """Linear elasticity for small strains. For finite strains Saint Venant-Kirchhoff (large rotations,
+    moderate strains), with the constants of linear elasticity; or laws of rubber and foams, with nu of the
+    undeformed state: compressible neo-Hookean and Blatz-Ko (E), Mooney-Rivlin (c10, c01), Yeoh (c10, c20,
+    c30), Ogden (shear_moduli, exponents), Arruda-Boyce (mu, locking_stretch)."""
 
     @property
     def form(self) -> Form:
@@ -80,19 +140,41 @@ class Material(Section):
         given = {key for key in type(self).model_fields if getattr(self, key) is not None}
         return next((form for form, keys in FORMS.items() if given & {*keys[0], *keys[1]}), "isotropic")
 
+    @property
+    def elastic(self) -> bool:
+        """Whether the constants are those of linear elasticity."""
+        return self.law not in HYPERELASTIC
+
+    @property
+    def constants(self) -> dict[str, Any]:
+        """The given constants of a hyperelastic law."""
+        required, optional = HYPERELASTIC[self.law]
+        given = {key: getattr(self, key) for key in (*required, *optional)}
+        return {key: value for key, value in given.items() if value is not None}
+
     def faults(self, scope: Scope) -> Iterator[Fault]:
         """Missing and contradictory keys, and stiffnesses that are not positive definite."""
         form = self.form
-        required, optional = FORMS[form]
+        if not self.elastic and form != "isotropic":
+            hint = f"give {' and '.join(HYPERELASTIC[self.law][0])}"
+            yield Fault(("law",), f'"{self.law}" needs an isotropic material', hint)
+            return
+        required, optional = FORMS[form] if self.elastic else HYPERELASTIC[self.law]
         for key in self.model_fields_set.difference(required, optional, ("alpha", "law")):
-            yield Fault((key,), f"cannot be combined with {', '.join(required)}", CHOICES)
-        third = OUT_OF_PLANE if form == "orthotropic" and scope.confined else ()
-        missing = [key for key in (*required, *third) if getattr(self, key) is None]
+            hint = CHOICES if self.elastic else ""
+            yield Fault((key,), f"cannot be combined with {', '.join(required)}", hint)
+        needed = self._needed(scope)
+        missing = [key for key in (*required, *needed) if getattr(self, key) is None]
         for key in missing:
-            hint = "required in plane strain" if key in third else ""
-            yield Fault((key,), "missing (required)", hint if self.model_fields_set else CHOICES)
+            hint = f'"{self.law}" has the constants {", ".join(required)}'
+            if not self.model_fields_set:
+                hint = CHOICES
+            elif self.elastic:
+                hint = needed.get(key, "")
+            yield Fault((key,), "missing (required)", hint)
         if not missing:
             yield from self._stiffness_faults(scope.confined)
+            yield from self._rubber_faults()
         yield from self._law_faults(scope)
         listed = isinstance(self.alpha, tuple)
         if listed and form == "isotropic":
@@ -101,23 +183,47 @@ class Material(Section):
             message = "with a plane stiffness the effect of out-of-plane expansion is unknown"
             yield Fault(("alpha",), message, "give the plane strains per degree, [xx, yy, 2xy]")
 
+    def _needed(self, scope: Scope) -> dict[str, str]:
+        """Constants of the third axis of an orthotropic material that the model needs, and why."""
+        if self.form != "orthotropic":
+            return {}
+        if scope.confined:
+            return dict.fromkeys(OUT_OF_PLANE, "required in plane strain")
+        if self.law == KIRCHHOFF:
+            return dict.fromkeys(OUT_OF_PLANE[1:], "required for the thickness at finite strain")
+        return {}
+
+    def _rubber_faults(self) -> Iterator[Fault]:
+        """Constants that give no positive shear modulus."""
+        if self.law == "mooney-rivlin" and (self.c10 or 0.0) + (self.c01 or 0.0) <= 0.0:
+            yield Fault(("c10",), "c10 + c01, half the shear modulus, is not positive")
+        if self.law == "yeoh" and (self.c10 or 0.0) <= 0.0:
+            yield Fault(("c10",), "half the shear modulus, is not positive")
+        if self.law == "ogden" and self.shear_moduli is not None and self.exponents is not None:
+            if len(self.shear_moduli) != len(self.exponents):
+                message = f"{len(self.exponents)} for {len(self.shear_moduli)} moduli"
+                yield Fault(("exponents",), message, "give one for each of shear_moduli")
+            elif not all(m * a > 0.0 for m, a in zip(self.shear_moduli, self.exponents, strict=True)):
+                message = "has a modulus whose sign is not that of its exponent"
+                yield Fault(("shear_moduli",), message, "their products must be positive")
+
     def _law_faults(self, scope: Scope) -> Iterator[Fault]:
-        form = FINITE_LAWS.get(self.law)
-        yield from scope.finite_only(form is not None, ("law",), f'"{self.law}"')
+        finite = self.law == KIRCHHOFF or not self.elastic
+        yield from scope.finite_only(finite, ("law",), f'"{self.law}"')
         if scope.strain != "finite":
             return
-        if form is None:
-            hint = f"law = {' or '.join(map(toml_value, FINITE_LAWS))}"
+        if not finite:
+            hint = f"law = {' or '.join(map(toml_value, (KIRCHHOFF, *HYPERELASTIC)))}"
             yield Fault(("law",), f'"{self.law}" elasticity is not valid at finite strain', hint)
-        elif self.form != form:
-            hint = f"give {' and '.join(FORMS[form][0])}"
-            yield Fault(("law",), f'"{self.law}" needs an {form} material', hint)
-        elif self.nu is not None and scope.confined:
-            hint = f"at most {MAX_PLANE_STRAIN_NU:.3f} in plane strain"
-            stiff, what = self.nu > MAX_PLANE_STRAIN_NU, f"{self.nu:g}: a nearly incompressible material"
-            yield from scope.refused(stiff, ("nu",), what, hint)
-        else:
-            yield from scope.refused(self.nu == 0.5, ("nu",), "0.5: an incompressible material", "below 0.5")
+        elif self.form == "stiffness" and not scope.confined:
+            hint = "give the constants of an orthotropic material, with nu13 and nu23"
+            yield Fault(("stiffness",), "leaves the thickness at finite strain unknown in plane stress", hint)
+        elif self.nu is not None:
+            locks = scope.confined and self.law in LOCKING
+            limit = MAX_PLANE_STRAIN_NU if locks else MAX_NU
+            hint = f"at most {limit:.4g}{', or a law of rubber, such as neo-hookean' if locks else ''}"
+            what = f"{self.nu:g}: an incompressible material"
+            yield from scope.refused(self.nu > limit, ("nu",), what, hint)
 
     def _stiffness_faults(self, confined: bool) -> Iterator[Fault]:
         if self.stiffness is not None:

@@ -7,7 +7,6 @@ from pydantic import model_validator
 
 from mlsanm_cli.case.model.conditions import Kind
 from mlsanm_cli.case.model.contacts import AnyObstacle, DiskObstacle
-from mlsanm_cli.case.model.fields import FORCE, LENGTH, MOMENT, RADIANS, Rotation, Vector
 from mlsanm_cli.case.model.loads import (
     BodyForce,
     Displacement,
@@ -18,7 +17,7 @@ from mlsanm_cli.case.model.loads import (
     Traction,
 )
 from mlsanm_cli.case.model.places import PlateBoundaries
-from mlsanm_cli.case.model.section import Point, Scope
+from mlsanm_cli.case.model.section import FORCE, LENGTH, MOMENT, RADIANS, Point, Rotation, Scope, Vector
 from mlsanm_cli.case.report import suggestion
 from mlsanm_cli.errors import Fault
 
@@ -131,7 +130,10 @@ class Platen(OnBoundary, _RigidMotion):
             message = (
                 f'"{self.turning}" here, "{plate[0].turning}" in load "{plate[0].name}" on the same platen'
             )
-            yield Fault(("rotation",), message, hint)
+            fixed = next((load for load in (self, plate[0]) if load.turning == "fixed"), None)
+            turned = "prescribed" in (self.turning, plate[0].turning)
+            also = f'; write rotation = 0.0 in load "{fixed.name}"' if fixed is not None and turned else ""
+            yield Fault(("rotation",), message, f"{hint}{also}")
         elif plate[0].hinge != self.hinge:
             message = f'differs from that of load "{plate[0].name}" on the same platen'
             yield Fault(("hinge",), message, hint)
@@ -161,11 +163,11 @@ class ObstacleMotion(_RigidMotion):
         yield from scope.finite_only(self.rotation, ("rotation",), "an obstacle that turns")
         obstacles = {contact.name: contact.obstacle for contact in scope.case.contact}
         obstacle = obstacles.get(self.obstacle)
-        if self.obstacle not in scope.names["contact"]:
-            fitting = [name for name in obstacles if obstacles[name] is not None] or scope.names["contact"]
+        if self.obstacle not in obstacles:
+            fitting = [name for name in obstacles if obstacles[name] is not None] or obstacles
             hint = suggestion(self.obstacle, fitting, "contacts with an obstacle")
             yield Fault(("obstacle",), f'there is no contact "{self.obstacle}"', hint)
-        elif self.obstacle in obstacles and obstacle is None:
+        elif obstacle is None:
             message = f'contact "{self.obstacle}" has a master and no obstacle'
             yield Fault(("obstacle",), message, 'a load of kind "platen" moves a boundary')
         motions = [load for load in scope.case.load if isinstance(load, ObstacleMotion)]

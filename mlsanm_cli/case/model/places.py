@@ -7,8 +7,15 @@ from typing import Annotated, Any
 from pydantic import Field, PlainValidator, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
-from mlsanm_cli.case.model.fields import BOUNDARY_PATTERN, LENGTH, Vector, split_boundary
-from mlsanm_cli.case.model.section import Point, Scope, Section
+from mlsanm_cli.case.model.section import (
+    BOUNDARY_PATTERN,
+    LENGTH,
+    Point,
+    Scope,
+    Section,
+    Vector,
+    split_boundary,
+)
 from mlsanm_cli.errors import Fault
 from mlsanm_cli.records import dataclass
 

@@ -1,5 +1,6 @@
 """Base class of the tables of the case file, and what they are checked against: the other tables and the
-geometry of the bodies."""
+geometry of the bodies.
+"""
 
 from __future__ import annotations
 
@@ -15,13 +16,28 @@ from pydantic import BaseModel, ConfigDict, GetJsonSchemaHandler
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
-from mlsanm_cli.case.lines import KeyPath
+from mlsanm_cli.case.report import KeyPath
 from mlsanm_cli.errors import Fault
 from mlsanm_cli.records import dataclass
+from mlsanm_cli.roundoff import ROUND_OFF
 
 if TYPE_CHECKING:
     from mlsanm_cli.case.model.case import Case
     from mlsanm_cli.case.model.shapes import AnyShape
+import re
+from typing import Annotated, Literal
+
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    ValidationError,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
+)
+from pydantic_core import PydanticCustomError, PydanticKnownError
+
+from mlsanm_cli.case.model.expressions import ExpressionError, compile_expression
 
 Point = tuple[float, float]
 Item = TypeVar("Item")
@@ -44,42 +60,28 @@ class GeometryInspector(Protocol):
     def geometry(self, shape: AnyShape) -> Geometry:
         """The geometry of a shape. Raises GeometryError if it is not a valid body."""
 
-    def floating(self, case: Case) -> Iterable[Fault]:
-        """A fault for every body without contact that can move freely, with its key in the case."""
-
 
 @dataclass(frozen=True)
 class Scope:
-    """The valid tables of a case. ``names`` are those of all items by section, also of invalid ones,
-    ``incomplete`` the sections with invalid parts, ``numbers`` those of the valid list items in the file,
-    ``geometries`` those of the valid shapes by body."""
+    """A case whose tables are valid by themselves, and the ``geometries`` of its valid shapes by body."""
 
     case: Case
-    names: Mapping[str, tuple[str, ...]]
-    incomplete: frozenset[str]
-    numbers: Mapping[str, tuple[int, ...]]
     geometries: Mapping[str, Geometry] = field(default_factory=dict)
 
     @property
     def strain(self) -> str:
-        """Small or finite strain, "" if the model is invalid."""
-        return self.case.model.strain if self.complete("model") else ""
+        """Small or finite strain."""
+        return self.case.model.strain
 
     @property
     def confined(self) -> bool:
-        """Whether out-of-plane strains are prescribed; False if the model is invalid."""
-        return self.complete("model") and self.case.model.confined
+        """Whether out-of-plane strains are prescribed."""
+        return self.case.model.confined
 
-    def complete(self, *sections: str) -> bool:
-        """Whether all items of the sections are valid, so that something missing there is missing."""
-        return self.incomplete.isdisjoint(sections)
-
-    def in_file(self, path: KeyPath) -> KeyPath:
-        """The path in the file of a path in the case."""
-        match path:
-            case (str(section), int(number), *rest) if section in self.numbers:
-                return (section, self.numbers[section][number], *rest)
-        return path
+    def names(self, section: str) -> tuple[str, ...]:
+        """The names of all items of a section."""
+        items = getattr(self.case, section)
+        return tuple(items) if isinstance(items, dict) else tuple(item.name for item in items)
 
     def refused(self, given: object, key: KeyPath, what: str, hint: str) -> Iterator[Fault]:
         """A fault if something is ``given`` that finite strain does not support."""
@@ -162,3 +164,114 @@ def _docstrings(table: type[BaseModel]) -> dict[str, str]:
                 assert isinstance(key.target, ast.Name)
                 found[key.target.id] = inspect.cleandoc(ast.literal_eval(below.value))
     return found
+
+
+BOUNDARY_PATTERN = re.compile(r"[^.\s]+\.[^.\s]+")
+
+
+class Unit(str):
+    """Unit of a number, shown by `mlsanm explain` and in the JSON Schema."""
+
+    def __get_pydantic_json_schema__(
+        self, core_schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        return {**handler(core_schema), UNIT: str(self)}
+
+
+UNIT = "x-unit"
+LENGTH, STRESS, FORCE = Unit("length"), Unit("stress"), Unit("force per thickness")
+ANGLE, NUMBER = Unit("degrees"), Unit("dimensionless")
+DENSITY, FOUNDATION = Unit("force per volume"), Unit("stress per length")
+TEMPERATURE, EXPANSION = Unit("temperature"), Unit("per temperature")
+RADIANS, MOMENT = Unit("radian"), Unit("moment per thickness")
+
+
+def _two_items(value: Any) -> Any:
+    if not isinstance(value, tuple) or len(value) != 2:
+        raise PydanticCustomError("vector", "expected two numbers, as in [0.0, 1.0]")
+    return value
+
+
+def expecting(text: str) -> WrapValidator:
+    """Reports a value that fits no member of a union with one ``text``; nan, inf and faulty expressions with
+    their own."""
+
+    def check(value: Any, handler: ValidatorFunctionWrapHandler) -> Any:
+        try:
+            return handler(value)
+        except ValidationError as error:
+            found = {one["type"]: one["msg"] for one in error.errors(include_url=False)}
+            if "finite_number" in found:
+                raise PydanticKnownError("finite_number") from error
+            raise PydanticCustomError(
+                "expected", "{text}", {"text": found.get("expression", text)}
+            ) from error
+
+    return WrapValidator(check)
+
+
+def _expression(text: str) -> str:
+    try:
+        compile_expression(text)
+    except ExpressionError as error:
+        raise PydanticCustomError("expression", "{problem}", {"problem": str(error)}) from error
+    return text
+
+
+Vector = Annotated[tuple[float, float], BeforeValidator(_two_items)]
+"""Two finite numbers."""
+
+Amount = Annotated[
+    float | Annotated[str, AfterValidator(_expression)],
+    expecting("expected a number, or an expression in x and y in quotes"),
+]
+"""A finite number, or an expression in x and y."""
+
+AmountVector = Annotated[tuple[Amount, Amount], BeforeValidator(_two_items)]
+"""Two numbers or expressions in x and y."""
+
+Positive = Annotated[float, Field(gt=0.0)]
+"""A finite number above 0."""
+
+Name = Annotated[
+    str,
+    Field(pattern=r"^[A-Za-z0-9_-]*[A-Za-z_-][A-Za-z0-9_-]*$", max_length=80),
+    expecting("a name has at most 80 letters, digits, _ and -, and is not a number"),
+]
+"""The name of a body, load, contact or material, part of file names."""
+
+AutoCount = Annotated[
+    Literal["auto"] | Annotated[int, Field(gt=0)], expecting('expected "auto" or a whole number above 0')
+]
+AutoDegree = Annotated[
+    Literal["auto"] | Annotated[int, Field(ge=1, le=6)],
+    expecting('expected "auto" or a whole number from 1 to 6'),
+]
+AutoLength = Annotated[Literal["auto"] | Positive, expecting('expected "auto" or a number above 0')]
+
+Rotation = Annotated[
+    Literal["fixed", "free"] | float, expecting('expected "fixed", "free", or an angle in radian')
+]
+"""Rotation of a plate: fixed, free, or a prescribed angle."""
+
+
+def _without_round_off(coefficient: float) -> float:
+    """A coefficient of friction; 0 where tractions would be round-off of the pressures."""
+    return coefficient if coefficient > ROUND_OFF else 0.0
+
+
+Coefficient = Annotated[
+    Literal["bonded"] | Annotated[float, Field(ge=0.0), AfterValidator(_without_round_off)],
+    expecting('expected a number of at least 0, or "bonded"'),
+]
+"""A coefficient of friction, or bonded surfaces."""
+
+
+def split_boundary(boundary: str) -> tuple[str, str]:
+    """Body and edge of a boundary name.
+
+    >>> split_boundary("block.top")
+    ('block', 'top')
+    """
+    body, _, edge = boundary.partition(".")
+    return body, edge

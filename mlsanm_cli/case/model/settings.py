@@ -1,13 +1,24 @@
 """Settings of approximation, refinement, path following and output; probes and reference solutions."""
 
+from __future__ import annotations
+
 from collections import Counter
-from collections.abc import Iterator
-from typing import Annotated, Literal
+from collections.abc import Callable, Iterator
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from mlsanm_cli.case.model.fields import LENGTH, NUMBER, AutoCount, AutoDegree, Name, Unit, Vector
-from mlsanm_cli.case.model.section import Scope, Section
+from mlsanm_cli.case.model.section import (
+    LENGTH,
+    NUMBER,
+    AutoCount,
+    AutoDegree,
+    Name,
+    Scope,
+    Section,
+    Unit,
+    Vector,
+)
 from mlsanm_cli.errors import Fault
 
 MAX_NEIGHBORS_PER_TERM = 20
@@ -41,7 +52,7 @@ class Mls(Section):
                 yield Fault(("neighbors",), f"{self.neighbors} nodes are too many {of}", hint)
         square = self.scheme != "least-squares"
         yield from scope.refused(square, ("scheme",), f'"{self.scheme}"', '"least-squares"')
-        if square and scope.strain == "small" and scope.complete("contact") and not scope.case.is_regularized:
+        if square and scope.strain == "small" and not scope.case.is_regularized:
             yield Fault(("scheme",), f'"{self.scheme}" needs the hyperbolic contact law', '"least-squares"')
         yield from scope.refused(self.degree == 1, ("degree",), "degree 1", "at least 2")
 
@@ -90,14 +101,14 @@ class Solver(Section):
     """Direct solver: `"auto"` is the built-in sparse Cholesky factorisation."""
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
-        if scope.strain == "finite" and self.method == "active-set" and not scope.names["contact"]:
+        if scope.strain == "finite" and self.method == "active-set" and not scope.case.contact:
             yield Fault(("method",), '"active-set" needs a contact', '"anm" or "newton"')
         law = scope.case.touching[0].regularization.law if scope.case.touching else None
-        if law is None and not scope.complete("contact"):
-            return
         fitting = {"anm": "hyperbolic", "newton": "hyperbolic", "active-set": "exact"}.get(self.method, law)
         if law not in (None, fitting):
             hint = f'law = "{fitting}" in [contact.regularization], or method = "auto"'
+            if scope.strain == "finite":
+                hint = 'method = "auto": at finite strain the contact law is always exact'
             yield Fault(("method",), f'"{self.method}" cannot solve the {law} contact law', hint)
         if self.formulation == "monolithic" and law != "hyperbolic":
             hint = 'formulation = "condensed"'
@@ -154,7 +165,7 @@ class Output(Section):
             if times > 1:
                 yield Fault(("fields",), f'"{field}" is listed {times} times')
         stages = len(scope.case.stage)
-        for index, position in enumerate(self.at if scope.complete("stage") else ()):
+        for index, position in enumerate(self.at):
             if not 0.0 <= position <= stages:
                 message = f"{position:g} is outside the path, which goes from 0 to {stages}"
                 yield Fault(("at", index), message, "a position is the stage index + fraction")
@@ -168,3 +179,86 @@ class Reference(Section):
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
         yield from scope.refused(True, (), "an analytical solution", "remove the table")
+
+
+REGULARIZED = "hyperbolic"
+"""The law of contacts with parameters or methods that the exact law does not have."""
+
+
+def with_defaults(data: Any) -> Any:
+    """The raw content of a case with all of these defaults."""
+    if not isinstance(data, dict):
+        return data
+    data = _with_items(_with_law(data), "load", lambda row: _with_common_keys(row, data["load"]))
+    return {**data, "stage": _stages(data)}
+
+
+def _with_items(data: dict[str, Any], section: str, change: Callable[[Any], Any]) -> dict[str, Any]:
+    """The content with every item of a list, if there is one, replaced by ``change`` of it."""
+    items = data.get(section)
+    return {**data, section: tuple(map(change, items))} if isinstance(items, tuple) else data
+
+
+def _stages(data: dict[str, Any]) -> Any:
+    """One stage up to load factor 1; an interference that no stage names is applied in the first one."""
+    given = data.get("stage")
+    fits = _names(data.get("contact"), with_key="interference")
+    if given is None:
+        return (dict.fromkeys([*_names(data.get("load")), *fits], 1.0),)
+    if not isinstance(given, tuple) or not all(isinstance(stage, dict) for stage in given) or not given:
+        return given
+    growing = {name: 1.0 for name in fits if not any(name in stage for stage in given)}
+    return ({**growing, **given[0]}, *given[1:])
+
+
+def _names(items: Any, with_key: str = "name") -> list[str]:
+    """Names of the items of a raw list that have a key."""
+    rows = [item for item in items if isinstance(item, dict)] if isinstance(items, tuple) else []
+    return [row["name"] for row in rows if isinstance(row.get("name"), str) and with_key in row]
+
+
+def _with_common_keys(row: Any, rows: tuple[Any, ...]) -> Any:
+    """A raw load on a plate, with the hinge of the other loads on it and, unless it sets its own, their kind
+    of rotation."""
+    if not isinstance(row, dict) or row.get("kind") != "platen":
+        return row
+    keys = ("kind", "boundary", "from", "to")
+    others = [one for one in rows if isinstance(one, dict) and all(one.get(k) == row.get(k) for k in keys)]
+    hinges = [one["hinge"] for one in others if "hinge" in one]
+    common: dict[str, Any] = {"hinge": hinges[0]} if hinges else {}
+    turning = [one.get("rotation", "free") for one in others if one.keys() & {"rotation", "hinge", "moment"}]
+    if turning and not row.keys() & {"rotation", "hinge", "moment"}:
+        common["rotation"] = 0.0 if isinstance(turning[0], float) else turning[0]
+    return common | row
+
+
+def _with_law(data: dict[str, Any]) -> dict[str, Any]:
+    """The content with the regularised law in contacts that name no law, if another contact, a parameter of
+    that law, the method or the formulation requires it; never at finite strain."""
+    match data:
+        case {"model": {"strain": "finite"}}:
+            return data
+        case {"solver": {"method": "anm" | "newton"}} | {"solver": {"formulation": "monolithic"}}:
+            return _with_items(data, "contact", _regularized)
+        case {"contact": tuple(contacts)} if any(map(_is_regularized, contacts)):
+            return _with_items(data, "contact", _regularized)
+    return data
+
+
+def _is_regularized(contact: Any) -> bool:
+    """Whether a contact names the regularised law, or only parameters of it."""
+    match contact:
+        case {"regularization": {**given}}:
+            return bool(given) and given.get("law", REGULARIZED) == REGULARIZED
+    return False
+
+
+def _regularized(contact: Any) -> Any:
+    match contact:
+        case {"friction": "bonded"}:
+            return contact
+        case {"regularization": {**given}}:
+            return {**contact, "regularization": {"law": REGULARIZED, **given}}
+        case {**keys} if "regularization" not in keys:
+            return {**contact, "regularization": {"law": REGULARIZED}}
+    return contact

@@ -6,10 +6,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo, WithJsonSchema, model_validator
 
-from mlsanm_cli.case.lines import KeyPath
-from mlsanm_cli.case.model.fields import ANGLE, LENGTH, Name, Positive, Vector
-from mlsanm_cli.case.model.section import Scope, Section
+from mlsanm_cli.case.model.section import ANGLE, LENGTH, Name, Positive, Scope, Section, Vector
 from mlsanm_cli.case.model.tables import with_points
+from mlsanm_cli.case.report import KeyPath
 from mlsanm_cli.errors import Fault
 
 Center = Annotated[Vector, LENGTH]

@@ -1,16 +1,13 @@
-"""Names in the content of a case file: declared once, and known where they are used. Other faults of an item
-hide none of these."""
+"""Names in a case: declared once, and known where they are used."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator
 
-from mlsanm_cli.case.lines import KeyPath
-from mlsanm_cli.case.model.fields import BOUNDARY_PATTERN, split_boundary
-from mlsanm_cli.case.model.section import Scope
+from mlsanm_cli.case.model.places import listed
+from mlsanm_cli.case.model.section import Scope, split_boundary
 from mlsanm_cli.case.model.shapes import edge_names
-from mlsanm_cli.case.report import suggestion
+from mlsanm_cli.case.report import KeyPath, suggestion
 from mlsanm_cli.errors import Fault
 
 PLURALS = {
@@ -32,37 +29,28 @@ BOUNDARIES = (("support", "boundary"), ("load", "boundary"), ("contact", "slave"
 """Section and key of names of boundaries."""
 
 
-def declared_names(data: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
-    """The names of all items of each section, also of invalid items."""
-    materials = data.get("material")
-    names = tuple(materials) if isinstance(materials, Mapping) else ()
-    lists = {section: [name for _, name in _texts(data, section, "name")] for section in PLURALS}
-    return {section: tuple(found) for section, found in lists.items()} | {"material": names}
-
-
-def name_faults(data: Mapping[str, Any], scope: Scope) -> Iterator[Fault]:
+def name_faults(scope: Scope) -> Iterator[Fault]:
     """Names declared twice, unknown ones, and materials of no body."""
     for section in PLURALS:
-        texts = _texts(data, section, "name")
-        for number, (path, name) in enumerate(texts):
-            if name in [earlier for _, earlier in texts[:number]]:
-                yield Fault(path, f'another {section} is called "{name}" already')
+        names = scope.names(section)
+        for number, name in enumerate(names):
+            if name in names[:number]:
+                yield Fault((section, number, "name"), f'another {section} is called "{name}" already')
     for section, key, target in REFERENCES:
-        for path, name in _texts(data, section, key):
+        for path, name in _texts(scope, section, key):
             yield from _unknown(path, name, target, scope)
-    used = [name for _, name in _texts(data, "body", "material")]
-    for name in scope.names["material"]:
+    used = [body.material for body in scope.case.body]
+    for name in scope.names("material"):
         if name not in used:
             hint = f'remove it, or write material = "{name}" in a body'
             yield Fault(("material", name), "no body uses this material", hint)
     for section, key in BOUNDARIES:
-        for path, name in _texts(data, section, key):
-            if BOUNDARY_PATTERN.fullmatch(name):
-                yield from _unknown_boundary(path, name, scope)
+        for path, name in _texts(scope, section, key):
+            yield from _unknown_boundary(path, name, scope)
 
 
 def _unknown(path: KeyPath, name: str, section: str, scope: Scope, text: str = "") -> Iterator[Fault]:
-    names = scope.names[section]
+    names = scope.names(section)
     if name not in names:
         yield Fault(path, f'{text}there is no {section} "{name}"', suggestion(name, names, PLURALS[section]))
 
@@ -83,14 +71,10 @@ def _edges(body: str, scope: Scope) -> tuple[str, ...]:
     return next((edge_names(one.shape) for one in scope.case.body if one.name == body), ())
 
 
-def _texts(data: Mapping[str, Any], section: str, key: str) -> list[tuple[KeyPath, str]]:
-    """Path and text of a key in every item of a list; of each text if it is a list of them."""
-    found: list[tuple[KeyPath, Any]] = []
-    items = data.get(section)
-    for number, item in enumerate(items if isinstance(items, tuple) else ()):
-        value = item.get(key) if isinstance(item, Mapping) else None
-        if isinstance(value, tuple):
-            found += [((section, number, key, place), text) for place, text in enumerate(value)]
-        else:
-            found.append(((section, number, key), value))
-    return [(path, text) for path, text in found if isinstance(text, str)]
+def _texts(scope: Scope, section: str, key: str) -> Iterator[tuple[KeyPath, str]]:
+    """Path and text of a key of every item of a list that has it; of each text if it is a list of them."""
+    for number, item in enumerate(getattr(scope.case, section)):
+        value = getattr(item, key, None)
+        path: KeyPath = (section, number, key)
+        for place, text in enumerate(listed(value)):
+            yield (*path, place) if isinstance(value, tuple) else path, text

@@ -9,8 +9,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from mlsanm_cli.case.limits import text_problem
-from mlsanm_cli.case.lines import MAX_KEY_PARTS, KeyPath
-from mlsanm_cli.case.report import suggestion
+from mlsanm_cli.case.report import MAX_KEY_PARTS, KeyPath, suggestion
 from mlsanm_cli.errors import CaseProblem, RunError
 
 SOURCE = "--set"

@@ -7,19 +7,19 @@ import io
 import json
 import re
 import tomllib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from pydantic import ValidationError
+
 from mlsanm_cli.case.limits import number_faults, size_faults, text_problem
-from mlsanm_cli.case.lines import KeyPath
 from mlsanm_cli.case.model.case import Case
 from mlsanm_cli.case.model.section import Geometry, GeometryInspector, Scope, all_faults
 from mlsanm_cli.case.reading.names import name_faults
 from mlsanm_cli.case.reading.overrides import apply_overrides, key_path
-from mlsanm_cli.case.reading.valid import LISTS, valid_part
-from mlsanm_cli.case.report import Report, nearest
+from mlsanm_cli.case.report import KeyPath, Report, nearest
 from mlsanm_cli.errors import CaseError, CaseProblem, Fault, GeometryError, OutlineError, RunError
 from mlsanm_cli.inputs import MAX_TEXT_BYTES, STDIN, is_text, read_input
 from mlsanm_cli.records import dataclass
@@ -27,8 +27,6 @@ from mlsanm_cli.toml import plain
 
 MAX_LISTED_CASES = 1000
 """Largest number of case files in a directory that are searched for a similar name."""
-RESTRAINING_SECTIONS = ("model", "body", "support", "load", "contact")
-"""Sections that determine whether a body can move freely."""
 
 
 @dataclass(frozen=True)
@@ -106,43 +104,58 @@ def parse_case(
     data = {key: _frozen(value) for key, value in content.items()}
     report = Report(data, text, source, changed)
     report.add(number_faults(data))
-    scope = _check_relations(data, valid_part(data, path.parent, report), inspector, report)
+    case = _validated(data, path.parent, report)
+    if case is not None:
+        case = _with_digests(_check_relations(case, inspector, report))
     problems = report.problems + bad_overrides
-    if problems:
+    if problems or case is None:
         raise CaseError(problems)
-    case = _with_digests(scope)
     return LoadedCase(case, text, path, tuple(overrides), case_hash(case))
 
 
-def _check_relations(
-    data: dict[str, Any], scope: Scope, inspector: GeometryInspector | None, report: Report
-) -> Scope:
-    """Adds every relation between the valid tables that does not hold; returns these with the geometries of
-    the bodies. Without ``inspector`` nothing that depends on geometry is checked."""
+def _validated(data: Any, folder: Path, report: Report) -> Case | None:
+    """The case of the content of a file, without unknown keys; files are relative to ``folder``. None if a
+    value is invalid or missing. Adds all of these to the report, except where it has a problem already."""
+    try:
+        return Case.model_validate(data, context=folder)
+    except ValidationError as error:
+        from mlsanm_cli.case.schema_errors import faults_of, unknown_keys
 
-    def located(faults: Iterable[Fault]) -> Iterator[Fault]:
-        return (replace(fault, key=scope.in_file(fault.key)) for fault in faults)
+        known = report.paths
+        faults = faults_of(data, error)
+        report.add(f for f in faults if not any(f.key[:length] in known for length in range(len(f.key) + 1)))
+        unknown = unknown_keys(data, error)
+        return _validated(_without(data, unknown), folder, report) if unknown else None
 
-    if data.get("body") == ():
-        report.add([Fault(("body",), "the list is empty, at least one item is required", "add [[body]]")])
+
+def _without(value: Any, removed: Collection[KeyPath], path: KeyPath = ()) -> Any:
+    """The content without the removed keys."""
+    if isinstance(value, dict):
+        kept = [key for key in value if (*path, key) not in removed]
+        return {key: _without(value[key], removed, (*path, key)) for key in kept}
+    if isinstance(value, tuple):
+        return tuple(_without(item, removed, (*path, number)) for number, item in enumerate(value))
+    return value
+
+
+def _check_relations(case: Case, inspector: GeometryInspector | None, report: Report) -> Scope:
+    """Adds every relation between keys that does not hold; returns the case with the geometries of its
+    bodies. Without ``inspector`` nothing that depends on geometry is checked."""
+    scope = Scope(case)
     geometries: dict[str, Geometry] = {}
-    for index, body in enumerate(scope.case.body):
+    for index, body in enumerate(case.body):
         key: KeyPath = ("body", index, "shape")
-        faulty = any(path[:3] == scope.in_file(key) for path in report.paths)
-        if inspector is None or faulty or any(all_faults(body.shape, scope)):
+        if inspector is None or any(all_faults(body.shape, scope)):
             continue
         try:
             geometries.setdefault(body.name, inspector.geometry(body.shape))
         except OutlineError as error:
-            report.add(located(replace(fault, key=(*key, *fault.key)) for fault in error.faults))
+            report.add(replace(fault, key=(*key, *fault.key)) for fault in error.faults)
         except GeometryError as error:
-            report.add(located([Fault((*key, "file"), error.message, error.hint)]))
+            report.add([Fault((*key, "file"), error.message, error.hint)])
     scope = replace(scope, geometries=geometries)
-    report.add(name_faults(data, scope))
-    report.add(located(all_faults(scope.case, scope)))
-    # Otherwise a fault in a support would be reported again as a body that can move.
-    if inspector is not None and not {path[0] for path in report.paths}.intersection(RESTRAINING_SECTIONS):
-        report.add(located(inspector.floating(scope.case)))
+    report.add(name_faults(scope))
+    report.add(all_faults(case, scope))
     return scope
 
 
@@ -182,6 +195,8 @@ def case_hash(case: Case) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
+LISTS = ("body", "support", "load", "contact", "stage", "stop", "probe")
+"""Tables that are lists of items."""
 NESTED = {"shape": "body.shape", "refine": "body.refine", "regularization": "contact.regularization"}
 """Tables that belong to a list item, by the last part of their names."""
 
@@ -218,6 +233,15 @@ def _syntax_hint(message: str, line: str) -> str:
     """A correction, from the parser's message and the line that it refers to."""
     if any(quote in line for quote in "“”„"):
         return 'write straight quotes: "'
+    if line.lstrip().startswith("{"):
+        return "a case is TOML, not JSON: lines as nu = 0.3 below the headings of tables as [material.steel]"
+    comma = re.search(r"=\s*([-+]?\d+),(\d+)\s*(#.*)?$", line)
+    if comma is not None:
+        return f"write a decimal point: {comma[1]}.{comma[2]}"
+    if sum(map(line.count, "\"'")) % 2:
+        return "a quote is missing at the end of the text"
+    if message.startswith("Expected '='"):
+        return "write KEY = VALUE"
     if message.startswith("Invalid value"):
         return "text needs quotes, numbers need a digit before and after the point"
     if "overwrite" in message.lower():

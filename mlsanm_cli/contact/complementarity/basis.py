@@ -36,10 +36,11 @@ class SingularError(ArithmeticError):
 
 class Basis:
     """The equations of a ``status``: factors, and from the first update on their inverse. Motions that no
-    active row resists and no load drives are held. Raises SingularError."""
+    active row resists and no load drives are held. ``missed`` is the residual of the last solution over
+    ``grain``. Raises SingularError."""
 
     def __init__(self, problem: Problem, status: ContactStatus) -> None:
-        self.problem, self.status, self.updates = problem, status, 0
+        self.problem, self.status, self.updates, self.missed = problem, status, 0, 0.0
         self.side = np.zeros(problem.n)
         self.active: IntArray = np.zeros(0, dtype=np.int64)
         self.held: FloatArray = np.zeros((problem.k, 0))
@@ -264,12 +265,14 @@ class Basis:
             x += self.spread(self._applied(missed))
             w = free + p.product(x)
             size = max(np.abs(rhs).max(), np.abs(x).max())
-            wrong = np.abs((aim - w)[active]) > 100.0 * FEASIBLE * size * p.grain[active]
-            if wrong.any() and not self.held.shape[1]:
+            missed = (aim - w)[active]
+            missed[moves] += pull - self.left @ (self.held.T @ x[p.contacts :])
+            if (np.abs(missed) > 100.0 * FEASIBLE * size * p.grain[active]).any():
                 if self.anew():
                     return self.solve(free, aim, near)
                 raise SingularError
         w[active] = aim[active]
+        self.missed = float((np.abs(missed) / p.grain[active]).max(initial=0.0))
         return x, w
 
     def undriven(self, rows: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ load the limit load.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
@@ -30,10 +30,13 @@ from mlsanm_cli.contact.complementarity.solution import (
     touching,
 )
 from mlsanm_cli.contact.complementarity.tracing import Point, Ray, trace
+from mlsanm_cli.records import dataclass
 
 INCREMENTS = tuple(10.0**power for power in range(-6, 0))
 """Parts of the path tried in turn as finite increments where no rates continue it: the first touch of loose
 bodies, and snaps."""
+PARTS = (1, 2, 4)
+"""Numbers of equal parts of an increment that are tried in turn."""
 STANDSTILL, EVENTS = 1e-13, 4
 """Part of the path below which it stands still; and largest number of changes of status per node at one
 load."""
@@ -43,7 +46,8 @@ load."""
 class State:
     """State at ``lam``: ``status``, unknowns ``x`` and rows ``w`` (N,), slips ``reference`` (n,) at which
     nodes stick, of others those before, and the ``work`` (n,) of friction so far per unit of scaled tractions
-    and slips. ``jumped`` from another state, after so many ``systems``; ``rates`` led to it."""
+    and slips. ``jumped`` from another state, after so many ``systems``; ``rates`` led to it; ``missed``
+    bounds the residual over ``grain``."""
 
     status: ContactStatus
     x: FloatArray
@@ -54,6 +58,7 @@ class State:
     jumped: bool = False
     systems: int = 0
     rates: Solution | None = None
+    missed: float = 0.0
 
 
 def unloaded(problem: Problem, free: FloatArray) -> State:
@@ -152,21 +157,25 @@ def _moved(problem: Problem, state: State, rate: Solution, free: FloatArray, lam
     slips = slice(p.m, p.contacts)
     x, w = state.x + step * rate.x, state.w + step * rate.w
     reference = np.where(status.stuck & state.status.stuck, state.reference, state.w[slips])
+    along, across = x.copy(), w.copy()
     x[: p.m][~status.closed], w[: p.m][status.closed] = 0.0, 0.0
     x[slips] = np.where(status.stuck, x[slips], status.slip_sign * p.friction * x[p.nodes])
     w[slips][status.stuck] = reference[status.stuck]
+    missed = state.missed + step * rate.missed + float(np.abs(across - w).max(initial=0.0))
+    missed += p.spread * float(np.abs(along - x).sum())
     search = Search(p, free, reference, p.everything, state.x)
-    x, w = _refined(search, status, rate.basis.to(status), x, w)
+    if missed > FEASIBLE * p.size(x) or search.violated(status, x, w).any():
+        x, w, missed = _refined(search, status, rate.basis.to(status), x, w)
     slid = np.where(status.slip_sign != 0.0, w[slips] - state.w[slips], 0.0)
     work = state.work - 0.5 * (state.x[slips] + x[slips]) * slid
-    return State(status, x, w, reference, work, lam, systems=rate.systems, rates=rate)
+    return State(status, x, w, reference, work, lam, systems=rate.systems, rates=rate, missed=missed)
 
 
 def _refined(
     search: Search, status: ContactStatus, basis: Basis, x: FloatArray, w: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, float]:
     """The state ``x``, ``w``, or if its error exceeds round-off the solution of the equations of its
-    ``status``, by updated or new factors, if that is better."""
+    ``status``, by updated or new factors, if that is better; and its residual."""
     tries = [(x, w)]
     errors = [search.error(status, x, w)]
     while errors[-1] > 1.0 and (len(tries) < 2 or basis.anew()):
@@ -175,7 +184,8 @@ def _refined(
         except SingularError:
             break
         errors.append(search.error(status, *tries[-1]))
-    return tries[int(np.argmin(errors))]
+    best = int(np.argmin(errors))
+    return *tries[best], FEASIBLE * search.problem.size(x) * min(errors[best], 1.0)
 
 
 def increment(
@@ -183,20 +193,40 @@ def increment(
     state: State,
     free: FloatArray,
     lam: float,
-    start: ContactStatus | None = None,
-    basis: Basis | None = None,
+    *starts: ContactStatus,
     allowed: Changes | None = None,
+    pivoting: bool = True,
 ) -> State:
     """The state with ``free`` rows (N,) at ``lam`` after a jump, with slips opposed from those of a
-    ``state``, and all changes of status ``allowed`` if not given. Raises Ray."""
+    ``state``, and all changes of status ``allowed`` if not given. The search begins with ``starts``, by
+    default with the status of the state. Raises Ray."""
     p, before = problem, state.w[problem.m : problem.contacts]
     search = Search(p, free, before, allowed or p.everything, state.x)
-    found = search.solved(start or state.status, basis=basis)
+    found = search.solved(*(starts or (state.status,)), pivoting=pivoting)
     slip, traction = found.w[p.m : p.contacts], found.x[p.m : p.contacts]
     slid = np.where(found.status.slip_sign != 0.0, slip - before, 0.0)
     reference = np.where(found.status.stuck, before, slip)
     work = state.work - traction * slid
     return State(found.status, found.x, found.w, reference, work, lam, True, found.systems)
+
+
+def increments(problem: Problem, state: State, free: FloatArray, *starts: ContactStatus) -> State:
+    """The state with ``free`` rows (N,) after one increment, or more and smaller ones where Newton steps do
+    not find it. Raises Ray."""
+    begun = state.w - problem.product(state.x)
+    for parts in PARTS:
+        now, systems = state, 0
+        try:
+            for part in range(1, parts + 1):
+                rows = begun + part / parts * (free - begun)
+                now = increment(
+                    problem, now, rows, state.lam, *(() if part < parts else starts), pivoting=False
+                )
+                systems += now.systems
+        except Ray:
+            continue
+        return replace(now, systems=systems)
+    return increment(problem, state, free, state.lam, *starts)
 
 
 def _jumped(
@@ -219,7 +249,7 @@ def _jumped(
     try:
         point = Point(status, state.x, state.w, state.lam, Basis(p, status))
         point = trace(p, point, load, reference, p.everything, ahead)
-        return increment(p, state, constant + ahead * load, ahead, point.status, point.basis)
+        return increment(p, state, constant + ahead * load, ahead, point.status)
     except (Ray, SingularError):
         pass
     for part in INCREMENTS[jumps:]:

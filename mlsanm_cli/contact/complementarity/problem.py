@@ -15,7 +15,6 @@ compared with the largest pressure of the state; a few constants for round-off s
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
@@ -23,13 +22,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.records import dataclass
 
 FEASIBLE = 1e-10
 """Violation of a condition that is round-off, relative to the largest pressure: a condition number of 1e6
 leaves so much of the 1e-16 of the arithmetic."""
-GRAZING = 1e-9
+GRAZING = 10.0 * FEASIBLE
 """Distance from a limit at which a condition is at it: events are located to FEASIBLE."""
-SINGULAR = 1e-9
+SINGULAR = 10.0 * FEASIBLE
 """Pivot, relative to the terms that cancel in it, that is zero."""
 DOUBTFUL = SINGULAR**0.5
 """Pivot below which it is computed with a residual, which squares the error of earlier updates."""
@@ -185,6 +185,11 @@ class Problem:
         pressures cause."""
         largest = np.abs(self.matrix).max(axis=1, initial=0.0)
         return np.asarray(np.maximum(1.0, GRAIN / FEASIBLE * largest))
+
+    @cached_property
+    def spread(self) -> float:
+        """Largest residual over ``grain`` that a unit error of a pressure or traction causes."""
+        return float((np.abs(self.matrix).max(axis=1, initial=0.0) / self.grain).max(initial=0.0))
 
     @cached_property
     def levels(self) -> tuple[FloatArray, FloatArray]:

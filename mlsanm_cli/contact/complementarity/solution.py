@@ -8,16 +8,17 @@ recur, a load is added that makes one of them feasible, and removed along the pa
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.contact.complementarity.basis import Basis, SingularError, null_space
+from mlsanm_cli.contact.complementarity.basis import NULL, Basis, SingularError, null_space
 from mlsanm_cli.contact.complementarity.equilibrium import collapse
 from mlsanm_cli.contact.complementarity.problem import FEASIBLE, Changes, ContactStatus, Problem
 from mlsanm_cli.contact.complementarity.tracing import Point, Ray, trace
+from mlsanm_cli.records import dataclass
 
 PASSES = 30
 """Newton steps before pivoting; converging ones take fewer than ten."""
@@ -25,19 +26,18 @@ BEST = 2
 """Number of statuses with the fewest violations from which pivoting starts."""
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 """Multiples of it, modulo 1, are evenly spread irregular numbers."""
-RESISTED = 1e-3
-"""Part of a row that remaining motions change, above which its node holds them."""
-SPRINGS = (1e-4, 1e-6, 1e-8)
-"""Stiffness of springs over that of the contacts, one after the other."""
-COVER, INSIDE = 1e-2, 0.9
-"""Least covering gaps and pressures over the largest, and part of the friction limit of covering tractions:
-any positive numbers do."""
+RESISTED = NULL**0.5
+"""Part of a row that remaining motions change, above which its node holds them: far above what is zero."""
+SPRINGS = (1e6 * FEASIBLE, 1e4 * FEASIBLE, 1e2 * FEASIBLE)
+"""Stiffness of springs over that of the contacts, one after the other, down to where they are round-off."""
+COVER = 1e-2
+"""Least covering gaps and pressures over the largest: any positive number does."""
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """``status``, unknowns ``x`` (N,) and rows ``w`` (N,) that satisfy all conditions, their ``basis``, and
-    the numbers of ``systems`` solved and of ``pivots``."""
+    """``status``, unknowns ``x`` (N,) and rows ``w`` (N,) that satisfy all conditions, their ``basis``, the
+    numbers of ``systems`` solved and of ``pivots``, and the residual ``missed`` over ``grain``."""
 
     status: ContactStatus
     x: FloatArray
@@ -45,6 +45,7 @@ class Solution:
     basis: Basis
     systems: int
     pivots: int = 0
+    missed: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,33 +59,52 @@ class Search:
     allowed: Changes
     near: FloatArray | None = None
 
-    def solved(self, *starts: ContactStatus, basis: Basis | None = None, thorough: bool = False) -> Solution:
-        """The state by Newton steps from each of the statuses ``starts``, and from one that holds all bodies,
-        followed by pivoting; if ``thorough`` from more statuses. Raises Ray."""
-        seen, pivoted, systems = set[bytes](), set[bytes](), 0
-        ray = Ray(np.zeros(len(self.free)))
-        states, held = self.allowed is self.problem.everything, starts[-1]
-        for first in (*starts, None):
-            found, best, count = self._newton(first or self._softly_held(held), basis, seen)
-            systems += count
+    def solved(
+        self,
+        *starts: ContactStatus,
+        basis: Basis | None = None,
+        thorough: bool = False,
+        pivoting: bool = True,
+    ) -> Solution:
+        """The state by Newton steps from the statuses ``starts`` and one that holds all bodies, or by
+        ``pivoting`` from the best statuses met; if ``thorough`` from more. Raises Ray."""
+        seen, near, systems, held = set[bytes](), list[ContactStatus](), 0, starts[-1]
+        states = self.allowed is self.problem.everything
+        for first in starts:
+            found, best, count = self._newton(first, basis, seen)
+            near, systems = [*near, *best], systems + count
             if found is not None:
                 return replace(found, systems=systems)
-            if states and first is starts[0]:
-                self._check_balance(first)
-            last = () if first else (self.supported(held, alone=True),)
-            for candidate in self._starts([*best, *last], thorough and not first):
-                if candidate.key in pivoted:
-                    continue
-                pivoted.add(candidate.key)
-                try:
-                    return self._pivoted(candidate, systems)
-                except SingularError:
-                    continue
-                except Ray as error:
-                    ray = error
-            if not states and first is starts[0]:
-                self._check_balance(first)
-        raise ray
+        if not states:
+            found, _ = self._pivoted_from(self._starts(near, thorough), systems)
+            if found is not None:
+                return found
+        self._check_balance(starts[0])
+        found, best, count = self._newton(self._softly_held(held), basis, seen)
+        if found is not None:
+            return replace(found, systems=systems + count)
+        if not pivoting:
+            raise Ray(np.zeros(len(self.free)))
+        last = [*best, self.supported(held, alone=True)]
+        found, ray = self._pivoted_from(self._starts([*near, *last], thorough), systems + count)
+        if found is None:
+            raise ray
+        return found
+
+    def _pivoted_from(self, statuses: Iterable[ContactStatus], systems: int) -> tuple[Solution | None, Ray]:
+        """The state by pivoting from one of the ``statuses``, or the last ray."""
+        ray, tried = Ray(np.zeros(len(self.free))), set[bytes]()
+        for status in statuses:
+            if status.key in tried:
+                continue
+            tried.add(status.key)
+            try:
+                return self._pivoted(status, systems), ray
+            except SingularError:
+                continue
+            except Ray as error:
+                ray = error
+        return None, ray
 
     def _newton(
         self, status: ContactStatus, basis: Basis | None, seen: set[bytes]
@@ -102,9 +122,9 @@ class Search:
                 # Contacts that slide as a whole may come to rest.
                 basis, status = None, resting(p, status)
                 continue
-            wrong = int(self._violated(status, x, w).sum())
+            wrong = int(self.violated(status, x, w).sum())
             if not wrong:
-                return Solution(status, x, w, basis, systems), [], systems
+                return Solution(status, x, w, basis, systems, missed=basis.missed), [], systems
             tried.append((wrong, status))
             status = self.projected(status, x, w)
         return None, [one for _, one in sorted(tried, key=lambda item: item[0])[:BEST]], systems
@@ -143,7 +163,7 @@ class Search:
             yield resting(self.problem, status)
             yield replace(status, slip_sign=-status.slip_sign)
 
-    def _violated(self, status: ContactStatus, x: FloatArray, w: FloatArray) -> BoolArray:
+    def violated(self, status: ContactStatus, x: FloatArray, w: FloatArray) -> BoolArray:
         """Mask (5, m) of conditions violated by more than round-off."""
         p = self.problem
         left = p.distances(status, self.allowed, x, w, self.reference)
@@ -160,7 +180,7 @@ class Search:
     def projected(self, status: ContactStatus, x: FloatArray, w: FloatArray) -> ContactStatus:
         """The status of a semismooth Newton step: that of nodes without a violated condition is kept."""
         p, allowed, slip = self.problem, self.allowed, w[self.problem.m : self.problem.contacts]
-        wrong: BoolArray = np.asarray(self._violated(status, x, w).any(axis=0))
+        wrong: BoolArray = np.asarray(self.violated(status, x, w).any(axis=0))
         push = x[: p.m] - p.exchange[: p.m] * w[: p.m]
         closed = np.where(status.closed, ~allowed.opens | (push > 0.0), allowed.closes & (push > 0.0))
         pull = x[p.m : p.contacts] - p.exchange[p.m :] * (slip - self.reference)
@@ -211,8 +231,8 @@ class Search:
             status = self.supported(status)
             basis = Basis(p, status)
         x, w = basis.solve(self.free, p.aim(self.reference), self.near)
-        if not self._violated(status, x, w).any():
-            return Solution(status, x, w, basis, systems + 1)
+        if not self.violated(status, x, w).any():
+            return Solution(status, x, w, basis, systems + 1, missed=basis.missed)
         y, v = self._covered(status, x, w)
         # Bodies that still are loose must not be driven by the added load.
         load = basis.undriven(v - p.product(y) - self.free)
@@ -236,8 +256,8 @@ class Search:
         v[: p.m][opened] = np.maximum(np.abs(v[: p.m]), least)[opened]
         limit, t = p.friction * np.maximum(y[p.nodes], 0.0), y[p.m : count]
         may = np.where(t > 0.0, allowed.forward, allowed.backward)
-        over = may & status.stuck & (np.abs(t) > INSIDE * limit)
-        t = np.where(over, np.sign(t) * INSIDE * limit / uneven[p.nodes], t)
+        inside = limit / uneven[p.nodes]
+        t = np.where(may & status.stuck & (np.abs(t) > inside), np.sign(t) * inside, t)
         slides = status.slip_sign != 0.0
         y[p.m : count] = np.where(
             slides, status.slip_sign * p.friction * y[p.nodes], np.where(status.stuck, t, 0.0)

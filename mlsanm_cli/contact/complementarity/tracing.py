@@ -9,8 +9,6 @@ nothing stops is a ray.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
@@ -27,6 +25,7 @@ from mlsanm_cli.contact.complementarity.problem import (
     ContactStatus,
     Problem,
 )
+from mlsanm_cli.records import dataclass
 
 PIVOTS = 10
 """Largest number of pivots per condition; paths that end take about one."""
@@ -109,9 +108,27 @@ def trace(
                 if found is None:
                     break
                 (dx, dw), dlam = found, 0.0
+                loose = _let_go(p, status, dx, load)
+                if loose is not None:
+                    basis = loose
+                    break
         if basis.updates > MAX_UPDATES:
             basis.anew()
     raise Ray(dx, lam)
+
+
+def _let_go(problem: Problem, status: ContactStatus, mechanism: FloatArray, load: FloatArray) -> Basis | None:
+    """The basis of a status with a ``mechanism`` (N,) held: of a body that comes loose and that the load does
+    not drive. None if the mechanism changes forces, or is driven."""
+    count = problem.contacts
+    if np.abs(mechanism[:count]).max(initial=0.0) > FEASIBLE * np.abs(mechanism[count:]).max(initial=0.0):
+        return None
+    try:
+        basis = Basis(problem, status)
+        basis.solve(load, problem.aim(np.zeros(problem.n)))
+    except SingularError:
+        return None
+    return basis
 
 
 def _departure(

@@ -5,7 +5,6 @@ planes of symmetry at its ends, and force densities at corners that free both fa
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 
@@ -20,6 +19,7 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.corner import Corner, CorneredForces, Forces
 from mlsanm_cli.mechanics.corner_faces import smooth_step
 from mlsanm_cli.mechanics.near_field import SURFACE_INSET, ComplexArray, SurfaceForces, as_complex
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import FINE_ROUND_OFF, ROUND_OFF
 
 GAUSS = np.polynomial.legendre.leggauss(8)

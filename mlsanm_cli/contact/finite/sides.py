@@ -21,7 +21,6 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cells import FINE, GAUSS, Halves
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Curve
-from mlsanm_cli.cloud.joined import corners_of
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.finite.meeting import by_component
 from mlsanm_cli.contact.finite.node_curve import NodeCurve
@@ -120,7 +119,7 @@ class SideNodes(Points):
             found[cloud.surfaces[name].index] |= any(components)
         found[list(nodes)] = True
         ends = (0, len(surface.index) - 1)
-        known = {int(np.argmin(np.abs(surface.arc_length - one))) for one in corners_of(surface.curve)}
+        known = {int(np.argmin(np.abs(surface.arc_length - one))) for one in surface.curve.corners}
         mirrors = (_mirror(cloud, surface, ends[0], held), _mirror(cloud, surface, ends[1], held))
         return cls(
             body=body,

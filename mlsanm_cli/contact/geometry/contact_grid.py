@@ -6,33 +6,37 @@ The response of a body at s to a force f at s' of the contact is::
 
 with the material's tensors L and T and a smooth S: the rest of the near field, and the remainder computed on
 the body's cloud (:mod:`mlsanm_cli.mechanics.remainder`). S is sampled at Chebyshev points of the range and
-interpolated to any number of pressures and gaps.
+interpolated to any number of pressures and gaps. At planes of symmetry all of it is reflected
+(:mod:`mlsanm_cli.contact.geometry.unfolding`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import replace
 from functools import cached_property
 from itertools import product
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.contact.geometry.clusters import Chain, hierarchical
 from mlsanm_cli.contact.geometry.facing import Facing, turned
-from mlsanm_cli.contact.geometry.grid import Hats, logarithm
+from mlsanm_cli.contact.geometry.grid import Hats
 from mlsanm_cli.contact.geometry.hat_pairs import HatPairs
-from mlsanm_cli.contact.geometry.panels import chebyshev, lagrange, on_panels
+from mlsanm_cli.contact.geometry.unfolding import Planes, Unfolding
 from mlsanm_cli.mechanics.corner import Corner, CorneredForces, Forces
 from mlsanm_cli.mechanics.near_field import (
     ComplexArray,
     PointForceField,
     SurfaceForces,
     as_complex,
-    by_component,
+    as_real,
 )
-from mlsanm_cli.roundoff import FINE_ROUND_OFF, ROUND_OFF
+from mlsanm_cli.mechanics.symmetry import Image, images_of
+from mlsanm_cli.records import dataclass
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
 DIFFERENCE_STEP = 1e-4
 """Step of difference quotients along a contact, as a fraction of its range."""
@@ -41,10 +45,23 @@ MAX_CACHED = 1000
 
 
 @dataclass(frozen=True)
+class Pin:
+    """A single held ``node`` of one of the bodies, with the near field ``kernel``, at coordinate ``place`` of
+    its contact surface, on which the contact does not push."""
+
+    node: int
+    slave: bool
+    place: float
+    kernel: PointForceField
+
+
+@dataclass(frozen=True)
 class ContactGrid:
     """A contact's range from ``first`` to ``last`` with ``count`` Chebyshev samples and the ``hats`` of its
     pressures. ``centers`` are the points in hollows of slave and master at which near fields end, ``corners``
-    those at the ends of their surfaces. A ``provisional`` grid only serves to locate the contact."""
+    those at the ends of their surfaces, ``planes`` those of symmetry at the ends of its widest range,
+    ``pins`` the single nodes that are held on the surfaces. A ``provisional`` grid only serves to locate the
+    contact."""
 
     facing: Facing
     first: float
@@ -53,6 +70,8 @@ class ContactGrid:
     hats: Hats
     centers: tuple[complex | None, complex | None] = (None, None)
     corners: tuple[tuple[Corner, ...], tuple[Corner, ...]] = ((), ())
+    planes: Planes = (None, None)
+    pins: tuple[Pin, ...] = ()
     provisional: bool = False
 
     def around(self, s: FloatArray) -> FloatArray:
@@ -64,18 +83,72 @@ class ContactGrid:
         return s - base.length * np.round((s - middle) / base.length)
 
     @cached_property
+    def mirrors(self) -> Planes:
+        """The planes of symmetry at which the range ends."""
+        (first, last), whole = self.planes, self.hats.whole
+        return first if whole[0] else None, last if whole[1] else None
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether the range ends at a plane of symmetry."""
+        return self.mirrors != (None, None)
+
+    @cached_property
+    def unfolding(self) -> Unfolding:
+        """The range reflected at these planes."""
+        return Unfolding(self.first, self.last, self.count, self.mirrors)
+
+    @cached_property
+    def untracted(self) -> BoolArray:
+        """Mask (m,) of hats at planes of symmetry without tractions: those along a surface at a right angle
+        with the plane change their sign there."""
+        found = np.zeros(len(self.hats.place), dtype=bool)
+        tangents = self.facing.directions(np.array([self.first, self.last]))[1]
+        for end, plane, tangent in zip((0, -1), self.mirrors, as_complex(tangents), strict=True):
+            if plane is not None:
+                found[end] = abs((tangent * np.conj(plane.along)).real) <= COARSE_ROUND_OFF
+        return found
+
+    def images_of(self, slave: bool) -> tuple[Image, ...]:
+        """The images of one of the two bodies at these planes, which pass through the ends of its surface."""
+        tips = self.facing.side(np.array([self.first, self.last]), slave)[0]
+        return images_of(
+            [
+                replace(plane, point=complex(tip))
+                for plane, tip in zip(self.mirrors, tips, strict=True)
+                if plane is not None
+            ]
+        )
+
+    @cached_property
+    def pinned(self) -> tuple[Pin, ...]:
+        """The pins within the range: others are seen by samples."""
+        slack = COARSE_ROUND_OFF * (self.last - self.first)
+        at = self.around(np.array([pin.place for pin in self.pins]))
+        inside = (at >= self.first - slack) & (at <= self.last + slack)
+        placed = zip(self.pins, np.clip(at, self.first, self.last).tolist(), inside, strict=True)
+        return tuple(replace(pin, place=place) for pin, place, kept in placed if kept)
+
+    @property
     def samples(self) -> FloatArray:
         """Coordinates (k,) of the samples."""
-        return chebyshev(self.first, self.last, self.count)
+        return self.unfolding.samples
 
     def forces(self, kernel: PointForceField, slave: bool) -> Forces:
-        """Unit forces at the samples on one of the two bodies, with the corrections at corners."""
+        """Unit forces at the samples on one of the two bodies, with the corrections at corners and planes of
+        symmetry."""
         if slave not in self._forces:
             place, inward = self.facing.side(self.samples, slave)
             own = SurfaceForces(kernel, place, inward, self.centers[0 if slave else 1])
-            corners = self.corners_of(slave)
-            self._forces[slave] = CorneredForces(own, corners) if corners else own
+            around = self.corners_of(slave), self.images_of(slave)
+            self._forces[slave] = CorneredForces(own, *around) if any(around) else own
         return self._forces[slave]
+
+    @cached_property
+    def responses(self) -> dict[bool, Any]:
+        """What is known of the response of either body
+        (:mod:`mlsanm_cli.contact.geometry.surface_response`)."""
+        return {}
 
     @cached_property
     def _forces(self) -> dict[bool, Forces]:
@@ -91,9 +164,9 @@ class ContactGrid:
         return tuple(one for one in chosen if one.distance(ends).min() < one.reach)
 
     @cached_property
-    def _shares(self) -> FloatArray:
-        """Lagrange polynomials of the samples (g, k) at the hats' points."""
-        return lagrange(self.hats.points, self.samples)
+    def _shares(self) -> tuple[FloatArray, FloatArray]:
+        """Cardinal functions (g, k) of the samples at the hats' points, see :meth:`Unfolding.cardinals`."""
+        return self.unfolding.cardinals(self.hats.points)
 
     @cached_property
     def opposite(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -105,11 +178,6 @@ class ContactGrid:
         """:meth:`Facing.directions` (g, 2) at the hats' points."""
         return self.opposite[2], turned(self.opposite[2])
 
-    @cached_property
-    def pairs(self) -> HatPairs:
-        """Double integrals of kernels with the hats."""
-        return HatPairs(self.hats)
-
     def places(self, slave: bool) -> ComplexArray:
         """The hats' points (g,) on one of the two surfaces."""
         return as_complex(self.opposite[0 if slave else 1])
@@ -119,11 +187,32 @@ class ContactGrid:
         """Initial gaps (m,), averaged over the hats."""
         return self.hats.at_places(self.facing.gap_between(*self.opposite)[:, None])[:, 0]
 
+    @cached_property
+    def axes(self) -> FloatArray:
+        """Vectors (2, k, 2) at the samples along which displacements are interpolated: x and y; with planes
+        of symmetry the normal and the tangent, in which they are even and odd."""
+        if not self.mirrored:
+            return np.repeat(np.eye(2)[:, None], self.count, axis=1)
+        return self._axes_at(self.samples)
+
+    def _axes_at(self, s: FloatArray) -> FloatArray:
+        normal = as_real(self.facing.side(s, True)[1])
+        return np.stack([normal, turned(normal)])
+
     def spread(self, direction: FloatArray) -> FloatArray:
         """Forces (2k, m) x and y at the samples equivalent to hat tractions along ``direction`` (g, 2); the
         transpose integrates displacements along it with the hats."""
-        parts = [self.hats.integrals @ (direction[:, c, None] * self._shares) for c in (0, 1)]
-        return np.concatenate([part.T for part in parts])
+        parts = direction.T
+        if self.mirrored:
+            parts = (self._axes_at(self.hats.points) * direction).sum(axis=2)
+        along = [
+            (self.hats.integrals @ (part[:, None] * share)).T
+            for part, share in zip(parts, self._shares, strict=True)
+        ]
+        if not self.mirrored:
+            return np.concatenate(along)
+        (x, y) = np.einsum("akc,akm->ckm", self.axes, np.array(along))
+        return np.concatenate([x, y])
 
     @cached_property
     def spreads(self) -> tuple[FloatArray, FloatArray]:
@@ -147,19 +236,26 @@ class ContactGrid:
                 if curve.closed:
                     return False
                 long = float(abs(np.diff(self.facing.side(ends, slave)[0])[0]))
-                if abs(long - curve.length) > ROUND_OFF * curve.length or len(self.corners_of(slave)) != 2:
+                ends_known = len(self.corners_of(slave)) + sum(map(bool, self.mirrors)) == 2
+                if abs(long - curve.length) > ROUND_OFF * curve.length or not ends_known:
                     return False
         return True
 
     @property
+    def evened(self) -> tuple[bool, bool]:
+        """Whether the mean of pressures, and of tractions, is an ordinary load. Tractions change their sign
+        at planes of symmetry."""
+        return self.covers, self.covers and not self.mirrored
+
+    @property
     def drivers(self) -> int:
         """Number of forces x, and of forces y, that represent all tractions: those at the samples and, if the
-        grid :attr:`covers` the surfaces, the mean."""
-        return self.count + self.covers
+        grid :attr:`covers` the surfaces, the mean; then, instead of forces, displacements of pins."""
+        return self.count + self.covers + len(self.pinned)
 
-    def deviation(self, values: FloatArray) -> FloatArray:
-        """Part of nodal ``values`` (m, ...) that acts through near fields."""
-        if not self.covers:
+    def deviation(self, values: FloatArray, which: int) -> FloatArray:
+        """Part of nodal pressures (``which`` 0) or tractions (1) (m, ...) that acts through near fields."""
+        if not self.evened[which]:
             return values
         return np.asarray(values - self.mean_weights @ values)
 
@@ -170,22 +266,22 @@ class ContactGrid:
 
     def mean_traction(self, pressure: FloatArray, traction: FloatArray) -> FloatArray:
         """Mean traction (2,) on the slave for nodal ``pressure`` and ``traction`` (m,) of a covering grid."""
-        normal, tangent = (direction[0] for direction in self.directions)
-        return np.asarray((self.mean_weights @ pressure) * normal + (self.mean_weights @ traction) * tangent)
+        each = zip((pressure, traction), self.directions, self.evened, strict=True)
+        means = [even * (self.mean_weights @ values) * along[0] for values, along, even in each]
+        return np.asarray(means[0] + means[1])
 
     @cached_property
     def driver_matrices(self) -> tuple[FloatArray, FloatArray]:
-        """Matrices (2 :attr:`drivers`, m) from pressures, and from tractions, to the representing forces, all
-        x, then all y."""
+        """Matrices (2 d, m) from pressures, and from tractions, to the d representing forces, all x, then all
+        y."""
         if not self.covers:
             return self.spreads
         share, unit = self.mean_weights, np.eye(len(self.mean_weights))
         found = []
-        for spread, direction in zip(self.spreads, self.directions, strict=True):
-            parts = np.split(spread @ self.deviation(unit), 2)
-            found.append(
-                np.concatenate([parts[0], [direction[0, 0] * share], parts[1], [direction[0, 1] * share]])
-            )
+        for which, (spread, direction) in enumerate(zip(self.spreads, self.directions, strict=True)):
+            parts = np.split(spread @ self.deviation(unit, which), 2)
+            x, y = self.evened[which] * direction[0]
+            found.append(np.concatenate([parts[0], [x * share], parts[1], [y * share]]))
         return found[0], found[1]
 
     @cached_property
@@ -194,86 +290,43 @@ class ContactGrid:
         normal, tangent = self.spreads
         return normal.T / self.hats.weight[:, None], tangent.T / self.hats.weight[:, None]
 
-    def smooth(self, kernel: PointForceField, slave: bool) -> FloatArray:
-        """Near-field part of S (2k, 2k) at the samples, for one of the two bodies: rows x of all, then y;
-        columns by forces x of all, then y."""
-        z, inward = self.facing.side(self.samples, slave)
-        log, turn = self.singular(kernel, slave)
-        way = self._way(slave)
-        center = self.centers[0 if slave else 1]
-        count = len(z)
-        w, apart = z[:, None] - z, self.samples[:, None] - self.samples
-        own = np.eye(count, dtype=bool)
-        base = np.broadcast_to(inward if center is None else (z - center)[:, None], w.shape)
-        stretch, tangent = np.abs(way), way / np.abs(way)
-        found = kernel.displacement(np.where(own, 1.0, w), base)
-        for shift in self.hats.shifts:
-            found -= logarithm(apart + shift)[..., None, None] * log
-        found -= np.sign(apart)[..., None, None] * turn
-        both = [kernel.displacement(one, np.diagonal(base)) for one in (tangent, -tangent)]
-        around = logarithm(np.array(self.hats.shifts)).sum()
-        found[own] = 0.5 * (both[0] + both[1]) + (np.log(stretch) - around)[:, None, None] * log
-        if center is not None:
-            other = z - center
-            found -= kernel.displacement(other, other)[:, None]
-        for corner in self.corners_of(slave):
-            if corner.curved is not None:
-                found += corner.beyond_wedge(z)
-        return by_component(found)
-
-    def cornered(self, slave: bool, which: int, by: int) -> FloatArray:
-        """Double integrals (m, m) with the hats of the corner terms of one body's displacements along
-        pressures (``which`` 0) or tractions (1), due to pressures or tractions (``by``)."""
-        key, count = (slave, which, by), len(self.hats.place)
-        if key in self._by_corners:
-            return self._by_corners[key]
-        total = np.zeros((count, count))
-        for seen, compliance, acting in self.corner_terms(*key):
-            total += seen @ compliance @ acting.T
-        if count <= MAX_CACHED:
-            self._by_corners[key] = total
-        return total
+    @cached_property
+    def unfolded(self) -> tuple[Hats, sparse.csr_array]:
+        """The hats of all copies of the range, and the matrix from values at the hats to theirs."""
+        return self.unfolding.hats(self.hats), self.unfolding.fold(len(self.hats.place))
 
     @cached_property
-    def _by_corners(self) -> dict[tuple[bool, int, int], FloatArray]:
-        """Cache of :meth:`cornered`: a grid is condensed again while others are refined."""
-        return {}
+    def pairs(self) -> HatPairs:
+        """Double integrals of kernels with the hats of all copies."""
+        return HatPairs(self.unfolded[0] if self.mirrored else self.hats)
 
-    def corner_terms(
-        self, slave: bool, which: int, by: int
-    ) -> Iterator[tuple[sparse.csr_array, FloatArray, sparse.csr_array]]:
-        """Terms of :meth:`cornered`: integrals (m, k) of observed displacements at points near a corner, its
-        compliance (k, k), and integrals (m, k) of the forces."""
-        corners = self.corners_of(slave)
-        if not corners:
-            return
-        points, integrals = self.hats.towards_ends
-        place, _, directions = self.facing.side_and_directions(points, slave)
-        present = [np.flatnonzero(np.abs(one).max(axis=0) > FINE_ROUND_OFF).tolist() for one in directions]
-        for corner in corners:
-            x, shares = on_panels(np.maximum(corner.distance(place), FINE_ROUND_OFF * corner.length))
-            parts = {
-                (side, c): integrals @ (shares * directions[side][:, c, None])
-                for side in {which, by}
-                for c in present[side]
-            }
-            for c, d in product(present[which], present[by]):
-                yield parts[which, c], corner.wedge.compliance(x, x, c, d), parts[by, d]
+    @cached_property
+    def unfolded_directions(self) -> tuple[FloatArray, FloatArray]:
+        """:attr:`directions` at the points of these hats."""
+        if not self.mirrored:
+            return self.directions
+        at, copy = self.unfolding.located(self.pairs.hats.points)
+        normal, tangent = self.facing.directions(at)
+        return self.unfolding.turned(normal, copy), self.unfolding.turned(tangent, copy)
 
-    def singular(self, kernel: PointForceField, slave: bool) -> tuple[FloatArray, FloatArray]:
-        """The tensors L and T (2, 2) of one of the two bodies."""
-        way, inward = self._way(slave)[0], self.facing.side(self.samples[:1], slave)[1][0]
-        tangent: ComplexArray = np.array([way / np.abs(way)])
-        base: ComplexArray = np.array([inward])
-        ahead, behind = kernel.displacement(tangent, base)[0], kernel.displacement(-tangent, base)[0]
-        log = (kernel.displacement(2.0 * tangent, base)[0] - ahead) / np.log(2.0)
-        return log, 0.5 * (ahead - behind)
+    def singular_integrals(self, log: FloatArray, turn: FloatArray, which: int, by: int) -> FloatArray:
+        """Double integrals (m, m) with the hats of log ln|s - s'| + turn sgn(s - s') and its images, along
+        pressures (0) or tractions (1)."""
+        directions = self.unfolded_directions
+        whole = self.pairs.integrals(log, turn, directions[which], directions[by])
+        if not self.mirrored:
+            return whole
+        fold = self.unfolded[1]
+        return np.asarray(fold.T @ (fold.T @ whole.T).T) / len(self.unfolding.copies)
 
-    def _way(self, slave: bool) -> ComplexArray:
-        """Derivatives (k,) of the points of one surface by the coordinate s."""
-        step = DIFFERENCE_STEP * (self.last - self.first)
-        ahead, behind = (self.facing.side(self.samples + sign * step, slave)[0] for sign in (1.0, -1.0))
-        return np.asarray((ahead - behind) / (2.0 * step))
+    def singular_chains(self, log: FloatArray, turn: FloatArray) -> tuple[sparse.csr_array, list[Chain]]:
+        """:meth:`singular_integrals` of pressures as near entries (m, m) and matrix products."""
+        near, far = hierarchical(self.pairs, log, turn, self.unfolded_directions[0])
+        if not self.mirrored:
+            return near, far
+        fold = self.unfolded[1]
+        folded = sparse.csr_array(fold.T / len(self.unfolding.copies))
+        return sparse.csr_array(folded @ near @ fold), [(folded, *chain, fold) for chain in far]
 
     def resultants(self, slave: bool, center: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
         """Force x, y and moment about ``center`` (3, m) on one of the two bodies by unit pressures, and by
@@ -289,13 +342,16 @@ class ContactGrid:
     def last_coefficients(self, kernel: FloatArray) -> float:
         """Largest of the last two Chebyshev coefficients, in either argument, of a sampled kernel (2k,
         2k)."""
-        count = self.count
-        order = np.arange(count)[:, None]
-        basis = np.cos(np.pi * order * (np.arange(count) + 0.5) / count) * (2.0 / count)
-        blocks = kernel.reshape(2, count, 2, count).transpose(0, 2, 1, 3)
-        table = np.abs(basis @ blocks @ basis.T)
-        return float(max(table[..., -2:, :].max(), table[..., -2:].max()))
+        count, axes = self.count, self.axes
+        blocks = np.einsum("akc,ckdl,bld->abkl", axes, kernel.reshape(2, count, 2, count), axes)
+        largest = 0.0
+        for a, b in product((0, 1), repeat=2):
+            left = self.unfolding.spectrum(blocks[a, b])[a]
+            table = np.abs(self.unfolding.spectrum(left.T)[b])
+            largest = max(largest, float(table[-2:].max()), float(table[:, -2:].max()))
+        return largest
 
     def samples_differ(self, other: ContactGrid) -> bool:
         """Whether another grid of the same contact has other samples."""
-        return (self.first, self.last, self.count) != (other.first, other.last, other.count)
+        own, new = ((one.first, one.last, one.count, one.mirrors) for one in (self, other))
+        return own != new

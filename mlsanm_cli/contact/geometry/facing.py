@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Curve
-from mlsanm_cli.cloud.joined import corners_of, normals_towards
+from mlsanm_cli.cloud.joined import normals_towards
 from mlsanm_cli.contact.geometry.obstacles import Shape
 from mlsanm_cli.mechanics.heat import Field
 from mlsanm_cli.mechanics.near_field import ComplexArray, as_complex, as_real
+from mlsanm_cli.records import dataclass
 
 
 def turned(normal: FloatArray) -> FloatArray:
@@ -93,7 +92,7 @@ class Facing:
 
     def side(self, s: FloatArray, slave: bool) -> tuple[ComplexArray, ComplexArray]:
         """Points (e,) of one of the two surfaces and unit normals (e,) into its body."""
-        if slave == self.slave_first and (self.other is None or not len(corners_of(self.base))):
+        if slave == self.slave_first and (self.other is None or not len(self.base.corners)):
             arc = self._arc(s)
             return as_complex(self.base.points(arc)), -as_complex(self.base.normals(arc))
         return self._side(self._places(s), slave)

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeAlias
 
@@ -19,6 +18,7 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.search import MAX_PAIRS
 from mlsanm_cli.contact.geometry.grid import Hats, logarithm
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 
 Table: TypeAlias = Callable[[FloatArray], FloatArray]
@@ -29,10 +29,12 @@ THREE = np.arange(3)
 
 @dataclass(frozen=True)
 class Distance:
-    """A kernel of the distance along a contact: its ``values``, its fourth, third and second repeated
-    ``integrals``, and the ``reach`` in widths up to which pairs are integrated by these."""
+    """A kernel of the distance along a contact: its ``values``, with all its ``images`` on a ring of a given
+    circumference, its fourth, third and second repeated ``integrals``, and the ``reach`` in widths up to
+    which pairs are integrated by these."""
 
     values: Table
+    images: Callable[[FloatArray, float], FloatArray]
     integrals: tuple[Table, Table, Table]
     reach: float
 
@@ -85,6 +87,11 @@ class HatPairs:
         error = self._exact(function, shift, one, other)
         error -= self.quadrature(function, shift, one, other, ones, ones)
         return NearPairs(function, shift, chosen, one, other, overlap, error)
+
+    def kernel(self, function: Distance, apart: FloatArray) -> FloatArray:
+        """Values (...) of a kernel at distances (...) along the contact, with its images on a ring."""
+        period = self.hats.period
+        return function.values(apart) if period is None else function.images(apart, period)
 
     def _exact(self, function: Distance, shift: float, one: IntArray, other: IntArray) -> FloatArray:
         """Exact double integrals (e,) of a kernel, in extended precision as fourth differences lose digits;
@@ -145,8 +152,8 @@ class HatPairs:
 
     def integrals(self, log: FloatArray, turn: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
         """Double integrals (m, m) of one(s)^T (log ln|s - s'| + turn sgn(s - s')) other(s') with the hats,
-        with the logarithms of all shifts. ``log`` and ``turn`` are (2, 2), ``one`` and ``other`` (g, 2)
-        directions at the points."""
+        with their images on a ring. ``log`` and ``turn`` are (2, 2), ``one`` and ``other`` (g, 2) directions
+        at the points."""
         hats, points = self.hats, self.hats.points
         total = np.zeros((len(hats.place), len(hats.place)))
         for near in self._near:
@@ -154,8 +161,9 @@ class HatPairs:
             if not couples(one, table, other):
                 continue
             by = other @ table.T
-            for some in np.array_split(np.arange(len(points)), 1 + len(points) ** 2 // MAX_PAIRS):
-                values = near.function.values(points[:, None] + near.shift - points[some])
+            whole = 0 if near.shift else 1 + len(points) ** 2 // MAX_PAIRS
+            for some in np.array_split(np.arange(len(points)), whole) if whole else ():
+                values = self.kernel(near.function, points[:, None] - points[some])
                 values *= one @ by[some].T
                 total += (hats.integrals[:, some] @ (hats.integrals @ values).T).T
             total[near.first, near.second] += self.correction(near, one, by)
@@ -185,9 +193,21 @@ def _signed(order: int, factor: int) -> Table:
     return lambda t: np.sign(t) * _power(t, order) / factor
 
 
+def _logarithm_around(t: FloatArray, period: float) -> FloatArray:
+    """ln|t| and its images at distances |t| up to one ``period``, up to a constant."""
+    return logarithm(np.sin(np.pi / period * t) * (period / np.pi))
+
+
+def _sign_around(t: FloatArray, period: float) -> FloatArray:
+    """sgn(t) and its images, which add up to a function of zero mean, at distances |t| up to one
+    ``period``."""
+    return np.asarray(np.sign(t) - 2.0 / period * t)
+
+
 LOGARITHM = Distance(
     logarithm,
+    _logarithm_around,
     (_logarithmic(4, 24, (25, 12)), _logarithmic(3, 6, (11, 6)), _logarithmic(2, 2, (3, 2))),
     NEAR_WIDTHS,
 )
-SIGN = Distance(np.sign, (_signed(4, 24), _signed(3, 6), _signed(2, 2)), 1.0)
+SIGN = Distance(np.sign, _sign_around, (_signed(4, 24), _signed(3, 6), _signed(2, 2)), 1.0)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Protocol
@@ -15,7 +14,8 @@ from scipy.spatial import cKDTree
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Arc, Curve
 from mlsanm_cli.cloud.search import MAX_PAIRS, nearest
-from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
+from mlsanm_cli.cloud.splines import NodeSpline, Spline
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 
 CORNER_ANGLE = np.deg2rad(15.0)
@@ -131,7 +131,7 @@ class Chain:
         return cKDTree(self.points[:-1][side] + share[:, None] * along[side]), side, reach
 
     @cached_property
-    def _curves(self) -> tuple[tuple[int, int, SplinePart], ...]:
+    def _curves(self) -> tuple[tuple[int, int, Spline], ...]:
         """First and last (exclusive) side of every smooth part, and its spline."""
         length = np.hypot(*np.diff(self.points, axis=0).T)
         neighbours = np.pad(length, 1)
@@ -145,11 +145,11 @@ class Chain:
             for a, b in pairwise(ends):
                 if b - a >= MIN_SAMPLES:
                     spline = NodeSpline(self.points[a : b + 1], False)
-                    found.append((a, b, SplinePart(spline, 0, b - a)))
+                    found.append((a, b, spline.between(0, b - a)))
         return tuple(found)
 
     @property
-    def curve(self) -> SplinePart | None:
+    def curve(self) -> Spline | None:
         whole = [curve for first, last, curve in self._curves if last - first == len(self.points) - 1]
         return next((one for one in whole if one.curvature(one.node_arcs).min() >= 0.0), None)
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray, runs_of
 from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.records import dataclass
 
 THRESHOLD = 0.01
 PEAK_SHARE, PEAK_RATIO = 0.02, 3.0
@@ -44,10 +43,13 @@ def half_width(arc_length: FloatArray, pressure: FloatArray) -> float:
 
 def unrolled(arc_length: FloatArray, around: float, pressure: FloatArray) -> tuple[IntArray, FloatArray]:
     """Nodes (m,) of a closed surface of length ``around``, starting in the middle of the longest stretch
-    without pressure (m,), and their arc lengths, increasing past the surface's start.
+    without pressure (m,), and their arc lengths, increasing past the surface's start from within its first
+    turn.
 
     >>> unrolled(np.arange(6.0), 6.0, np.array([2.0, 1.0, 0.0, 0.0, 0.0, 1.0]))
     (array([3, 4, 5, 0, 1, 2]), array([3., 4., 5., 6., 7., 8.]))
+    >>> unrolled(np.arange(13.0, 19.0), 6.0, np.array([2.0, 1.0, 0.0, 0.0, 0.0, 1.0]))[1]
+    array([4., 5., 6., 7., 8., 9.])
     """
     count, pressed = len(pressure), np.flatnonzero(pressure > 0.0)
     if not 0 < len(pressed) < count:
@@ -56,7 +58,8 @@ def unrolled(arc_length: FloatArray, around: float, pressure: FloatArray) -> tup
     widest = int(apart.argmax())
     first = int(pressed[widest] + apart[widest] // 2) % count
     order = np.roll(np.arange(count), -first)
-    return order, arc_length[order] + around * (order < first)
+    places = arc_length[order] + around * (order < first)
+    return order, places - around * np.floor(places[0] / around)
 
 
 def regular_peak(arc_length: FloatArray, pressure: FloatArray) -> float:
@@ -139,9 +142,8 @@ def contact_patches(pairing: Pairing, closed: BoolArray) -> list[Patch]:
     """Patches of one contact with closed candidates ``closed`` (m,)."""
     arc = pairing.arc[pairing.candidate]
     spacing = pairing.spacing[pairing.candidate]
-    steps = np.diff(np.concatenate([[False], closed, [False]]).astype(np.int64))
     patches = []
-    for first, after in zip(np.flatnonzero(steps == 1), np.flatnonzero(steps == -1), strict=True):
+    for first, after in runs_of(closed):
         last = after - 1
         ends, edges, uncertainty = [arc[first], arc[last]], [], []
         if first > 0:

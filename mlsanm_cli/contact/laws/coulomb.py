@@ -5,13 +5,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.complementarity import history
-from mlsanm_cli.contact.complementarity.problem import GRAZING, Changes, ContactStatus, Problem
+from mlsanm_cli.contact.complementarity.problem import GRAZING, ContactStatus, Problem
 from mlsanm_cli.contact.complementarity.solution import solve, touching
 from mlsanm_cli.contact.complementarity.tracing import Ray
 from mlsanm_cli.contact.laws.failures import NoStateError, SlidingError
@@ -20,6 +20,7 @@ from mlsanm_cli.contact.laws.linearised import ContactSolution
 from mlsanm_cli.contact.laws.residual import kkt_residual
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 
 NEGLIGIBLE = 1e-3
@@ -78,28 +79,33 @@ def increment(
     slipping: bool = True,
     guess: ContactStatus | None = None,
 ) -> tuple[CoulombState, int]:
-    """The state after one finite increment to ``factors`` (L,), with slips opposed from those of the
-    ``state``, and the number of systems solved. The search starts from ``guess``, if given. Without
-    ``slipping`` all closed nodes stick. Raises NoStateError."""
+    """The state after a finite increment to ``factors`` (L,), with slips opposed from those of the ``state``,
+    and the number of systems solved. The search starts from a ``guess``, if given, and from the ``state``.
+    Without ``slipping`` all closed nodes stick. Raises NoStateError."""
     p, before = condensed.problem, _scaled(condensed, state)
-    if guess is None:
-        closed = state.sets.closed | (state.values.gap <= ROUND_OFF * condensed.weight)
-        guess = replace(state.sets, closed=closed)
-    # Nodes that do not slip stick.
-    on, sign = guess.closed[p.nodes], guess.slip_sign
-    rests = on & (guess.stuck | (sign == 0.0))
-    guess = ContactStatus(
-        guess.closed, rests & p.rubs, np.where(rests & ~p.rubs, 1.0, np.where(on, sign, 0.0))
-    )
-    free, allowed = condensed.free_rows(factors), p.everything
-    if not slipping:
-        none = np.zeros(p.n, dtype=bool)
-        allowed = Changes(allowed.opens, allowed.closes, none, none)
+    closed = state.sets.closed | (state.values.gap <= ROUND_OFF * condensed.weight)
+    starts = [_without_undecided(p, replace(state.sets, closed=closed))]
+    if guess is not None:
+        starts.insert(0, _without_undecided(p, guess))
+    free, none = condensed.free_rows(factors), np.zeros(p.n, dtype=bool)
     try:
-        found = history.increment(p, before, free, 0.0, guess, allowed=allowed)
+        if slipping:
+            found = history.increments(p, before, free, *starts)
+        else:
+            allowed = replace(p.everything, forward=none, backward=none)
+            found = history.increment(p, before, free, 0.0, *starts, allowed=allowed)
     except Ray as error:
-        raise NoStateError(sliding=slides_freely(condensed, guess)) from error
+        raise NoStateError from error
     return _unscaled(condensed, found, factors), found.systems
+
+
+def _without_undecided(problem: Problem, status: ContactStatus) -> ContactStatus:
+    """A status whose closed nodes with friction stick if they do not slip."""
+    p, on, sign = problem, status.closed[problem.nodes], status.slip_sign
+    rests = on & (status.stuck | (sign == 0.0))
+    return ContactStatus(
+        status.closed, rests & p.rubs, np.where(rests & ~p.rubs, 1.0, np.where(on, sign, 0.0))
+    )
 
 
 def residual(condensed: Condensed, state: CoulombState) -> float:
@@ -183,9 +189,9 @@ def event_driven_path(
         except StopIteration:
             return
         except Ray as ray:
-            if slides_freely(condensed, _at_limits(condensed.problem, now)):
+            if _moves_along(condensed.problem, now, ray):
                 raise SlidingError(now.lam) from ray
-            raise NoStateError(sliding=False) from ray
+            raise NoStateError from ray
         if found.rates is not None and _slides(condensed, now, found, begin, change):
             raise SlidingError(now.lam)
         jumped, settled = found.jumped and settled, settled or not found.jumped
@@ -193,11 +199,12 @@ def event_driven_path(
         now = found
 
 
-def _at_limits(problem: Problem, state: history.State) -> ContactStatus:
-    """The status of a state in which all nodes at their friction limits slip."""
-    p, at = problem, history.admissible(problem, state)
-    stuck = state.status.stuck & ~(at.forward | at.backward)
-    return ContactStatus.with_tractions(state.status.closed, stuck, state.x[p.m : p.contacts], p.nodes)
+def _moves_along(problem: Problem, state: history.State, ray: Ray) -> bool:
+    """Whether a mechanism moves the closed nodes of a state more along their surfaces than off them."""
+    p, rates = problem, problem.product(ray.direction) / problem.rows
+    on = state.status.closed
+    off, along = np.abs(rates[: p.m][on]), np.abs(rates[p.m : p.contacts][on[p.nodes]])
+    return bool(along.max(initial=0.0) > off.max(initial=0.0))
 
 
 def _slides(

@@ -14,16 +14,15 @@ class UnresistedError(UnbalancedError):
 
 
 class NoStateError(NumericalError):
-    """No contact status satisfies all conditions; ``sliding`` if nothing holds a body along its contacts."""
+    """No contact status satisfies all conditions."""
 
-    def __init__(self, sliding: bool = False) -> None:
+    def __init__(self) -> None:
         super().__init__(
             "no contact state balances the loads",
             "bodies may slide or roll apart: raise friction, or fix them; a force-controlled platen may push "
             "its body away from the contact, or nothing resists its direction: prescribe that direction's "
             "displacement instead",
         )
-        self.sliding = sliding
 
 
 class EndlessError(NumericalError):

@@ -4,16 +4,19 @@ of docs/method.md."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.compressed import compressed
-from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import null_space
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
+
+if TYPE_CHECKING:
+    from mlsanm_cli.contact.response.condensed import Condensed
 
 BLOCK, BLOCKS = 300, 8
 """Candidates per block where there are many, and least number of blocks examined."""

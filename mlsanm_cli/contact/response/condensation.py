@@ -10,7 +10,7 @@ Equation (11) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sparse
@@ -39,6 +39,8 @@ from mlsanm_cli.contact.response.short_waves import correct_short_waves
 from mlsanm_cli.mechanics.probes import Probe, stress_of_expansion
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
+from mlsanm_cli.records import dataclass
+from mlsanm_cli.roundoff import ROUND_OFF
 
 
 @dataclass(frozen=True)
@@ -137,6 +139,7 @@ def _condensed(
     moved = of_obstacles(scene, drivers.frictional, drivers.unknowns, "tangent")
     slip = _shifted(stack(slips, drivers.unknowns), moved)
     slip = slip.take(_candidates(drivers.frictional))
+    gap, slip = _without_tractions(scene, gap, slip, drivers)
     frictional = tuple(pairing for pairing in nodal if pairing.friction and not pairing.bonded)
     along = {pairing.name: _half_plane(scene, pairing)[:, 1, 1] for pairing in frictional}
     gap, slip, beyond = correct_short_waves(gap, slip, frictional, drivers.spans, drivers.tangential, along)
@@ -189,10 +192,40 @@ def _bonded_mask(pairings: tuple[Pairing, ...], watched: bool = False) -> BoolAr
     return np.concatenate([np.zeros(0, dtype=bool), *counted])
 
 
+def _without_tractions(
+    scene: Scene, gap: LinearMap, slip: LinearMap, drivers: Drivers
+) -> tuple[LinearMap, LinearMap]:
+    """Gaps and slips without slips and tractions at planes of symmetry: such a traction has the only entry of
+    its row and of its column."""
+    still = np.concatenate([np.zeros(0, dtype=bool), *(_untracted(scene, one) for one in drivers.frictional)])
+    if still.any():
+        own = slip.traction[still, still].copy()
+        for part in slip.parts:
+            part[still] = 0.0
+        gap.traction[:, still] = slip.traction[:, still] = 0.0
+        slip.traction[still, still] = own
+    return gap, slip
+
+
+def _untracted(scene: Scene, pairing: Pairing) -> BoolArray:
+    """Mask (m,) of a contact's candidates at planes of symmetry, unless its obstacle moves across them."""
+    grid, none = pairing.grid, np.zeros(int(pairing.candidate.sum()), dtype=bool)
+    if grid is None or not grid.mirrored:
+        return none
+    moves = [
+        motion.direction
+        for constraint, motion, by in scene.motions
+        if not constraint.bodies and constraint.name == pairing.name and by.any()
+    ]
+    across = [np.array([-one.along.imag, one.along.real, 1.0]) for one in grid.mirrors if one is not None]
+    symmetric = all((np.abs(one * way) <= ROUND_OFF).all() for one in across for way in moves)
+    return grid.untracted if symmetric else none
+
+
 def _many(pairings: tuple[Pairing, ...]) -> bool:
     """Whether compliances are compressed: for many unknowns, all of them pressures on grids."""
     counts = [int(pairing.candidate.sum()) for pairing in pairings]
-    on_grids = all(one.grid is not None and one.grid.hats.period is None for one in pairings)
+    on_grids = all(one.grid is not None for one in pairings)
     many = max(counts, default=0) > COMPRESSED_CONTACT or sum(counts) > COMPRESSED_TOTAL
     return many and on_grids and not any(pairing.friction for pairing in pairings)
 

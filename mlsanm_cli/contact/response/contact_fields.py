@@ -7,7 +7,7 @@ are depends on the points of the body and the grid only, which a path leaves as 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 
 import numpy as np
@@ -33,6 +33,7 @@ from mlsanm_cli.mechanics.near_field import (
     SurfaceForces,
     as_complex,
 )
+from mlsanm_cli.records import dataclass
 
 GRID_POINT_DISTANCE = 2.0
 """Intervals farther away than this many of their lengths are integrated with the grid's quadrature points."""
@@ -92,8 +93,8 @@ class _Group:
 class NearFields:
     """Displacements and stresses at fixed points ``z`` (e,) of a body for any pressures and tractions of a
     contact: by ``groups`` of points and intervals, with images behind walls, by the matrix ``close`` (5e, 2m)
-    of intervals next to a point, and by forces along the faces of corners. ``keeps`` unit fields if they are
-    few."""
+    of intervals next to a point, and by forces along the faces of corners. With n images at planes of
+    symmetry, ``z`` (e + n e,) are these points and their images. ``keeps`` unit fields if they are few."""
 
     intervals: Intervals
     z: ComplexArray
@@ -110,6 +111,7 @@ class NearFields:
             # At the tip itself the fields of force densities along the faces are undefined.
             at_tip = np.abs(z - corner.tip) < TIP_INSET * corner.length
             z = np.where(at_tip, corner.tip + TIP_INSET * corner.length * corner.bisector, z)
+        z = np.concatenate([z, *(image.points(z) for image in grid.images_of(slave))])
         intervals, within = Intervals.of(grid, slave, kernel), inside(grid, slave, z)
         every, whole = np.arange(len(z)), slice(0, len(intervals.steps))
         groups, pairs = list[_Group](), list[tuple[AnyArray, ...]]()
@@ -123,20 +125,26 @@ class NearFields:
     def __call__(self, pressure: FloatArray, traction: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Displacements (e, 2, c) and stresses (e, 3, c) due to nodal ``pressure`` and ``traction`` (m, c)
         acting on the slave; those of the master have opposite sign."""
-        grid, columns = self.intervals.grid, pressure.shape[1]
-        pressure, traction = grid.deviation(pressure), grid.deviation(traction)
-        forces = self.intervals.forces(pressure, traction)
+        grid, slave, columns = self.intervals.grid, self.intervals.slave, pressure.shape[1]
+        pressure, traction = grid.deviation(pressure, 0), grid.deviation(traction, 1)
+        forces, images = self.intervals.forces(pressure, traction), grid.images_of(slave)
         close = np.asarray(self.close @ np.concatenate([pressure, traction]))
         total = close.reshape(5, len(self.z), columns)
         for group in self.groups:
             group.add(forces, total, self.keeps)
         displacement, stress = (part.transpose(1, 0, 2) for part in np.split(total, [2]))
-        for corner in grid.corners_of(self.intervals.slave):
+        for corner in grid.corners_of(slave):
             away = corner.distance(self.intervals.place.ravel())
-            for line in corner.face_forces(away, forces.reshape(-1, 2, columns)):
+            both = corner.with_images(away, forces.reshape(-1, 2, columns), images)
+            for line in corner.face_forces(*both):
                 displacement += line.displacement(self.z)
                 stress += line.stress(self.z)
-        return displacement, stress
+        if not images:
+            return displacement, stress
+        own, *others = zip(*(np.split(one, 1 + len(images)) for one in (displacement, stress)), strict=True)
+        for image, (moved, stressed) in zip(images, others, strict=True):
+            own = own[0] + image.matrix.T @ moved, own[1] + image.stress_matrix @ stressed
+        return own[0], own[1]
 
 
 def _images(
@@ -206,10 +214,10 @@ def adjacent_traction(
 ) -> FloatArray:
     """Near-field tractions (b, 2) at the nodes of a body's surface due to nodal ``pressure`` and ``traction``
     (m,) on the slave, without the applied tractions themselves."""
-    pressure, traction = grid.deviation(pressure), grid.deviation(traction)
+    pressure, traction = grid.deviation(pressure, 0), grid.deviation(traction, 1)
     z = as_complex(surface.curve.points(surface.arc_length))
     curvature = surface.curve.curvature(surface.arc_length)
-    if grid.corners_of(slave):
+    if grid.corners_of(slave) or grid.mirrored:
         # Only a smooth remainder is left near corners.
         normal, tangent = grid.spreads
         on = np.stack(np.split(normal @ pressure + tangent @ traction, 2), axis=1)

@@ -9,7 +9,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.response.smoothing import smoothing
+from mlsanm_cli.contact.response.smoothing import folded_smoothing, smoothing
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.near_field import Isotropic, as_real
 from mlsanm_cli.operators.rows import nodal_pairs, nodal_rows
@@ -57,13 +57,20 @@ def _moved(body: ElasticBody, grid: ContactGrid, slave: bool, lost: bool) -> spa
     points, cloud, fitted = as_real(grid.facing.side(grid.samples, slave)[0]), body.model.cloud, None
     if isinstance(body.model.kernel, Isotropic) and not grid.corners_of(slave):
         finest = float(cloud.spacing[cloud.tree.query(points)[1]].min())
-        fitted = smoothing(points, grid.last - grid.first, finest, grid.hats.period is not None)
+        if grid.mirrored:
+            fitted = folded_smoothing(grid, finest)
+        else:
+            both = smoothing(points, grid.last - grid.first, finest, grid.hats.period is not None)
+            fitted = None if both is None else (both, both)
     if lost and fitted is None:
         return sparse.csr_array((2 * grid.count, 2 * len(body.model.cloud.points)))
-    along = [body.model.values_along(points, np.tile(axis, (grid.count, 1))) for axis in np.eye(2)]
+    along = [body.model.values_along(points, axis) for axis in grid.axes]
     if fitted is not None:
-        taken = np.eye(grid.count) - fitted if lost else fitted
-        along = [sparse.csr_array(taken @ one) for one in along]
+        taken = [np.eye(grid.count) - one if lost else one for one in fitted]
+        along = [sparse.csr_array(one @ rows) for one, rows in zip(taken, along, strict=True)]
+    if grid.mirrored:
+        back = [[sparse.diags_array(axis[:, c]) for axis in grid.axes] for c in (0, 1)]
+        along = [sparse.csr_array(a @ along[0] + b @ along[1]) for a, b in back]
     return sparse.csr_array(sparse.vstack(along, format="csr"))
 
 

@@ -3,7 +3,7 @@
 Errors of least squares vary from node to node, and pressures amplify short waves. Displacements computed on a
 cloud, those of remainders and loads, are smooth: they are replaced by polynomials, fitted by least squares at
 the samples of a contact's grid; around a closed surface by periodic functions, as polynomials would end at
-another displacement than they begin with.
+another displacement than they begin with; at planes of symmetry by even and by odd functions.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.roundoff import ROUND_OFF
 
 SHORTEST_WAVE = 6.0
@@ -34,8 +35,31 @@ def smoothing(points: FloatArray, length: float, spacing: float, closed: bool = 
         waves = np.cos(np.outer(angle, np.arange(order + 1)))
     if order >= count - 1:
         return None
+    return _projection(waves, points - points.mean(axis=0))
+
+
+def folded_smoothing(grid: ContactGrid, spacing: float) -> tuple[FloatArray, FloatArray] | None:
+    """:func:`smoothing` along both axes of a ``grid`` with planes of symmetry; rigid displacements stay
+    exact."""
+    length, closed = grid.last - grid.first, grid.unfolding.period is not None
+    order = max(LEAST_ORDER, int(np.ceil((2.0 if closed else np.pi) * length / (SHORTEST_WAVE * spacing))))
+    if order >= grid.count - 1:
+        return None
+    # A body moves along one plane, and not at all between two at an angle.
+    first, last = grid.mirrors
+    plane = first or last
+    assert plane is not None
+    rigid = grid.axes @ np.array([plane.along.real, plane.along.imag])
+    even, odd = (
+        _projection(waves, moved[:, None])
+        for waves, moved in zip(grid.unfolding.waves(order), rigid, strict=True)
+    )
+    return even, odd
+
+
+def _projection(waves: FloatArray, extent: FloatArray) -> FloatArray:
+    """Projection (k, k) onto ``waves`` (k, n) and what these lack of the columns of ``extent`` (k, c)."""
     waves = np.linalg.qr(waves)[0]
-    extent = points - points.mean(axis=0)
     more, size, _ = np.linalg.svd(extent - waves @ (waves.T @ extent), full_matrices=False)
     more = more[:, size > ROUND_OFF * np.linalg.norm(extent)]
     # Small remainders lose their orthogonality.

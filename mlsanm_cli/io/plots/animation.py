@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mlsanm_cli import __version__
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.atomic import replacing
+from mlsanm_cli.io.files import replacing
 from mlsanm_cli.io.plots.cloud import BodyPicture, draw_bodies, range_of
 from mlsanm_cli.io.plots.curves import visible_range
 from mlsanm_cli.io.plots.figures import COLOURS, refuse_suffix, style

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.io.plots.figures import picture
-from mlsanm_cli.io.plots.marks import ConditionMarks, draw_marks, ends
+from mlsanm_cli.io.plots.figures import ConditionMarks, draw_marks, ends, picture
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

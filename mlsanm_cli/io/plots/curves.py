@@ -96,6 +96,10 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
         )  # fmt: skip
     axes.set_xscale(panel.scale)
     axes.set_yscale(panel.scale)
+    if panel.scale == "linear":
+        # Labels of small numbers, as 0.00025, would overlap: a common power of ten stands at the axis.
+        axes.ticklabel_format(scilimits=(-2, 4))
+        axes.locator_params(axis="x", nbins=7)
     axes.set_xlim(*panel.x_limits)
     axes.set_ylim(*panel.y_limits)
     axes.set_xlabel(panel.x_label)

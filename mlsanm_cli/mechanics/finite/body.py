@@ -16,7 +16,6 @@ Equations (17) and (18) of docs/method.md.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -26,24 +25,30 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cells import cell_quadrature
 from mlsanm_cli.mechanics.assembly import RowTable, spring_rows
 from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.finite.faces import FacePoints, inner_points, outline_points
-from mlsanm_cli.mechanics.finite.law import Law, determinant, gradient_of
 from mlsanm_cli.mechanics.finite.loads import Applied, Loads
+from mlsanm_cli.mechanics.laws.law import Law, determinant, gradient_of
 from mlsanm_cli.mechanics.near_field import ComplexArray
 from mlsanm_cli.mechanics.pieces import rule_of
 from mlsanm_cli.operators.rows import pair_rows
+from mlsanm_cli.records import dataclass
 
 
 @dataclass(frozen=True)
 class FiniteBody:
     """An ``elastic`` body, whose cloud, rows and pieces are used, with its ``law`` and ``loads``. The last
-    ``pins`` of its single held nodes are held along directions rotated by ``angle``."""
+    ``pins`` of its single held nodes are held along directions rotated by ``angle``.
+
+    In nearly incompressible bodies volume changes are those of the fits of ``coarser`` if given: those of the
+    next degree are not smooth, and the bulk modulus multiplies them."""
 
     elastic: ElasticBody
     law: Law
     loads: Loads
     pins: int = 0
     angle: float = 0.0
+    coarser: BodyModel | None = None
 
     @property
     def unknowns(self) -> int:
@@ -67,6 +72,12 @@ class FiniteBody:
         held = {name: components for name, components in elastic.restrained.items() if any(components)}
         held_sides = outline_points(elastic, held, rule_of(elastic.model))
         return inner_points(elastic), held_sides, self.applied.points
+
+    @property
+    def stressed(self) -> list[tuple[FacePoints, slice]]:
+        """Points with stress, of inner faces and of held sides, and their numbers among all."""
+        inner, held, _ = self.points
+        return [(inner, slice(0, inner.count)), (held, slice(inner.count, inner.count + held.count))]
 
     @cached_property
     def on_pieces(self) -> tuple[IntArray, IntArray, FloatArray]:
@@ -128,39 +139,37 @@ class FiniteBody:
         return spring_rows(model.cloud, self.table, len(model.cloud.points))
 
     @cached_property
-    def _face_expansion(self) -> list[FloatArray]:
+    def _on_faces(self) -> list[FloatArray]:
         places = np.concatenate([one.places.reshape(-1, 2) for one in self.points[:2]])
-        return [self.loads.expansion * heating.field.at(places) for heating in self.loads.warming]
+        return [heating.field.at(places) for heating in self.loads.warming]
 
-    def stretch(self, factors: FloatArray) -> FloatArray | None:
-        """Thermal stretches (n,) at the nodes at load ``factors`` (L,); None for bodies without temperature
-        change."""
-        jets = self.stretch_jets(factors, 0)
-        return None if jets is None else np.asarray(jets[0])
-
-    def stretch_at(self, points: FloatArray, factors: FloatArray) -> FloatArray | None:
-        """Thermal stretches (e,) at ``points`` (e, 2)."""
+    def degrees(self, factors: FloatArray) -> FloatArray | None:
+        """Temperature changes (n,) at the nodes at load ``factors`` (L,); None for bodies without any."""
         if not self.loads.warming:
             return None
-        degrees = sum(factors[one.number] * one.field.at(points) for one in self.loads.warming)
-        return np.asarray(1.0 + self.loads.expansion * degrees)
+        return np.asarray(sum(factors[one.number] * one.values for one in self.loads.warming))
 
-    def stretch_jets(self, factors: FloatArray, order: int) -> FloatArray | None:
-        """Coefficient of ``order`` of the thermal stretches, a jet (3, n), from that of the factors (L,)."""
+    def degrees_at(self, points: FloatArray, factors: FloatArray) -> FloatArray | None:
+        """Temperature changes (e,) at ``points`` (e, 2)."""
         if not self.loads.warming:
             return None
-        stencils = self.elastic.model.stencils
-        nodal = self.loads.expansion * sum(factors[one.number] * one.values for one in self.loads.warming)
-        found = stencils.derivatives(np.asarray(nodal)[:, None])[:, :3, 0].T.copy()
-        found[0] = nodal + (not order)
+        return np.asarray(sum(factors[one.number] * one.field.at(points) for one in self.loads.warming))
+
+    def degrees_jets(self, factors: FloatArray) -> FloatArray | None:
+        """Temperature changes at the nodes as jets (3, n)."""
+        nodal = self.degrees(factors)
+        if nodal is None:
+            return None
+        found = self.elastic.model.stencils.derivatives(nodal[:, None])[:, :3, 0].T.copy()
+        found[0] = nodal
         return np.asarray(found)
 
-    def face_stretch(self, factors: FloatArray, order: int = 0) -> FloatArray | None:
-        """The same, values only (q,), at the quadrature points with stress."""
+    def face_degrees(self, factors: FloatArray) -> FloatArray | None:
+        """Temperature changes (q,) at the quadrature points with stress."""
         if not self.loads.warming:
             return None
-        parts = zip(self.loads.warming, self._face_expansion, strict=True)
-        return np.asarray(sum(factors[one.number] * values for one, values in parts) + (not order))
+        parts = zip(self.loads.warming, self._on_faces, strict=True)
+        return np.asarray(sum(factors[one.number] * values for one, values in parts))
 
     @cached_property
     def centers(self) -> sparse.csr_array:
@@ -207,9 +216,33 @@ class FiniteBody:
         """Displacement gradient (4, n) at the nodes, components 11, 12, 21, 22."""
         return gradient_of(self.elastic.model.stencils.derivatives(displacement.reshape(-1, 2)))
 
+    def fitted_mean(self, nodal: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Value, d/dX and d/dY (3, n) at the nodes and values (q,) at the points with stress of the fits of a
+        mean stress with ``nodal`` values (n,)."""
+        column = nodal[:, None]
+        on_faces = [points.stencils.derivatives(column)[:, ::3].ravel() for points in self.points[:2]]
+        return self.elastic.model.stencils.derivatives(column)[:, :3, 0].T, np.concatenate(on_faces)
+
+    def mean_stress(self, displacement: FloatArray, factors: FloatArray) -> FloatArray | None:
+        """Nodal values (n,) of the mean stress of volume changes, None if it is not a nodal field."""
+        if not self.law.nested:
+            return None
+        return self.law.mean(self.gradient(displacement), self.degrees(factors))[0]
+
+    def stress(self, displacement: FloatArray, factors: FloatArray) -> FloatArray:
+        """P (4, n) at the nodes, its mean stress fitted to the nodal values: equilibrium controls only the
+        fit."""
+        gradient, nodal = self.gradient(displacement), self.mean_stress(displacement, factors)
+        found = self.law.state(gradient, self.degrees(factors), apart=nodal is not None).stress[:, 0, 0]
+        if nodal is not None:
+            xx, xy, yx, yy = gradient
+            cofactor = np.stack([1.0 + yy, -yx, -xy, 1.0 + xx])
+            found = found + self.elastic.model.stencils.derivatives(nodal[:, None])[:, 0, 0] * cofactor
+        return np.asarray(found)
+
     def ellipticity(self, displacement: FloatArray, factors: FloatArray) -> FloatArray:
         """Ellipticity (n,) at the nodes (:meth:`Law.ellipticity`)."""
-        return self.law.ellipticity(self.gradient(displacement), self.stretch(factors))
+        return self.law.ellipticity(self.gradient(displacement), self.degrees(factors))
 
     def least_volume(self, displacement: FloatArray) -> float:
         """Smallest in-plane det F over nodes and faces."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.mechanics.finite.body import FiniteBody
-from mlsanm_cli.mechanics.finite.law import gradient_of
 from mlsanm_cli.mechanics.finite.loads import cofactor_normal
+from mlsanm_cli.mechanics.laws.law import gradient_of
 
 JETS = np.array([[1, 3, 4], [2, 4, 5]])
 """Among the derivatives of a stencil: d/dX and d/dY, each with its own derivatives by X and Y."""
@@ -23,8 +23,15 @@ class BodySeries:
         inner, held, loaded = (one.count for one in body.points)
         stressed, total, warm = inner + held, inner + held + loaded, bool(body.loads.warming)
         self._held, self._loaded = slice(inner, stressed), slice(stressed, total)
-        self._nodes = body.law.series(orders, 3, len(body.elastic.model.cloud.points), warm)
-        self._faces = body.law.series(orders, 1, stressed, warm)
+        nodes, apart = len(body.elastic.model.cloud.points), body.law.nested
+        self._nodes = body.law.series(orders, 3, nodes, warm, apart)
+        self._faces = body.law.series(orders, 1, stressed, warm, apart)
+        self._volumes = self._nodes
+        if body.coarser is not None:
+            self._volumes = body.law.series(orders, 1, nodes, warm, apart)
+        # Mean stress of volume changes: fits of nodal values with derivatives at nodes, values at faces.
+        self._mean = np.zeros((orders + 1, 3, nodes)) if apart else None
+        self._face_mean = np.zeros((orders + 1, stressed)) if apart else None
         self._force, self._place = np.zeros((2, orders + 1, 2, total))
         self._moved = np.zeros((orders + 1, 2, loaded))
         self._middle = np.zeros((orders + 1, 2, body.count))
@@ -49,7 +56,7 @@ class BodySeries:
         self._factors[order] = factors
         for plate, turn in zip(body.loads.turning, self._turns, strict=True):
             _turn(turn, self._factors[: order + 1] @ plate.rate, order)
-        stretch, on_faces = body.stretch_jets(factors, order), body.face_stretch(factors, order)
+        degrees, on_faces = body.degrees_jets(factors), body.face_degrees(factors)
         gradient: FloatArray | None = None
         jets: FloatArray | None = None
         if displacement is not None:
@@ -61,13 +68,40 @@ class BodySeries:
             whole = gradient_of(seen)
             gradient, self._loaded_gradient[order] = whole[:, None, :stressed], whole[:, stressed:]
             jets = jets_of(body.elastic.model.stencils.derivatives(displacement.reshape(-1, 2)))
-        self._nodes.put(order, jets, stretch)
+        self._nodes.put(order, jets, degrees)
+        if self._volumes is not self._nodes:
+            self._put_volumes(order, displacement, degrees)
         self._faces.put(order, gradient, None if on_faces is None else on_faces[None])
+        self._put_mean(order)
         if not order:
             self._place[0] += np.concatenate([one.places.reshape(-1, 2) for one in body.points]).T
             self._middle[0] += body.elastic.pieces.middle.T
             self._loaded_gradient[0, [0, 3]] += 1.0
         self._forces(order)
+
+    def _put_volumes(self, order: int, displacement: FloatArray | None, degrees: FloatArray | None) -> None:
+        """Set the volume changes at the nodes by the coarser fits."""
+        gradient = None
+        if displacement is not None:
+            assert self.body.coarser is not None
+            fitted = self.body.coarser.stencils.derivatives(displacement.reshape(-1, 2))
+            gradient = gradient_of(fitted)[:, None]
+        self._volumes.put(order, gradient, None if degrees is None else degrees[:1])
+
+    def _put_mean(self, order: int) -> None:
+        """Fit the mean stress of volume changes to its nodal values."""
+        if self._mean is None or self._face_mean is None:
+            return
+        assert self._volumes.mean is not None
+        found = self.body.fitted_mean(self._volumes.mean[order, 0])
+        self._mean[order], self._face_mean[order] = found
+
+    def _nodal_mean(self, order: int, at: IntArray, normal: FloatArray) -> FloatArray:
+        """Coefficient (2, b) of ``order`` of p cof(F) N at nodes ``at`` (b,), p being nodal values."""
+        mean, gradient = self._volumes.mean, self._nodes.gradient[:, :, 0, at]
+        assert mean is not None
+        pairs = [(mean[low, 0, at], gradient[:, order - low]) for low in range(order + 1)]
+        return np.asarray(sum(p * cofactor_normal(f, normal) for p, f in pairs))
 
     def _forces(self, order: int) -> None:
         """Forces at all points, in the components that count."""
@@ -75,6 +109,10 @@ class BodySeries:
         stress, normal = self._faces.stress[:, order, 0], self._normals[:end].T
         self._force[order, 0, :end] = stress[0] * normal[0] + stress[1] * normal[1]
         self._force[order, 1, :end] = stress[2] * normal[0] + stress[3] * normal[1]
+        if self._face_mean is not None:
+            for low in range(order + 1):
+                turned = cofactor_normal(self._faces.gradient[:, order - low, 0], self._normals[:end])
+                self._force[order, :, :end] += self._face_mean[low] * turned
         self._force[order, :, end:] = (
             applied.dead @ self._factors[order] - applied.pulling * self._moved[order]
         )
@@ -96,11 +134,19 @@ class BodySeries:
         stress = self._nodes.stress[:, order]
         left[:count] += stress[0, 1] + stress[1, 2]
         left[count : 2 * count] += stress[2, 1] + stress[3, 2]
+        if self._mean is not None:
+            for low in range(order + 1):
+                slope = self._mean[low, 1:].T
+                turned = cofactor_normal(self._nodes.gradient[:, order - low, 0], slope)
+                left[: 2 * count] += turned.ravel()
         u = self._displacement[order].reshape(-1, 2)
         gradient = self._nodes.gradient
         for name, index, normal, held in body.conditions:
+            mean = None if self._mean is None else self._nodal_mean(order, index, normal)
             for component in (0, 1):
                 at = elastic.condition_rows(name, component)
+                if mean is not None and not held[component]:
+                    left[at] += mean[component]
                 if held[component]:
                     left[at] += u[index, component]
                     continue

@@ -21,7 +21,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.mechanics.energy import extended, over_body
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
-from mlsanm_cli.mechanics.finite.law import determinant
+from mlsanm_cli.mechanics.laws.law import determinant
 from mlsanm_cli.roundoff import ROUND_OFF
 
 
@@ -42,12 +42,12 @@ def unaccounted(body: FiniteBody, displacement: FloatArray, factors: FloatArray)
 
 def energy(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> float:
     """Reference energy of the estimate, per thickness, in the same state."""
-    gradient, warm = body.gradient(displacement), body.stretch(factors)
-    stress = body.law.stress(gradient, warm)
+    gradient, degrees = body.gradient(displacement), body.degrees(factors)
+    stress = body.stress(displacement, factors)
     xx, xy, yx, yy = gradient + np.array([1.0, 0.0, 0.0, 1.0])[:, None]
     turned = np.stack([yy, -yx, -xy, xx]) / (1.0 + determinant(gradient))
-    if warm is not None:
-        turned *= warm**2
+    if degrees is not None:
+        turned = body.law.squared_free_stretch(turned, degrees)
     strain = 0.5 * (np.stack([xx, xy, yx, yy]) - turned)
     areas = body.elastic.model.cloud.areas
     least = ROUND_OFF**2 * body.elastic.model.material.modulus * areas.sum()
@@ -76,7 +76,7 @@ def missing_work(
         held[node, component] = True
     if moved[held].any():
         moved = moved - extended(cloud, moved, held)
-    stress = body.law.stress(body.gradient(displacement), body.stretch(factors))
+    stress = body.stress(displacement, factors)
     found = over_body(cloud, stress.T, body.gradient(moved.ravel()).T)
     force = BodySeries.at(body, displacement, factors).outline_forces()[1]
     found -= float((force.T * body.applied.points.seen(moved)[:, 0]).sum())

@@ -5,7 +5,7 @@ current length along the current normal: its nominal traction is - p cof(F) N, l
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.faces import FacePoints, outline_points
 from mlsanm_cli.mechanics.heat import Heating
 from mlsanm_cli.mechanics.springs import FREE
+from mlsanm_cli.records import dataclass
 
 
 @dataclass(frozen=True)
@@ -42,8 +43,7 @@ class Loads:
     volume. ``tractions[surface]`` (g, 2, L) are dead ones at the FINE points of a surface, ``force`` (n, 2,
     L) is per volume, linear between nodes unless its force and moment on the undeformed pieces are ``known``
     (3k, L); ``pressing[surface]`` are follower pressures at its nodes (b, L) and its FINE points (g, L),
-    ``turning`` plates with finite rotation. Temperature changes ``warming`` stretch the body by ``expansion``
-    per degree."""
+    ``turning`` plates with finite rotation, ``warming`` temperature changes."""
 
     count: int
     sources: FloatArray
@@ -52,7 +52,6 @@ class Loads:
     pressing: Mapping[str, tuple[FloatArray, FloatArray]] = field(default_factory=dict)
     known: FloatArray | None = None
     warming: Sequence[Heating] = ()
-    expansion: float = 0.0
     turning: Sequence[Turning] = ()
 
 

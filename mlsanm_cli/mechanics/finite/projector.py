@@ -15,7 +15,7 @@ Equation (20) of docs/method.md.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import field
 from functools import cached_property
 
 import numpy as np
@@ -25,11 +25,12 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.mechanics.assembly import row_weights
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
-from mlsanm_cli.mechanics.finite.tangent import derivative_pieces, derivative_rows
+from mlsanm_cli.mechanics.finite.tangent import MeanStress, derivative_pieces, derivative_rows
 from mlsanm_cli.operators import least_squares
 from mlsanm_cli.operators.least_squares import LeastSquares, Strong
 from mlsanm_cli.operators.linear.interface import Factor, LinearSolver
 from mlsanm_cli.operators.linear.superlu import elimination_order, factor_in_order
+from mlsanm_cli.records import dataclass
 
 PIVOT_THRESHOLD = 1e-3
 """A diagonal entry is accepted as pivot down to this fraction of the largest in its column: other pivots
@@ -49,7 +50,7 @@ def weights_of(body: FiniteBody, left_out: IntArray = NO_ROWS) -> FloatArray:
     nodes[left_out] = 0.0
     # Pins only fix the position: they take no force from pieces.
     bearing = elastic.held_nodes[: len(elastic.held_nodes) - body.pins]
-    scale = np.tile(pieces.strength / (model.material.modulus * pieces.size), 3)
+    scale = np.tile(pieces.strengths_of(model.material) / (model.material.modulus * pieces.size), 3)
     return np.concatenate([nodes, np.where(pieces.rows_known(list(bearing)), scale, 0.0)])
 
 
@@ -57,7 +58,7 @@ def weights_of(body: FiniteBody, left_out: IntArray = NO_ROWS) -> FloatArray:
 class Projector:
     """The rows at a ``base_state`` (2N,), a displacement, and load ``factors`` (L,) there, times ``weights``
     (r,), with their factorised least squares. The equations are for the residual minus ``rest`` (r,), which
-    is 0 unless the base state is to be a solution itself."""
+    is 0 unless the base state is to be a solution itself. ``last`` is the mean stress of an iteration."""
 
     body: FiniteBody
     weights: FloatArray
@@ -65,6 +66,7 @@ class Projector:
     factors: FloatArray
     system: LeastSquares
     rest: FloatArray
+    last: list[MeanStress] = field(default_factory=list, compare=False)
 
     @classmethod
     def at(
@@ -114,12 +116,16 @@ class Projector:
         """Right-hand side (2N,) of the equations for weighted rows (r,), without those of the pieces."""
         return np.asarray(self._turned @ scaled[: self.body.node_rows])
 
-    def factorised(self, displacement: FloatArray, factors: FloatArray) -> Factorised:
-        """The derivative of the equations at ``displacement`` (2N,) and load ``factors`` (L,). Raises
-        NumericalError if singular."""
+    def factorised(
+        self, displacement: FloatArray, factors: FloatArray, iterating: bool = False
+    ) -> Factorised:
+        """The derivative of the equations at ``displacement`` (2N,) and load ``factors`` (L,); in iterations
+        of Newton's method with the mean stress that the last one predicted. Raises NumericalError if
+        singular."""
+        mean = self._linearised(displacement, factors) if iterating else None
         if np.array_equal(displacement, self.base_state):
             return Factorised(self, self.system.rows, self.system.strong.rows, None)
-        rows, strong = weighted_rows(self.body, self.weights, displacement, factors)
+        rows, strong = weighted_rows(self.body, self.weights, displacement, factors, mean)
         normal = sparse.csr_array(self._turned @ rows)
         place = self._multipliers
         up = sparse.csr_array(self.system.strong.rows.T) @ place.T
@@ -129,6 +135,13 @@ class Projector:
         points = [self.body.elastic.model.cloud.points, np.repeat(self.system.strong.places, 2, axis=0)]
         order = elimination_order(matrix, np.concatenate(points))
         return Factorised(self, rows, strong, factor_in_order(matrix, order, PIVOT_THRESHOLD))
+
+    def _linearised(self, displacement: FloatArray, factors: FloatArray) -> MeanStress | None:
+        if not self.body.law.nested:
+            return None
+        mean, earlier = MeanStress.at(self.body, displacement, factors), self.last[:]
+        self.last[:] = [mean]
+        return mean.after(earlier[0]) if earlier else mean
 
     @cached_property
     def _multipliers(self) -> sparse.csr_array:
@@ -178,11 +191,15 @@ class Factorised:
 
 
 def weighted_rows(
-    body: FiniteBody, weights: FloatArray, displacement: FloatArray, factors: FloatArray
+    body: FiniteBody,
+    weights: FloatArray,
+    displacement: FloatArray,
+    factors: FloatArray,
+    mean: MeanStress | None = None,
 ) -> tuple[sparse.csr_array, sparse.csr_array]:
     """Weighted rows (r - 3k, 2N) of the nodes and (3k, 2N) of the pieces in a state."""
-    rows = derivative_rows(body, displacement, factors)
+    rows = derivative_rows(body, displacement, factors, mean)
     rows.data *= np.repeat(weights[: body.node_rows], np.diff(rows.indptr))
-    strong = derivative_pieces(body, displacement, factors)
+    strong = derivative_pieces(body, displacement, factors, mean)
     strong.data *= np.repeat(weights[body.node_rows :], np.diff(strong.indptr))
     return rows, strong

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
+from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sparse
@@ -12,17 +14,26 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.body_series import BodySeries, jets_of
 from mlsanm_cli.mechanics.finite.faces import FacePoints
-from mlsanm_cli.mechanics.finite.law import gradient_of
-from mlsanm_cli.operators.rows import nodal_rows, pair_rows
+from mlsanm_cli.mechanics.finite.loads import cofactor_normal
+from mlsanm_cli.mechanics.laws.law import gradient_of
+from mlsanm_cli.operators.rows import nodal_rows, pair_rows, scalar_rows
 from mlsanm_cli.operators.stencil_weights import Stencils
+from mlsanm_cli.records import dataclass
 
 
-def derivative_rows(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> sparse.csr_array:
-    """Rows (r - 3k, 2N) of the nodes at ``displacement`` (2N,) and load ``factors`` (L,)."""
+def derivative_rows(
+    body: FiniteBody, displacement: FloatArray, factors: FloatArray, mean: MeanStress | None = None
+) -> sparse.csr_array:
+    """Rows (r - 3k, 2N) of the nodes at ``displacement`` (2N,) and load ``factors`` (L,), with the ``mean``
+    stress of volume changes there or another one in its place."""
     elastic = body.elastic
     model, stencils = elastic.model, elastic.model.stencils
     stress, divergence = _coefficients(body, displacement, factors)
     blocks = [_rows(stencils, range(1, 6), divergence[component]) for component in (0, 1)]
+    if body.law.nested:
+        mean = mean or MeanStress.at(body, displacement, factors)
+        blocks = [block + rows for block, rows in zip(blocks, mean.divergence(), strict=True)]
+        stress = stress + mean.moduli
     for name, index, normal, held in body.conditions:
         some = stencils.take(index)
         for component in (0, 1):
@@ -41,15 +52,79 @@ def derivative_rows(body: FiniteBody, displacement: FloatArray, factors: FloatAr
     return sparse.csr_array(rows + body.pulls) if elastic.springs else rows
 
 
+@dataclass(frozen=True)
+class MeanStress:
+    """Mean stress p of volume changes at a ``body``'s nodes, ``values`` (n,), in a state with displacement
+    ``gradient`` (4, n), and its derivatives ``slopes`` (4, n) by the components of F."""
+
+    body: FiniteBody
+    gradient: FloatArray
+    values: FloatArray
+    slopes: FloatArray
+
+    @classmethod
+    def at(cls, body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> MeanStress:
+        """That at ``displacement`` (2N,) and load ``factors`` (L,)."""
+        gradient = body.gradient(displacement)
+        return cls(body, gradient, *body.law.mean(gradient, body.degrees(factors)))
+
+    def after(self, earlier: MeanStress) -> MeanStress:
+        """The same with the values that the ``earlier`` state predicts linearly, as Newton's method does with
+        p as an unknown of its own: derivatives with them allow larger steps, as the bulk modulus does not
+        multiply the error of the prediction (Magisano, Leonetti and Garcea 2017, doi:10.1002/nme.5369)."""
+        change = (earlier.slopes * (self.gradient - earlier.gradient)).sum(axis=0)
+        return replace(self, values=earlier.values + change)
+
+    @property
+    def stencils(self) -> Stencils:
+        """The stencils of the nodes."""
+        return self.body.elastic.model.stencils
+
+    @cached_property
+    def rows(self) -> sparse.csr_array:
+        """Rows (n, 2N) of the derivatives of nodal values by displacements."""
+        by_x, by_y = self.slopes[::2], self.slopes[1::2]
+        return _rows(self.stencils, range(1, 3), np.stack([by_x, by_y]))
+
+    @property
+    def cofactor(self) -> FloatArray:
+        """cof F (2, 2, n)."""
+        xx, xy, yx, yy = self.gradient
+        return np.array([[1.0 + yy, -yx], [-xy, 1.0 + xx]])
+
+    @property
+    def moduli(self) -> FloatArray:
+        """Derivatives (4, 2, 2, n) of p cof(F), p being nodal values, by d/dX and d/dY of u_x and u_y."""
+        slopes = self.slopes.reshape(2, 2, -1).transpose(1, 0, 2)
+        found = np.einsum("iJn,Lkn->iJLkn", self.cofactor, slopes).reshape(4, 2, 2, -1)
+        found[0, 1, 1] += self.values
+        found[3, 0, 0] += self.values
+        found[1, 0, 1] -= self.values
+        found[2, 1, 0] -= self.values
+        return np.asarray(found)
+
+    def divergence(self) -> list[sparse.csr_array]:
+        """Rows (n, 2N), x and y, of the derivatives of cof(F) grad p with fits of nodal values."""
+        stencils, found = self.stencils, []
+        by_x, by_y = (scalar_rows(stencils, stencils.weights[:, kind]) for kind in (1, 2))
+        slope = stencils.derivatives(self.values[:, None])[:, 1:3, 0]
+        changed = _cofactor(slope)
+        for component in (0, 1):
+            x, y = self.cofactor[component]
+            nested = (sparse.diags_array(x) @ by_x + sparse.diags_array(y) @ by_y) @ self.rows
+            found.append(sparse.csr_array(nested + _rows(stencils, range(1, 3), changed[component])))
+        return found
+
+
 def _coefficients(
     body: FiniteBody, displacement: FloatArray, factors: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Derivatives at the nodes of P (4, 2, 2, n) by d/dX and d/dY of u_x and u_y, and of Div P (2, 5, 2, n)
     by all five derivatives."""
     derivatives = body.elastic.model.stencils.derivatives(displacement.reshape(-1, 2))
-    count, stretch = len(derivatives), body.stretch_jets(factors, 0)
-    series = body.law.series(1, 3, count, stretch is not None)
-    series.put(0, jets_of(derivatives), stretch)
+    count, degrees = len(derivatives), body.degrees_jets(factors)
+    series = body.law.series(1, 3, count, degrees is not None, body.law.nested)
+    series.put(0, jets_of(derivatives), degrees)
     stress, divergence = np.zeros((4, 2, 2, count)), np.zeros((2, 5, 2, count))
     for kind in range(5):
         for component in (0, 1):
@@ -82,33 +157,52 @@ def _cofactor(normal: FloatArray) -> FloatArray:
     return found
 
 
-def derivative_pieces(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> sparse.csr_array:
-    """Rows (3k, 2N) of the pieces at ``displacement`` (2N,) and load ``factors`` (L,)."""
+def derivative_pieces(
+    body: FiniteBody, displacement: FloatArray, factors: FloatArray, mean: MeanStress | None = None
+) -> sparse.csr_array:
+    """Rows (3k, 2N) of the pieces, likewise."""
     state = BodySeries.at(body, displacement, factors)
     force, place, middle = state.state()
     size = body.elastic.pieces.size
+    if body.law.nested:
+        mean = mean or MeanStress.at(body, displacement, factors)
     total, first = _moments_of_centers(body, state, factors), 0
     for points in body.points:
         here = slice(first, first + points.count)
         first = here.stop
         if points.count:
-            moduli = _moduli(body, points, here, displacement, factors)
+            moduli = _moduli(body, points, here, displacement, factors, mean)
             rows, center = _by_fit(body, points, moduli, force[:, here], place[:, here])
             onto = _onto(points.fit, points.owner, points.sign, center, middle, size)
             total = sparse.csr_array(total + onto @ rows)
+    if mean is not None:
+        for points, here in body.stressed:
+            each = points.places.shape[1]
+            owner, sign = np.repeat(points.owner, each), np.repeat(points.sign, each)
+            number = (each * points.fit[:, None] + np.arange(each)).ravel()
+            onto = _onto(number, owner, sign, place[:, here], middle, size)
+            total = total + onto[:, : 2 * points.count] @ _mean_forces(mean, points, displacement)
     return total
 
 
 def _moduli(
-    body: FiniteBody, points: FacePoints, here: slice, displacement: FloatArray, factors: FloatArray
+    body: FiniteBody,
+    points: FacePoints,
+    here: slice,
+    displacement: FloatArray,
+    factors: FloatArray,
+    mean: MeanStress | None,
 ) -> FloatArray:
     """Derivatives (2, 2, 2, e, t) of the forces at ``points``, which are ``here`` among all, in the kept
     components: component of the force, derivative, component of the displacement."""
-    shape, stretch = points.places.shape[:2], body.face_stretch(factors)
+    shape, degrees = points.places.shape[:2], body.face_degrees(factors)
     if points is not body.applied.points:
-        warm = None if stretch is None else stretch[here]
-        whole = body.law.moduli(gradient_of(points.seen(displacement)), warm)
+        warmth = None if degrees is None else degrees[here]
+        whole = body.law.moduli(gradient_of(points.seen(displacement)), warmth, body.law.nested)
         found = np.einsum("iJkL...,...J->iLk...", whole.reshape(2, 2, 2, 2, *shape), points.normals)
+        if mean is not None:
+            fitted = points.stencils.derivatives(mean.values[:, None])[:, ::3, 0].reshape(shape)
+            found += fitted * _cofactor(points.normals.reshape(-1, 2)).reshape(2, 2, 2, *shape)
     elif body.applied.follows:
         pressure = (body.applied.pressure @ factors).reshape(shape)
         found = -pressure * _cofactor(points.normals.reshape(-1, 2)).reshape(2, 2, 2, *shape)
@@ -127,9 +221,32 @@ def held_force(
     for name in names:
         some[held.along[name]] = 1.0
     force, place = (one[:, here] for one in BodySeries.at(body, displacement, factors).state()[:2])
-    rows, center = _by_fit(body, held, _moduli(body, held, here, displacement, factors), force, place)
+    mean = MeanStress.at(body, displacement, factors) if body.law.nested else None
+    moduli = _moduli(body, held, here, displacement, factors, mean)
+    rows, center = _by_fit(body, held, moduli, force, place)
     onto = _onto(held.fit, np.zeros_like(held.fit), some, center, about[:, None], np.ones(1))
-    return onto[:, : force.size] @ force.ravel(), sparse.csr_array(onto @ rows)
+    on_forces, total = onto[:, : force.size], onto @ rows
+    if mean is not None:
+        total = total + on_forces @ _mean_forces(mean, held, displacement)
+    return on_forces @ force.ravel(), sparse.csr_array(total)
+
+
+def _mean_forces(mean: MeanStress, points: FacePoints, displacement: FloatArray) -> sparse.csr_array:
+    """Rows (2q, 2N) of the derivatives of the forces p cof(F) N at ``points``, in the kept components, by the
+    nodal values of p."""
+    stencils, each = points.stencils, points.places.shape[1]
+    columns = stencils.weights[:, ::3]
+    rows = [scalar_rows(stencils, np.ascontiguousarray(column)) for column in columns.T]
+    values = sparse.csr_array(sparse.vstack(rows, format="csr"))
+    # From one row per fit for each of its points to the points of each fit.
+    order = np.arange(points.count).reshape(each, -1).T.ravel()
+    gradient = gradient_of(points.seen(displacement)) + np.array([1.0, 0.0, 0.0, 1.0])[:, None]
+    turned = cofactor_normal(gradient, points.normals.reshape(-1, 2))
+    turned *= np.repeat(points.kept, each, axis=0).T
+    changed = values[order] @ mean.rows
+    return sparse.csr_array(
+        sparse.vstack([sparse.diags_array(one) @ changed for one in turned], format="csr")
+    )
 
 
 def _by_fit(

@@ -15,7 +15,7 @@ from mlsanm_cli.app.analysis import small_strain
 from mlsanm_cli.app.checks import end
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.linear_map import LinearMap
-from mlsanm_cli.io.summary import read_json
+from mlsanm_cli.io.summary import read_summary
 from mlsanm_cli.solve import coercivity as certificate
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import fields_of
@@ -170,7 +170,7 @@ def test_what_a_failed_path_leaves(tmp_path: Path) -> None:
     summary = solve(NODAL, tmp_path / "run", ANM, "solver.max_steps=9", console=console)
     assert summary["status"] == "failed"
     assert console.errors == [(summary["stop_reason"], summary["hint"])]
-    failure = read_json(tmp_path / "run" / "summary.json")["failure"]
+    failure = read_summary(tmp_path / "run" / "summary.json")["failure"]
     assert failure["position"] == summary["position"] > 0.0
     mesh = meshio.read(tmp_path / "run" / "failure.vtu")
     data = mesh.point_data

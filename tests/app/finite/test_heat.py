@@ -13,6 +13,7 @@ from mlsanm_cli.continuation.roots import root
 from tests.app.scenes import solve
 from tests.case_text import body, box, contact, head, item, load, material, pin, plane, support
 
+KIRCHHOFF = 'law = "saint-venant-kirchhoff"'
 KINDS = ("neo-hookean", "saint-venant-kirchhoff")
 E, NU = 2.6, 0.3
 LAM, MU = 1.5, 1.0
@@ -116,3 +117,31 @@ def test_springs_carry_a_pulled_block(tmp_path: Path) -> None:
     shift = np.subtract(summary["probes"]["in"]["displacement"], fixed["probes"]["in"]["displacement"])
     np.testing.assert_allclose(shift, [0.0, 0.3 / spring], atol=1e-9)
     np.testing.assert_allclose(summary["forces"]["block.bottom"], [0.0, -0.3], atol=1e-8)
+
+
+@pytest.mark.parametrize("across", ["strain", "stress"])
+def test_small_loads_and_heat_on_anisotropic_bodies_are_those_of_small_strain(
+    across: str, tmp_path: Path
+) -> None:
+    """A plank, grain at 25 degrees, heated and pulled a little: both strains agree to the strain itself."""
+    constants = {"E1": 12.0, "E2": 1.0, "E3": 1.5, "G12": 0.8, "nu12": 0.4, "nu13": 0.3, "nu23": 0.25}
+    text = (
+        head(across)
+        + material("wood", **constants, angle=25.0, alpha=[0.2, 1.0, 0.5])
+        + body("block", "wood", 0.25, box([0.0, 1.0], [0.0, 1.0]))
+        + pin("block", [0.0, 0.0], ux=0.0, uy=0.0)
+        + pin("block", [1.0, 0.0], uy=0.0)
+        + load("pull", "block.top", "traction", traction=[0.0, 3e-6])
+        + load("hold", "block.bottom", "traction", traction=[0.0, -3e-6])
+        + heated("1e-6 * (1 + x)")
+        + PROBE
+        + item("mls", degree=4).replace("[[mls]]", "[mls]")
+    )
+    small = solve(text, tmp_path / "small")
+    large = text.replace('plane = "', 'strain = "finite"\nplane = "').replace(
+        "\nangle", f"\n{KIRCHHOFF}\nangle"
+    )
+    finite = solve(large, tmp_path / "finite")
+    for key in ("displacement", "stress"):
+        exact = np.array(small["probes"]["in"][key])
+        np.testing.assert_allclose(finite["probes"]["in"][key], exact, atol=1e-5 * np.abs(exact).max())

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.check import check
-from mlsanm_cli.app.comparison.compare import CompareOptions, compare
+from mlsanm_cli.app.comparison.compare import compare
 from mlsanm_cli.app.finite import path as finite_path
 from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.results.probe import probe_named, probe_point
@@ -138,15 +138,15 @@ def test_arch_snaps_through(arch: tuple[Mapping[str, Any], Path]) -> None:
 def test_series_and_newton_go_the_same_way(tmp_path: Path) -> None:
     case = tmp_path / "beam.toml"
     case.write_text(BEAM.replace('"60 *', '"20 *'))
-    wishes = CompareOptions(("newton",), levels=2, picture=False)
-    result = compare(case, wishes, out=tmp_path / "out", console=Quiet())
+    wishes: dict[str, Any] = {"methods": ("newton",), "levels": 2, "picture": False}
+    result = compare(case, **wishes, out=tmp_path / "out", console=Quiet())
     assert result["status"] == "agree"
     anm, newton = result["methods"]
     assert anm["sparse_factorizations"] <= 8 < newton["sparse_factorizations"]
     assert newton["difference"]["displacement"] <= newton["limit"] <= 1e-6
     assert json.loads((tmp_path / "out" / "comparison.json").read_text())["status"] == "agree"
     with pytest.raises(RunError, match=r"--active-set"):
-        compare(case, CompareOptions(("active-set",)), out=tmp_path / "out", force=True, console=Quiet())
+        compare(case, methods=("active-set",), out=tmp_path / "out", force=True, console=Quiet())
 
 
 def test_pressure_that_follows(tmp_path: Path) -> None:

@@ -2,24 +2,39 @@
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
 
+import meshio
 import numpy as np
 import pytest
 
 from mlsanm_cli.io.run_reader import read_run
-from tests.app.output.vtk_files import area, listed, read
 from tests.app.scenes import BAR, done, solve
 from tests.case_text import EXACT, scene
+
+
+def read(path: Path) -> Any:
+    return meshio.read(path, file_format="vtu")
+
+
+def listed(path: Path) -> list[dict[str, str]]:
+    return [dict(one.attrib) for one in ET.parse(path).getroot().findall("Collection/DataSet")]
+
+
+def area(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    a, b, c = (points[triangles[:, corner], :2] for corner in range(3))
+    twice = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    return np.asarray(0.5 * twice)
+
 
 ROOT = Path(__file__).parents[3]
 NO_VTK = "the extra test-vtk is not installed"
 AREAS = {"cylinder": 0.5 * np.pi, "block": 8.0}
 CYLINDER = (
     scene("strain", "rubber", E=10.0, nu=0.3)
-    .body("pad", "rubber", 0.25, box=([-2.0, 2.0], [-2.0, 0.0]))
-    .support("pad.bottom", ux=0.0, uy=0.0)
+    .body("pad", "rubber", 0.25, box=([-2.0, 2.0], [-2.0, 0.0]), clamped="bottom")
     .pushed("down", "drum", uy=-0.02)
     .contact("drum", "pad.top", accuracy=0.01, friction=0.3, disk=([0.0, 1.0], 1.0), regularization=EXACT)
     .table("output", at=[0.5, 1.0])
@@ -44,20 +59,6 @@ def test_bodies_are_filled_with_triangles_and_keep_their_points(hertz_run: Path)
         parts = area(mesh.points, cells.data)
         assert parts.min() > 0.0
         assert parts.sum() == pytest.approx(AREAS[entry["name"]], rel=0.01)
-
-
-def test_filled_fields_have_the_peak_below_the_contact(hertz_run: Path) -> None:
-    """The largest shear under a Hertz contact lies 0.78 half-widths deep; triangles there are fine."""
-    contact = read_run(hertz_run).contacts["interface"]
-    loaded = contact.arc_length[contact.pressure[-1] > 0.01 * contact.pressure[-1].max()]
-    half = 0.5 * float(np.ptp(loaded))
-    last = [entry for entry in listed(hertz_run / "fields.pvd") if entry["name"] == "block"][-1]
-    mesh = read(hertz_run / last["file"])
-    deepest = mesh.points[mesh.point_data["von_mises"].argmax()]
-    assert deepest[1] == pytest.approx(-0.7 * half, abs=0.15 * half)
-    triangles = mesh.cells[0].data
-    below = np.hypot(*mesh.points[triangles].mean(axis=1)[:, :2].T) < half
-    assert np.sqrt(area(mesh.points, triangles)[below]).max() < 0.15 * half
 
 
 def test_contact_lines_tell_pressures_and_lie_on_the_moved_surface(drum: Path) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.io.run_reader import read_run
-from mlsanm_cli.io.summary import read_json
+from mlsanm_cli.io.summary import read_summary
 from tests.app.scenes import EXACT_LAW, SHEARED, SMOOTH, done, solve
 from tests.case_text import FLOOR, head, scene
 
@@ -35,7 +35,7 @@ def test_histories_are_stored(sheared: Path) -> None:
     assert moved[turned, 0] > 0.0 > moved[-1, 0]
     assert moved[-1, 1] < 0.0
     assert {1, 2} <= set(contact.status[turned].tolist())
-    summary = read_json(sheared / "summary.json")
+    summary = read_summary(sheared / "summary.json")
     figures = summary["contacts"]["interface"]
     assert figures["stick_nodes"] == (contact.status[-1] == 1).sum()
     assert figures["dissipated_work"] == pytest.approx(contact.dissipated_work[-1])

@@ -11,12 +11,10 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.contact.laws.failures import UnbalancedError
-from mlsanm_cli.contact.laws.limit_load import limit_load
 from mlsanm_cli.solve.stage_ends import check_slips
 from tests.app.runs import warned
 from tests.app.scenes import EXACT_LAW, done, solve
 from tests.case_text import FLOOR, Scene, body, contact, scene
-from tests.contact.friction import half_planes
 
 BRICK = (
     scene("strain", "stone", E=20e3, nu=0.2)
@@ -26,7 +24,6 @@ BRICK = (
     .contact("floor", "brick.bottom", obstacle=FLOOR, friction=0.9, accuracy=0.05)
     .stages("weight", "quake")
 )
-EXACT = 'contact.floor.regularization.law="exact"'
 UP = "load.quake.body-force=[0.0, 2.5]"
 
 
@@ -75,30 +72,6 @@ def test_a_plate_pressed_beside_its_feet_tips_over(hinge: float, on_block: bool,
     assert re.match("body a and body b .*tip over: ", summary["stop_reason"])
 
 
-def test_the_limit_of_sliding_is_friction_times_force() -> None:
-    c = half_planes(20).condensed
-    pressed, change = np.array([1.0, 0.0]), np.array([0.0, 1.25])
-    limit = limit_load(c, pressed, change)
-    assert limit is not None
-    assert limit.part == pytest.approx(0.8)
-    assert limit.friction_share == pytest.approx(1.0)
-    assert limit.pressed
-    assert abs(limit.motion[1]) > 0.0
-    carried = limit_load(c, pressed, 0.7 * change)
-    assert carried is not None
-    assert carried.whole
-    assert limit_load(c, np.array([-1.0, 0.0]), change) is None
-
-
-@pytest.mark.parametrize(("loads", "rubbed"), [([1.0, 1.25], 1.0), ([-1.0, 0.0], 0.0)])
-def test_loads_of_which_nothing_is_carried(loads: list[float], rubbed: float) -> None:
-    """Such that push along more than friction holds slide, such that pull lose contact."""
-    limit = limit_load(half_planes(20).condensed, np.zeros(2), np.array(loads))
-    assert limit is not None
-    assert limit.part == pytest.approx(0.0, abs=1e-9)
-    assert limit.friction_share == rubbed
-
-
 def test_a_body_slides_until_a_wall_stops_it(tmp_path: Path) -> None:
     # All of the floor slips from the first load on, which was taken for a limit load.
     wall = contact("wall", "brick.left", plane=([0.0, 0.0], [1.0, 0.0]))
@@ -116,8 +89,7 @@ def test_a_contact_that_stays_open_limits_nothing(tmp_path: Path, friction: floa
     # The smooth law has no scale then, and had refused to start.
     bar = (
         scene("strain", "stone", E=20e3, nu=0.0)
-        .body("bar", "stone", box=([0.0, 2.0], [0.0, 1.0]))
-        .support("bar.top", ux=0.0, uy=0.0)
+        .body("bar", "stone", box=([0.0, 2.0], [0.0, 1.0]), clamped="top")
         .body_force("weight", "bar", [0.0, -1.0])
         .contact("floor", "bar.bottom", plane=([0.0, -0.1], [0.0, 1.0]), friction=friction)
         .probe("end", "bar", [1.0, 0.0])

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.output.recorder import Recorder
-from mlsanm_cli.app.resume import resume
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.solve.state import PathStep, State
 from mlsanm_cli.solve.stop_events import turning
-from tests.app.runs import resumed_differences, summary_of
+from tests.app.runs import summary_of
 from tests.app.scenes import (
     ANM,
     BAR,
@@ -22,9 +19,7 @@ from tests.app.scenes import (
     FAST,
     NEWTON,
     NODAL,
-    PATCH,
     SMOOTH,
-    Quiet,
     hertz,
     solve,
 )
@@ -143,31 +138,6 @@ def test_a_stop_that_is_never_reached_changes_nothing(series_run: Path, tmp_path
     assert peaks[0] == pytest.approx(peaks[1], rel=1e-9)
 
 
-@pytest.mark.parametrize("steps", [3, None])
-def test_a_stopped_path_is_resumed_to_the_same_end(steps: int | None, tmp_path: Path) -> None:
-    """Killed behind some step, or just before the summary was written."""
-    whole, place = tmp_path / "whole", tmp_path / "cut"
-    solve(hertz() + HERTZ_STOP, whole, FAST)
-    if steps is None:
-        shutil.copytree(whole, place)
-    else:
-        told, count = Recorder.step, 0
-
-        def step(self: Any, built: Any, one: PathStep) -> None:
-            nonlocal count
-            told(self, built, one)
-            count += 1
-            if count == steps:
-                raise KeyboardInterrupt
-
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(Recorder, "step", step)
-            assert solve(hertz() + HERTZ_STOP, place, FAST)["status"] == "stopped"
-    (place / "summary.json").unlink()
-    resume(place, console=Quiet())
-    assert resumed_differences(whole, place) == []
-
-
 def test_a_load_that_turns_back_within_a_step_is_seen() -> None:
     none = np.zeros(0)
     state = State(0.9, none, none, none, none, np.zeros(0, np.int8))
@@ -178,16 +148,6 @@ def test_a_load_that_turns_back_within_a_step_is_seen() -> None:
     highest = turning(PathStep(state, (), series=parabola, series_attributes={"length": 1.5}))
     assert highest == pytest.approx(1.0, abs=1e-12)
     assert turning(PathStep(state, ())) is None
-
-
-@pytest.mark.usefixtures("by_nodes")
-def test_the_summary_of_a_patch_test_names_its_stop(tmp_path: Path) -> None:
-    stop = {"what": "displacement", "of": "press", "component": "y", "below": -1e-4}
-    summary = solve(PATCH.item("stop", **stop), tmp_path / "run")
-    # Two blocks, 2 high and 2 wide: uy = -F (1 - nu^2) / E here.
-    position = stopped(summary, "displacement of press in y below -0.0001")
-    assert position == pytest.approx(1e-4 * 210e3 / (0.91 * 200.0), rel=1e-6)
-    assert summary_of(tmp_path / "run")["stopped_at"] == position
 
 
 RUBBER = (

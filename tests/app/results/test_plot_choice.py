@@ -13,14 +13,14 @@ from PIL import Image
 from mlsanm_cli.app.check import check
 from mlsanm_cli.app.results import plot as plot_module
 from mlsanm_cli.app.results.choice import Choice
-from mlsanm_cli.app.results.curves import load_words, traction_picture
+from mlsanm_cli.app.results.curves import loop_picture, path_picture, traction_picture
 from mlsanm_cli.app.results.marks import marks_at
-from mlsanm_cli.app.results.plot import plot
+from mlsanm_cli.app.results.plot import pictures, plot
 from mlsanm_cli.app.run import run as run_case
 from mlsanm_cli.case import stored_case
 from mlsanm_cli.cli import main
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.run_reader import read_run
+from mlsanm_cli.io.run_reader import read_path, read_run
 from tests.app.output.test_paraview import CYLINDER
 from tests.app.scenes import BAR, PATCH, Quiet, done, hertz, solve
 
@@ -100,13 +100,6 @@ def test_units_are_labels_and_change_nothing(tmp_path: Path, drawn: list[Any]) -
     assert force.panels[0].y_label == "contact force per unit thickness [N/mm]"
 
 
-def test_stages_and_loads_are_told_in_titles(bar_run: Path) -> None:
-    run = read_run(bar_run)
-    case = stored_case(run.case_resolved)
-    assert load_words(run, case, 0.5) == "stage 1 of 2, pull x 0.5"
-    assert load_words(run, case, 1.25) == "stage 2 of 2, squeeze x 0.25"
-
-
 def test_stress_along_a_boundary_is_the_pressure_there(hertz_run: Path, drawn: list[Any]) -> None:
     plot(hertz_run, choice=Choice(along="block.top", field="yy", at=(0.3, 1.0)))
     (panel,) = drawn[0].panels
@@ -145,12 +138,15 @@ def test_runs_are_drawn_over_each_other(
         plot([hertz_run, punches_run], choice=Choice(what=("peak",)))
 
 
-def test_tractions_and_hysteresis_are_drawn(tmp_path: Path) -> None:
+def test_tractions_and_hysteresis_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     done(CYLINDER, tmp_path / "run")
     files = plot(tmp_path / "run", choice=Choice(what=("hysteresis", "loop")))
     assert {file.name for file in files} == {"plot_hysteresis_drum.png", "plot_loop_drum.png"}
     run = read_run(tmp_path / "run")
-    picture = traction_picture(run, stored_case(run.case_resolved), "drum", Choice(at=(0.5,)))
+    case, path = stored_case(run.case_resolved), read_path(tmp_path / "run")
+    (force,) = path_picture([run], [case], "force", Choice()).panels[0].curves
+    assert force.y == pytest.approx(np.hypot(*(path[f"contact.drum.force_{axis}"] for axis in "xy")))
+    picture = traction_picture(run, case, "drum", Choice(at=(0.5,)))
     assert picture.title == "Tangential traction, drum, position 0.5, down x 0.5"
     (panel,) = picture.panels
     limit, _, traction = panel.curves
@@ -160,6 +156,11 @@ def test_tractions_and_hysteresis_are_drawn(tmp_path: Path) -> None:
         slips |= (label == "slip") & (traction.x > begin) & (traction.x < end)
     assert np.abs(traction.y[slips]) == pytest.approx(limit.y[slips], rel=1e-9)
     assert (np.abs(traction.y) <= limit.y * (1.0 + 1e-9)).all()
+    # A tangential force that is round-off is no loop.
+    monkeypatch.setitem(run.contacts["drum"]._members, "traction", 1e-9 * run.contacts["drum"].traction)
+    assert not {kind for kind, _, _ in pictures(run, case, Choice())} & {"loop", "hysteresis"}
+    with pytest.raises(RunError, match="no tangential force"):
+        loop_picture(run, case, "drum", Choice())
 
 
 def test_a_path_is_a_moving_picture(

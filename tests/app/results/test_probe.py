@@ -8,12 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mlsanm_cli.app.check import check
 from mlsanm_cli.app.results import probe
-from mlsanm_cli.app.results.choice import QUANTITIES
+from mlsanm_cli.app.results.choice import QUANTITIES, Choice
+from mlsanm_cli.app.results.curves import loop_picture
 from mlsanm_cli.app.results.path_lookup import SERIES, level_at
+from mlsanm_cli.case import stored_case
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_reader import read_run
-from tests.app.scenes import BAR, PATCH, SHEARED, SMOOTH, done, hertz, refused, solve
+from tests.app.runs import summary_of
+from tests.app.scenes import BAR, PATCH, SHEARED, SMOOTH, Quiet, done, hertz, refused, solve
 from tests.case_text import probe as probe_text
 
 LOAD = -226.0
@@ -150,6 +154,9 @@ def test_friction_between_steps(friction_nodes: Path) -> None:
         np.abs(contact["traction"]) <= 0.4 * (contact["pressure"] + 0.01 * contact["pressure"].max())
     ).all()
     assert set(contact) == {"position", "how", "arc_length", "x", "y", "traction", "pressure"}
+    run = read_run(friction_nodes)
+    loop = loop_picture(run, stored_case(run.case_resolved), "interface", Choice())
+    assert "by shear" in loop.panels[0].x_label
     (named,) = probe.probe_named(friction_nodes, [1.4], "p")
     (field,) = probe.probe_point(friction_nodes, [1.4], "block", (0.02, -0.05))
     assert values(named) == pytest.approx(values(field), rel=0.01, abs=1e-6)
@@ -206,6 +213,17 @@ def test_what_cannot_be_told_is_an_error(call: Any, words: str, hertz_probes: Pa
     assert words in f"{error.value.message} {error.value.hint}"
 
 
+def test_a_position_alone_gives_the_figures_of_all_contacts(hertz_probes: Path) -> None:
+    (row,) = probe.probe_everything(hertz_probes, [1.0])
+    known = summary_of(hertz_probes)["contacts"]["interface"]
+    assert [row[key] for key in ("peak_pressure", "half_width")] == pytest.approx(
+        [known["peak_pressure"], known["half_width"]]
+    )
+    assert [row["fx"], row["fy"]] == pytest.approx(known["force"], rel=1e-3, abs=1e-3)
+    with pytest.raises(RunError, match="does not reach position 3"):
+        probe.probe_everything(hertz_probes, [3.0])
+
+
 def test_what_there_is_to_probe(hertz_probes: Path) -> None:
     found = probe.contents(hertz_probes)
     expected = {"path": [0.0, 1.0], "contacts": ["interface"], "probes": ["below", "top"]}
@@ -214,12 +232,19 @@ def test_what_there_is_to_probe(hertz_probes: Path) -> None:
     assert found["fields_at"] == [0.3, 0.7, 1.0]
 
 
+@pytest.mark.parametrize("point", [[2.0, 0.5], [2.0 + 3e-8, 0.5], [1.0, -1e-7]])
+def test_probes_on_a_boundary_are_given_to_some_digits(point: list[float], tmp_path: Path) -> None:
+    (tmp_path / "bar.toml").write_text(BAR.probe("p", "bar", point))
+    check(tmp_path / "bar.toml", console=Quiet())
+
+
 INSIDE = BAR.probe("p", "bar", [1.0, 0.5])
 
 
 @pytest.mark.parametrize(
     ("text", "key", "words"),
     [
+        (BAR.probe("p", "bar", [2.00001, 0.5]), "probe.p.point", "outside body"),
         (BAR.probe("p", "bar", [2.1, 0.5]), "probe.p.point", "outside body"),
         (INSIDE.probe("p", "bar", [1.0, 0.5]), "probe.p.name", "another probe"),
     ],

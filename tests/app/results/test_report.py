@@ -10,13 +10,11 @@ from typing import Any
 
 import pytest
 
-from mlsanm_cli.app.results.report import _joined_forces, report
+from mlsanm_cli.app.results.report import report
 from mlsanm_cli.app.run import run as run_case
-from mlsanm_cli.case import stored_case
 from mlsanm_cli.cli import main
 from mlsanm_cli.errors import RunError
 from tests.app.scenes import ANM, BAR, FAST, Quiet, hertz, solve
-from tests.case_text import scene
 
 VOID = {"meta", "img", "br", "link"}
 
@@ -144,12 +142,3 @@ def test_the_command(bar_run: Path, tmp_path: Path, afterwards: pytest.MonkeyPat
     assert main(["report", str(bar_run), str(bar_run)]) == 0
     assert (tmp_path / "report.html").is_file()
     assert main(["report", "nowhere"]) == 2
-
-
-def test_forces_balance_in_the_table() -> None:
-    """Two loads that displace one boundary have its force together; contacts have a table of their own."""
-    bar = scene("strain", E=1.0).body("bar", "steel", 0.25, box=([0.0, 2.0], [0.0, 1.0]))
-    down = bar.support("bar.bottom", ux=0.0, uy=0.0).load("down", "bar.top", "displacement", uy=-0.1)
-    case = stored_case(down.load("on", "bar.top", "displacement", ux=0.1))
-    forces = {"down": [1.0, -2.0], "on": [1.0, -2.0], "bar.bottom": [-1.0, 2e-12], "contact a": [0.0, 1.0]}
-    assert _joined_forces(forces, case) == [("down, on", ["1", "-2"]), ("bar.bottom", ["-1", "0"])]

@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.check import check
 from mlsanm_cli.app.results.choice import Choice
 from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.results.probe import probe_contact, probe_force
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.runs import warned
-from tests.app.scenes import Quiet, done, refused, solve
+from tests.app.scenes import done, refused, solve
 from tests.case_text import Scene, body, contact, load, polygon, scene
 
 
@@ -253,11 +252,6 @@ def test_a_bond_ends_where_a_surface_goes_on(tmp_path: Path) -> None:
 BONDED = stacked().support("low.bottom", ux=0.0, uy=0.0) + PULL
 FACES = ("high.bottom", "low.top")
 GLUED = BONDED + bond("glue", *FACES)
-
-
-def test_check_knows_bonds(tmp_path: Path) -> None:
-    (tmp_path / "case.toml").write_text(GLUED)
-    assert check(tmp_path / "case.toml", console=Quiet())["contacts"]["glue"]
 
 
 def test_bonds_touch_and_are_not_refined(tmp_path: Path) -> None:

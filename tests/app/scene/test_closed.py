@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import pytest
 from benchmarks.formulas.lame import LameRing, press_fit
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import done, prepared, solve
-from tests.case_text import body_force, polygon, scene, support
+from tests.case_text import body_force, disk, polygon, scene, support
 
 FIT = (
     scene("stress")
@@ -53,6 +54,19 @@ def test_a_fit_has_the_pressure_of_lame_all_around(tmp_path: Path) -> None:
             c, s = np.cos(a), np.sin(a)
             assert xx * c * c + yy * s * s + 2.0 * xy * c * s == pytest.approx(-pressure, rel=0.01)
             assert (yy - xx) * c * s + xy * (c * c - s * s) == pytest.approx(0.0, abs=0.01 * pressure)
+
+
+def test_a_clamped_ring_on_a_rigid_mandrel_is_pressed_evenly(tmp_path: Path) -> None:
+    """Around a whole circle there is no chord whose rotation could turn the contact. Radial displacement
+    a r + b / r, 0 outside and the interference inside."""
+    ring = scene("strain", E=3500.0).body("ring", "steel", annulus=([0.0, 0.0], [1.0, 2.0]))
+    mandrel = {"kind": "disk", "center": [0.0, 0.0], "radius": 1.0}
+    ring = ring.support("ring.outer", ux=0.0, uy=0.0).contact("fit", "ring.inner", obstacle=mandrel)
+    done(ring, tmp_path / "run", "contact.fit.interference=2e-4")
+    a, b = np.linalg.solve([[1.0, 1.0], [2.0, 0.5]], [2e-4, 0.0])
+    expected = -3500.0 / (1.3 * 0.4) * (a - 0.4 * b)
+    pressure = read_run(tmp_path / "run").contacts["fit"].pressure[-1]
+    assert pressure == pytest.approx(expected, rel=5e-3)
 
 
 def test_a_fit_that_is_pulled_aside_may_open_anywhere(tmp_path: Path) -> None:
@@ -102,9 +116,8 @@ def test_a_pin_in_the_middle_of_a_ring_is_pulled_to_either_side(tmp_path: Path) 
     for pull in (-10.0, 10.0):
         text = (
             scene("stress")
-            .body("eye", "steel", annulus=([0.0, 0.0], [8.0, 25.0]))
+            .body("eye", "steel", annulus=([0.0, 0.0], [8.0, 25.0]), clamped="outer")
             .body("pin", "steel", disk=([0.0, 0.0], 7.95))
-            .support("eye.outer", ux=0.0, uy=0.0)
             .body_force("pull", "pin", [pull, 0.0])
             .contact("fit", "pin.arc", "eye.inner")
         )
@@ -112,3 +125,70 @@ def test_a_pin_in_the_middle_of_a_ring_is_pulled_to_either_side(tmp_path: Path) 
         assert summary["contacts"]["fit"]["force"][0] == pytest.approx(-pull * np.pi * 7.95**2, rel=1e-3)
         peaks.append(summary["contacts"]["fit"]["peak_pressure"])
     assert peaks[0] == pytest.approx(peaks[1], rel=1e-3)
+
+
+BEAM = (
+    scene("stress", "alloy", E=70e3, nu=0.33)
+    .body("beam", "alloy", box=([0.0, 20.0], [0.0, 2.0]), clamped="left")
+    .pushed("press", "nose", uy=-0.3)
+)
+ROUND = [[17.0 + 2.0 * np.cos(a), 4.0 + 2.0 * np.sin(a)] for a in np.linspace(np.pi, 2.0 * np.pi, 61)]
+SAMPLES = {"kind": "polyline", "points": ROUND}
+
+
+def test_a_bent_beam_is_pressed_on_along_its_own_normal(tmp_path: Path) -> None:
+    """Its lower side moves outwards along two round posts, by as much as it turns."""
+    span, high, down = 100.0, 10.0, 0.5
+    summary = solve(
+        scene("stress")
+        .body("beam", "steel", box=([-55.0, 55.0], [0.0, high]))
+        .pin("beam", [0.0, high], ux=0.0)
+        .pushed("press", "top", uy=-down)
+        .contact("left", "beam.bottom", disk=([-0.5 * span, -5.0], 5.0))
+        .contact("right", "beam.bottom", disk=([0.5 * span, -5.0], 5.0))
+        .contact("top", "beam.top", disk=([0.0, high + 5.0], 5.0))
+        .probe("out", "beam", [-52.0, 0.5 * high])
+        .probe("in", "beam", [-48.0, 0.5 * high]),
+        tmp_path / "run",
+    )
+    moved = {name: np.array(probe["displacement"]) for name, probe in summary["probes"].items()}
+    turned = (moved["in"][1] - moved["out"][1]) / 4.0
+    assert turned == pytest.approx(-3.0 * down / span, rel=0.1)
+    for name, sign in (("left", -1.0), ("right", 1.0)):
+        along, up = summary["contacts"][name]["force"]
+        assert along / up == pytest.approx(sign * turned, rel=0.02)
+
+
+def test_a_wedge_opens_a_fork(tmp_path: Path) -> None:
+    """Its arms touch with round ends, which bend away; the wedge does not turn."""
+    angle, round_, mouth = np.radians(15.0), 3.0, 60.0
+    points = [[0, -30], [mouth, -30], [mouth, -10], [20, -10], [20, 10], [mouth, 10], [mouth, 30], [0, 30]]
+    rounding = [0.0, 0.0, round_, 4.0, 4.0, round_, 0.0, 0.0]
+    fork = polygon(points, "below rim1 low root up rim2 above back", rounding=rounding)
+    # Its face is tangent to the end of the lower arm, and so is the other one.
+    on = np.array([mouth - round_, -10.0 - round_]) + round_ * np.array([np.sin(angle), np.cos(angle)])
+    tip, end = on[0] - 12.0, on[0] + 23.0
+    half = [-on[1] + (x - on[0]) * np.tan(angle) for x in (tip, end)]
+    wedge = polygon([[tip, -half[0]], [end, -half[1]], [end, half[1]], [tip, half[0]]], "low end up tip")
+    summary = solve(
+        scene("strain")
+        .material("aluminium", E=70e3, nu=0.33)
+        .body("fork", "aluminium", shape=fork, clamped="back")
+        .body("wedge", "steel", shape=wedge)
+        .load("push", "wedge.end", "platen", fx=-300.0, uy=0.0)
+        .contact("low", ["fork.corner3", "fork.low"], "wedge.low", accuracy=0.01)
+        .contact("up", ["fork.corner6", "fork.up"], "wedge.up", accuracy=0.01),
+        tmp_path / "run",
+    )
+    for name, sign in (("low", -1.0), ("up", 1.0)):
+        force = summary["contacts"][name]["force"]
+        assert force == pytest.approx([-150.0, sign * 150.0 / np.tan(angle)], rel=1e-3)
+
+
+@pytest.mark.parametrize("nose", [disk([17.0, 4.0], 2.0), SAMPLES], ids=["disk", "samples"])
+def test_a_round_obstacle_presses_perpendicular_to_a_flat_body(nose: dict[str, Any], tmp_path: Path) -> None:
+    found = solve(BEAM.contact("nose", "beam.top", obstacle=nose), tmp_path / "run")
+    across, along = found["contacts"]["nose"]["force"]
+    # The slope of a cantilever under its load, with shear, which takes part of the deflection.
+    shear = 0.3 * 70e3 / (70e3 / 2.66 * 5.0 / 6.0) * (2.0 / 17.0) ** 2 / 4.0 * 3.0
+    assert across / along == pytest.approx(1.5 * 0.3 / 17.0 / (1.0 + shear), rel=0.02)

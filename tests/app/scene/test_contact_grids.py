@@ -9,13 +9,10 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.laws import many_unknowns
-from mlsanm_cli.contact.response import condensation
-from mlsanm_cli.contact.response.functionals import candidate_rows, changes
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.reference.hertz import HertzLine
-from tests.app.scenes import Quiet, built, solve
-from tests.case_text import EXACT, Scene, head, polygon, polyline, scene
+from tests.app.scenes import Quiet, solve
+from tests.case_text import EXACT, Scene, head, polygon, scene
 
 NOSE = {"kind": "half-disk", "center": [0.0, 1.0], "radius": 1.0, "side": "lower"}
 SIDES = ("cylinder.arc", "block.top")
@@ -30,8 +27,7 @@ def pressed(width: float, ratio: float = 1.0, swapped: bool = False) -> tuple[Sc
         scene("strain", "block", E=210e3, nu=0.3)
         .material("cylinder", E=210e3 * ratio, nu=0.3)
         .body("cylinder", "cylinder", shape=NOSE)
-        .body("block", "block", box=([-2.0, 2.0], [-2.0, 0.0]))
-        .support("block.bottom", ux=0.0, uy=0.0)
+        .body("block", "block", box=([-2.0, 2.0], [-2.0, 0.0]), clamped="bottom")
         .load("press", "cylinder.flat", "platen", force=[0.0, -force])
         .contact("interface", slave, master, regularization=EXACT)
     )
@@ -113,8 +109,7 @@ RECEDING = (
     .table("mls", degree=4)
     .material("m", E=1.0, nu=0.3)
     .body("layer", "m", 0.125, box=([-7.0, 7.0], [0.0, 1.0]))
-    .body("block", "m", box=([-8.0, 8.0], [-8.0, 0.0]))
-    .support("block.bottom", ux=0.0, uy=0.0)
+    .body("block", "m", box=([-8.0, 8.0], [-8.0, 0.0]), clamped="bottom")
     .load("press", "layer.top", "pressure", pressure="2e-3 * cos(pi * x)**2 if abs(x) < 0.5 else 0")
     .contact("seat", "layer.bottom", "block.top")
 )
@@ -130,9 +125,8 @@ def test_a_layer_that_recedes_has_samples_for_its_bending(tmp_path: Path) -> Non
 LATE = (
     scene("stress", "nylon", E=2800.0, nu=0.4)
     .material("steel", E=210e3, nu=0.3)
-    .body("beam", "nylon", box=([0.0, 40.0], [0.0, 3.0]))
+    .body("beam", "nylon", box=([0.0, 40.0], [0.0, 3.0]), clamped="left")
     .body("stop", "steel", shape={**NOSE, "center": [37.0, -8.5], "radius": 6.0, "side": "upper"})
-    .support("beam.left", ux=0.0, uy=0.0)
     .support("stop.flat", ux=0.0, uy=0.0)
     .load("push", "beam.top", "pressure", pressure=0.1)
     .contact("rest", "beam.bottom", "stop.arc", regularization=EXACT)
@@ -156,8 +150,7 @@ POINTS = [[0, 0], [20, 0], [22, -1.5], [25, -1.5], [26.5, 0], [26.5, 1.6], [0, 1
 ROUNDED = polygon(POINTS, "under ramp nose back tip top root", rounding=[0.0, 0.5, 0.4, 0.4, 0.0, 0.0, 0.0])
 HOOK = (
     scene("stress", "nylon", E=2800.0, nu=0.4)
-    .body("hook", "nylon", shape=ROUNDED)
-    .support("hook.root", ux=0.0, uy=0.0)
+    .body("hook", "nylon", shape=ROUNDED, clamped="root")
     .pushed("lift", "cam", uy=1.0)
     .contact("cam", "hook.nose", disk=([23.5, -5.5], 4.0))
 )
@@ -168,41 +161,3 @@ def test_a_contact_may_wander_on_its_way(tmp_path: Path) -> None:
     found = solve(HOOK, tmp_path / "run", console=Quiet())
     assert found["status"] == "done", found["stop_reason"]
     assert found["contacts"]["cam"]["force"][1] == pytest.approx(0.2304, rel=0.01)
-
-
-def test_changes_of_gaps_and_slips_are_those_of_their_rows(tmp_path: Path) -> None:
-    text, _ = pressed(1e-2)
-    made = built(text, tmp_path, "contact.interface.friction=0.3", "contact.*.accuracy=0.1")
-    (pairing,) = made.condensed.pairings
-    for name, elastic in made.scene.bodies.items():
-        x, y = elastic.model.cloud.points.T
-        moved = np.stack([np.sin(x + 0.3 * y), x * y - 0.2 * x], axis=1)
-        gap, slip = changes(elastic, name, pairing, moved)
-        expected = [one @ moved.ravel() for one in candidate_rows(elastic, name, pairing)]
-        assert gap == pytest.approx(expected[0], abs=1e-12)
-        assert slip == pytest.approx(expected[1], abs=1e-12)
-
-
-def test_compressed_compliances_change_no_result(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    # A body up to two of its corners, and one pressed by a rigid wave between walls: few unknowns here.
-    x = np.linspace(0.0, 2.0, 61)
-    wave = np.column_stack([x, 1e-3 * (1.0 + np.cos(np.pi * x))])
-    waves = (
-        scene("strain")
-        .body("block", "steel", box=([0.0, 2.0], [-2.0, 0.0]))
-        .support(["block.left", "block.right"], ux=0.0)
-        .support("block.bottom", uy=0.0)
-        .pushed("press", "interface", fy=-100.0)
-        .contact("interface", "block.top", obstacle=polyline(*wave.tolist()), regularization=EXACT)
-    )
-    for number, text in enumerate((waves, pressed(0.05)[0])):
-        found = []
-        # Iterated, solved directly as iterations do not converge, and not compressed.
-        for many, products in ((20, 400), (20, 2), (10_000, 0))[:: number + 1]:
-            monkeypatch.setattr(condensation, "COMPRESSED_CONTACT", many)
-            monkeypatch.setattr(many_unknowns, "MAX_PRODUCTS", products)
-            out = tmp_path / f"{number}-{many}-{products}"
-            done(text, out, "contact.interface.accuracy=0.01", "output.fields=[]")
-            found.append(pressures(out)[1])
-        assert all(len(one) == len(found[-1]) for one in found)
-        assert max(np.abs(one - found[-1]).max() for one in found) <= 1e-7 * found[-1].max()

@@ -9,14 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.clouds import clouds
-from mlsanm_cli.app.scene.default_spacing import narrow_zones
-from mlsanm_cli.cloud.curves import Arc, Outline, Segment, rectangle
 from mlsanm_cli.io.run_reader import read_run
-from mlsanm_cli.mechanics.body_model import enriched_tips
-from mlsanm_cli.mechanics.material import isotropic
-from mlsanm_cli.operators.settings import MlsSettings
-from tests.app.scenes import done, prepared
+from tests.app.scenes import done
 from tests.case.scenes import parse
 from tests.case_text import FLOOR, head, polygon, scene
 
@@ -40,8 +36,7 @@ PLATE |= {"holes": [{"center": [5.0, 3.0], "radius": 8.0, "name": "hole"}]}
 PLY = (
     head("stress")
     .material("ply", E1=140e3, E2=9e3, G12=5e3, nu12=0.3, angle=67.0)
-    .body("plate", "ply", shape=PLATE)
-    .support("plate.l", ux=0.0, uy=0.0)
+    .body("plate", "ply", shape=PLATE, clamped="l")
     .load("pull", "plate.r", "traction", traction=[50.0, 0.0])
     .probe("above", "plate", [5.0, 11.0])
     .probe("below", "plate", [5.0, -5.0])
@@ -78,19 +73,6 @@ def test_stresses_round_a_hole_in_an_orthotropic_plate(tmp_path: Path) -> None:
     assert found["below"][0] == pytest.approx(137.77, rel=0.01)
     # The largest one is elsewhere, where stresses change over a small part of the radius.
     assert summary["peak_stress"]["plate"]["stress"] == pytest.approx(259.3, rel=0.02)
-
-
-def test_only_narrow_parts_are_finer() -> None:
-    plate = rectangle((0.0, 10.0), (0.0, 10.0))
-    assert not list(narrow_zones(plate, 0.5, 6.0))
-    hole = Arc((5.0, 1.8), 1.0, 0.5 * np.pi, -2.0 * np.pi)
-    outline = Outline((*plate.names, "hole"), (*plate.curves, hole), (0, 4))
-    zones = list(narrow_zones(outline, 0.5, 6.0))
-    assert min(zone.spacing for zone in zones) == pytest.approx(0.8 / 6.0, rel=0.2)
-    # Wedges get no ever finer nodes towards their tips.
-    corners = [(0.0, 0.0), (10.0, 0.0), (10.0, 2.0)]
-    sides = tuple(Segment(*ends) for ends in zip(corners, corners[1:] + corners[:1], strict=True))
-    assert not list(narrow_zones(Outline(("a", "b", "c"), sides), 0.3, 6.0))
 
 
 @pytest.mark.parametrize("degree", [2, 4])
@@ -130,33 +112,20 @@ def test_surfaces_in_contact_have_finer_nodes_at_finite_strain() -> None:
         text = (
             head("strain", strain=strain)
             .material("rubber", E=1.0, nu=0.3, law=law)
-            .body("pad", "rubber", box=([0.0, 2.0], [0.0, 1.0]))
-            .support("pad.bottom", ux=0.0, uy=0.0)
+            .body("pad", "rubber", box=([0.0, 2.0], [0.0, 1.0]), clamped="bottom")
             .contact("c", "pad.top", disk=([1.0, 2.0], 1.0))
             .pushed("p", "c", uy=-0.1)
         )
-        counts.append(len(clouds(parse(text).case)["pad"].surfaces["top"].index))
+        counts.append(len(clouds(Boundaries.of(parse(text).case))["pad"].surfaces["top"].index))
     small, finite = counts
     assert finite == pytest.approx(1.5 * small, abs=2)
-
-
-def test_fits_know_both_corners_at_the_root_of_a_tooth() -> None:
-    tooth = [[0.0, 0.0], [20.0, 0.0], [20.0, 10.0], [14.0, 10.0], [11.0, 18.0], [9.0, 18.0], [6.0, 10.0]]
-    text = scene("strain").body("rack", "steel")
-    text = text.table("body.shape", kind="polygon", points=[*tooth, [0.0, 10.0]])
-    text = text.support("rack.side1", ux=0.0, uy=0.0).load("push", "rack.side5", "pressure", pressure=1.0)
-    cloud = prepared(text).models["rack"].cloud
-    known = enriched_tips(cloud.tips, isotropic(210e3, 0.3, "strain"), MlsSettings(4))
-    assert known is not None
-    assert len(known.place) == 2
 
 
 def test_a_post_pushed_aside_leans_as_it_is_clamped(tmp_path: Path) -> None:
     """Bodies in contact have finer nodes where they are clamped, too, if they stand out from there."""
     text = (
         scene("strain")
-        .body("post", "steel", box=([-15.0, 15.0], [-45.0, 0.0]))
-        .support("post.bottom", ux=0.0, uy=0.0)
+        .body("post", "steel", box=([-15.0, 15.0], [-45.0, 0.0]), clamped="bottom")
         .contact("c", "post.right", disk=([35.0, -8.0], 20.0))
         .pushed("side", "c", fx=-1000.0, uy=0.0)
         .probe("top", "post", [-15.0, 0.0])

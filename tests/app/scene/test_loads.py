@@ -102,6 +102,7 @@ def push(**keys: Any) -> Scene:
     [
         ({"pressure": "1 / (x - 2)"}, "divides by zero at (2, 1)"),
         ({"pressure": "log(x)"}, "has no value at (0, 1)"),
+        ({"pressure": "sqrt(x - 0.5)"}, "has no value"),
         ({"table": [[0, 1], [1.9, 1]]}, "goes from 0 to 1.9, the boundary from 0 to 2"),
         ({"table": [[0.1, 1], [2, 1]]}, "goes from 0.1"),
     ],

@@ -12,9 +12,9 @@ from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.results.probe import probe_named, probe_point
 from mlsanm_cli.app.run import run
 from mlsanm_cli.arrays import FloatArray
-from tests.app.blocks import BOTTOM, CLAMP, HEAT, LEFT, PINS, STEEL, WOOD, Result, block, traction
+from tests.app.blocks import CLAMP, HEAT, PINS, STEEL, WOOD, Result, block, traction
 from tests.app.runs import warned
-from tests.app.scenes import EXACT_LAW, Quiet, refused
+from tests.app.scenes import EXACT_LAW, Quiet
 from tests.case_text import Scene, heat, pin, support
 
 
@@ -84,18 +84,6 @@ def test_free_expansion(plane: str, material: dict[str, Any], tmp_path: Path) ->
     assert found.summary["force_balance"] <= 1e-8
 
 
-def test_a_clamped_bar_that_is_heated(tmp_path: Path) -> None:
-    text = block(LEFT, BOTTOM, HEAT, plane="stress").support("block.right", ux=0.0)
-    found = Result(text, tmp_path / "run")
-    # E alpha dT = 1.
-    assert np.abs(found.stress - [-1.0, 0.0, 0.0]).max() <= 1e-8
-    np.testing.assert_allclose(found.forces["block.left"], [1.0, 0.0], atol=1e-9)
-    np.testing.assert_allclose(found.forces["block.right"], [-1.0, 0.0], atol=1e-9)
-    np.testing.assert_allclose(found.forces["heat"], [0.0, 0.0], atol=0.0)
-    assert abs(found.summary["energy_error"]) <= 1e-9
-    assert found.summary["force_balance"] <= 1e-9
-
-
 def test_a_heated_block_that_is_clamped(tmp_path: Path) -> None:
     # No force acts on it, and what the clamp exerts next to what would block all expansion is round-off.
     text = block(CLAMP, HEAT, plane="stress", spacing=0.1)
@@ -116,7 +104,7 @@ def test_a_plane_stiffness_in_plane_strain_leaves_von_mises_open(tmp_path: Path)
 
 def test_hertz_on_an_orthotropic_block(tmp_path: Path) -> None:
     wood = "{E1=300e3, E2=60e3, E3=100e3, G12=40e3, nu12=0.3, nu13=0.3, nu23=0.25, angle=30.0}"
-    # E' by the roots of the characteristic equation (tests/mechanics/test_half_plane.py); a = 0.05.
+    # E' by the roots of the characteristic equation (tests/mechanics/test_material.py); a = 0.05.
     together = 1.0 / (1.0 / 99489.2 + 0.91 / 210e3)
     force = 0.25 * np.pi * together * 0.05**2
     overrides = (
@@ -242,7 +230,3 @@ def test_probes_under_a_contact_have_no_stress_of_free_expansion(tmp_path: Path)
         probe_point(tmp_path / "run", (1.0,), "block", (0.3, 0.4)),
     )
     assert seen["yy"] == pytest.approx(point["yy"], abs=0.05)
-
-
-def test_an_expression_without_a_value_is_told_by_its_key(tmp_path: Path) -> None:
-    refused(block(PINS, field("log(x - 1)")), tmp_path / "run", "load.heat.temperature", "has no value")

@@ -8,14 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.scene.contact_spacing import valleys
-from mlsanm_cli.app.scene.default_spacing import arc_zones
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.cloud.curves import Outline
-from mlsanm_cli.cloud.splines import NodeSpline, SplinePart
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.reference.hertz import HertzLine
-from tests.app.scenes import EXACT_LAW, Quiet, done, prepared, refused, solve
+from tests.app.scenes import EXACT_LAW, Quiet, done, refused, solve
 from tests.case_text import EXACT, FLOOR, Scene, body, contact, load, polyline, scene, support
 
 E, NU = 1000.0, 0.3
@@ -62,27 +58,12 @@ def test_a_wavy_gap_on_flat_faces(below: str, waves: int, tmp_path: Path) -> Non
     text = HEAD + UPPER + press(-mean)
     pair = LOWER + CLAMP + contact("c", "lower.top", "upper.bottom", gap=gap)
     text += on_plane(gap) if below == "plane" else pair
-    found = contact_of(text, tmp_path / "run", EXACT_LAW, "contact.c.accuracy=5e-3")
+    found = contact_of(text, tmp_path / "run", EXACT_LAW, "contact.c.accuracy=1e-2")
     pressure, x, lengths = found.pressure[-1], found.points[:, 0], found.weight
     expected = westergaard(x - 0.5 * length, length, mean, full)
     error = np.sqrt((lengths @ (pressure - expected) ** 2) / (lengths @ expected**2))
     assert error <= 5e-3
     assert pressure.max() == pytest.approx(expected.max(), rel=5e-3)
-
-
-@pytest.mark.usefixtures("by_nodes")
-def test_nodes_know_the_gap_as_grids_do(tmp_path: Path) -> None:
-    modulus, height = E / (1.0 - NU**2) / 2.0, 1e-3
-    full = np.pi * modulus * height
-    text = HEAD + CLAMP + press(-0.5 * full)
-    for part, edge in ((UPPER, "bottom"), (LOWER, "top")):
-        fine = f"refine = [{{ along = '{edge}', spacing = 0.08, radius = 0.0 }}]\nshape"
-        text += part.changed("shape", fine)
-    text += contact("c", "upper.bottom", "lower.top", gap=f"{height}*(1 - cos(2*pi*x - pi))")
-    found = contact_of(text, tmp_path / "run", EXACT_LAW)
-    pressure, x = found.pressure[-1], found.points[:, 0]
-    expected = westergaard(x - 0.5, 1.0, 0.5 * full, full)
-    assert np.sqrt(((pressure - expected) ** 2).sum() / (expected**2).sum()) <= 0.08
 
 
 def test_a_crowned_gap_is_hertz_contact(tmp_path: Path) -> None:
@@ -189,29 +170,6 @@ def test_a_wavy_surface_has_westergaards_pressures(tmp_path: Path) -> None:
         assert away[pressure[here] > 0.0].max() == pytest.approx(half, rel=0.05)
 
 
-def test_shallow_waves_need_no_fine_nodes_and_tight_turns_do() -> None:
-    def finest(x: FloatArray, y: FloatArray, far: float) -> float:
-        spline = SplinePart(NodeSpline(np.stack([x, y], axis=1), False), 0, len(x) - 1)
-        return min([far, *(zone.spacing for zone in arc_zones(Outline(("a",), (spline,)), far))])
-
-    x = np.linspace(0.0, 20.0, 801)
-    assert finest(x, 0.01 * np.cos(2.0 * np.pi * x), 1.0) == 1.0
-    assert finest(x, 0.1 * np.cos(2.0 * np.pi * x), 1.0) < 0.2
-    angle = np.linspace(0.0, np.pi, 41)
-    # As along arcs: a fifth of the radius, in hollows a fourteenth.
-    x, y = -0.5 * np.cos(angle), -0.5 * np.sin(angle)
-    assert 0.06 <= finest(x, y, 0.5) <= 0.1
-    assert 0.03 <= finest(x[::-1], y[::-1], 0.5) <= 0.05
-
-
-def test_last_bits_of_flat_surfaces_are_no_places_of_contact() -> None:
-    noise = 1e-16 * np.random.default_rng(1).normal(size=200)
-    assert len(valleys(noise, 1e-9)) == 1
-    x = np.linspace(0.0, 5.0, 401)
-    found = valleys(-1e-3 * np.cos(2.0 * np.pi * (x - 0.5)) + noise[0], 1e-9)
-    assert x[found] == pytest.approx([0.5, 1.5, 2.5, 3.5, 4.5], abs=0.02)
-
-
 def flanks(first: tuple[float, float], second: tuple[float, float], spacing: Any, **press: float) -> Scene:
     """Two teeth with involutes of two base and curvature radii, that touch at the pitch point."""
 
@@ -237,9 +195,3 @@ def test_flanks_of_gears_from_points(tmp_path: Path) -> None:
     found = solve(text, tmp_path / "gears")["contacts"]["mesh"]
     hertz = HertzLine(force, 1.0 / (1.0 + 1.0 / 1.5), 0.5 * E / 0.91)
     assert found["peak_pressure"] == pytest.approx(hertz.peak_pressure, rel=5e-3)
-
-
-def test_which_of_two_equal_flanks_gives_directions_does_not_depend_on_nodes() -> None:
-    """Curvatures are compared where the flanks touch, not at the nodes next to that place."""
-    texts = (flanks((3.0, 1.0), (3.0, 1.0), spacing, fy=-3.0) for spacing in (0.1, 0.083, 0.07))
-    assert len({prepared(text).ranges["mesh"].facing.slave_first for text in texts}) == 1

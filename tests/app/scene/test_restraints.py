@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.scene.free_motions import free_motions
 from mlsanm_cli.errors import CaseError
 from tests.app.runs import warned
 from tests.app.scenes import done, prepared, solve
@@ -58,15 +57,6 @@ def seal(unit: float = 1.0, modulus: float = 8.0, turned: bool = False) -> Scene
         .contact("groove", "seal.arc", obstacle=groove, **law)
         .contact("lid", "seal.arc", plane=(place(0.0, 6.0), place(0.0, -1.0)), **law)
     )
-
-
-def test_a_free_motion_has_a_unit_of_what_it_is_held_by() -> None:
-    apart = np.array([[1.0, -1.0, 0.0], [0.0, 0.0, 1.0]])
-    found = free_motions(apart.T @ apart)
-    assert [pivot for pivot, _ in found] == [0]
-    assert found[0][1] == pytest.approx([1.0, 1.0, 0.0], abs=1e-12)
-    assert not free_motions(np.eye(2))
-    assert not free_motions(np.zeros((0, 0)))
 
 
 def test_round_off_drives_no_motion() -> None:

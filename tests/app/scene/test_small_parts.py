@@ -9,21 +9,22 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mlsanm_cli.app.check import check
+from mlsanm_cli.app.results.fields import boundary_edges
+from mlsanm_cli.app.results.plot import plot
+from mlsanm_cli.app.run import run
 from mlsanm_cli.app.scene import clouds
-from mlsanm_cli.app.scene.load_spacing import resolved_sizes
+from mlsanm_cli.cloud.sight import triangulate, visibility_criterion
+from mlsanm_cli.io.run_reader import read_run
 from tests.app.runs import warned
-from tests.app.scenes import done, solve
+from tests.app.scenes import Quiet, done, solve
 from tests.case_text import Scene, item, load, scene
 
 E, ALPHA, WIDTH = 1000.0, 1e-5, 0.5
 HALF, DEPTHS = 0.2, (0.25, 0.5, 1.0)
 STRIP: dict[str, Any] = {"from_": [-HALF, 0.0], "to": [HALF, 0.0]}
 PART: dict[str, Any] = {"from_": [-0.3, 0.0], "to": [0.3, 0.0]}
-BLOCK = (
-    scene("strain", "m", E=E)
-    .body("block", "m", box=([-10, 10], [-10, 0]))
-    .support("block.bottom", ux=0.0, uy=0.0)
-)
+BLOCK = scene("strain", "m", E=E).body("block", "m", box=([-10, 10], [-10, 0]), clamped="bottom")
 """A hundred times as wide as what is loaded."""
 
 
@@ -42,14 +43,6 @@ def test_a_pressure_ends_within_a_side(strip: dict[str, Any], tmp_path: Path) ->
     assert found == pytest.approx(exact, abs=0.01)
 
 
-def test_spacings_resolve_what_is_not_linear() -> None:
-    x = np.linspace(-1.0, 1.0, 129)
-    assert (resolved_sizes(x[:, None], 2.0, 0.5) == 0.5).all()
-    sizes = resolved_sizes(np.exp(-((x / 0.1) ** 2))[:, None], 2.0, 0.5)
-    assert sizes[[0, -1]].tolist() == [0.5, 0.5]
-    assert 0.01 < sizes.min() < 0.03
-
-
 def test_a_smooth_plate_on_a_part_of_a_side(tmp_path: Path) -> None:
     """The vertical stress beneath it is that in a half-plane under the pressures P / (pi sqrt(a^2 - x^2))
     (Johnson, Contact Mechanics, 1985, equation 2.64)."""
@@ -61,9 +54,7 @@ def test_a_smooth_plate_on_a_part_of_a_side(tmp_path: Path) -> None:
     assert stress[1] == pytest.approx(exact, rel=0.015)
 
 
-@pytest.mark.parametrize(
-    ("stiffness", "force"), [(100.0, 0.43627), (1000.0, 2.1238), (5000.0, 3.2540), (1e6, 3.8023)]
-)
+@pytest.mark.parametrize(("stiffness", "force"), [(100.0, 0.43627), (1000.0, 2.1238), (1e6, 3.8023)])
 def test_springs_along_a_part_of_a_side_that_is_pulled(
     stiffness: float, force: float, tmp_path: Path
 ) -> None:
@@ -111,3 +102,50 @@ def test_nodes_that_miss_a_hot_spot_are_warned_of(tmp_path: Path, monkeypatch: p
     assert "load.heat varies faster" in summary["warnings"][0]
     # Nothing is hot on the boundary, and yet there are forces to compare with.
     assert summary["force_balance"] < 1e-9
+
+
+BRACKET = (
+    scene("stress")
+    .body("bracket", "steel", 0.15)
+    .table(
+        "body.shape",
+        kind="polygon",
+        points=[[0.0, 0.0], [4.0, 0.0], [4.0, 0.98], [3.0, 1.0], [4.0, 1.02], [4.0, 2.0], [0.0, 2.0]],
+        names=["bottom", "low", "slit_low", "slit_up", "high", "top", "wall"],
+        rounding=[0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0],
+    )
+    .item("body.shape.holes", center=[1.0, 1.0], radius=0.3)
+    .item("body.refine", at=[3.0, 1.0], spacing=0.05, radius=0.1)
+    .item("body.refine", along="hole1", spacing=0.03, radius=0.0)
+    .support("bracket.wall", ux=0.0)
+    .pin("bracket", [0.0, 1.0], uy=0.0)
+    .load("pull", "bracket.low", "traction", traction=[10.0, 0.0])
+    .load("more", "bracket.high", "traction", traction=[10.0, 0.0])
+    .table("mls", degree=4)
+)
+
+
+def test_a_polygon_with_slit_hole_and_rounding_from_check_to_picture(tmp_path: Path) -> None:
+    case = tmp_path / "bracket.toml"
+    case.write_text(BRACKET)
+    found = check(case, write=tmp_path / "model.vtu", console=Quiet())
+    assert (tmp_path / "model.vtu").is_file()
+    summary = run(case, out=tmp_path / "run", console=Quiet())
+    assert summary["status"] == "done"
+    figures, solve_with_error = summary["quality"]["bodies"]["bracket"], found["bodies"]["bracket"]
+    assert found["nodes"] == summary["nodes"]
+    assert {key: figures[key] for key in ("stencils_enlarged", "worst_ratio", "closest")} == {
+        key: solve_with_error[key] for key in ("stencils_enlarged", "worst_ratio", "closest")
+    }
+    assert figures["closest"] > 0.5
+    assert any("sharp corner points into the material at (3, 1)" in text for text in summary["warnings"])
+    # The pictures' triangles leave hole and slit open.
+    body = read_run(tmp_path / "run").bodies["bracket"]
+    edges = boundary_edges(body)
+    a, b, c = body.points[
+        triangulate(body.points, edges, visibility_criterion(body.points, edges))
+    ].transpose(1, 0, 2)
+    area = 0.5 * float(np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]).sum())
+    exact = 8.0 - (1.0 - 0.25 * np.pi) * 0.25 - 0.09 * np.pi - 0.02
+    assert area == pytest.approx(exact, rel=2e-3)
+    assert len(plot(tmp_path / "run")) == 2

@@ -13,14 +13,12 @@ from mlsanm_cli.app.scene.clouds import clouds
 from mlsanm_cli.app.scene.contact_pairs import pair
 from mlsanm_cli.app.scene.facing import check_tips
 from mlsanm_cli.app.scene.imported import load_with_files
-from mlsanm_cli.app.scene.outlines import drawn
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import OutlineShape
 from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.runs import warned
 from tests.app.scene.test_imported import PULLED, polar_plate, write_gmsh
-from tests.app.scenes import done, hertz, prepared, refused, solve
+from tests.app.scenes import done, hertz, refused, solve
 from tests.case.scenes import parse
 from tests.case_text import EXACT, FLOOR, Scene, polygon, scene
 
@@ -34,17 +32,10 @@ def pad(radius: float, slave: Any = FOOT, master: Any = "block.top", spacing: fl
     shape = polygon(corners, "bottom right top left", rounding=[radius, radius, 0.0, 0.0])
     return (
         HEAD.body("pad", "steel", spacing, shape)
-        .body("block", "steel", spacing, box=([-3.0, 3.0], [-3.0, 0.0]))
-        .support("block.bottom", ux=0.0, uy=0.0)
+        .body("block", "steel", spacing, box=([-3.0, 3.0], [-3.0, 0.0]), clamped="bottom")
         .load("press", "pad.top", "platen", ux=0.0, fy=-5.0)
         .contact("foot", slave, master, accuracy=0.02, regularization=EXACT)
     )
-
-
-def test_ranges_go_on_where_the_outline_does() -> None:
-    """Pressures may reach the ends of edges that pass smoothly into free sides."""
-    limits = prepared(pad(0.3), "body.pad.spacing=0.2").ranges["foot"]
-    assert limits.last - limits.first > 2.0 * (0.7 + 0.7 * 0.5 * np.pi * 0.3)
 
 
 def pressed(directory: Path, name: str) -> tuple[FloatArray, FloatArray]:
@@ -68,16 +59,6 @@ def test_a_pad_touches_with_its_face_and_its_rounded_corners(tmp_path: Path) -> 
     assert np.abs(even - pressure).max() < 0.02 * pressure.max()
 
 
-@pytest.mark.parametrize("slave", ["pad.bottom", "block.top"])
-@pytest.mark.parametrize("spacing", [0.13, 0.2])
-def test_flat_faces_press_along_the_one_without_roundings(slave: str, spacing: float) -> None:
-    """The pressed pad's face is as flat as the block where they touch, and its roundings belong to it."""
-    master = "block.top" if slave == "pad.bottom" else "pad.bottom"
-    facing = prepared(pad(0.3, slave, master, spacing)).ranges["foot"].facing
-    normal = facing.normal(facing.locate(np.stack([np.linspace(-0.9, 0.9, 7), np.zeros(7)], axis=1)))
-    assert np.abs(normal - [0.0, 1.0 if slave == "pad.bottom" else -1.0]).max() < 1e-12
-
-
 @pytest.mark.parametrize("side", ["slave", "master"])
 def test_sides_that_face_nobody_change_nothing(side: str, tmp_path: Path) -> None:
     """At a corner only the side that faces the other body receives pressures, on slaves and on masters."""
@@ -94,8 +75,7 @@ def test_a_disk_rests_on_both_sides_of_an_elastic_groove_of_one_name(tmp_path: P
     groove = [[-3.0, high], [0.0, low], [3.0, high], [3.0, -4.0], [-3.0, -4.0]]
     text = (
         HEAD.body("disk", "steel", disk=([0.0, 0.0], 1.0))
-        .body("rail", "steel", shape=polygon(groove, "groove groove right base left"))
-        .support("rail.base", ux=0.0, uy=0.0)
+        .body("rail", "steel", shape=polygon(groove, "groove groove right base left"), clamped="base")
         .body_force("weight", "disk", [0.0, -1.0])
         .contact("both", "disk.arc", "rail.groove")
     )
@@ -107,8 +87,7 @@ def test_a_disk_rests_on_both_sides_of_an_elastic_groove_of_one_name(tmp_path: P
 @pytest.mark.parametrize("high", [5.0, 0.5])
 def test_the_pressure_at_a_sharp_rigid_tip_is_told_to_be_unbounded(high: float, tmp_path: Path) -> None:
     text = (
-        HEAD.body("block", "steel", box=([-10.0, 10.0], [-10.0, 0.0]))
-        .support("block.bottom", ux=0.0, uy=0.0)
+        HEAD.body("block", "steel", box=([-10.0, 10.0], [-10.0, 0.0]), clamped="bottom")
         .pushed("press", "tip", fy=-10.0)
         .contact("tip", "block.top", polyline=([-5.0, high], [0.0, 0.0], [5.0, high]), accuracy=0.05)
     )
@@ -155,7 +134,7 @@ def test_feet_of_one_name_are_clamped_as_those_of_two() -> None:
         for foot in feet:
             text = text.support(f"portal.{foot}", ux=0.0, uy=0.0)
         text = text.load("press", "portal.top", "pressure", pressure=1.0)
-        return clouds(parse(text).case)["portal"].points
+        return clouds(Boundaries.of(parse(text).case))["portal"].points
 
     np.testing.assert_array_equal(placed("foot"), placed("foot1", "foot2"))
 
@@ -215,20 +194,6 @@ def test_a_pressure_and_a_contact_share_a_surface(tmp_path: Path) -> None:
         solve(text.support("pad.bottom", ux=0.0), tmp_path / "no")
 
 
-@pytest.mark.parametrize("start", [0.0, 0.5 * np.pi])
-def test_a_closed_curve_begins_at_its_top_wherever_its_points_do(start: float) -> None:
-    angle = start + np.linspace(0.0, 2.0 * np.pi, 25)
-    points = [[float(x), float(y)] for x, y in zip(np.cos(angle), np.sin(angle), strict=True)]
-    sides = [{"name": "skin", "points": points}]
-    text = HEAD.body("block", "steel", 0.2, {"kind": "outline", "sides": sides})
-    text = text.support("block.skin", ux=0.0, uy=0.0).body_force("own", "block", [0.0, -1.0])
-    shape = parse(text).case.body[0].shape
-    assert isinstance(shape, OutlineShape)
-    (curve,) = drawn(shape).curves
-    assert curve.points(np.zeros(1))[0] == pytest.approx((0.0, 1.0))
-    assert curve.closed
-
-
 def standing(on: float, **part: list[float]) -> Scene:
     """A block on a roller from its left end to ``on``, and on a plane along a part of the rest."""
     return (
@@ -281,12 +246,11 @@ def test_a_tip_that_touches_with_both_sides_needs_a_radius(slope: float, sharp: 
     case = parse(
         scene("strain")
         .body("wedge", "steel", shape=polygon(points, "one right back left other"))
-        .body("block", "steel", box=([-8.0, 8.0], [-8.0, 0.0]))
-        .support("block.bottom", ux=0.0, uy=0.0)
+        .body("block", "steel", box=([-8.0, 8.0], [-8.0, 0.0]), clamped="bottom")
         .load("press", "wedge.back", "platen", ux=0.0, fy=-10.0)
         .contact("tip", slave=["wedge.other", "wedge.one"], master="block.top")
     ).case
-    pairings = tuple(pair(case, Boundaries.of(case), clouds(case)))
+    pairings = tuple(pair(case, Boundaries.of(case), clouds(Boundaries.of(case))))
     if not sharp:
         check_tips(case, pairings)
         return

@@ -1,0 +1,239 @@
+"""The protocol of a constitutive law in the plane: first Piola-Kirchhoff stress P of the deformation gradient
+F, as series, with derivatives of any order.
+
+Components of F and P in the plane are ordered 11, 12, 21, 22; 33 is the stretch and the stress across it. In
+plane strain the stretch across the plane is 1, in plane stress it makes the stress across vanish. A body of
+temperature T deforms elastically by F G^-1 with its free stretch G = 1 + a T, also across the plane::
+
+    P(F) = det(G) P_e(F G^-1) G^-T                F_e = F G^-1
+
+The linearisation at F = 1 is the law of small strains. Laws of nearly incompressible materials give the
+part p cof(F) of P apart, p being their mean stress due to volume changes: derivatives of p by first
+derivatives of nodal values do not lock.
+
+Equations (19) and (21) of docs/method.md.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.mechanics.laws.series import Series, Tape, Term, dot
+from mlsanm_cli.mechanics.material import PlaneMaterial
+from mlsanm_cli.records import dataclass
+
+WAVE_DIRECTIONS = 24
+"""Directions, over half a turn, in which ellipticity is tested."""
+
+
+@dataclass(frozen=True)
+class Stress:
+    """First Piola-Kirchhoff stress ``plane`` 11, 12, 21, 22, functions that record the stress ``across`` and
+    the ``stretch`` across, and the ``mean`` stress p of volume changes that they leave out, None if it is a
+    part of them."""
+
+    plane: Sequence[Series]
+    across: Callable[[], Term]
+    stretch: Callable[[], Term]
+    mean: Term | None = None
+
+
+class Law(ABC):
+    """A law with its ``linear`` part at small strain, in ``plane`` "strain" or "stress"."""
+
+    name: str
+    linear: PlaneMaterial
+    plane: str
+
+    @abstractmethod
+    def stress_of(self, tape: Tape, f: Sequence[Series], across: Term | None, apart: bool) -> Stress:
+        """Elastic stress of the elastic deformation gradient ``f`` in the plane and the stretch ``across``,
+        None if there is no stress across. Leaves the mean stress ``apart`` if possible and asked for."""
+
+    def series(
+        self, orders: int, jets: int, points: int, warm: bool = False, apart: bool = False
+    ) -> Response:
+        """Empty series of ``orders`` beyond the state at ``points`` points, with ``jets`` of 1 (values) or 3
+        (with spatial derivatives); with temperatures if ``warm``."""
+        return Response(self, Tape(orders, jets, points), warm, apart)
+
+    def state(
+        self,
+        gradient: FloatArray,
+        degrees: FloatArray | None = None,
+        orders: int = 0,
+        apart: bool = False,
+    ) -> Response:
+        """The response, values only, to a displacement ``gradient`` (4, n) and temperature change ``degrees``
+        (n,), with room for ``orders``."""
+        response = self.series(orders, 1, gradient.shape[1], degrees is not None, apart)
+        response.put(0, gradient[:, None], None if degrees is None else degrees[None])
+        return response
+
+    def stress(self, gradient: FloatArray, degrees: FloatArray | None = None) -> FloatArray:
+        """P (4, n) at a displacement ``gradient`` (4, n) and temperature change (n,)."""
+        return np.asarray(self.state(gradient, degrees).stress[:, 0, 0])
+
+    def mean(self, gradient: FloatArray, degrees: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+        """Mean stress p (n,) of volume changes, and dp/dF (4, n), at a displacement ``gradient`` (4, n) and
+        temperature change (n,)."""
+        response = self.state(gradient, degrees, 1, apart=True)
+        assert response.mean is not None
+        slopes = np.empty_like(gradient)
+        for component in range(4):
+            unit = np.zeros((4, 1, gradient.shape[1]))
+            unit[component] = 1.0
+            response.put(1, unit)
+            slopes[component] = response.mean[1, 0]
+        return response.mean[0, 0], slopes
+
+    def moduli(
+        self, gradient: FloatArray, degrees: FloatArray | None = None, apart: bool = False
+    ) -> FloatArray:
+        """dP/dF (4, 4, n) at a displacement ``gradient`` (4, n) and temperature change (n,)."""
+        response = self.state(gradient, degrees, 1, apart)
+        found = np.empty((4, 4, gradient.shape[1]))
+        for component in range(4):
+            unit = np.zeros((4, 1, gradient.shape[1]))
+            unit[component] = 1.0
+            response.put(1, unit)
+            found[:, component] = response.stress[:, 1, 0]
+        return found
+
+    def squared_free_stretch(self, tensor: FloatArray, degrees: FloatArray) -> FloatArray:
+        """A ``tensor`` (4, n) times the square of the free stretch G of a temperature change (n,)."""
+        xx, yy, double, _ = self.linear.free_expansion
+        shear = 0.5 * double * degrees
+        free = np.array([[1.0 + xx * degrees, shear], [shear, 1.0 + yy * degrees]])
+        product = np.einsum("ijn,jkn,kln->iln", tensor.reshape(2, 2, -1), free, free)
+        return np.asarray(product.reshape(4, -1))
+
+    @property
+    def nested(self) -> bool:
+        """Whether the mean stress of volume changes is differentiated as a nodal field."""
+        return False
+
+    def ellipticity(self, gradient: FloatArray, degrees: FloatArray | None = None) -> FloatArray:
+        """Smallest eigenvalue (n,) over the shear modulus of the acoustic tensor A_iJkL N_J N_L over all
+        directions N; where it is not positive the material loses ellipticity."""
+        moduli = self.moduli(gradient, degrees).reshape(2, 2, 2, 2, -1)
+        least = np.full(gradient.shape[1], np.inf)
+        for angle in np.linspace(0.0, np.pi, WAVE_DIRECTIONS, endpoint=False):
+            n = np.array([np.cos(angle), np.sin(angle)])
+            q = np.einsum("iJkLn,J,L->ikn", moduli, n, n)
+            mean, half = 0.5 * (q[0, 0] + q[1, 1]), 0.5 * (q[0, 0] - q[1, 1])
+            least = np.minimum(least, mean - np.hypot(half, 0.5 * (q[0, 1] + q[1, 0])))
+        return least / self.linear.shear
+
+
+def law_class(name: str) -> type[Any]:
+    """The class of the law ``name``, ``LAW`` of the file of that name here."""
+    return vars(import_module(f"{__package__}.{name.replace('-', '_')}"))["LAW"]  # type: ignore[no-any-return]
+
+
+class Response:
+    """Series of F, ``gradient`` (4, K + 1, j, n), and P, ``stress`` (4, K + 1, j, n), of a law at points,
+    filled order by order. ``mean`` is the mean stress (K + 1, j, n) of volume changes if it is apart."""
+
+    def __init__(self, law: Law, tape: Tape, warm: bool, apart: bool) -> None:
+        self.law, self._tape = law, tape
+        self._f = [tape.input() for _ in range(4)]
+        self._degrees = tape.input() if warm else None
+        found = self._stress(apart)
+        self._plane = found.plane
+        self._across, self._stretch = found.across, found.stretch
+        self._mean = None if found.mean is None else tape.as_series(found.mean)
+        self.gradient = np.zeros((4, *self._f[0].values.shape))
+        self.stress = np.zeros_like(self.gradient)
+
+    def _stress(self, apart: bool) -> Stress:
+        """Stress of the deformation beyond the free stretch."""
+        law, degrees, confined = self.law, self._degrees, self.law.plane == "strain"
+        if degrees is None:
+            return law.stress_of(self._tape, self._f, 1.0 if confined else None, apart)
+        a11, a22, double, a33 = law.linear.free_expansion
+        g11, g22, g12 = degrees * a11 + 1.0, degrees * a22 + 1.0, degrees * (0.5 * double)
+        g33, g21 = degrees * a33 + 1.0, g12
+        area = g11 * g22 - g12 * g21
+        # Inverse of G, which is symmetric.
+        i11, i12, i22 = g22 / area, -g12 / area, g11 / area
+        f11, f12, f21, f22 = self._f
+        inverse = ((i11, i12), (i12, i22))
+        elastic = [dot((x, f_x), (y, f_y)) for f_x, f_y in ((f11, f12), (f21, f22)) for x, y in inverse]
+        cold = law.stress_of(self._tape, elastic, 1.0 / g33 if confined else None, apart)
+        p11, p12, p21, p22 = cold.plane
+        c11, c12, c22 = g22 * g33, -g12 * g33, g11 * g33
+        cofactor = ((c11, c12), (c12, c22))
+        plane = [dot((x, p_x), (y, p_y)) for p_x, p_y in ((p11, p12), (p21, p22)) for x, y in cofactor]
+        return Stress(plane, lambda: cold.across() * area, lambda: cold.stretch() * g33, cold.mean)
+
+    def put(self, order: int, gradient: FloatArray | None, degrees: FloatArray | None = None) -> None:
+        """Set ``order`` of the displacement gradient (4, j, n), None if unknown, and of the temperature
+        change ``degrees`` (j, n), zero if None, and compute P."""
+        self.gradient[:, order] = 0.0 if gradient is None else gradient
+        if not order:
+            self.gradient[[0, 3], 0, 0] += 1.0
+        for component, values in zip(self._f, self.gradient[:, order], strict=True):
+            component.values[order] = values
+        if self._degrees is not None:
+            self._degrees.values[order] = 0.0 if degrees is None else degrees
+        self._tape.advance(order)
+        for place, component in enumerate(self._plane):
+            self.stress[place, order] = component.values[order]
+
+    @property
+    def mean(self) -> FloatArray | None:
+        """Mean stress (K + 1, j, n) of volume changes that ``stress`` leaves out; None if there is none."""
+        return None if self._mean is None else self._mean.values
+
+    def _value(self, term: Term) -> FloatArray:
+        """Value (n,) of a term recorded after the state."""
+        series = self._tape.as_series(term)
+        self._tape.advance(0)
+        return np.asarray(series.values[0, 0])
+
+    @cached_property
+    def stretch_across(self) -> FloatArray:
+        """Stretch (n,) across the plane."""
+        return self._value(self._stretch())
+
+    @property
+    def volume(self) -> FloatArray:
+        """Volume ratio det F (n,)."""
+        xx, xy, yx, yy = self.gradient[:, 0, 0]
+        return np.asarray((xx * yy - xy * yx) * self.stretch_across)
+
+    @property
+    def cauchy(self) -> FloatArray:
+        """Cauchy stresses xx, yy, zz, xy (4, n)."""
+        (f11, f12, f21, f22), (p11, p12, p21, p22) = self.gradient[:, 0, 0], self.stress[:, 0, 0]
+        across = self._value(self._across()) * self.stretch_across
+        whole = np.stack([p11 * f11 + p12 * f12, p21 * f21 + p22 * f22, across, p11 * f21 + p12 * f22])
+        return np.asarray(whole / self.volume)
+
+
+def gradient_of(derivatives: FloatArray) -> FloatArray:
+    """Displacement gradient (4, n) from ``derivatives`` (n, 3 or more, 2): value, d/dX, d/dY, ..."""
+    return np.asarray(derivatives[:, 1:3].transpose(2, 1, 0).reshape(4, -1))
+
+
+def determinant(gradient: FloatArray) -> FloatArray:
+    """det F - 1 (n,) in the plane for a displacement ``gradient`` (4, n), accurate for small ones."""
+    xx, xy, yx, yy = gradient
+    return np.asarray(xx + yy + xx * yy - xy * yx)
+
+
+def stretches(gradient: FloatArray) -> FloatArray:
+    """In-plane principal stretches (2, n), the larger first, of a displacement ``gradient`` (4, n)."""
+    xx, xy, yx, yy = gradient
+    green_xx, green_yy = xx + 0.5 * (xx**2 + yx**2), yy + 0.5 * (xy**2 + yy**2)
+    mean = 1.0 + green_xx + green_yy
+    half = np.hypot(green_xx - green_yy, xy + yx + xx * xy + yx * yy)
+    return np.asarray(np.sqrt(np.stack([mean + half, np.maximum(mean - half, 0.0)])))
