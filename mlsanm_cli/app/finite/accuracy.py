@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial import cKDTree
 
-from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.contact.finite.exact import ExactContact, FiniteContactState
 from mlsanm_cli.contact.finite.iteration import Iteration
@@ -83,9 +83,12 @@ def missed_in_contact(
         better, here, spread = _next(body), system.bodies[name], system.spread[name]
         acting = np.concatenate([factors, spread @ now.traction])
         left[name] = BodySeries.at(better, now.displacement[here], acting).rows(0)
-        # What closed forms replace is not missing.
+        # What closed forms replace is not missing: the part along the residual of the linear response.
         known = _of_tractions(undeformed[name], better, spread @ upright)
-        left[name] -= _rotated(better, known, body.turn(now.displacement[here]))
+        known = _rotated(better, known, body.turn(now.displacement[here]))
+        scaled = system.projectors[name].scaled(known)
+        along, size = scaled @ system.projectors[name].scaled(left[name]), scaled @ scaled
+        left[name] -= known * (np.clip(along / size, 0.0, 1.0) if size else 0.0)
     met = system.meet(surface, factors, before, now.sets.closed)
     step = Iteration(system, factors, response, left=left)
     state = (now.displacement, now.traction, now.pressure, now.shear, now.sets, met)
@@ -111,8 +114,9 @@ def _of_tractions(projector: Projector, better: FiniteBody, traction: FloatArray
 def _rotated(body: FiniteBody, rows: FloatArray, angle: float) -> FloatArray:
     """``rows`` (r,) of a body that has turned by an ``angle``."""
     found, count = rows.copy(), len(body.elastic.model.cloud.points)
-    both = [(np.arange(count), count + np.arange(count))]
-    both += [tuple(body.elastic.condition_rows(name, k) for k in (0, 1)) for name, *_ in body.conditions]
+    both: list[tuple[IntArray, IntArray]] = [(np.arange(count), count + np.arange(count))]
+    for name, *_ in body.conditions:
+        both.append((body.elastic.condition_rows(name, 0), body.elastic.condition_rows(name, 1)))
     first = body.elastic.rows - 3 * body.count
     both.append((first + np.arange(body.count), first + body.count + np.arange(body.count)))
     for x, y in both:

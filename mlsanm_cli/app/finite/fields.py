@@ -54,11 +54,11 @@ def fields_at(
 
 def fields_of(scene: FiniteScene, state: State) -> dict[str, Fields]:
     """Fields at the nodes of every body."""
-    found, parts = dict[str, Fields](), scene.parts(state.displacement)
+    found = dict[str, Fields]()
     for name, own in scene.parts(scene.shown(state)).items():
         body = scene.bodies[name]
         derivatives = body.elastic.model.stencils.derivatives(own.reshape(-1, 2))
-        mean = body.mean_stress(parts[name], state.factors)
+        mean = body.mean_stress(own, state.factors)
         if mean is not None:
             mean = body.elastic.model.stencils.derivatives(mean[:, None])[:, 0, 0]
         fields = fields_at(body.law, derivatives, body.degrees(state.factors), mean)
@@ -82,14 +82,14 @@ def probe_values(scene: FiniteScene, state: State) -> dict[str, dict[str, Any]]:
     values: dict[str, dict[str, Any]] = {}
     if not scene.probes:
         return values
-    parts, shown = scene.parts(state.displacement), scene.parts(scene.shown(state))
+    shown = scene.parts(scene.shown(state))
     for probe in scene.probes:
         body, own = scene.bodies[probe.body], shown[probe.body]
         model, warm = body.elastic.model, body.degrees_at(probe.point, state.factors)
         stencils = build_stencils(
             model.cloud.points, model.cloud.tree, probe.point, 1, model.settings, model.cloud.sight
         )
-        mean = body.mean_stress(parts[probe.body], state.factors)
+        mean = body.mean_stress(own, state.factors)
         if mean is not None:
             mean = stencils.derivatives(mean[:, None])[:, 0, 0]
         seen = fields_at(body.law, stencils.derivatives(own.reshape(-1, 2)), warm, mean)

@@ -114,12 +114,14 @@ def knots_of(scene: FiniteScene) -> Knots:
 
 def with_knots(scene: FiniteScene, arcs: Knots) -> FiniteScene:
     """The scene with knots at other arc lengths."""
-    pairs = []
+    pairs = list[AnyContact]()
     for contact, own in zip(scene.contacts.pairs, arcs, strict=True):
         both = zip(contact.sides, own, strict=True)
-        sides = [ContactSide.on(side.nodes, np.asarray(arc)) for side, arc in both]
-        named = dict(zip(("slave", "master"), sides, strict=False))
-        pairs.append(replace(contact, **named))
+        slave, *others = (ContactSide.on(side.nodes, np.asarray(arc)) for side, arc in both)
+        if isinstance(contact, BodyContact):
+            pairs.append(replace(contact, slave=slave, master=others[0]))
+        else:
+            pairs.append(replace(contact, slave=slave))
     return replace(scene, contacts=replace(scene.contacts, pairs=tuple(pairs)))
 
 

@@ -86,14 +86,14 @@ class NearField:
         """What (rows, 2k) is ``of`` the fields of unit forces at some ``nodes`` (k,), x and y in turn."""
         kernel, count = self.body.model.kernel, len(nodes)
         place, inward = self._places[nodes], -as_complex(self.side.outward[nodes])
-        own = of(SurfaceForces(kernel, place, inward, self.center)).reshape(rows, 2, count)
+        moved = of(SurfaceForces(kernel, place, inward, self.center)).reshape(rows, 2, count)
         for corner, weight in self._corners:
             near = np.flatnonzero(weight[nodes] > ROUND_OFF)
             if len(near):
                 plain = SurfaceForces(kernel, place[near], inward[near], self.center)
                 more = of(CorneredForces(plain, (corner,))) - of(plain)
-                own[:, :, near] += more.reshape(rows, 2, len(near)) * weight[nodes[near]]
-        own = own.reshape(rows, 2 * count)
+                moved[:, :, near] += more.reshape(rows, 2, len(near)) * weight[nodes[near]]
+        own = moved.reshape(rows, 2 * count)
         for arc, axis, sign in self._mirrored:
             center = self._center(arc, axis)
             images = SurfaceForces(kernel, self._image(place, arc, axis), _flipped(inward, axis), center)

@@ -170,7 +170,7 @@ class SideNodes(Points):
     @property
     def inner(self) -> BoolArray:
         """Mask (c,) of the nodes with near fields that are away from all corners but planes of symmetry."""
-        return (self.share == 1.0) & (self._away(set()) >= 2 * CORNER_NODES)
+        return np.asarray((self.share == 1.0) & (self._away(set()) >= 2 * CORNER_NODES))
 
     @property
     def _mirrored(self) -> set[int]:
@@ -250,7 +250,9 @@ class ContactSide(Points):
     @cached_property
     def spread(self) -> sparse.csr_array:
         """Nodal tractions (2c, 2g) by those at the knots (P), with the same force and moment."""
-        return both_components(np.linalg.solve(self.nodes.mass, _products(self.nodes, self)))
+        return both_components(
+            np.asarray(np.linalg.solve(self.nodes.mass, _products(self.nodes, self)), np.float64)
+        )
 
     @cached_property
     def hats(self) -> sparse.csr_array:

@@ -63,7 +63,7 @@ def test_bodies_too_thin_for_their_nodes_are_told(tmp_path: Path) -> None:
     assert {"displacement_error", "finite_force_error"} <= set(warned(summary))
     summary = solve(ring(0.037), tmp_path / "finer")
     assert summary["energy_error"] < 0.01
-    assert not summary["warnings"]
+    assert set(warned(summary)) <= {"rough_pressure_error"}
     assert -summary["forces"]["close"][1] == pytest.approx(exact, rel=0.005)
 
 

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.resume import resume
-from mlsanm_cli.app.run import run
+from mlsanm_cli.app.run import resume, run
 from tests.app.finite.finite_scenes import neo_hookean, rubber
 from tests.app.runs import resumed_differences
 from tests.app.scenes import Quiet, solve
