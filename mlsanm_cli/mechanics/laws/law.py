@@ -62,6 +62,8 @@ class Law(ABC):
     ) -> Response:
         """Empty series of ``orders`` beyond the state at ``points`` points, with ``jets`` of 1 (values) or 3
         (with spatial derivatives); with temperatures if ``warm``."""
+        # The stretch across a sheet is the solution of an equation.
+        orders = max(orders, 1) if self.plane == "stress" else orders
         return Response(self, Tape(orders, jets, points), warm, apart)
 
     def state(
