@@ -78,7 +78,7 @@ def check(
         "contact_unknowns": None if prepared.ranges else unknowns,
         "loads": len(case.moved),
         "stages": len(case.stage),
-        "estimated_memory_mb": round(memory_mb(case, node_counts(case))),
+        "estimated_memory_mb": round(memory_mb(case, node_counts(prepared.boundaries))),
         "estimated_cpu_seconds": round(cpu_seconds(case, prepared), 1),
         "bodies": {
             name: figures | {"finest": float(prepared.models[name].cloud.spacing.min())}

@@ -20,6 +20,7 @@ from mlsanm_cli.app.results.curves import pressure_picture
 from mlsanm_cli.app.results.info import info
 from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.scene import size_estimate as estimate
+from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.case import parse_case, stored_case
 from mlsanm_cli.cli import main
 from mlsanm_cli.errors import CaseError, RunError
@@ -272,12 +273,13 @@ def test_memory_is_that_of_the_solver(tmp_path: Path, monkeypatch: pytest.Monkey
         parse_case(BAR, Path("case.toml"), (f"solver.linear={kind}", fine)).case
         for kind in ("auto", "superlu")
     ]
-    ours, other = (estimate.memory_mb(case, estimate.node_counts(case)) for case in cases)
+    boundaries = list(map(Boundaries.of, cases))
+    ours, other = (estimate.memory_mb(one.case, estimate.node_counts(one)) for one in boundaries)
     assert ours < other
     monkeypatch.setattr(estimate, "physical_memory_mb", lambda: 0.5 * (ours + other))
-    estimate.refuse_too_large(cases[0])
+    estimate.refuse_too_large(boundaries[0])
     with pytest.raises(CaseError, match="GB of memory") as caught:
-        estimate.refuse_too_large(cases[1])
+        estimate.refuse_too_large(boundaries[1])
     assert caught.value.problems[0].key == "body.bar.spacing"
 
 

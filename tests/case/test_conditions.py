@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from mlsanm_cli.errors import CaseError
+from tests.app.scenes import prepared
 from tests.case.scenes import CLAMP, HERTZ, PULL, SQUARE, only, parse
 
 POINT = '[[support]]\nbody = "square"\nnear = [{}, {}]\n{} = 0\n'
@@ -82,8 +84,6 @@ FREE = [
     (POINT.format(0, 0, "ux") + POINT.format(0, 0, "uy") + POINT.format(1, 0, "uy"), ""),
     (POINT.format(0, 0, "ux") + POINT.format(0, 0, "uy") + POINT.format(1, 0, "ux"), "(0, 0)"),
     (platen("displacement = [0, 1]"), ""),
-    (platen('displacement = [0, 1]\nrotation = "free"'), "rotation about (0.5, 1)"),
-    (platen("force = [0, 1]"), "translation in x and translation in y"),
     (platen("uy = 1"), "translation in x"),
     (platen("ux = 1"), "translation in y and rotation"),
     (platen("uy = 1") + POINT.format(0, 0, "ux"), ""),
@@ -109,13 +109,21 @@ def test_conditions_that_exclude_each_other(conditions: str, key: str, words: st
 @pytest.mark.parametrize(("conditions", "free"), FREE)
 def test_a_body_alone(conditions: str, free: str) -> None:
     if not free:
-        parse(SQUARE + PULL + conditions)
+        prepared(SQUARE + PULL + conditions)
         return
-    problem = only(SQUARE + PULL + conditions)
-    assert (problem.key, problem.line) == ("body.square", 7)
+    with pytest.raises(CaseError) as caught:
+        prepared(SQUARE + PULL + conditions)
+    (problem,) = caught.value.problems
+    assert problem.key == "body.square"
     assert free in problem.message
     assert ("x and" in problem.message) == ("x and" in free)
     assert "add a [[support]]" in problem.hint
+
+
+@pytest.mark.parametrize("plate", ['displacement = [0, 1]\nrotation = "free"', "force = [0, 1]"])
+def test_loads_of_a_plate_that_nothing_holds(plate: str) -> None:
+    with pytest.raises(CaseError, match="nothing resists its force"):
+        prepared(SQUARE + PULL + platen(plate))
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.app.scene.assemble import assemble_bodies, prepare
+from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.clouds import clouds
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import parse_case
@@ -121,7 +122,8 @@ class Small:
 def build(text: str, *overrides: str) -> Small:
     """Clouds, operators, factors and compliance of a case."""
     case = parse_case(text, Path("case.toml"), overrides).case
-    prepared = prepare(case, clouds(case), grids=False)
+    boundaries = Boundaries.of(case)
+    prepared = prepare(boundaries, clouds(boundaries), grids=False)
     scene = assemble_bodies(case, prepared, "auto")
     return Small(scene, condense(scene, prepared.pairings), stage_factors(case)[-1])
 

@@ -59,7 +59,7 @@ def finer_views(built: CondensedScene, boundaries: Boundaries, memo: Memo = NO_C
         model = built.scene.bodies[body.name].model
         zones = () if body.has_nodes else tuple(_zones(built.condensed, built.ends, model))
         if zones:
-            spacing = spacing_of(built.case, boundaries, body).with_zones(zones)
+            spacing = spacing_of(boundaries, body).with_zones(zones)
             cloud = build_cloud(boundaries.outline(body.name), spacing, body.seed, memo=memo)
             key = digest(model.content, cloud.content)
             finer[body.name] = memo.value("view", key, partial(View, model, cloud))

@@ -83,7 +83,7 @@ def mls_settings(case: Case, low: bool = False) -> MlsSettings:
 
 
 def prepare(
-    case: Case,
+    boundaries: Boundaries,
     clouds: Mapping[str, Cloud],
     memo: Memo = NO_CACHE,
     before: Mapping[str, BodyModel] = NOTHING,
@@ -96,8 +96,8 @@ def prepare(
     Raises CaseError for contacts without facing nodes, for forces that nothing resists, for loads without a
     value at some node, and for probes outside their body.
     """
-    boundaries = Boundaries.of(case)
-    refuse_conflicts(case, boundaries)
+    case = boundaries.case
+    refuse_conflicts(boundaries)
     stiffness = materials(case)
     loads = acting(case, boundaries, clouds)
     held = {body.name: _held_surfaces(case, boundaries, body.name) for body in case.body}
@@ -147,7 +147,7 @@ def prepare(
         if not ranges:
             raise
         # The resisting part of a surface, for instance a chamfer, may lie outside the ranges.
-        return prepare(case, clouds, memo, before, grids=False, low=low)
+        return prepare(boundaries, clouds, memo, before, grids=False, low=low)
     notes = (*_support_notes(case, clouds), *free.notes)
     probes = _probes(case, clouds)
     return SceneModel(boundaries, models, pairings, held, held_nodes, loads, probes, free, notes, ranges)

@@ -33,10 +33,12 @@ Cuts = Mapping[int, Sequence[float]]
 """Arc lengths at which the curves of an outline are cut, by curve number."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Boundaries:
-    """The ``drawn`` outline of every body and its ``cuts``; the ``sides`` of every contact, slave first."""
+    """The ``drawn`` outline of every body of a ``case`` and its ``cuts``; the ``sides`` of every contact,
+    slave first."""
 
+    case: Case
     drawn: Mapping[str, Outline]
     cuts: Mapping[str, Cuts]
     sides: Mapping[str, tuple[Place, ...]]
@@ -50,7 +52,7 @@ class Boundaries:
         touching = [(f"contact.{name}", place) for name, places in sides.items() for place in places]
         parts = [(key, place) for key, place in (*conditioned, *touching) if place.ends is not None]
         cuts = {body.name: _cuts_of(case, body, outlines, parts) for body in case.body}
-        return cls(outlines, cuts, sides)
+        return cls(case, outlines, cuts, sides)
 
     def outline(self, body: str) -> Outline:
         """The outline of a body with its cuts."""
@@ -178,8 +180,9 @@ def _split(surface: Surface, places: Sequence[float]) -> list[list[int]]:
     return [list(range(a, b + 1)) for a, b in pairwise([0, *at, count - 1])]
 
 
-def refuse_conflicts(case: Case, boundaries: Boundaries) -> None:
+def refuse_conflicts(boundaries: Boundaries) -> None:
     """Raises CaseError for conflicting conditions on lists and parts of boundaries."""
+    case = boundaries.case
     taken: dict[tuple[str, str, int], list[tuple[Kind, str, str]]] = {}
     problems = []
     for key, condition, place in conditions(case):

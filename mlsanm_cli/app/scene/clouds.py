@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 
 import numpy as np
 
@@ -48,9 +49,10 @@ OUTLINE_SAMPLES = 33
 """Points along every curve of an outline, by which its bounding box is compared."""
 
 
-def spacing_of(case: Case, boundaries: Boundaries, body: Body) -> Spacing:
+@lru_cache(maxsize=64)
+def spacing_of(boundaries: Boundaries, body: Body) -> Spacing:
     """The spacing field of a body whose nodes are placed."""
-    outline = boundaries.drawn[body.name]
+    case, outline = boundaries.case, boundaries.drawn[body.name]
     far, zones = body.spacing, []
     if isinstance(far, str):
         finer = _finer(case, body)
@@ -71,7 +73,7 @@ def spacing_of(case: Case, boundaries: Boundaries, body: Body) -> Spacing:
             *arc_zones(outline, far, finer),
             *root_zones(outline, far, None if finite else touching),
             *narrow_zones(outline, far, PER_THICKNESS * finer),
-            *_contact_zones(case, boundaries, sides, body, far),
+            *_contact_zones(boundaries, sides, body, far),
             *load_zones(case, body, far),
             *field_zones(case, body, far),
             *(zone for curve in clamped for zone in clamped_zones(curve, far, finite and not bends(outline))),
@@ -95,13 +97,13 @@ def _sides(boundaries: Boundaries) -> dict[str, list[tuple[Place, Curve, tuple[C
 
 
 def _contact_zones(
-    case: Case,
     boundaries: Boundaries,
     sides: Mapping[str, list[tuple[Place, Curve, tuple[Curve, ...]]]],
     body: Body,
     far: float,
 ) -> Iterator[Zone]:
     """Zones of finer nodes where contacts of a body are close to its other boundaries."""
+    case = boundaries.case
     bonds = [contact.name for contact in case.contact if contact.bonded]
     bond_ends = {name: boundaries.bond_ends(name) for name in bonds}
     all_ends = [end for ends in bond_ends.values() for end in ends]
@@ -137,18 +139,16 @@ def _finer(case: Case, body: Body) -> float:
     return math.sqrt(materials(case)[body.material].stretch)
 
 
-def clouds(
-    case: Case, zones: tuple[Zone, ...] = (), memo: Memo = NO_CACHE, line: SymmetryLine | None = None
-) -> dict[str, Cloud]:
-    """Node clouds of all bodies, refined in ``zones`` in addition to the case, and symmetric about ``line``
-    where outline and spacing are."""
-    placed, boundaries = {}, Boundaries.of(case)
+def clouds(boundaries: Boundaries, zones: tuple[Zone, ...] = (), memo: Memo = NO_CACHE) -> dict[str, Cloud]:
+    """Node clouds of all bodies of a case, refined in ``zones`` in addition to it, and symmetric about its
+    line of symmetry where outline and spacing are."""
+    placed, case, line = {}, boundaries.case, line_of(boundaries)
     for body in case.body:
         if isinstance(body.shape, Mesh | Points) and body.shape.has_nodes:
             cloud = boundaries.split(body.name, imported_geometry(body.shape).cloud)
             placed[body.name] = (mirrored(cloud, line) if line is not None else None) or cloud
         else:
-            spacing = spacing_of(case, boundaries, body).with_zones(zones)
+            spacing = spacing_of(boundaries, body).with_zones(zones)
             wanted = [support.near for support in case.support if support.body == body.name and support.near]
             placed[body.name] = build_cloud(
                 boundaries.outline(body.name), spacing, body.seed, memo=memo, line=line, wanted=wanted
@@ -156,14 +156,14 @@ def clouds(
     return placed
 
 
-def line_of(case: Case) -> SymmetryLine | None:
+def line_of(boundaries: Boundaries) -> SymmetryLine | None:
     """The symmetry line of all bodies, None if there is none. Not used with friction: there asymmetric
     errors cancel in part, and results are better."""
+    case = boundaries.case
     if any(contact.friction for contact in case.contact):
         return None
     if any(isinstance(body.shape, Mesh | Points) and not body.has_nodes for body in case.body):
         return None
-    boundaries = Boundaries.of(case)
     points = [_points(boundaries, body) for body in case.body]
     boxes = np.array([[cloud.min(axis=0), cloud.max(axis=0)] for cloud in points])
     size = np.ptp(boxes.reshape(-1, 2), axis=0).max()
@@ -174,7 +174,7 @@ def line_of(case: Case) -> SymmetryLine | None:
         if same and all(
             line.images(nodes, np.full(len(nodes), size / np.sqrt(len(nodes)))) is not None
             if body.has_nodes
-            else spacing_of(case, boundaries, body).symmetric(line)
+            else spacing_of(boundaries, body).symmetric(line)
             for body, nodes in zip(case.body, points, strict=True)
         ):
             return line

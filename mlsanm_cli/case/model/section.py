@@ -60,9 +60,6 @@ class GeometryInspector(Protocol):
     def geometry(self, shape: AnyShape) -> Geometry:
         """The geometry of a shape. Raises GeometryError if it is not a valid body."""
 
-    def floating(self, case: Case) -> Iterable[Fault]:
-        """A fault for every body without contact that can move freely, with its key in the case."""
-
 
 @dataclass(frozen=True)
 class Scope:

@@ -27,8 +27,6 @@ from mlsanm_cli.toml import plain
 
 MAX_LISTED_CASES = 1000
 """Largest number of case files in a directory that are searched for a similar name."""
-RESTRAINING_SECTIONS = ("model", "body", "support", "load", "contact")
-"""Sections that determine whether a body can move freely."""
 
 
 @dataclass(frozen=True)
@@ -158,9 +156,6 @@ def _check_relations(case: Case, inspector: GeometryInspector | None, report: Re
     scope = replace(scope, geometries=geometries)
     report.add(name_faults(scope))
     report.add(all_faults(case, scope))
-    # Otherwise a fault in a support would be reported again as a body that can move.
-    if inspector is not None and not {path[0] for path in report.paths}.intersection(RESTRAINING_SECTIONS):
-        report.add(inspector.floating(case))
     return scope
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.clouds import clouds
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import done
@@ -115,7 +116,7 @@ def test_surfaces_in_contact_have_finer_nodes_at_finite_strain() -> None:
             .contact("c", "pad.top", disk=([1.0, 2.0], 1.0))
             .pushed("p", "c", uy=-0.1)
         )
-        counts.append(len(clouds(parse(text).case)["pad"].surfaces["top"].index))
+        counts.append(len(clouds(Boundaries.of(parse(text).case))["pad"].surfaces["top"].index))
     small, finite = counts
     assert finite == pytest.approx(1.5 * small, abs=2)
 
