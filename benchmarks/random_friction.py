@@ -59,7 +59,7 @@ def scene(seed: int, law: str) -> str:
     top, slave, shape = ("flat", "arc", DISK) if disk else ("top", "bottom", BLOCK)
     upper, lower = (0.15, 0.15) if disk else (0.07, 0.09)
     fine = [0.006, 0.006 * rng.uniform(0.8, 1.3)] if disk else []
-    refine = [[ZONE | {"spacing": float(spacing)}] for spacing in fine] or [None, None]
+    refine: list[Any] = [[ZONE | {"spacing": float(spacing)}] for spacing in fine] or [None, None]
     return (
         head(plane)
         .material("soft", E=1.0, nu=float(nu))
