@@ -13,19 +13,21 @@ if TYPE_CHECKING:
     from dataclasses import dataclass as dataclass
 else:
 
-    def dataclass(made: type | None = None, *, frozen: bool = False, eq: bool = True) -> Any:
+    def dataclass(
+        made: type | None = None, *, frozen: bool = False, eq: bool = True, kw_only: bool = False
+    ) -> Any:
         """A class with fields, as by `dataclasses.dataclass` with the same options: instances show their
         fields; with ``eq`` those of one class with equal fields are equal, and have the same hash if they are
         ``frozen``, whose fields cannot be set again."""
         if made is None:
-            return lambda later: dataclass(later, frozen=frozen, eq=eq)
+            return lambda later: dataclass(later, frozen=frozen, eq=eq, kw_only=kw_only)
         shared = {"__repr__": _repr}
         shared |= {"__eq__": _eq, "__hash__": _hash if frozen else None} if eq else {}
         shared |= {"__setattr__": _set_once, "__delattr__": _keep} if frozen else {}
         for name, method in shared.items():
             if name not in vars(made):
                 setattr(made, name, method)
-        return dataclasses.dataclass(repr=False, eq=False)(made)
+        return dataclasses.dataclass(repr=False, eq=False, kw_only=kw_only)(made)
 
 
 def _repr(self: Any) -> str:

@@ -40,9 +40,13 @@ class Scene(str):
     def material(self, name: str, **keys: Any) -> Scene:
         return self.table(f"material.{name}", **keys)
 
-    def body(self, name: str, of: str, spacing: Any = None, shape: Any = None, **more: Any) -> Scene:
+    def body(
+        self, name: str, of: str, spacing: Any = None, shape: Any = None, *, clamped: str = "", **more: Any
+    ) -> Scene:
+        """A body, held in both directions along the side that is ``clamped``."""
         keys = {"spacing": spacing, "shape": shape} | _with_shape("shape", more)
-        return self.item("body", name=name, material=of, **keys)
+        text = self.item("body", name=name, material=of, **keys)
+        return text.support(f"{name}.{clamped}", ux=0.0, uy=0.0) if clamped else text
 
     def support(self, boundary: Any, **keys: Any) -> Scene:
         return self.item("support", boundary=boundary, **keys)

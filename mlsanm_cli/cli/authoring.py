@@ -16,7 +16,7 @@ import click
 from mlsanm_cli.cli import completion, declare
 from mlsanm_cli.cli.running import print_result
 from mlsanm_cli.cli.settings import Settings, say
-from mlsanm_cli.cli.text import BOLD, paint, table
+from mlsanm_cli.cli.text import BOLD, grid, paint, table
 from mlsanm_cli.errors import RunError
 
 DEFAULT_KIND = "hertz"
@@ -69,6 +69,47 @@ def schema(settings: Settings) -> int:
     from mlsanm_cli.case.schema import json_schema
 
     say(settings, json.dumps(json_schema(), indent=2))
+    return 0
+
+
+@declare.command(
+    click.argument("data", type=declare.FILE),
+    click.option("--law", "laws", multiple=True, help="A law, repeatable.  [default: all laws of rubber]"),
+    click.option(
+        "--nu", default=0.499, show_default=True, type=click.FloatRange(0.0, 0.4999), help="Poisson's ratio."
+    ),
+    declare.file_option("--picture", help="Draw the data and the laws."),
+    declare.flag("force", "Overwrite an existing picture."),
+)
+def fit_law(
+    settings: Settings, data: Path, laws: tuple[str, ...], nu: float, picture: Path | None, force: bool
+) -> int:
+    """Constants of laws of rubber from a CSV file with the columns test, stretch, stress.
+
+    Tests are uniaxial, equibiaxial and planar, stresses nominal.
+    """
+    from mlsanm_cli.app.fit_law import START, fit_law
+    from mlsanm_cli.case.report import suggestion
+
+    for law in laws:
+        if law not in START:
+            raise RunError(f'there is no law of rubber "{law}"', suggestion(law, START, "laws"))
+    if picture is not None and picture.exists() and not force:
+        raise RunError(f"{picture} already exists", "use --force to overwrite it, or another name")
+    found = fit_law(data, laws or tuple(START), picture, nu)
+    rows = [(one.law, *(f"{100.0 * error:.2g} %" for error in one.errors.values())) for one in found]
+    shown = [grid("root mean square errors, of the largest stress", ("law", *found[0].errors), rows)]
+    warnings = [
+        f"warning: {one.law}: the stress falls with the stretch within the data ({', '.join(one.falling)})"
+        for one in found
+        if one.falling
+    ]
+    shown += [*warnings, found[0].toml]
+    result = {
+        one.law: {"constants": dict(one.constants), "errors": dict(one.errors), "falling": list(one.falling)}
+        for one in found
+    }
+    print_result(settings, {"laws": result, "best": found[0].law}, "\n\n".join(shown))
     return 0
 
 

@@ -22,16 +22,17 @@ from mlsanm_cli.cli.settings import Settings, say
 
 LAZY_COMMANDS = {
     **dict.fromkeys(("explain", "new", "schema"), "authoring"),
-    **dict.fromkeys(("collect", "sweep"), "batch"),
-    **{name: name for name in ("compare", "plot", "probe")},
+    **dict.fromkeys(("collect", "compare", "sweep"), "batch"),
+    **{name: name for name in ("plot", "probe")},
     "report": "plot",
+    "fit-law": "authoring",
 }
 """Commands defined in other modules of this package, by name."""
 
 SECTIONS = {
     "One scene": ("new", "check", "run", "resume", "info", "plot", "probe", "report"),
     "Many runs": ("sweep", "collect", "compare"),
-    "Reference": ("explain", "schema", "warmup"),
+    "Reference": ("explain", "schema", "fit-law", "warmup"),
 }
 """Commands in the order of the help."""
 
@@ -64,7 +65,7 @@ class Commands(click.Group):
         """The command of this name, or None."""
         if cmd_name in LAZY_COMMANDS:
             module = importlib.import_module(f"mlsanm_cli.cli.{LAZY_COMMANDS[cmd_name]}")
-            command: click.Command = getattr(module, cmd_name)
+            command: click.Command = getattr(module, cmd_name.replace("-", "_"))
             return command
         return super().get_command(ctx, cmd_name)
 

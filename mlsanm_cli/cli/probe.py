@@ -14,7 +14,8 @@ import click
 
 from mlsanm_cli.app.results.choice import POINT_FIELDS, QUANTITIES
 from mlsanm_cli.cli import declare
-from mlsanm_cli.cli.running import console_for, of_app, pretty_result, print_result
+from mlsanm_cli.cli.console import TerminalConsole
+from mlsanm_cli.cli.running import of_app, pretty_result, print_result
 from mlsanm_cli.cli.settings import Settings, say
 from mlsanm_cli.cli.text import grid, label, number
 from mlsanm_cli.errors import RunError
@@ -126,7 +127,9 @@ def probe(
     if as_csv:
         for row in rows:
             if "error" in row:
-                console_for(settings).warning(f"position {number(row['position'])}: {_origin(row)}")
+                TerminalConsole(sys.stderr, settings).warning(
+                    f"position {number(row['position'])}: {_origin(row)}"
+                )
         say(settings, _csv(rows), newline=False)
         return 0
     print_result(settings, {"levels": rows}, _text(title, rows, settings.paints(sys.stdout)))

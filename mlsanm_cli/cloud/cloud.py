@@ -23,6 +23,7 @@ from mlsanm_cli.cloud.tips import Tips, tips_of
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.records import dataclass
+from mlsanm_cli.roundoff import ROUND_OFF
 
 CANDIDATES = 15
 FLAT_RADIUS = 10.0
@@ -58,9 +59,10 @@ class Cloud:
         """Pairs (b, 2) of neighbours along the boundary, loop by loop, the material on their left."""
         return _edges(self.surfaces.values())
 
-    def contains(self, targets: FloatArray) -> BoolArray:
-        """Which of the ``targets`` (e, 2) lie in the body or on its boundary."""
-        return inside_body(self.points, *self.boundary, targets)
+    def contains(self, targets: FloatArray, slack: float = ROUND_OFF) -> BoolArray:
+        """Which of the ``targets`` (e, 2) lie in the body or, up to a ``slack`` relative to its size, on its
+        boundary."""
+        return inside_body(self.points, *self.boundary, targets, slack)
 
     @cached_property
     def sight(self) -> VisibilityCriterion | None:

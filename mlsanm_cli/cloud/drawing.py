@@ -16,7 +16,6 @@ from mlsanm_cli.cloud.membership import (
     inside_polygon,
     numbered,
     signed_area,
-    turns,
     twice_area,
 )
 from mlsanm_cli.cloud.splines import NodeSpline, Spline
@@ -53,7 +52,8 @@ def polygon(
     along = np.roll(xy, -1, axis=0) - xy
     room = np.hypot(*along.T)
     direction = along / room[:, None]
-    turn = turns(xy)
+    came = np.roll(direction, 1, axis=0)
+    turn = np.arctan2(cross(came, direction), (came * direction).sum(axis=1))
     radius = np.array(radii)[order]
     cut = radius * np.abs(np.tan(0.5 * turn))
     _refuse(_rounding_faults(order, radius, cut, room, small))

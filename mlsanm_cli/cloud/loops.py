@@ -22,7 +22,8 @@ from mlsanm_cli.errors import GeometryError
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 
-ALIGNED = 0.9
+MIN_COSINE = 0.9
+"""Least cosine between a given normal and the outline's own."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ def cloud_of_nodes(points: FloatArray, outline: Outline, normals: FloatArray | N
         normal = curve.normals(arc)
         if normals is not None:
             given = normals[nodes]
-            normal = np.where((given * normal).sum(axis=1, keepdims=True) > ALIGNED, given, normal)
+            normal = np.where((given * normal).sum(axis=1, keepdims=True) > MIN_COSINE, given, normal)
         surfaces[name] = Surface(name, curve, nodes, arc, normal)
     cloud = Cloud(points, np.ones(len(points)), surfaces)
     triangles = triangulate(points, cloud.edges, visibility_criterion(points, cloud.edges))

@@ -42,9 +42,15 @@ def joints(index: IntArray, normal: FloatArray, names: Sequence[str]) -> Iterato
 
 
 def inside_body(
-    points: FloatArray, index: IntArray, normal: FloatArray, names: Sequence[str], targets: FloatArray
+    points: FloatArray,
+    index: IntArray,
+    normal: FloatArray,
+    names: Sequence[str],
+    targets: FloatArray,
+    slack: float = ROUND_OFF,
 ) -> BoolArray:
-    """Mask (e,) of ``targets`` (e, 2) in the body of ``points`` (n, 2) or on its boundary.
+    """Mask (e,) of ``targets`` (e, 2) in the body of ``points`` (n, 2) or on its boundary, up to a ``slack``
+    relative to its size.
 
     Boundary nodes ``index`` (nb,) have outward ``normal`` (nb, 2) and ``names`` as in
     :func:`boundary_chords`. A curve may lie outside its chord by the sagitta c tan(phi/4)/2, with c the chord
@@ -56,7 +62,7 @@ def inside_body(
     length = np.hypot(along[:, 0], along[:, 1])
     cosine = (normal[chords[:, 0]] * normal[chords[:, 1]]).sum(axis=1)
     bulge = 0.5 * length * np.tan(0.25 * np.arccos(np.clip(cosine, -1.0, 1.0)))
-    near = SAGITTA_FACTOR * bulge + ROUND_OFF * float(np.ptp(points, axis=0).max())
+    near = SAGITTA_FACTOR * bulge + slack * float(np.ptp(points, axis=0).max())
     inside = inside_polygon(np.concatenate([start, end], axis=1), targets)
     # Only targets outside the polygon but near a chord can lie between a chord and its curve.
     low, high = start.min(axis=0) - near.max(), start.max(axis=0) + near.max()

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.cloud.loops import Loop
+from mlsanm_cli.cloud.loops import MIN_COSINE, Loop
 from mlsanm_cli.cloud.membership import coincident, cross, inside_polygon, signed_area, turns
 from mlsanm_cli.errors import GeometryError
 from mlsanm_cli.records import dataclass
@@ -16,8 +16,6 @@ GAP_RATIO = 4.0
 """A step this many times longer than adjacent ones is a gap in the boundary."""
 BACKWARD_ANGLE = np.radians(150.0)
 """A boundary that turns by more than this runs backwards."""
-MIN_COSINE = 0.9
-"""Least cosine between a given normal and the outline's own."""
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy as np
 from mlsanm_cli.continuation.expansion import ExpansionPoint
 from mlsanm_cli.continuation.problem import FloatArray, PathOptions, Problem, SingularTangentError
 from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.records import dataclass
 
 # An update halved more often has failed: 2^-40 of a Newton step is no progress.
 _MAX_HALVINGS = 40

@@ -23,12 +23,11 @@ Equation (16) of docs/method.md.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from mlsanm_cli.continuation.problem import FloatArray, Problem, SingularTangentError, Tangent
 from mlsanm_cli.continuation.series import Branch
+from mlsanm_cli.records import dataclass
 
 
 class Metric:

@@ -14,7 +14,6 @@ procedure that handles snap-through, Computers & Structures 13 (1981) 55-62.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,6 +22,7 @@ from mlsanm_cli.continuation.expansion import ExpansionPoint
 from mlsanm_cli.continuation.path import Follower, Step, Stopped, StopReason
 from mlsanm_cli.continuation.problem import FloatArray, NewtonOptions, SingularTangentError
 from mlsanm_cli.continuation.series import Branch
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 # With arc-length control the direction may turn by an angle of at least this cosine within a step.

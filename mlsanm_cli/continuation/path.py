@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
@@ -21,6 +20,7 @@ from mlsanm_cli.continuation.corrector import Correction, Effort, correct, resid
 from mlsanm_cli.continuation.expansion import ExpansionPoint, Metric, expansion_point
 from mlsanm_cli.continuation.problem import FloatArray, PathOptions, Problem
 from mlsanm_cli.continuation.series import Branch
+from mlsanm_cli.records import dataclass
 
 
 class StopReason(StrEnum):

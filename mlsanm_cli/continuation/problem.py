@@ -3,13 +3,13 @@ package contains no mechanics."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.records import dataclass
 
 FloatArray: TypeAlias = NDArray[np.float64]
 

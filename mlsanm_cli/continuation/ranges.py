@@ -10,14 +10,13 @@ Computers & Structures 53 (1994) 1181-1192.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from mlsanm_cli.continuation.corrector import residual_norm
 from mlsanm_cli.continuation.expansion import Metric
 from mlsanm_cli.continuation.problem import AnmOptions, FloatArray, Problem
 from mlsanm_cli.continuation.series import Branch, denominator, nearest_pole
+from mlsanm_cli.records import dataclass
 
 # A length is accepted if the residual there lies between the first and the last of these parts of the
 # tolerance (it grows as the power N + 1 of the length), or if its bounds differ by less than this ratio.

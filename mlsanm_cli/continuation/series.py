@@ -20,12 +20,13 @@ Padé approximants, International Journal of Solids and Structures 37 (2000) 698
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from mlsanm_cli.continuation.problem import FloatArray
 from mlsanm_cli.continuation.roots import root
+from mlsanm_cli.records import dataclass
 
 _EPS = float(np.finfo(np.float64).eps)
 # A level this close to the first or last value of lam, relative to the terms summed, is that value.

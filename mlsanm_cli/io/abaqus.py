@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from copy import deepcopy
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -66,30 +66,24 @@ class _Section(NamedTuple):
             raise self.refuse(f'"{value}" is not a number') from error
 
 
-@dataclass
 class _Scope:
     """Nodes (3,) and elements (kind, nodes) by number, sets of numbers by name; ``listed`` are the names of
-    sets that only name a list of elements. The scope moves by ``rotation @ x + shift``."""
+    sets that only name a list of elements. New nodes move by ``rotation @ x + shift``."""
 
-    nodes: dict[int, FloatArray] = field(default_factory=dict)
-    elements: dict[int, tuple[str, list[int]]] = field(default_factory=dict)
-    node_sets: dict[str, list[int]] = field(default_factory=dict)
-    element_sets: dict[str, list[int]] = field(default_factory=dict)
-    listed: set[str] = field(default_factory=set)
-    rotation: FloatArray = field(default_factory=lambda: np.eye(3))
-    shift: FloatArray = field(default_factory=lambda: np.zeros(3))
+    def __init__(self) -> None:
+        self.nodes: dict[int, FloatArray] = {}
+        self.elements: dict[int, tuple[str, list[int]]] = {}
+        self.node_sets: dict[str, list[int]] = {}
+        self.element_sets: dict[str, list[int]] = {}
+        self.listed: set[str] = set()
+        self.rotation, self.shift = np.eye(3), np.zeros(3)
 
-    def instance(self, rotation: FloatArray, shift: FloatArray) -> _Scope:
-        """A copy of this part, moved."""
-        return _Scope(
-            {number: rotation @ node + shift for number, node in self.nodes.items()},
-            dict(self.elements),
-            {name: list(numbers) for name, numbers in self.node_sets.items()},
-            {name: list(numbers) for name, numbers in self.element_sets.items()},
-            set(self.listed),
-            rotation,
-            shift,
-        )
+    def moved(self, rotation: FloatArray, shift: FloatArray) -> _Scope:
+        """An instance of this part."""
+        instance = deepcopy(self)
+        instance.nodes = {number: rotation @ node + shift for number, node in self.nodes.items()}
+        instance.rotation, instance.shift = rotation, shift
+        return instance
 
     def add_nodes(self, section: _Section) -> None:
         """The nodes of a *NODE section."""
@@ -140,18 +134,15 @@ class _Scope:
                 members += range(first, last + 1, max(*step, 1) if step else 1)
                 continue
             for value in filter(None, row):
-                members += (
-                    [int(value)] if value.isdecimal() else self._members(section, sets, value.strip('"'))
-                )
+                members += [int(value)] if value.isdecimal() else self._members(section, sets, value)
         if not nodes:
             self.listed.discard(section.name(name))
 
     @staticmethod
     def _members(section: _Section, sets: dict[str, list[int]], name: str) -> list[int]:
-        for known, members in sets.items():
-            if known.upper() == name.upper():
-                return members
-        raise section.refuse(f'there is no set "{name}"')
+        if name not in sets:
+            raise section.refuse(f'there is no set "{name}"')
+        return sets[name]
 
 
 def read_abaqus(text: str) -> meshio.Mesh:
@@ -167,7 +158,7 @@ def read_abaqus(text: str) -> meshio.Mesh:
         if keyword in ("PART", "INSTANCE"):
             title = section.name("NAME")
             known = parts if keyword == "PART" else instances
-            if title.upper() in map(str.upper, known):
+            if title in known:
                 raise section.refuse(f'the name "{title}" is used twice')
             known[title] = scope = _Scope() if keyword == "PART" else _placed(section, parts)
         elif keyword in ("ENDPART", "ENDINSTANCE"):
@@ -186,9 +177,15 @@ def read_abaqus(text: str) -> meshio.Mesh:
 
 
 def _sections(text: str) -> Iterator[_Section]:
-    """The keywords of a file, without comments."""
+    """The keywords of a file, without comments; every name as it is spelt first, as case does not matter."""
     section: _Section | None = None
     continued = False
+    spelling: dict[str, str] = {}
+
+    def spelt(value: str) -> str:
+        value = value.strip().strip('"')
+        return spelling.setdefault(value.upper(), value)
+
     for number, line in enumerate(map(str.strip, text.splitlines()), start=1):
         if not line or line.startswith("**"):
             continue
@@ -202,8 +199,10 @@ def _sections(text: str) -> Iterator[_Section]:
             continue
         if line.startswith("*") or continued:
             for name, value in re.findall(r'([^,=]+)(?:=\s*("[^"]*"|[^,]*))?', values):
-                section.parameters[name.strip().upper()] = value.strip().strip('"')
+                section.parameters[name.strip().upper()] = spelt(value)
             continued = line.endswith(",")
+        elif section.keyword in ("NSET", "ELSET"):
+            section.rows.append([".".join(map(spelt, value.split("."))) for value in values.split(",")])
         else:
             section.rows.append([value.strip() for value in values.split(",")])
     if section is not None:
@@ -226,25 +225,21 @@ def _kind(section: _Section) -> str:
 
 def _named(section: _Section, scope: _Scope, instances: dict[str, _Scope]) -> _Scope:
     """The scope of a section: that of the instance it names, also as in Block-1.Left, or the present one."""
-    wanted = section.parameters.get("INSTANCE", "").upper()
-    dotted = {value.rpartition(".")[0].upper() for row in section.rows for value in row}
-    for name, instance in instances.items():
-        if name.upper() == wanted:
-            return instance
-        if not wanted and dotted == {name.upper()}:
-            section.rows[:] = [[value.rpartition(".")[2] for value in row] for row in section.rows]
-            return instance
-    if wanted:
-        raise section.refuse(f'there is no instance "{section.name("INSTANCE")}"')
-    return scope
+    wanted = section.parameters.get("INSTANCE", "")
+    dotted = {value.rpartition(".")[0] for row in section.rows for value in row}
+    if not wanted and len(dotted) == 1 and dotted <= instances.keys():
+        (wanted,) = dotted
+        section.rows[:] = [[value.rpartition(".")[2] for value in row] for row in section.rows]
+    if wanted and wanted not in instances:
+        raise section.refuse(f'there is no instance "{wanted}"')
+    return instances.get(wanted, scope)
 
 
 def _placed(section: _Section, parts: dict[str, _Scope]) -> _Scope:
     """The instance of a part: moved by the first data line, then turned about the axis through two points by
     the angle in degrees of the second one."""
     wanted = section.name("PART")
-    part = next((part for name, part in parts.items() if name.upper() == wanted.upper()), None)
-    if part is None:
+    if wanted not in parts:
         raise section.refuse(f'there is no part "{wanted}"')
     rows = [[section.real(value) for value in row] for row in section.rows]
     shift = np.array((*(rows[0] if rows else ()), 0.0, 0.0, 0.0)[:3])
@@ -255,7 +250,7 @@ def _placed(section: _Section, parts: dict[str, _Scope]) -> _Scope:
         start, end = np.array(rows[1][:3]), np.array(rows[1][3:6])
         rotation = _rotation(end - start, np.radians(rows[1][6]))
         shift = start + rotation @ (shift - start)
-    return part.instance(rotation, shift)
+    return parts[wanted].moved(rotation, shift)
 
 
 def _rotation(axis: FloatArray, angle: float) -> FloatArray:

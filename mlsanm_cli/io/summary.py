@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 import errno
+import io
 import json
 import os
 from collections.abc import Mapping
@@ -64,7 +66,10 @@ def toml_text(mapping: Mapping[str, Any]) -> str:
 def write_csv(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
     """Writes columns (n,) by name; floats read back equal. Raises RunError if that fails."""
     rows = zip(*(column.tolist() for column in columns.values()), strict=True)
-    lines = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
+    header = io.StringIO()
+    # Names with commas, as those of supports at points, are quoted.
+    csv.writer(header, lineterminator="").writerow(columns)
+    lines = [header.getvalue(), *(",".join(map(repr, row)) for row in rows)]
     write_text(path, "\n".join(lines) + "\n")
 
 

@@ -10,7 +10,7 @@ Equation (2) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache, partial
 from types import MappingProxyType
 
@@ -34,6 +34,7 @@ from mlsanm_cli.operators.linear.interface import LinearSolver
 from mlsanm_cli.operators.rows import nodal_rows
 from mlsanm_cli.operators.structure import compact
 from mlsanm_cli.operators.system import LinearSystem
+from mlsanm_cli.records import dataclass
 
 HOLD_WEIGHT = 5.0
 """Weight of held displacements: measured, the bulk error is the same from 3 to 10."""

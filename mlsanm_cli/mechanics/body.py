@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeAlias
 
@@ -23,6 +22,7 @@ from mlsanm_cli.mechanics.rigid import RigidBodyModes
 from mlsanm_cli.mechanics.springs import FREE, Held, Springs, restrained, soft
 from mlsanm_cli.memo import digest
 from mlsanm_cli.operators.system import LinearSystem
+from mlsanm_cli.records import dataclass
 
 Timed: TypeAlias = Callable[[], AbstractContextManager[None]]
 """Returns a context manager that measures the time of an operation."""
@@ -94,6 +94,15 @@ class ElasticBody:
     def first_pin(self) -> int:
         """First row of the free motions, after those of the held nodes."""
         return self.rows - 3 * self.pieces.count - len(self.free.components)
+
+    def pin_rows(self, node: int) -> list[tuple[int, int]]:
+        """Components in which a single node is held, with the rows of these conditions."""
+        first = 2 * (len(self.model.cloud.points) + sum(map(len, self._surface_nodes)))
+        return [(axis, first + row) for row, (own, axis) in enumerate(self.held_nodes) if own == node]
+
+    @property
+    def _surface_nodes(self) -> list[IntArray]:
+        return [surface.index for surface in self.model.cloud.surfaces.values()]
 
     def condition_rows(self, surface: str, component: int) -> IntArray:
         """Row numbers (b,) of a surface's conditions in x (0) or y (1)."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -32,6 +32,7 @@ from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.singular_functions import isolated_tips
 from mlsanm_cli.operators.stencil_weights import Stencils
 from mlsanm_cli.operators.stencils import build_gradients, build_stencils, reflected, reflected_numbers
+from mlsanm_cli.records import dataclass
 
 INCOMPRESSIBLE_NEIGHBORS = 1.3
 """Factor on the stencil size of nearly incompressible materials, whose errors scatter more from cloud to
@@ -237,7 +238,7 @@ def _at_a_tip(name: str, cloud: Cloud, error: NumericalError) -> NumericalError:
     angle, (x, y) = np.degrees(cloud.acute[corner]), cloud.points[corner]
     return NumericalError(
         f"body {name}: the corner of {angle:.3g} degrees at ({x:.6g}, {y:.6g}) is too acute: {error.message}",
-        f"round it (body.{name}.shape.rounding), or cut its tip off",
+        "round it, or cut its tip off",
     )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeAlias
 
@@ -14,6 +13,7 @@ from mlsanm_cli.mechanics.corner_faces import LOG_STEP, Face, FaceForces, smooth
 from mlsanm_cli.mechanics.near_field import SURFACE_INSET, ComplexArray, SurfaceForces, summed, traction
 from mlsanm_cli.mechanics.symmetry import Image
 from mlsanm_cli.mechanics.wedge import Wedge, interpolated
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import FINE_ROUND_OFF, ROUND_OFF
 
 RANGE_BELOW, RANGE_ABOVE = 9.0, 16.0
@@ -156,20 +156,24 @@ class Corner:
         forces = [force, *(np.einsum("fd,kdc->kfc", image.matrix, force) for image in images)]
         return np.concatenate(places), np.concatenate(forces)
 
-    def beyond_wedge(self, z: ComplexArray, images: Sequence[Image] = ()) -> FloatArray:
-        """Displacements (k, k, 2, 2) of points ``z`` (k,) of the first face due to unit forces there, minus
-        :meth:`Wedge.compliance`, for curved faces; both with their ``images``."""
-        count, x = len(z), np.maximum(self.distance(z), FINE_ROUND_OFF * self.length)
+    def beyond_wedge(
+        self, z: ComplexArray, images: Sequence[Image] = (), seen: ComplexArray | None = None
+    ) -> FloatArray:
+        """Displacements (e, k, 2, 2) of points ``seen`` (e,) of the first face, by default those of the
+        forces, due to unit forces at points ``z`` (k,) there, minus :meth:`Wedge.compliance`, for curved
+        faces; both with their ``images``."""
+        seen = z if seen is None else seen
+        count, least = len(z), FINE_ROUND_OFF * self.length
+        x, away = np.maximum(self.distance(z), least), np.maximum(self.distance(seen), least)
         sources, forces = self.with_images(x, _unit(count), images)
-        lines, total = self.face_forces(sources, forces), np.zeros((count, 2, 2 * count))
-        identity = np.eye(2)
-        for number, image in enumerate((None, *images)):
-            seen = z if image is None else image.points(z)
-            at = sources[number * count : (number + 1) * count]
-            moved = sum((line.displacement(seen) for line in lines), start=np.zeros_like(total))
+        lines, total = self.face_forces(sources, forces), np.zeros((len(seen), 2, 2 * count))
+        for image in (None, *images):
+            at = away if image is None else self.reflected(away, image)
+            places = seen if image is None else image.points(seen)
+            moved = sum((line.displacement(places) for line in lines), start=np.zeros_like(total))
             whole = [[self.wedge.compliance(at, sources, c, d) for d in (0, 1)] for c in (0, 1)]
             moved -= np.einsum("cdes,sdf->ecf", np.array(whole), forces)
-            total += np.einsum("cd,edf->ecf", identity if image is None else image.matrix.T, moved)
+            total += moved if image is None else np.einsum("dc,edf->ecf", image.matrix, moved)
         return _parted(total, count)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import TypeAlias
 
@@ -23,6 +22,7 @@ from mlsanm_cli.mechanics.near_field import (
     traction,
 )
 from mlsanm_cli.mechanics.wedge import cubic
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 LOG_STEP = 0.1

@@ -7,7 +7,6 @@ free surfaces; the faces of a piece transmit C a T n in addition to the external
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -17,6 +16,7 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.pieces import reaction_of
 from mlsanm_cli.mechanics.probes import stress_of_expansion
+from mlsanm_cli.records import dataclass
 
 
 class Field(Protocol):

@@ -5,13 +5,13 @@ nan in plane strain."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.records import dataclass
 
 LOCKING_RATIO = 8.0
 """Ratio lambda / mu of Lame's constants above which the formulation for nearly incompressible materials is

@@ -15,7 +15,6 @@ Equation (6) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
@@ -25,6 +24,7 @@ from numpy.typing import NDArray
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.kernels.radial import radial_displacements, radial_stresses
 from mlsanm_cli.mechanics.material import PlaneMaterial
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 
 ComplexArray = NDArray[np.complex128]

@@ -17,7 +17,6 @@ Equation (3) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
@@ -34,6 +33,7 @@ from mlsanm_cli.mechanics.corners import WEIGHT_REACH, thickness
 from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.springs import FREE, Held
+from mlsanm_cli.records import dataclass
 
 BOUNDARY_NODES = 16
 """Nodes of a piece at the outline."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sparse
@@ -14,6 +13,7 @@ from mlsanm_cli.mechanics.elasticity import XX, XY, YY, stress_rows
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.operators.rows import scalar_rows, vector_rows
 from mlsanm_cli.operators.stencil_weights import Stencils
+from mlsanm_cli.records import dataclass
 
 ROWS = 5
 """Two displacements and three stresses."""

@@ -10,6 +10,7 @@ Equation (6) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 
 import numpy as np
 
@@ -30,10 +31,16 @@ CORNER_HALVINGS = 14
 """Number of halvings of the half interval at a corner, towards the corner."""
 
 
-def remainder_sources(body: ElasticBody, forces: Forces, centred: bool = True) -> FloatArray:
+def remainder_sources(
+    body: ElasticBody,
+    forces: Forces,
+    centred: bool = True,
+    pins: Mapping[int, FloatArray] = MappingProxyType({}),
+) -> FloatArray:
     """Right-hand sides (r, 2k) of the remainders for unit forces: x at all k places, then y. If ``centred``,
     field and remainder together have zero mean free motion, as needed where that motion is no unknown of the
-    scene."""
+    scene. ``pins`` are held nodes next to forces with the smooth part of the fields' displacements there (2,
+    2k): for the other part these nodes are displaced."""
     cloud, pieces = body.model.cloud, body.pieces
     count = len(forces.place)
     source = np.zeros((body.rows, count, 2))
@@ -53,9 +60,13 @@ def remainder_sources(body: ElasticBody, forces: Forces, centred: bool = True) -
         for component in (0, 1):
             source[body.condition_rows(name, component)] = values[:, :, component]
         loads += _on_pieces(body, name, surface, forces, sent.get(name))
-    first = 2 * (len(cloud.points) + sum(len(surface.index) for surface in cloud.surfaces.values()))
-    for number, (node, component) in enumerate(body.held_nodes):
-        source[first + number] = -_felt(body, forces, node)[:, component]
+    for node in dict.fromkeys(node for node, _ in body.held_nodes):
+        if node in pins:
+            felt = pins[node].reshape(2, 2, count).transpose(2, 0, 1)
+        else:
+            felt = _felt(body, forces, node)
+        for component, row in body.pin_rows(node):
+            source[row] = -felt[:, component]
     if centred:
         source[body.first_pin : body.first_pin + len(body.free.components)] = -_mean_motion(body, forces)
     flat = source.reshape(body.rows, -1)

@@ -4,7 +4,7 @@ vector f (L,), in the order in which the case names the loads."""
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import field, fields
 from functools import cached_property
 
 import numpy as np
@@ -19,6 +19,7 @@ from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.mechanics.rigid import ROTATION, RigidBodyModes, rigid_pattern
 from mlsanm_cli.mechanics.springs import FREE
 from mlsanm_cli.memo import digest
+from mlsanm_cli.records import dataclass
 
 
 @dataclass(frozen=True)
@@ -127,10 +128,11 @@ class RigidConstraint:
 class Scene:
     """Factorised bodies with everything that acts on them except contact.
 
-    ``supports`` maps a support's name to bodies and surfaces; ``held_nodes`` tells for each body whether
-    single nodes hold it in x and y (their forces do not follow from the stress field). ``held_motions`` are
-    motions of floating bodies fixed for lack of resistance, as velocities (3,) of each body: x, y and
-    rotation about the origin. ``loose_motions`` are those of them in which floating bodies only move.
+    ``supports`` maps a support's name to bodies and surfaces, ``single_supports`` that of a single node to
+    its body and node; ``held_nodes`` tells for each body whether single nodes hold it in x and y (their
+    forces do not follow from the stress field). ``held_motions`` are motions of floating bodies fixed for
+    lack of resistance, as velocities (3,) of each body: x, y and rotation about the origin.
+    ``loose_motions`` are those of them in which floating bodies only move.
     """
 
     bodies: Mapping[str, ElasticBody]
@@ -144,6 +146,7 @@ class Scene:
     probes: tuple[Probe, ...] = ()
     held_motions: tuple[Mapping[str, FloatArray], ...] = ()
     loose_motions: tuple[Mapping[str, FloatArray], ...] = ()
+    single_supports: Mapping[str, tuple[str, int]] = field(default_factory=dict)
 
     @cached_property
     def content(self) -> str:

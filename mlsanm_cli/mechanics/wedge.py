@@ -25,7 +25,6 @@ Equation (10) of docs/method.md.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -35,6 +34,7 @@ from numpy.typing import NDArray
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.kernels.radial import cubic_rows
 from mlsanm_cli.mechanics.near_field import ComplexArray, PointForceField, traction
+from mlsanm_cli.records import dataclass
 
 STEP, COUNT = 0.02, 4096
 """Uniform grid of ln(x / x')."""

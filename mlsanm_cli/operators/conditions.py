@@ -11,12 +11,11 @@ Y = 1 to round-off however accurate Y is, the constraints hold to round-off.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import FINE_ROUND_OFF, ROUND_OFF
 
 

@@ -24,7 +24,7 @@ Equation (4) of docs/method.md.
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -48,6 +48,7 @@ from mlsanm_cli.operators.refinement import (
     relative,
 )
 from mlsanm_cli.operators.system import Equations, LinearSystem
+from mlsanm_cli.records import dataclass
 
 
 @dataclass(frozen=True)

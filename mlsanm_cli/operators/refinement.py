@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.records import dataclass
 
 FULL_TOLERANCE = 1e-11
 """Relative tolerance of the predicted next update."""

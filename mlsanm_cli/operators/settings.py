@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from mlsanm_cli.records import dataclass
 
 NEIGHBORS = {1: 9, 2: 16, 3: 24, 4: 34, 5: 46, 6: 60}
 """Neighbours per stencil by degree: about 2.5 per polynomial coefficient."""

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
@@ -30,6 +30,7 @@ from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.operators.neighbors import EXTRA_NODES, TIE_TOLERANCE, distances, neighbors_of
 from mlsanm_cli.operators.settings import WEIGHT_EXPONENT, MlsSettings
 from mlsanm_cli.operators.stencil_weights import Stencils
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 
 ENRICHMENT_RADIUS = 2.0

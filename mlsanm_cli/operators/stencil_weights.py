@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.kernels.stencils import apply_weights
+from mlsanm_cli.records import dataclass
 
 
 @dataclass(frozen=True)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Protocol
 
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.operators.refinement import FULL_TOLERANCE
+from mlsanm_cli.records import dataclass
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import scipy.sparse as sparse
 
@@ -12,6 +10,7 @@ from mlsanm_cli.mechanics.assembly import node_rows
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.springs import FREE, NO_SPRING
 from mlsanm_cli.operators.system import Equations
+from mlsanm_cli.records import dataclass
 
 SINGLE, HELD, TRACTION, EQUILIBRIUM = range(4)
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Generator, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from mlsanm_cli.contact.complementarity.problem import ContactStatus
 from mlsanm_cli.continuation import AnmOptions, Branch, NewtonOptions, correct, follow
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.paper.system import System
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State, output_positions
 

@@ -4,11 +4,11 @@ are per unit thickness; x runs along the surface from the middle of the contact,
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.records import dataclass
 
 
 @dataclass(frozen=True)

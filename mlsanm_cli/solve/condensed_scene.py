@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
@@ -11,6 +9,7 @@ from mlsanm_cli.case import Case
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.records import dataclass
 
 
 @dataclass(frozen=True)

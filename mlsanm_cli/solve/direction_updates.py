@@ -22,7 +22,6 @@ displacements omit. It is compared with the stiffness against q.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -39,6 +38,7 @@ from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.near_field import as_real
 from mlsanm_cli.mechanics.rigid import ROTATION
 from mlsanm_cli.mechanics.scene import RigidConstraint, Scene
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 from mlsanm_cli.solve.state import INSTABILITY_RATIO
 
@@ -85,6 +85,10 @@ def turns(scene: Scene, condensed: Condensed, state: ExactState) -> dict[str, fl
         aside = SIDE_WIDTHS * float(place[closed[-1]] - place[closed[0]] + grid.hats.weight[closed].max())
         ends = np.clip([middle - aside, middle + aside], grid.first, grid.last)
         points = as_real(grid.facing.side(ends, base)[0])
+        if np.hypot(*(points[1] - points[0])) <= COARSE_ROUND_OFF * (ends[1] - ends[0]):
+            # All around a closed surface there is no chord, and no side to turn to.
+            found[pairing.name] = drawn
+            continue
         moved = condensed.contact_fields(scene, body, unknowns, points)[0]
         angle = _rotation(scene.bodies[body].model, points, solved[body], moved)
         rolled = _rolled(scene, body, state.motion) if bends[0] > bends[1] else 0.0
@@ -195,9 +199,12 @@ class Turned:
     @property
     def hint(self) -> str:
         """Hint for the user."""
-        return (
+        hold = (
             f'hold {self.names} with a [[support]], take away what turns it, or use model.strain = "finite"'
         )
+        # No body turns that far before its strains are absurd.
+        large = "check the units of the loads against those of the moduli; " if self.angle > np.pi else ""
+        return large + hold
 
     @property
     def error(self) -> UnbalancedError | None:

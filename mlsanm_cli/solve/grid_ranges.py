@@ -64,6 +64,7 @@ def first_grid(limits: ContactRange) -> ContactGrid:
         limits.centers,
         limits.corners,
         limits.planes,
+        limits.pins,
         provisional=not parallel,
     )
 

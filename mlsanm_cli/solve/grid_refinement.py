@@ -10,6 +10,7 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
+from mlsanm_cli.contact.geometry.surface_response import SurfaceResponse
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.response.compressed import COMPRESSED_CONTACT
 from mlsanm_cli.contact.response.condensation import BodyResponses
@@ -55,7 +56,7 @@ def sampled(scene: Scene, answers: BodyResponses, grids: Mapping[str, ContactGri
         if grid is None or grid.count >= MAX_SAMPLES:
             continue
         log = sum(
-            np.abs(grid.singular(scene.bodies[body].model.kernel, slave)[0]).max()
+            np.abs(SurfaceResponse.of(grid, scene.bodies[body].model.kernel, slave).tensors[0]).max()
             for body, slave, _ in pairing.sides
         )
         kernel = answers.smooth(pairing)

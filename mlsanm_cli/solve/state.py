@@ -4,7 +4,7 @@ through the second stage."""
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.complementarity.problem import OPEN, ContactStatus
+from mlsanm_cli.records import dataclass
 
 if TYPE_CHECKING:
     from mlsanm_cli.solve.condensed_scene import CondensedScene

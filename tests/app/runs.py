@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
 from collections.abc import Mapping
@@ -60,7 +61,8 @@ def undeclared(directory: Path) -> list[str]:
             and (kind, array.shape) != (declared.dtype, declared.shape(sizes))
         ):
             wrong.append(f"{path}: {kind}, {array.shape}")
-    columns = (directory / "path.csv").read_text().partition("\n")[0].split(",")
+    with (directory / "path.csv").open() as stream:
+        columns = next(csv.reader(stream))
     plain = [re.sub("_[xy]$", "", name) for name in columns]
     wrong += [name for name in plain if schema.quantity(schema.PATH_COLUMNS, name) is None]
     return wrong + list(summary_of(directory).keys() - {one.path.split(".")[0] for one in schema.SUMMARY})

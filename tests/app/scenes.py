@@ -11,10 +11,11 @@ import pytest
 from mlsanm_cli.app.context import Clock, RunContext
 from mlsanm_cli.app.run import run
 from mlsanm_cli.app.scene.assemble import SceneModel, prepare
+from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.build import build_scene
 from mlsanm_cli.app.scene.clouds import clouds
 from mlsanm_cli.app.scene.condense import condense_scene
-from mlsanm_cli.app.scene.imported import load_with_files
+from mlsanm_cli.app.scene.outlines import load_with_files
 from mlsanm_cli.case import parse_case
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.solve.condensed_scene import CondensedScene
@@ -197,7 +198,8 @@ def refused(text: str, directory: Path, key: str, words: str, *overrides: str) -
 def prepared(text: str, *overrides: str) -> SceneModel:
     """The bodies and contacts of a case, before anything is solved."""
     case = parse_case(text, Path("case.toml"), overrides).case
-    return prepare(case, clouds(case))
+    boundaries = Boundaries.of(case)
+    return prepare(boundaries, clouds(boundaries))
 
 
 def built(text: str, directory: Path, *overrides: str) -> CondensedScene:

@@ -65,16 +65,6 @@ def test_bad_case(
     assert [path.name for path in tmp_path.iterdir()] == ["case.toml"]
 
 
-def test_an_existing_run_is_kept(hertz_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    before = {path.name: (path.stat().st_mtime_ns, path.stat().st_size) for path in hertz_run.iterdir()}
-    (tmp_path / "case.toml").write_text(hertz())
-    assert main(["run", str(tmp_path / "case.toml"), "--out", str(hertz_run)]) == 2
-    err = capsys.readouterr().err
-    assert "already holds a run" in err
-    assert "--force" in err
-    assert {p.name: (p.stat().st_mtime_ns, p.stat().st_size) for p in hertz_run.iterdir()} == before
-
-
 @pytest.mark.parametrize("friction", [0.0, 0.3])
 def test_a_load_of_the_wrong_sign_is_named(friction: float, tmp_path: Path) -> None:
     changes = ["load.press.force=[0.0, 10.0]", EXACT_LAW, f"contact.interface.friction={friction}"]

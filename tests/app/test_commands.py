@@ -20,6 +20,7 @@ from mlsanm_cli.app.results.curves import pressure_picture
 from mlsanm_cli.app.results.info import info
 from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.scene import size_estimate as estimate
+from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.case import parse_case, stored_case
 from mlsanm_cli.cli import main
 from mlsanm_cli.errors import CaseError, RunError
@@ -159,14 +160,6 @@ def test_info_of_a_run_without_summary(hertz_run: Path, tmp_path: Path) -> None:
     assert len(plot(killed, choice=Choice(("pressure",)))) == 1
 
 
-def test_info_with_a_damaged_summary(bar_run: Path, tmp_path: Path) -> None:
-    damaged = tmp_path / "damaged"
-    shutil.copytree(bar_run, damaged)
-    (damaged / "summary.json").write_text('{"status": ')
-    with pytest.raises(RunError, match="cannot be read"):
-        info(damaged)
-
-
 def test_plot_draws_what_there_is(bar_run: Path, punches_run: Path) -> None:
     common = {"plot_force.png", "plot_peak.png", "plot_bodies.png"}
     under = {"plot_pressure_under-left.png", "plot_pressure_under-right.png"}
@@ -280,12 +273,13 @@ def test_memory_is_that_of_the_solver(tmp_path: Path, monkeypatch: pytest.Monkey
         parse_case(BAR, Path("case.toml"), (f"solver.linear={kind}", fine)).case
         for kind in ("auto", "superlu")
     ]
-    ours, other = (estimate.memory_mb(case, estimate.node_counts(case)) for case in cases)
+    boundaries = list(map(Boundaries.of, cases))
+    ours, other = (estimate.memory_mb(one.case, estimate.node_counts(one)) for one in boundaries)
     assert ours < other
     monkeypatch.setattr(estimate, "physical_memory_mb", lambda: 0.5 * (ours + other))
-    estimate.refuse_too_large(cases[0])
+    estimate.refuse_too_large(boundaries[0])
     with pytest.raises(CaseError, match="GB of memory") as caught:
-        estimate.refuse_too_large(cases[1])
+        estimate.refuse_too_large(boundaries[1])
     assert caught.value.problems[0].key == "body.bar.spacing"
 
 

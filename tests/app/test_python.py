@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import inspect
 import re
 import shutil
@@ -83,7 +84,7 @@ def test_a_contact_is_known_anywhere_on_the_path(run: mlsanm.Run) -> None:
 
 
 def test_columns_of_the_path_are_those_of_the_table(run: mlsanm.Run) -> None:
-    head = (run.directory / "path.csv").read_text().splitlines()[0].split(",")
+    head = next(csv.reader((run.directory / "path.csv").read_text().splitlines()))
     assert list(run.path) == head
     assert all(len(column) == run.data.rows for column in run.path.values())
 

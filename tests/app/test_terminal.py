@@ -20,7 +20,6 @@ import pytest
 from mlsanm_cli.app.output import recorder
 from mlsanm_cli.app.results.info import info
 from mlsanm_cli.app.run import resume, run
-from mlsanm_cli.errors import RunError
 from tests.app.processes import CLI, PATIENCE, mlsanm
 from tests.app.runs import resumed_differences
 from tests.app.scenes import BAR, Quiet, hertz, solve
@@ -179,9 +178,3 @@ def test_a_full_disk_ends_a_run_that_can_be_resumed(tmp_path: Path) -> None:
     assert not list((tmp_path / "run").glob("*.tmp"))
     resume(tmp_path / "run", console=Quiet())
     assert resumed_differences(tmp_path / "case", tmp_path / "run") == []
-
-
-def test_a_directory_that_cannot_be_written(tmp_path: Path) -> None:
-    (tmp_path / "case.toml").write_text(BAR)
-    with pytest.raises(RunError, match=r"/proc.* (cannot be written|cannot write)|cannot write /proc"):
-        run(tmp_path / "case.toml", out=Path("/proc/mlsanm"), console=Quiet())

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from mlsanm_cli.errors import CaseError, CaseProblem
+from tests.app.scenes import prepared
 from tests.case.scenes import CLAMP, HERTZ, PULL, SQUARE, only, parse
 
 POINT = '[[support]]\nbody = "square"\nnear = [{}, {}]\n{} = 0\n'
@@ -11,6 +13,14 @@ POINT = '[[support]]\nbody = "square"\nnear = [{}, {}]\n{} = 0\n'
 
 def load(name: str, boundary: str, kind: str, keys: str) -> str:
     return f'[[load]]\nname = "{name}"\nboundary = "square.{boundary}"\nkind = "{kind}"\n{keys}\n'
+
+
+def refusal(text: str, *overrides: str) -> CaseProblem:
+    """The only problem of a scene that is refused before it is solved."""
+    with pytest.raises(CaseError) as caught:
+        prepared(text, *overrides)
+    (problem,) = caught.value.problems
+    return problem
 
 
 def held(boundary: str, keys: str) -> str:
@@ -82,8 +92,6 @@ FREE = [
     (POINT.format(0, 0, "ux") + POINT.format(0, 0, "uy") + POINT.format(1, 0, "uy"), ""),
     (POINT.format(0, 0, "ux") + POINT.format(0, 0, "uy") + POINT.format(1, 0, "ux"), "(0, 0)"),
     (platen("displacement = [0, 1]"), ""),
-    (platen('displacement = [0, 1]\nrotation = "free"'), "rotation about (0.5, 1)"),
-    (platen("force = [0, 1]"), "translation in x and translation in y"),
     (platen("uy = 1"), "translation in x"),
     (platen("ux = 1"), "translation in y and rotation"),
     (platen("uy = 1") + POINT.format(0, 0, "ux"), ""),
@@ -98,24 +106,47 @@ FREE = [
 
 @pytest.mark.parametrize(("conditions", "key", "words"), CONDITIONS)
 def test_conditions_that_exclude_each_other(conditions: str, key: str, words: str) -> None:
-    if key:
-        problem = only(SQUARE + conditions)
-        assert problem.key == key
-        assert words in str(problem)
-    else:
-        parse(SQUARE + conditions)
+    if not key:
+        prepared(SQUARE + conditions)
+        return
+    problem = refusal(SQUARE + conditions)
+    assert problem.key == key
+    assert words in str(problem)
+
+
+@pytest.mark.parametrize(
+    ("change", "key", "words"),
+    [
+        (
+            "contact.0.master='block.bottom'",
+            "contact.interface.master",
+            "support.0 acts on the contact surface",
+        ),
+        ("contact.0.slave='cylinder.flat'", "contact.interface.slave", "load.press acts on"),
+    ],
+)
+def test_conditions_on_contact_surfaces(change: str, key: str, words: str) -> None:
+    problem = refusal(HERTZ, change)
+    assert problem.key == key
+    assert words in problem.message
 
 
 @pytest.mark.parametrize(("conditions", "free"), FREE)
 def test_a_body_alone(conditions: str, free: str) -> None:
     if not free:
-        parse(SQUARE + PULL + conditions)
+        prepared(SQUARE + PULL + conditions)
         return
-    problem = only(SQUARE + PULL + conditions)
-    assert (problem.key, problem.line) == ("body.square", 7)
+    problem = refusal(SQUARE + PULL + conditions)
+    assert problem.key == "body.square"
     assert free in problem.message
     assert ("x and" in problem.message) == ("x and" in free)
     assert "add a [[support]]" in problem.hint
+
+
+@pytest.mark.parametrize("plate", ['displacement = [0, 1]\nrotation = "free"', "force = [0, 1]"])
+def test_loads_of_a_plate_that_nothing_holds(plate: str) -> None:
+    with pytest.raises(CaseError, match="nothing resists its force"):
+        prepared(SQUARE + PULL + platen(plate))
 
 
 @pytest.mark.parametrize(

@@ -217,6 +217,11 @@ def test_a_directory_whose_name_is_no_text(tmp_path: Path) -> None:
         load_case(folder / "case.toml")
 
 
+@pytest.mark.parametrize(("given", "kept"), [(1e-30, 0.0), (1e-12, 0.0), (1e-6, 1e-6), (0.3, 0.3)])
+def test_friction_that_is_round_off_is_none(given: float, kept: float) -> None:
+    assert parse(HERTZ, [f"contact.interface.friction={given}"]).case.contact[0].friction == kept
+
+
 def test_the_standard_input_is_a_case(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(HERTZ.encode())))
     loaded = load_case(Path("-"))

@@ -10,10 +10,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.run import run
-from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.response import load_vectors as sources
-from mlsanm_cli.mechanics.near_field import PointForceField
 from mlsanm_cli.mechanics.pieces import Pieces
 from mlsanm_cli.mechanics.remainder import remainder_sources
 from tests.app.scenes import EXACT_LAW, Quiet
@@ -43,14 +40,3 @@ def test_remainders_of_half_the_forces(monkeypatch: pytest.MonkeyPatch, tmp_path
     monkeypatch.setattr(sources, "remainder_sources", lambda *rest: 0.5 * proper(*rest))
     (warning,) = outcome("hertz", tmp_path / "run", EXACT_LAW)["warnings"]
     assert warning.startswith("force imbalance on body cylinder: 9")
-
-
-def test_half_of_a_contact_s_singular_field(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    proper = ContactGrid.singular
-
-    def faulty(near: ContactGrid, kernel: PointForceField, slave: bool) -> tuple[FloatArray, FloatArray]:
-        log, turn = proper(near, kernel, slave)
-        return 0.5 * log, 0.5 * turn
-
-    monkeypatch.setattr(ContactGrid, "singular", faulty)
-    assert outcome("hertz", tmp_path / "run", EXACT_LAW, COARSE)["status"] == "failed"

@@ -11,26 +11,17 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud import front as slices
 from mlsanm_cli.cloud.cloud import CANDIDATES, _strips, build_cloud
 from mlsanm_cli.cloud.curves import Arc, Outline, Segment, disk, rectangle
 from mlsanm_cli.cloud.front import fill_region
+from mlsanm_cli.cloud.membership import inside_polygon
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.kernels.fill import spacing_at
 
 SQUARE = rectangle((0.0, 1.0), (0.0, 1.0))
-
-
-def even_odd(chain: FloatArray, points: FloatArray) -> BoolArray:
-    """Points (n, 2) inside the polygon ``chain`` (c, 2), every edge asked."""
-    inside = np.zeros(len(points), dtype=bool)
-    for (x0, y0), (x1, y1) in zip(chain, np.roll(chain, -1, axis=0), strict=True):
-        crosses = (y0 > points[:, 1]) != (y1 > points[:, 1])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            inside ^= crosses & (points[:, 0] < x0 + (points[:, 1] - y0) / (y1 - y0) * (x1 - x0))
-    return inside
 
 
 def front(outline: Outline, spacing: Spacing, seed: int) -> tuple[FloatArray, int]:
@@ -45,6 +36,7 @@ def front(outline: Outline, spacing: Spacing, seed: int) -> tuple[FloatArray, in
 def slow_front(outline: Outline, spacing: Spacing, seed: int) -> FloatArray:
     """The front as described: every candidate compared with every accepted node and every edge."""
     chain = np.concatenate([curve.points(spacing.steps_along(curve)[:-1]) for curve in outline.curves])
+    edges = np.hstack([chain, np.roll(chain, -1, axis=0)])
     points = [tuple(p) for p in chain]
     word = 2**64
     state = (seed * 2 + 1) * 0x9E3779B97F4A7C15 % word
@@ -58,7 +50,7 @@ def slow_front(outline: Outline, spacing: Spacing, seed: int) -> FloatArray:
             angle = 2.0 * math.pi * (number + turn) / CANDIDATES
             new = np.array([[x + h * math.cos(angle), y + h * math.sin(angle)]])
             radius = min(h, float(spacing.at(new)[0])) * (1.0 - 1e-9)
-            if cdist(new, np.array(points)).min() >= radius and even_odd(chain, new)[0]:
+            if cdist(new, np.array(points)).min() >= radius and inside_polygon(edges, new)[0]:
                 points.append((float(new[0, 0]), float(new[0, 1])))
         parent += 1
     return np.array(points)

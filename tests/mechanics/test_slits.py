@@ -133,7 +133,7 @@ def test_tips_are_told_from_nodes_too_close() -> None:
     needle = build_cloud(wedge(math.radians(4.0)), Spacing(0.02), 0)
     with pytest.raises(NumericalError, match=r"corner of 8 degrees at \(0, 0\) is too acute") as error:
         build(needle, {"back": (True, True)})
-    assert "shape.rounding" in (error.value.hint or "")
+    assert "round it" in (error.value.hint or "")
 
 
 def notched() -> Outline:

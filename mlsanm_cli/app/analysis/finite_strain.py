@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.checks.check import Check, Verdicts
-from mlsanm_cli.app.finite.checks import FiniteEnd, checks_of, finite_limits
+from mlsanm_cli.app.checks.check import Check, Verdicts, all_of
+from mlsanm_cli.app.checks.limits import level, summary_limits
+from mlsanm_cli.app.finite.checks import END, FiniteEnd
 from mlsanm_cli.app.finite.contact_path import contact_path
 from mlsanm_cli.app.finite.estimate import (
     energy_errors,
@@ -38,7 +39,7 @@ from mlsanm_cli.app.finite.refinement import contact_errors, refined
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
 from mlsanm_cli.app.finite.states import STATE
 from mlsanm_cli.app.output.analysis import Analysis, BodyFields
-from mlsanm_cli.app.output.parts import ContactNodes, contact_data, obstacles, vtu_states
+from mlsanm_cli.app.output.parts import ContactNodes, contact_part, obstacles, vtu_states
 from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.finite.rigid import RigidContact
@@ -65,9 +66,13 @@ def contact_lines(scene: FiniteScene, state: State, fields: Mapping[str, Any]) -
         numbers = np.arange(side.count, dtype=np.int64)
         edges = np.stack([numbers, np.roll(numbers, -1)], axis=1)
         edges = edges if side.around is not None else edges[:-1]
-        data = contact_data(record, side.arc, bool(contact.friction))
-        data |= {"displacement": moved, "normal": normal, "contact_stress": stress}
-        lines[contact.name] = VtuPart(side.places, edges, data)
+        lines[contact.name] = contact_part(
+            *(side.places, edges, record, bool(contact.friction)),
+            arc_length=side.arc,
+            displacement=moved,
+            normal=normal,
+            contact_stress=stress,
+        )
     return lines
 
 
@@ -128,13 +133,12 @@ class FiniteStrain(Analysis):
 
     def checks(self, state: State) -> Iterator[Check]:
         """Deformations and overlaps."""
-        for check in STATE:
-            yield from check(self.scene, state)
+        return all_of(STATE, self.scene, state)
 
     def judge(self, last: State, tally: dict[str, Any]) -> Iterator[Check]:
         """Checks of the last state."""
         errors = self._errors(last, tally)
-        return checks_of(FiniteEnd(self.scene, last, tally, errors, self._refinement))
+        return all_of(END, FiniteEnd(self.scene, last, tally, errors, self._refinement))
 
     def finer(self, tally: Mapping[str, Any], failure: NumericalError | None) -> FiniteStrain | None:
         """With more nodes where bodies touched, or with those of the run before a finer one that failed."""
@@ -264,5 +268,12 @@ class FiniteStrain(Analysis):
 
     def limits(self) -> dict[str, Any]:
         """The limits of the checks."""
-        names = () if self._scene is None else [one.name for one in self.scene.contacts.pairs]
-        return finite_limits(self.case, names)
+        names = [] if self._scene is None else [one.name for one in self._scene.contacts.pairs]
+        estimates = {
+            "energy": level("energy_estimate"),
+            "displacement": level("displacement_error"),
+            "pressure": dict.fromkeys(names, level("rough_pressure_error")),
+            "contacts": dict.fromkeys(names, level("finite_force_error")),
+        }
+        fails = ("force_balance", "ellipticity", *(("stability",) if names else ()))
+        return summary_limits(self.case.solver.tolerance, fails, "energy_estimate", estimates)

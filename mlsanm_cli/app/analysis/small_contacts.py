@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 from mlsanm_cli.app.checks.check import Check
 from mlsanm_cli.app.checks.references import reference_profile
 from mlsanm_cli.app.checks.states import diagnose, node_fields, worst_nodes
-from mlsanm_cli.app.output.parts import contact_data, contact_figures, obstacle_shift, obstacles, vtu_states
+from mlsanm_cli.app.output.parts import contact_figures, contact_part, obstacle_shift, obstacles, vtu_states
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import PlaneObstacle
 from mlsanm_cli.cloud.cloud import Cloud
@@ -61,11 +61,15 @@ def _contact(
     chosen = pairing.candidate
     points = pairing.points[pairing.candidate]
     normal, tangent = pairing.normal[chosen], pairing.tangent[chosen]
-    data = contact_data(record, slave_arc(pairing), pairing.name in built.condensed.tangential)
     load = record["pressure"][:, None] * normal + record["traction"][:, None] * tangent
     moved = along_boundary(cloud, shown[pairing.slave_body]["displacement"], points)
-    data |= {"displacement": moved, "normal": normal, "contact_stress": load}
-    return VtuPart(points, _neighbours(pairing), data)
+    return contact_part(
+        *(points, _neighbours(pairing), record, pairing.name in built.condensed.tangential),
+        arc_length=slave_arc(pairing),
+        displacement=moved,
+        normal=normal,
+        contact_stress=load,
+    )
 
 
 def _neighbours(pairing: Pairing) -> IntArray:

@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.checks.check import Check, Verdicts
+from mlsanm_cli.app.checks.check import Check, Verdicts, all_of
 from mlsanm_cli.app.checks.limits import level
 from mlsanm_cli.app.checks.load_checks import load_resolution, loaded_length
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene import pulls
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.refinement import Refinement
-from mlsanm_cli.case import Case, finer_nodes
+from mlsanm_cli.case import Case, finer_nodes, rounded
 from mlsanm_cli.cloud.quality import measure
 from mlsanm_cli.contact.geometry.pairing import Pairing, spacing_ratio
 from mlsanm_cli.contact.response.coercivity import stiffness_ratio
@@ -57,8 +57,7 @@ class Quality:
     @property
     def checks(self) -> Iterator[Check]:
         """All checks of the model."""
-        for check in MODEL:
-            yield from check(self)
+        return all_of(MODEL, self)
 
 
 def announce(case: Case, prepared: SceneModel, context: RunContext, verdicts: Verdicts) -> Quality:
@@ -148,7 +147,7 @@ def nodal_contacts(
             "slave_stiffness",
             stiffer,
             f"{place}: the slave is {stiffer:.3g} times stiffer than the master",
-            "swap them: pressures are more accurate with the softer body as slave",
+            "swap them, `from` and `to` too: pressures are more accurate with the softer body as slave",
             place,
         )
 
@@ -273,7 +272,7 @@ def corners(model: Quality) -> Iterator[Check]:
                 "reentrant_corners",
                 len(sharp),
                 f"body {name}: a sharp corner points into the material at ({x:.6g}, {y:.6g}){more}; the "
-                f"stress there is singular{slow}: give it a radius in body.{name}.shape.rounding",
+                f"stress there is singular{slow}: {rounded(model.case, name)}",
                 place=f"body {name}",
             )
 

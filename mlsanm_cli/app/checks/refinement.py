@@ -87,7 +87,7 @@ def residual_zones(
         finer = np.where(ruled[given.name], 1.0, _finer(levels[given.name], level, degree))
         finer, line = _made_symmetric(finer, cloud.mirror)
         wanted = np.where(finer >= MIN_REFINEMENT, cloud.spacing / finer, np.inf)
-        spacing = spacing_of(built.case, boundaries, given).with_zones((*planned, *zones))
+        spacing = spacing_of(boundaries, given).with_zones((*planned, *zones))
         zones += cover(cloud.points, cloud.spacing, wanted, spacing, GROWTH, line)
     return tuple(zones)
 
@@ -206,7 +206,7 @@ def adapt(case: Case, prepared: SceneModel, context: RunContext, known: Refineme
             break
         wanted = (*zones, *bulk, *more)
         try:
-            refined = place(case, context, wanted, prepared)
+            refined = place(prepared.boundaries, context, wanted, prepared)
             built, accuracy = _solved(case, refined, context, built.scene)
         except NumericalError as error:
             failed = f"pass {number} of [adapt] failed, continuing with the previous clouds: {error.message}"

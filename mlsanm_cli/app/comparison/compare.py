@@ -1,5 +1,6 @@
 """``mlsanm compare``: several methods on the same scene and operators. The rules of the comparison are in
-docs/methods-compared.md."""
+docs/methods-compared.md.
+"""
 
 from __future__ import annotations
 
@@ -7,14 +8,18 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from mlsanm_cli.app.checks.references import check_reference
 from mlsanm_cli.app.comparison.measure import Comparison, Measured
 from mlsanm_cli.app.context import Clock, Console, RunContext
 from mlsanm_cli.app.output.checkpoint import attributes
 from mlsanm_cli.app.run import RESULTS
-from mlsanm_cli.app.scene.imported import load_with_files
+from mlsanm_cli.app.scene.outlines import load_with_files
 from mlsanm_cli.case import Case, LoadedCase
 from mlsanm_cli.io import run_dir
+from mlsanm_cli.io.plots.curves import Curve, Panel, Picture, draw
+from mlsanm_cli.io.plots.figures import REFERENCE_LINE
 from mlsanm_cli.io.summary import write_json_atomic
 
 
@@ -87,8 +92,6 @@ def compare(
     }
     run_dir.prepare_comparison(directory, force)
     if curves.get("smooth"):
-        from mlsanm_cli.app.comparison.precision import draw_precision
-
         draw_precision(directory, curves)
     write_json_atomic(directory / run_dir.COMPARISON_FILE, result)
     return {**result, "directory": str(directory)}
@@ -150,3 +153,28 @@ def agreement(table: Sequence[Mapping[str, Any]]) -> str:
         return "failed"
     agree = all(row["status"] == "done" and row.get("agrees", True) for row in table)
     return "agree" if agree else "disagree"
+
+
+FACTORIZATIONS = "factorisations of tangents"
+
+
+def draw_precision(directory: Path, curves: Mapping[str, Any]) -> None:
+    """Draws errors against CPU seconds and against factorisations, one curve per method, in the directory of
+    comparison.json. The cost for the exact law, the reference of the errors, is a vertical line."""
+    errors = [point["error"] for points in curves["smooth"].values() for point in points]
+    panels = []
+    for key, label in (("seconds", "CPU seconds of the path"), ("factorizations", FACTORIZATIONS)):
+        drawn, notes = [], []
+        for name, points in curves["smooth"].items():
+            cost, error = (np.array([point[part] for point in points]) for part in (key, "error"))
+            drawn.append(Curve(cost, error, name))
+            if label == FACTORIZATIONS:
+                notes += [(f"eta {one['eta']:.2g}", one[key], one["error"]) for one in points]
+        if curves["exact"] and errors:
+            cost = np.full(2, curves["exact"][key])
+            drawn.append(
+                Curve(cost, np.array([min(errors), max(errors)]), "active set, exact law", REFERENCE_LINE)
+            )
+        panels.append(Panel(drawn, label, "pressure, error against the exact law", notes=notes, scale="log"))
+    picture = Picture(panels, "", "outside upper center", (8.4, 3.8), beside=True)
+    draw(directory / run_dir.picture_name("comparison", "png"), picture)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,7 @@ import numpy as np
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.output.parts import contact_figures
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Displacement, ObstacleMotion, Platen
+from mlsanm_cli.case import Case, Displacement, ObstacleMotion, Platen
 from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.contact.finite.meeting import NO_GAP
 from mlsanm_cli.contact.finite.rigid import RigidContact
@@ -22,6 +21,7 @@ from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.finite.forces import Forces
 from mlsanm_cli.mechanics.laws.law import Law, gradient_of, stretches
 from mlsanm_cli.operators.stencils import build_stencils
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.solve.state import Fields, State
 
 CONTACT_PREFIX = "contact "
@@ -133,6 +133,25 @@ class SceneForces:
         return np.asarray(sum((one.loads[number] for one in self.bodies.values()), np.zeros(2)))
 
 
+def _shares(case: Case) -> dict[str, tuple[bool, bool]]:
+    """Which components of the force on a plate or an obstacle each of the loads on it reports: those that it
+    prescribes, and the first of them also what none does."""
+    together: dict[object, list[Platen | ObstacleMotion]] = {}
+    for load in case.load:
+        if isinstance(load, Platen | ObstacleMotion):
+            moved = load.obstacle if isinstance(load, ObstacleMotion) else (load.boundary, load.ends)
+            together.setdefault(moved, []).append(load)
+
+    def reports(load: Platen | ObstacleMotion, axis: str, group: list[Platen | ObstacleMotion]) -> bool:
+        return load in ([other for other in group if axis in other.control] or group[:1])
+
+    return {
+        load.name: (reports(load, "x", group), reports(load, "y", group))
+        for group in together.values()
+        for load in group
+    }
+
+
 def resultants(scene: FiniteScene, forces: SceneForces) -> dict[str, FloatArray]:
     """The force (2,) of every load and support on its body, and of every contact on its slave."""
     nothing = np.zeros(2)
@@ -146,6 +165,10 @@ def resultants(scene: FiniteScene, forces: SceneForces) -> dict[str, FloatArray]
         for number, load in enumerate(scene.case.load)
         if not isinstance(load, Displacement | Platen)
     }
+    for name, share in _shares(scene.case).items():
+        for named in (loads, held):
+            if name in named:
+                named[name] = np.where(share, named[name], 0.0)
     return loads | held | {f"{CONTACT_PREFIX}{name}": force for name, force in pressed.items()}
 
 

@@ -16,6 +16,7 @@ from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.finite.patches import Touched, wanted_spacings
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.scene.assemble import SceneModel
+from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.build import place
 from mlsanm_cli.app.scene.clouds import line_of
 from mlsanm_cli.app.scene.contact_spacing import NODAL_BAND, NODAL_GROWTH
@@ -51,7 +52,7 @@ def refined(
         return None
     if failure and known.passes and known.passes[-1]["done"]:
         back = Refinement(known.before, passes=known.passes[:-1], failed=failure.message)
-        return back, place(case, context, back.zones)
+        return back, place(Boundaries.of(case), context, back.zones)
     if scene is None:
         return None
     nodes = scene.unknowns // 2
@@ -63,7 +64,7 @@ def refined(
     while zones:
         found = Refinement(zones, passes, before=known.zones, fewer=fewer)
         try:
-            finer = place(case, context, zones)
+            finer = place(Boundaries.of(case), context, zones)
         except (NumericalError, CaseError):
             return None
         count = sum(len(model.cloud.points) for model in finer.models.values())
@@ -91,7 +92,7 @@ def wanted_zones(scene: FiniteScene, touched: Touched) -> tuple[Zone, ...]:
     for contact in own:
         for side, spacing in zip(contact.sides, wanted_spacings(touched[contact.name]), strict=True):
             found = np.vstack([found, _segments(side, spacing)])
-    line = line_of(scene.case)
+    line = line_of(Boundaries.of(scene.case))
     if line is not None:
         image = np.hstack([line.reflect(found[:, :2]), line.reflect(found[:, 2:4]), found[:, 4:]])
         found = np.vstack([found, image])

@@ -17,6 +17,7 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.complementarity.problem import OPEN, SLIP, STICK
 from mlsanm_cli.contact.geometry.profile import half_width, is_singular
 from mlsanm_cli.io.run_file import Value, place
+from mlsanm_cli.io.schema import COMPONENTS, CONTACT_ARRAYS, FIELDS, members
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.solve.state import Fields
 
@@ -78,15 +79,15 @@ def vtu_states(
 
 
 def vtu_data(fields: Fields, wanted: Sequence[str]) -> dict[str, NDArray[Any]]:
-    """The requested fields by name, with the out-of-plane component of stresses, and principal stretches by
+    """The requested fields by name, with the out-of-plane component of stresses, and principal values by
     number."""
     data: dict[str, NDArray[Any]] = {}
     for name in wanted:
-        values = fields[name]
-        if name == "stretch":
-            data |= {"stretch_1": values[:, 0], "stretch_2": values[:, 1]}
-            continue
-        data[name] = np.column_stack([values, fields["stress_zz"]]) if name == "stress" else values
+        values, axis = fields[name], QUANTITIES[name].dimensions[-1]
+        if axis == "principal":
+            data |= {f"{name}_{part}": values[:, k] for k, part in enumerate(COMPONENTS[axis])}
+        else:
+            data[name] = np.column_stack([values, fields["stress_zz"]]) if name == "stress" else values
     return data
 
 
@@ -123,6 +124,7 @@ def model_bodies(prepared: SceneModel) -> list[VtuPart]:
 
 
 CIRCLE_POINTS = 181
+QUANTITIES = members(FIELDS)
 PLANE_LENGTH = 0.75
 """Length of a plane to both sides, in diameters of the scene."""
 
@@ -143,17 +145,14 @@ def obstacle_shift(case: Case, contact: str, moved: Mapping[str, FloatArray]) ->
     return next((moved[name] for name in names if name in moved), np.zeros(2))
 
 
-def contact_data(record: Mapping[str, Any], arc: FloatArray, friction: bool) -> dict[str, NDArray[Any]]:
-    """The values of a ``record`` at the nodes of a contact at ``arc`` lengths (c,)."""
-    data: dict[str, NDArray[Any]] = {
-        "pressure": record["pressure"],
-        "traction": record["traction"],
-        "gap": record["gap"],
-        "status": record["status"].astype(np.int32),
-        "arc_length": arc,
-    }
+def contact_part(
+    points: FloatArray, edges: IntArray, record: Mapping[str, Any], friction: bool, **more: FloatArray
+) -> VtuPart:
+    """A contact surface with the arrays of the schema among the values of a ``record`` and ``more``."""
+    values = {**record, **more, "status": record["status"].astype(np.int32)}
     # Without friction the slip is not computed; viewers cannot show nan.
-    return data | {"slip": record["slip"]} if friction else data
+    names = [name for name in CONTACT_ARRAYS if name in values and (friction or name != "slip")]
+    return VtuPart(points, edges, {name: values[name] for name in names})
 
 
 def _drawn(obstacle: AnyObstacle, low: FloatArray, high: FloatArray) -> tuple[FloatArray, IntArray]:

@@ -15,10 +15,9 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.clouds import spacing_of
-from mlsanm_cli.arrays import BoolArray
+from mlsanm_cli.arrays import runs_of
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.spacing import Zone
-from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.body_model import BodyModel
@@ -52,29 +51,19 @@ class View:
         return probe_rows(self.model, self.cloud.points)
 
 
-@dataclass(frozen=True)
-class Views:
-    """The points at which the fields of every body are written: ``clouds``, and the bodies that have finer
-    points than their nodes there."""
-
-    clouds: Mapping[str, Cloud]
-    finer: Mapping[str, View]
-
-    @classmethod
-    def of(cls, built: CondensedScene, boundaries: Boundaries, memo: Memo = NO_CACHE) -> Views:
-        """Finer points for the bodies whose clouds are too coarse for their contact patches at the ends of
-        stages. Scenes with the same patches share them by the ``memo``."""
-        clouds, finer = {}, {}
-        for body in built.case.body:
-            model = built.scene.bodies[body.name].model
-            clouds[body.name] = model.cloud
-            zones = () if body.has_nodes else tuple(_zones(built.condensed, built.ends, model))
-            if zones:
-                spacing = spacing_of(built.case, boundaries, body).with_zones(zones)
-                cloud = build_cloud(boundaries.outline(body.name), spacing, body.seed, memo=memo)
-                view = memo.value("view", digest(model.content, cloud.content), partial(View, model, cloud))
-                clouds[body.name], finer[body.name] = view.cloud, view
-        return cls(clouds, finer)
+def finer_views(built: CondensedScene, boundaries: Boundaries, memo: Memo = NO_CACHE) -> dict[str, View]:
+    """Finer points for bodies whose clouds are too coarse for their contact patches at the ends of stages.
+    Scenes with the same patches share them by the ``memo``."""
+    finer = {}
+    for body in built.case.body:
+        model = built.scene.bodies[body.name].model
+        zones = () if body.has_nodes else tuple(_zones(built.condensed, built.ends, model))
+        if zones:
+            spacing = spacing_of(boundaries, body).with_zones(zones)
+            cloud = build_cloud(boundaries.outline(body.name), spacing, body.seed, memo=memo)
+            key = digest(model.content, cloud.content)
+            finer[body.name] = memo.value("view", key, partial(View, model, cloud))
+    return finer
 
 
 def _zones(condensed: Condensed, ends: Sequence[ExactState], model: BodyModel) -> Iterator[Zone]:
@@ -83,11 +72,13 @@ def _zones(condensed: Condensed, ends: Sequence[ExactState], model: BodyModel) -
             continue
         span = condensed.spans[pairing.name]
         closed = np.any([state.active[span] for state in ends], axis=0)
-        patches = sorted(_patches(pairing.grid, closed), key=lambda patch: patch[0] - patch[1])[:MAX_PATCHES]
+        # A hat ends at the node beyond the one after it.
+        patches = pairing.grid.hats.nodes[runs_of(closed) + np.array([0, 1])]
+        patches = patches[np.argsort(patches[:, 0] - patches[:, 1], kind="stable")][:MAX_PATCHES]
         for body, slave, _ in pairing.sides:
             if body != model.name:
                 continue
-            for first, last in patches:
+            for first, last in patches.tolist():
                 half = 0.5 * (last - first)
                 place = pairing.grid.facing.side(np.array([0.5 * (first + last)]), slave)[0][0]
                 nearest = model.cloud.tree.query([place.real, place.imag])[1]
@@ -99,20 +90,12 @@ def _zones(condensed: Condensed, ends: Sequence[ExactState], model: BodyModel) -
                     yield Zone.around(point, half / PER_HALF_WIDTH, FINE_RADIUS * half, GROWTH)
 
 
-def _patches(grid: ContactGrid, closed: BoolArray) -> list[tuple[float, float]]:
-    """Start and end of the runs of ``closed`` grid nodes (m,)."""
-    steps = np.diff(np.concatenate([[False], closed, [False]]).astype(np.int64))
-    firsts, lasts = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1) + 1
-    nodes = grid.hats.nodes
-    return [(float(nodes[a]), float(nodes[b])) for a, b in zip(firsts, lasts, strict=True)]
-
-
 def shown_fields(
-    built: CondensedScene, views: Views, state: State, fields: Mapping[str, Fields], stress: bool
+    built: CondensedScene, views: Mapping[str, View], state: State, fields: Mapping[str, Fields], stress: bool
 ) -> dict[str, Fields]:
     """The fields at the points where they are written, with stresses if requested."""
     return {
-        name: _shown(built, views.finer[name], state, values, stress) if name in views.finer else values
+        name: _shown(built, views[name], state, values, stress) if name in views else values
         for name, values in fields.items()
     }
 

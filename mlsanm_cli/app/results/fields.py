@@ -28,7 +28,7 @@ from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.probes import point_rows, stress_of_expansion
 from mlsanm_cli.operators.stencil_weights import Stencils
 from mlsanm_cli.operators.stencils import build_stencils
-from mlsanm_cli.roundoff import FINE_ROUND_OFF
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF, FINE_ROUND_OFF
 
 SCALARS = schema.scalars(schema.FIELDS)
 Quantities = Mapping[str, FloatArray]
@@ -117,9 +117,9 @@ def with_mises(
 
 
 def inside(body: Dataset, points: FloatArray) -> BoolArray:
-    """Mask (e,) of ``points`` (e, 2) that are in a body or on its boundary."""
+    """Mask (e,) of ``points`` (e, 2) that are in a body or, to the digits of cases, on its boundary."""
     boundary = body.boundary
-    return inside_body(body.points, boundary.index, boundary.normal, boundary.name, points)
+    return inside_body(body.points, boundary.index, boundary.normal, boundary.name, points, COARSE_ROUND_OFF)
 
 
 def boundary_edges(body: Dataset) -> IntArray:

@@ -12,6 +12,7 @@ from mlsanm_cli.app.results import curves
 from mlsanm_cli.app.results.bodies import bodies_picture
 from mlsanm_cli.app.results.choice import KINDS, Choice
 from mlsanm_cli.app.results.fields import saved_state
+from mlsanm_cli.app.results.lines import line_picture
 from mlsanm_cli.app.results.marks import marks_at
 from mlsanm_cli.app.results.path_lookup import along_surface, pressures_at, refuse_unknown, tangential_force
 from mlsanm_cli.case import Case, stored_case
@@ -98,14 +99,14 @@ def pictures(run: RunData, case: Case, choice: Choice) -> Iterator[tuple[str, st
         state = partial(saved_state, run, choice.at[-1] if choice.at else None)
         yield "bodies", "", lambda: bodies_picture(run, case, state(), choice.field)
     if choice.along is not None:
-        yield "line", choice.along, partial(curves.line_picture, [run], [case], choice)
+        yield "line", choice.along, partial(line_picture, [run], [case], choice)
 
 
 def _together(runs: Sequence[RunData], cases: Sequence[Case], choice: Choice) -> Picture:
     """Several runs in one picture. Raises RunError for kinds that do not support it."""
     kind = "line" if choice.along is not None else choice.what[0] if len(choice.what) == 1 else ""
     if kind == "line":
-        return curves.line_picture(runs, cases, choice)
+        return line_picture(runs, cases, choice)
     if kind in ("pressure", "force", "peak", "loop", "hysteresis"):
         return curves.path_picture(runs, cases, kind, choice)
     raise RunError(

@@ -36,7 +36,7 @@ from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.operators.linear.interface import LinearSolver
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.records import dataclass
-from mlsanm_cli.roundoff import ROUND_OFF
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 HIGH_DEGREE, LOW_DEGREE = 4, 2
@@ -83,7 +83,7 @@ def mls_settings(case: Case, low: bool = False) -> MlsSettings:
 
 
 def prepare(
-    case: Case,
+    boundaries: Boundaries,
     clouds: Mapping[str, Cloud],
     memo: Memo = NO_CACHE,
     before: Mapping[str, BodyModel] = NOTHING,
@@ -96,8 +96,8 @@ def prepare(
     Raises CaseError for contacts without facing nodes, for forces that nothing resists, for loads without a
     value at some node, and for probes outside their body.
     """
-    boundaries = Boundaries.of(case)
-    refuse_conflicts(case, boundaries)
+    case = boundaries.case
+    refuse_conflicts(boundaries)
     stiffness = materials(case)
     loads = acting(case, boundaries, clouds)
     held = {body.name: _held_surfaces(case, boundaries, body.name) for body in case.body}
@@ -136,7 +136,7 @@ def prepare(
         check_tips(case, pairings)
     grids = grids and small
     fixed = {name: fixed_surfaces(case, boundaries, name) for name in models}
-    ranges = contact_ranges(case, models, pairings, occupied, fixed) if grids else {}
+    ranges = contact_ranges(case, models, pairings, occupied, fixed, held_nodes) if grids else {}
     # Contacts with nodal pressures are less stable at higher degrees; tractions of bonds vary slowly.
     nodal = [pairing for pairing in pairings if not (pairing.bonded or pairing.name in ranges)]
     low_bodies = {name for pairing in nodal for name in pairing.bodies} if small else ()
@@ -147,7 +147,7 @@ def prepare(
         if not ranges:
             raise
         # The resisting part of a surface, for instance a chamfer, may lie outside the ranges.
-        return prepare(case, clouds, memo, before, grids=False, low=low)
+        return prepare(boundaries, clouds, memo, before, grids=False, low=low)
     notes = (*_support_notes(case, clouds), *free.notes)
     probes = _probes(case, clouds)
     return SceneModel(boundaries, models, pairings, held, held_nodes, loads, probes, free, notes, ranges)
@@ -236,6 +236,14 @@ def assemble_bodies(
         probes=prepared.probes,
         held_motions=prepared.restrained.held,
         loose_motions=prepared.restrained.loose,
+        single_supports={
+            f"{one.body} near ({one.near[0]:g}, {one.near[1]:g})": (
+                one.body,
+                _nearest(prepared.models[one.body].cloud, one.near),
+            )
+            for one in case.support
+            if one.body is not None and one.near is not None
+        },
     )
 
 
@@ -304,7 +312,8 @@ def _probes(case: Case, clouds: Mapping[str, Cloud]) -> tuple[Probe, ...]:
     probes, problems = [], []
     for probe in case.probe:
         point = np.array([probe.point])
-        if not clouds[probe.body].contains(point)[0]:
+        # Points on inclined sides are given to the digits that are written.
+        if not clouds[probe.body].contains(point, COARSE_ROUND_OFF)[0]:
             x, y = probe.point
             message = f'({x:g}, {y:g}) lies outside body "{probe.body}"'
             hint = "give coordinates of the undeformed body"

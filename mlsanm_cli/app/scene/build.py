@@ -7,13 +7,15 @@ from functools import partial
 
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.assemble import NOTHING, SceneModel, prepare
-from mlsanm_cli.app.scene.clouds import clouds, line_of
+from mlsanm_cli.app.scene.boundaries import Boundaries
+from mlsanm_cli.app.scene.clouds import clouds
 from mlsanm_cli.app.scene.contact_pairs import refuse_overlap
 from mlsanm_cli.app.scene.size_estimate import refuse_too_large, refuse_too_many_contacts
 from mlsanm_cli.case import Case, LoadedCase, resolved_mapping
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.errors import CaseError
-from mlsanm_cli.kernels.aot.jit import Loaded, is_warm, load
+from mlsanm_cli.kernels.aot.jit import is_warm, load
+from mlsanm_cli.kernels.aot.machine import Machine
 from mlsanm_cli.memo import digest
 
 ANNOUNCED_NODES = 50_000
@@ -25,7 +27,7 @@ _OUTPUT_SECTIONS = {"title", "output"}
 """Sections of a case that only affect what is written."""
 
 
-def load_kernels(context: RunContext) -> Loaded:
+def load_kernels(context: RunContext) -> Machine:
     """Loads the compiled kernels; announces compilation, and warns if they cannot be kept."""
     with context.phase("jit"):
         if not is_warm():
@@ -42,13 +44,14 @@ def build_scene(loaded: LoadedCase, context: RunContext, zones: tuple[Zone, ...]
     load_kernels(context)
     try:
         with context.phase("cloud"):
-            key, estimate = _size_key(loaded.case), partial(refuse_too_large, loaded.case)
+            boundaries = Boundaries.of(loaded.case)
+            key, estimate = _size_key(loaded.case), partial(refuse_too_large, boundaries)
             nodes, memory = context.memo.value("size", key, estimate)
         if nodes > ANNOUNCED_NODES:
             context.console.note(
                 f"about {nodes:.2g} nodes, which need about {memory / 1024:.2g} GB of memory"
             )
-        prepared = place(loaded.case, context, zones)
+        prepared = place(boundaries, context, zones)
         refuse_too_many_contacts(loaded.case, prepared.pairings)
         refuse_overlap(loaded.case.contact, prepared.pairings)
     except CaseError as error:
@@ -78,22 +81,29 @@ def _size_key(case: Case) -> str:
 
 
 def place(
-    case: Case, context: RunContext, zones: tuple[Zone, ...] = (), before: SceneModel | None = None
+    boundaries: Boundaries,
+    context: RunContext,
+    zones: tuple[Zone, ...] = (),
+    before: SceneModel | None = None,
 ) -> SceneModel:
     """Clouds, stencils, pairs and conditions; ``zones`` refine every body in addition to the case, and bodies
     equal to those ``before`` are reused. Cases that differ in coefficients of friction share them."""
     if zones or before is not None:
-        return _placed(case, context, zones, before)
-    kept = context.memo.value("placed", placing_key(case), partial(_placed, case, context))
+        return _placed(boundaries, context, zones, before)
+    case = boundaries.case
+    kept = context.memo.value("placed", placing_key(case), partial(_placed, boundaries, context))
     friction = {contact.name: contact.coefficient for contact in case.contact}
     pairings = (replace(pairing, friction=friction[pairing.name]) for pairing in kept.pairings)
-    return replace(kept, pairings=tuple(pairings))
+    return replace(kept, boundaries=replace(kept.boundaries, case=case), pairings=tuple(pairings))
 
 
 def _placed(
-    case: Case, context: RunContext, zones: tuple[Zone, ...] = (), before: SceneModel | None = None
+    boundaries: Boundaries,
+    context: RunContext,
+    zones: tuple[Zone, ...] = (),
+    before: SceneModel | None = None,
 ) -> SceneModel:
     with context.phase("cloud", "placing nodes"):
-        placed = clouds(case, zones, context.memo, line_of(case))
+        placed = clouds(boundaries, zones, context.memo)
     with context.phase("operators", "building operators"):
-        return prepare(case, placed, context.memo, before.models if before is not None else NOTHING)
+        return prepare(boundaries, placed, context.memo, before.models if before is not None else NOTHING)

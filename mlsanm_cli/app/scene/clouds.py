@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 
 import numpy as np
 
@@ -32,8 +33,7 @@ from mlsanm_cli.app.scene.default_spacing import (
 from mlsanm_cli.app.scene.load_profiles import runs_of
 from mlsanm_cli.app.scene.load_spacing import field_zones, load_zones
 from mlsanm_cli.app.scene.materials import materials
-from mlsanm_cli.app.scene.outlines import drawn, imported_geometry
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.app.scene.outlines import drawn, geometry_of, imported_geometry
 from mlsanm_cli.case import Body, Case, Place
 from mlsanm_cli.case.model.shapes import Mesh, Points
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
@@ -44,13 +44,11 @@ from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.roundoff import ROUND_OFF
 
-OUTLINE_SAMPLES = 33
-"""Points along every curve of an outline, by which its bounding box is compared."""
 
-
-def spacing_of(case: Case, boundaries: Boundaries, body: Body) -> Spacing:
+@lru_cache(maxsize=64)
+def spacing_of(boundaries: Boundaries, body: Body) -> Spacing:
     """The spacing field of a body whose nodes are placed."""
-    outline = boundaries.drawn[body.name]
+    case, outline = boundaries.case, boundaries.drawn[body.name]
     far, zones = body.spacing, []
     if isinstance(far, str):
         finer = _finer(case, body)
@@ -71,7 +69,7 @@ def spacing_of(case: Case, boundaries: Boundaries, body: Body) -> Spacing:
             *arc_zones(outline, far, finer),
             *root_zones(outline, far, None if finite else touching),
             *narrow_zones(outline, far, PER_THICKNESS * finer),
-            *_contact_zones(case, boundaries, sides, body, far),
+            *_contact_zones(boundaries, sides, body, far),
             *load_zones(case, body, far),
             *field_zones(case, body, far),
             *(zone for curve in clamped for zone in clamped_zones(curve, far, finite and not bends(outline))),
@@ -95,13 +93,13 @@ def _sides(boundaries: Boundaries) -> dict[str, list[tuple[Place, Curve, tuple[C
 
 
 def _contact_zones(
-    case: Case,
     boundaries: Boundaries,
     sides: Mapping[str, list[tuple[Place, Curve, tuple[Curve, ...]]]],
     body: Body,
     far: float,
 ) -> Iterator[Zone]:
     """Zones of finer nodes where contacts of a body are close to its other boundaries."""
+    case = boundaries.case
     bonds = [contact.name for contact in case.contact if contact.bonded]
     bond_ends = {name: boundaries.bond_ends(name) for name in bonds}
     all_ends = [end for ends in bond_ends.values() for end in ends]
@@ -137,18 +135,16 @@ def _finer(case: Case, body: Body) -> float:
     return math.sqrt(materials(case)[body.material].stretch)
 
 
-def clouds(
-    case: Case, zones: tuple[Zone, ...] = (), memo: Memo = NO_CACHE, line: SymmetryLine | None = None
-) -> dict[str, Cloud]:
-    """Node clouds of all bodies, refined in ``zones`` in addition to the case, and symmetric about ``line``
-    where outline and spacing are."""
-    placed, boundaries = {}, Boundaries.of(case)
+def clouds(boundaries: Boundaries, zones: tuple[Zone, ...] = (), memo: Memo = NO_CACHE) -> dict[str, Cloud]:
+    """Node clouds of all bodies of a case, refined in ``zones`` in addition to it, and symmetric about its
+    line of symmetry where outline and spacing are."""
+    placed, case, line = {}, boundaries.case, line_of(boundaries)
     for body in case.body:
         if isinstance(body.shape, Mesh | Points) and body.shape.has_nodes:
             cloud = boundaries.split(body.name, imported_geometry(body.shape).cloud)
             placed[body.name] = (mirrored(cloud, line) if line is not None else None) or cloud
         else:
-            spacing = spacing_of(case, boundaries, body).with_zones(zones)
+            spacing = spacing_of(boundaries, body).with_zones(zones)
             wanted = [support.near for support in case.support if support.body == body.name and support.near]
             placed[body.name] = build_cloud(
                 boundaries.outline(body.name), spacing, body.seed, memo=memo, line=line, wanted=wanted
@@ -156,35 +152,27 @@ def clouds(
     return placed
 
 
-def line_of(case: Case) -> SymmetryLine | None:
+def line_of(boundaries: Boundaries) -> SymmetryLine | None:
     """The symmetry line of all bodies, None if there is none. Not used with friction: there asymmetric
     errors cancel in part, and results are better."""
+    case = boundaries.case
     if any(contact.friction for contact in case.contact):
         return None
     if any(isinstance(body.shape, Mesh | Points) and not body.has_nodes for body in case.body):
         return None
-    boundaries = Boundaries.of(case)
-    points = [_points(boundaries, body) for body in case.body]
-    boxes = np.array([[cloud.min(axis=0), cloud.max(axis=0)] for cloud in points])
-    size = np.ptp(boxes.reshape(-1, 2), axis=0).max()
-    middle = boxes.mean(axis=1)
+    shapes = [geometry_of(body.shape) for body in case.body]
+    size = max(shape.size for shape in shapes)
     for axis in (0, 1):
-        line = SymmetryLine(axis, float(middle[0, axis]))
-        same = np.abs(middle[:, axis] - line.at).max() <= ROUND_OFF * size
-        if same and all(
-            line.images(nodes, np.full(len(nodes), size / np.sqrt(len(nodes)))) is not None
-            if body.has_nodes
-            else spacing_of(case, boundaries, body).symmetric(line)
-            for body, nodes in zip(case.body, points, strict=True)
-        ):
+        line = SymmetryLine(axis, shapes[0].centre[axis])
+        same = max(abs(shape.centre[axis] - line.at) for shape in shapes) <= ROUND_OFF * size
+        if same and all(_is_symmetric(boundaries, body, line, size) for body in case.body):
             return line
     return None
 
 
-def _points(boundaries: Boundaries, body: Body) -> FloatArray:
-    """The nodes (n, 2) of a body from a file, or points along its outline."""
-    if isinstance(body.shape, Mesh | Points):
-        return imported_geometry(body.shape).points
-    fractions = np.linspace(0.0, 1.0, OUTLINE_SAMPLES)
-    curves = boundaries.drawn[body.name].curves
-    return np.concatenate([curve.points(curve.length * fractions) for curve in curves])
+def _is_symmetric(boundaries: Boundaries, body: Body, line: SymmetryLine, size: float) -> bool:
+    """Whether the spacing of a body, or its nodes from a file, are symmetric about a ``line``."""
+    if not isinstance(body.shape, Mesh | Points):
+        return spacing_of(boundaries, body).symmetric(line)
+    nodes = imported_geometry(body.shape).points
+    return line.images(nodes, np.full(len(nodes), size / np.sqrt(len(nodes)))) is not None

@@ -63,7 +63,7 @@ def _condensed_scene(
             key = digest(placing_key(case), scene)
             found = find_grids(case, scene, prepared.pairings, prepared.ranges, search, context.memo, key)
         if found is None:
-            return _condensed_scene(case, _without_grids(case, prepared, context), context, None)
+            return _condensed_scene(case, _without_grids(prepared, context), context, None)
         condensed, ends = found
     else:
         condensed, ends = _condense(case, scene, prepared.pairings, stages, context)
@@ -72,15 +72,15 @@ def _condensed_scene(
     return CondensedScene(case, scene, condensed, stages, ends, stability)
 
 
-def _without_grids(case: Case, prepared: SceneModel, context: RunContext) -> SceneModel:
+def _without_grids(prepared: SceneModel, context: RunContext) -> SceneModel:
     """A scene whose contact grids do not converge, at the low degree, which may help; if it has that, with
     nodal pressures."""
     placed = {name: model.cloud for name, model in prepared.models.items()}
     with context.phase("operators"):
-        low = prepare(case, placed, context.memo, prepared.models, low=True)
+        low = prepare(prepared.boundaries, placed, context.memo, prepared.models, low=True)
         if any(model is not prepared.models[name] for name, model in low.models.items()):
             return low
-        return prepare(case, placed, context.memo, prepared.models, grids=False)
+        return prepare(prepared.boundaries, placed, context.memo, prepared.models, grids=False)
 
 
 def _condense(

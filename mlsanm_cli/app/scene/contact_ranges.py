@@ -16,6 +16,7 @@ from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.cloud.surface import Surface
+from mlsanm_cli.contact.geometry.contact_grid import Pin
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.geometry.facing import Facing, turned
 from mlsanm_cli.contact.geometry.obstacles import Chain
@@ -38,9 +39,11 @@ def contact_ranges(
     pairings: tuple[Pairing, ...],
     held: Mapping[str, Restraints],
     fixed: Mapping[str, Collection[str]],
+    held_nodes: Mapping[str, Collection[tuple[int, int]]],
 ) -> dict[str, ContactRange]:
     """The contacts that may have contact grids, by name: none on surfaces that are ``held`` or have springs.
-    Surfaces ``fixed`` at zero displacement may be planes of symmetry."""
+    Surfaces ``fixed`` at zero displacement may be planes of symmetry; ``held_nodes`` are single ones, by
+    component."""
     if case.is_regularized:
         return {}
     touching: dict[str, set[str]] = {name: set() for name in models}
@@ -53,7 +56,34 @@ def contact_ranges(
         if pairing.slave.name not in held[pairing.slave_body]
         and (pairing.master is None or pairing.master.name not in held[str(pairing.master_body)])
     }
-    return {name: clear for name, clear in ranges.items() if clear is not None}
+    pairs = {pairing.name: pairing for pairing in pairings}
+    return {
+        name: replace(clear, pins=_pins(clear.facing, pairs[name], models, held_nodes))
+        for name, clear in ranges.items()
+        if clear is not None
+    }
+
+
+def _pins(
+    facing: Facing,
+    pairing: Pairing,
+    models: Mapping[str, BodyModel],
+    held_nodes: Mapping[str, Collection[tuple[int, int]]],
+) -> tuple[Pin, ...]:
+    """The single held nodes on the surfaces of a contact that it does not push on."""
+    found = []
+    for body, slave, _ in pairing.sides:
+        model = models[body]
+        for node in dict.fromkeys(node for node, _ in held_nodes[body]):
+            point = model.cloud.points[[node]]
+            place = facing.locate(point)
+            away = np.abs(facing.side(place, slave)[0] - as_complex(point))
+            if away[0] <= COARSE_ROUND_OFF * facing.base.length:
+                held = [axis for own, axis in held_nodes[body] if own == node]
+                # What carries load at a point moves without bound next to it, and holds a spacing around.
+                pushed = pairing.friction or np.abs(facing.normal(place)[0, held]).max() > COARSE_ROUND_OFF
+                found += [] if pushed else [Pin(node, slave, float(place[0]), model.kernel)]
+    return tuple(found)
 
 
 def directed(pairings: tuple[Pairing, ...], clear: Mapping[str, ContactRange]) -> tuple[Pairing, ...]:

@@ -6,7 +6,14 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from mlsanm_cli.app.scene.default_spacing import GROWTH, along, places_along, zone_at
+from mlsanm_cli.app.scene.default_spacing import (
+    GROWTH,
+    PER_ROOT,
+    SINGULAR_RATIO,
+    along,
+    places_along,
+    zone_at,
+)
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.cloud.spacing import Zone
@@ -21,20 +28,18 @@ PER_END_DISTANCE = 10.0
 """Spacings between the outermost of several such minima and the end of the surface."""
 TOUCHING = 0.01
 """Largest gap at a corner that touches: relative to the span over which its fields decay, or the spacing."""
-PER_TIP_SPAN, TIP_RADIUS = 20.0, 3.0
-"""For curved conforming surfaces that end at a corner: spacings over the span at the tip, and the radius of
-the fine zone as a part of the span."""
+TIP_RADIUS = 3.0
+"""For curved conforming surfaces that end at a corner, with PER_ROOT spacings over the span at the tip: the
+span over the radius of the fine zone."""
 SMOOTH = float(np.cos(np.radians(10.0)))
 """Faces whose normals have at least this cosine form no corner."""
-BOND_RATIO, BOND_END_RATIO, BOND_GROWTH = 2.0, 4.0, 0.12
-"""The spacing of the finer body over those along a bond that ends on a surface that continues, and at its
-end, and their growth."""
+BOND_RATIO, BOND_GROWTH = 2.0, 0.12
+"""The spacing of the finer body over that along a bond that ends on a surface that continues, and growth."""
 PER_CRACK = 40.0
 """Spacings at its tips over the length of a crack that is in contact."""
-CLAMPED_RATIO = 4.0
-"""The coarse spacing over that at the ends of clamped sides."""
 CRUSHED_RATIO, CRUSHED_GROWTH = 8.0, 0.1
-"""The same at finite strain, where such corners are crushed, and the growth."""
+"""The coarse spacing over that at the ends of clamped sides at finite strain, where such corners are crushed,
+and the growth."""
 NODAL_RATIO, NODAL_BAND, NODAL_GROWTH = 1.5, 3.0, 0.2
 """The coarse spacing over that along surfaces in contact at finite strain, where pressures are nodal; depth
 of the fine band in its spacings, and growth. Without the band equations of degree 4 do not converge."""
@@ -91,8 +96,8 @@ def _tip_zones(own: Curve, rest: Sequence[Curve], other: Curve, far: float) -> I
         point = own.points(at)
         span = min(own.length, curve.length, 1.0 / curved)
         gap = float(np.hypot(*(other.points(other.closest(point)) - point)[0]))
-        if cosine < SMOOTH and gap < TOUCHING * span < TOUCHING * PER_TIP_SPAN * far:
-            yield zone_at(point[0], span / PER_TIP_SPAN, span / TIP_RADIUS)
+        if cosine < SMOOTH and gap < TOUCHING * span < TOUCHING * PER_ROOT * far:
+            yield zone_at(point[0], span / PER_ROOT, span / TIP_RADIUS)
 
 
 def bond_zones(own: Curve, ends: Sequence[tuple[float, float]], fine: float) -> Iterator[Zone]:
@@ -103,7 +108,7 @@ def bond_zones(own: Curve, ends: Sequence[tuple[float, float]], fine: float) -> 
         return
     yield Zone(own, fine / BOND_RATIO, 0.0, BOND_GROWTH)
     for end in ends:
-        yield Zone.around(end, fine / BOND_END_RATIO, 0.0, BOND_GROWTH)
+        yield Zone.around(end, fine / SINGULAR_RATIO, 0.0, BOND_GROWTH)
 
 
 def crack_zones(part: Curve, ends: Sequence[tuple[float, float]]) -> Iterator[Zone]:
@@ -151,7 +156,7 @@ def valleys(values: FloatArray, slack: float) -> list[int]:
 def clamped_zones(curve: Curve, far: float, finite: bool = False) -> Iterator[Zone]:
     """Zones at both ends of a clamped side, where stresses are singular beside a free one; they determine the
     stiffness of the clamping. At ``finite`` strain these corners are also crushed."""
-    finer, growth = (CRUSHED_RATIO, CRUSHED_GROWTH) if finite else (CLAMPED_RATIO, GROWTH)
+    finer, growth = (CRUSHED_RATIO, CRUSHED_GROWTH) if finite else (SINGULAR_RATIO, GROWTH)
     if not curve.closed:
         for end in curve.points(np.array([0.0, curve.length])):
             yield zone_at(end, far / finer, growth=growth)

@@ -17,8 +17,9 @@ from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment, turn
+from mlsanm_cli.cloud.sight import OPPOSITE_COSINE
 from mlsanm_cli.cloud.spacing import Zone
-from mlsanm_cli.cloud.tips import SMOOTH_TURN
+from mlsanm_cli.cloud.tips import SMOOTH_TURN, distances
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 PER_SIZE, PER_THICKNESS = 20.0, 6.0
@@ -32,11 +33,12 @@ displacements that alternate from node to node."""
 PER_ROOT, PER_ROOT_DISTANCE = 20.0, 14.0
 """Spacings along sides between two corners that point into the material, and at such corners over their
 distance across the material: fits then know the fields of both corners."""
-ROOT_RATIO = 4.0
-"""The coarse spacing over that at corners that point into the material: what is lost there, other than at its
-mirror image by another cloud, bends a body that should not."""
-MIN_SIDE_RATIO, MIN_ROOT_RATIO = 1.0 / 64.0, 1.0 / 256.0
-"""Least spacing at short sides over the coarse one, and at such roots."""
+SINGULAR_RATIO = 4.0
+"""The coarse spacing over that where stresses are unbounded: at corners that point into the material, ends of
+clamped sides and of bonds. What is lost there, other than at its mirror image by another cloud, bends a body
+that should not."""
+MIN_SPACING = 2.0**-14
+"""Least spacing relative to that far away: with 6e-6 of it factors lose their digits."""
 SAMPLES, PER_POINT = 200, 4
 """Samples along a curve, and at least for each of its data points."""
 LEVELS, TURN_RATIO, WIDTH_RATIO = 12, 2.0**-0.5, 2.0**-0.25
@@ -47,8 +49,6 @@ hollows."""
 SAMPLES_PER_SPACING = 2
 """Samples of the outline per coarse spacing in the search for narrow parts; of every curve at least
 four times as many."""
-OPPOSITE_COSINE = 0.9
-"""Faces are opposite if the cosine of the angle between their normals is below minus this."""
 
 
 def zone_at(point: FloatArray, spacing: float, radius: float = 0.0, growth: float = GROWTH) -> Zone:
@@ -57,9 +57,15 @@ def zone_at(point: FloatArray, spacing: float, radius: float = 0.0, growth: floa
     return Zone.around((x, y), spacing, radius, growth)
 
 
-def even_ranges(values: FloatArray) -> Iterator[tuple[int, int]]:
-    """First index and the one past the last of the ranges over which ``values`` (n,) are equal."""
-    return pairwise([0, *(np.flatnonzero(np.diff(values)) + 1).tolist(), len(values)])
+def banded(curve: Curve, sizes: FloatArray, far: float, depth: float = 0.0) -> Iterator[Zone]:
+    """Zones with the spacings ``sizes`` (m,) on m equal parts of a curve, where these are below ``far``, each
+    within ``depth`` times its spacing."""
+    ends = np.linspace(0.0, curve.length, len(sizes) + 1)
+    for first, last in pairwise([0, *(np.flatnonzero(np.diff(sizes)) + 1).tolist(), len(sizes)]):
+        size, whole = float(sizes[first]), last - first == len(sizes)
+        if size < far:
+            piece = curve if whole else curve.part(float(ends[first]), float(ends[last]))
+            yield Zone(piece, size, depth * size, GROWTH)
 
 
 def automatic_spacing(outline: Outline) -> float:
@@ -116,9 +122,9 @@ def arc_zones(outline: Outline, far: float, finer: float = 1.0) -> Iterator[Zone
     roots = {before for before, _ in corners.values() if before in corners}
     for number, curve in enumerate(outline.curves):
         if isinstance(curve, Segment):
-            parts, least = (PER_ROOT, MIN_ROOT_RATIO) if number in roots else (1.0, MIN_SIDE_RATIO)
+            parts = PER_ROOT if number in roots else 1.0
             if curve.length < parts * far:
-                yield Zone(curve, max(curve.length / parts, least * far), 0.0, GROWTH)
+                yield Zone(curve, max(curve.length / parts, MIN_SPACING * far), 0.0, GROWTH)
         elif isinstance(curve, Arc):
             fine = curve.radius / (PER_RADIUS * finer if curve.sweep > 0.0 else PER_CONCAVE_RADIUS * finer**2)
             if fine < far:
@@ -150,9 +156,7 @@ def _turning_zones(curve: Curve, far: float, finer: float) -> Iterator[Zone]:
         if np.isfinite(wanted).all():
             break
     wanted = np.where(np.isinf(wanted), far * TURN_RATIO**LEVELS, wanted)
-    for first, last in even_ranges(wanted[:-1]):
-        if wanted[first] < far:
-            yield Zone(curve.part(float(s[first]), float(s[last])), float(wanted[first]), 0.0, GROWTH)
+    yield from banded(curve, wanted[:-1], far)
 
 
 def _turns(angle: FloatArray, width: int, closed: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -188,7 +192,7 @@ def root_zones(outline: Outline, far: float, touching: Sequence[Curve] | None) -
         if touching is not None and all(
             np.hypot(*way) > COARSE_ROUND_OFF * curve.length for curve, way in away
         ):
-            fine = min(fine, far / ROOT_RATIO)
+            fine = min(fine, far / SINGULAR_RATIO)
         if fine < far:
             yield zone_at(place, fine)
 
@@ -206,23 +210,20 @@ def _inward_corners(outline: Outline) -> dict[int, tuple[int, float]]:
 def _apart(outline: Outline, corners: Mapping[int, tuple[int, float]], at: FloatArray) -> FloatArray:
     """Distance (c,) of every corner ``at`` (c, 2) to the nearest other one that is seen across the material,
     infinite without any."""
-    into, least = [], []
+    into, half = [], []
     for number, (before, angle) in corners.items():
         ending, starting = outline.curves[before], outline.curves[number]
         normal = ending.normals(np.array([ending.length]))[0] + starting.normals(np.zeros(1))[0]
         into.append(-normal / np.hypot(*normal))
-        least.append(np.cos(0.5 * (np.pi - angle) - SMOOTH_TURN))
-    way = at - at[:, None]
-    away = np.hypot(*way.T)
-    np.fill_diagonal(away, np.inf)
-    seen = (way * np.array(into)[:, None]).sum(axis=2) > np.array(least)[:, None] * away
-    return np.asarray(np.where(seen & seen.T, away, np.inf).min(axis=1))
+        half.append(0.5 * (np.pi - angle))
+    away, seen = distances(at, np.array(into), np.array(half))
+    return np.asarray(np.where(seen, away, np.inf).min(axis=1))
 
 
 def narrow_zones(outline: Outline, far: float, across: float) -> Iterator[Zone]:
     """Zones with ``across`` spacings between opposite faces, if the spacing ``far`` is coarser. Faces that
     meet in a corner are excluded: wedges would have arbitrarily fine nodes."""
-    owner, arc, step, points, normals = _samples(outline, far)
+    owner, step, points, normals = _samples(outline, far)
     width = np.full(len(owner), np.inf)
     pairs = cKDTree(points).query_pairs(across * far, output_type="ndarray")
     near, opposite = np.concatenate([pairs, pairs[:, ::-1]]).T
@@ -237,30 +238,21 @@ def narrow_zones(outline: Outline, far: float, across: float) -> Iterator[Zone]:
     inside = depth > 0.0
     np.minimum.at(width, near[inside], depth[inside] + aside[inside] ** 2 / depth[inside])
     level = np.ceil(np.log(np.minimum(width / (across * far), 1.0)) / np.log(WIDTH_RATIO) - COARSE_ROUND_OFF)
-    level = np.clip(level, 0, LEVELS)
+    sizes = far * WIDTH_RATIO ** np.clip(level, 0, LEVELS)
     for number, curve in enumerate(outline.curves):
-        own = np.flatnonzero(owner == number)
-        half = 0.5 * curve.length / len(own)
-        for first, last in even_ranges(level[own]):
-            steps = float(level[own[first]])
-            if steps:
-                ends = float(arc[own[first]]) - half, float(arc[own[last - 1]]) + half
-                whole = last - first == len(own)
-                fine = far * WIDTH_RATIO**steps
-                piece = curve if whole else curve.part(*ends)
-                yield Zone(piece, fine, 0.5 * across * fine, GROWTH)
+        yield from banded(curve, sizes[owner == number], far, 0.5 * across)
 
 
-def _samples(outline: Outline, far: float) -> tuple[IntArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Curve number (m,), arc length (m,), sample distance (m,), points and normals (m, 2) of samples."""
+def _samples(outline: Outline, far: float) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
+    """Curve number (m,), sample distance (m,), points and normals (m, 2) of samples."""
     parts: list[tuple[Any, ...]] = []
     for number, curve in enumerate(outline.curves):
         count = 4 * max(SAMPLES_PER_SPACING, int(np.ceil(0.25 * SAMPLES_PER_SPACING * curve.length / far)))
         size = curve.length / count
         s: FloatArray = size * (0.5 + np.arange(count, dtype=np.float64))
-        parts.append((np.full(count, number), s, np.full(count, size), curve.points(s), curve.normals(s)))
-    owner, arc, step, points, normals = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return owner, arc, step, points, normals
+        parts.append((np.full(count, number), np.full(count, size), curve.points(s), curve.normals(s)))
+    owner, step, points, normals = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return owner, step, points, normals
 
 
 def _adjacent(outline: Outline) -> BoolArray:

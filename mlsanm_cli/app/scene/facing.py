@@ -8,7 +8,7 @@ import numpy as np
 
 from mlsanm_cli.app.scene.contact_pairs import profile_of, shape_of
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Case
+from mlsanm_cli.case import Case, rounded
 from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.contact.geometry.facing import Facing
 from mlsanm_cli.contact.geometry.pairing import Pairing
@@ -100,8 +100,7 @@ def check_tips(case: Case, pairings: tuple[Pairing, ...]) -> None:
                         "which pressures would be unbounded"
                     )
                     hint = (
-                        f"give it a radius, as by body.{body}.shape.rounding, and add the name of the "
-                        f"arc to contact.{pairing.name}.{role}"
+                        f"{rounded(case, body)}, and add the name of the arc to contact.{pairing.name}.{role}"
                     )
                     problems.append(CaseProblem(f"contact.{pairing.name}", message, hint=hint))
     if problems:

@@ -14,7 +14,7 @@ import numpy as np
 
 from mlsanm_cli.app.scene.conditions import conditions
 from mlsanm_cli.app.scene.contact_spacing import SMOOTH
-from mlsanm_cli.app.scene.default_spacing import GROWTH, LEVELS, even_ranges, zone_at
+from mlsanm_cli.app.scene.default_spacing import GROWTH, LEVELS, MIN_SPACING, banded, zone_at
 from mlsanm_cli.app.scene.load_profiles import LoadProfile, profiles, runs_of
 from mlsanm_cli.app.scene.outlines import drawn
 from mlsanm_cli.arrays import FloatArray
@@ -39,8 +39,6 @@ from mlsanm_cli.cloud.spacing import Zone
 PER_LENGTH, PER_LENGTH_AT_ENDS, PER_LENGTH_AT_FIXED_ENDS = 8.0, 32.0, 256.0
 """Length of a loaded or fixed part over the spacing along it, and over that at its ends; at those of fixed
 parts stresses are unbounded."""
-MIN_SPACING = 2.0**-14
-"""Least spacing relative to that far away: with 6e-6 of it factors lose their digits."""
 LINEARITY_TOLERANCE = 0.02
 """Largest deviation of values from linear over a spacing, relative to the largest value."""
 SAMPLES = 5
@@ -104,9 +102,7 @@ def _varying_zones(profile: LoadProfile, far: float) -> Iterator[Zone]:
         near = np.abs(0.5 * (arc[1:] + arc[:-1]) - jump) < 0.5 * apart
         sizes = np.where(near, np.maximum(sizes, least), sizes)
         yield zone_at(curve.points(np.array([jump]))[0], least)
-    for low, high in even_ranges(sizes):
-        if sizes[low] < far:
-            yield Zone(curve.part(float(arc[low]), float(arc[high])), float(sizes[low]), 0.0, GROWTH)
+    yield from banded(curve, sizes, far)
 
 
 def resolved_sizes(values: FloatArray, length: float, far: float) -> FloatArray:

@@ -11,8 +11,9 @@ from mlsanm_cli.case import Case, ObstacleMotion, Platen
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics import scene as mechanics
-from mlsanm_cli.mechanics.rigid import ROTATION, free_motions
+from mlsanm_cli.mechanics.rigid import ROTATION, RigidBodyModes, free_motions
 from mlsanm_cli.mechanics.springs import Springs
+from mlsanm_cli.roundoff import ROUND_OFF
 
 HeldSurfaces = Mapping[str, Mapping[str, tuple[bool, bool]]]
 HeldNodes = Mapping[str, tuple[tuple[int, int], ...]]
@@ -33,7 +34,7 @@ def rigid_constraints(
     return [
         *_platens(case, boundaries, clouds, restraints, held_nodes),
         *_obstacles(case),
-        *_floating(case, clouds, held, held_nodes, springs),
+        *_floating(boundaries, clouds, held, held_nodes, springs),
     ]
 
 
@@ -102,17 +103,26 @@ def _obstacles(case: Case) -> Iterator[mechanics.RigidConstraint]:
 
 
 def _floating(
-    case: Case,
+    boundaries: Boundaries,
     clouds: Mapping[str, Cloud],
     held: HeldSurfaces,
     held_nodes: HeldNodes,
     springs: Mapping[str, Springs],
 ) -> Iterator[mechanics.RigidConstraint]:
-    """Bodies whose supports leave rigid motions. Raises CaseError if the scheme does not support them."""
+    """Bodies whose supports leave rigid motions. Raises CaseError if they have no contact, or if the law of
+    the contacts does not support them."""
+    case = boundaries.case
+    touching = {place.body for sides in boundaries.sides.values() for place in sides}
     for body in case.body:
-        free = free_motions(clouds[body.name], held[body.name], held_nodes[body.name], springs[body.name])
+        cloud = clouds[body.name]
+        free = free_motions(cloud, held[body.name], held_nodes[body.name], springs[body.name])
         if not free.components:
             continue
+        if body.name not in touching:
+            what, needs = _described(free, float(np.ptp(cloud.points, axis=0).max()))
+            message = f"can move freely: nothing resists {what}"
+            hint = f"add a [[support]], a displacement or a platen: {needs}"
+            raise CaseError((CaseProblem(f"body.{body.name}", message, hint=hint),))
         if case.is_regularized:
             message = f"body {body.name} is held by contact only, which needs the exact contact law"
             hint = 'use "exact", or fix the body with a [[support]]'
@@ -120,6 +130,19 @@ def _floating(
         still = np.zeros(len(case.moved))
         motions = tuple(mechanics.RigidMotion(component, None, still) for component in free.components)
         yield mechanics.RigidConstraint(body.name, (body.name,), free.center, motions)
+
+
+def _described(free: RigidBodyModes, size: float) -> tuple[str, str]:
+    """Free motions of a body of a ``size`` in words, and supports that would resist them."""
+    x, y = (place if abs(place) > ROUND_OFF * size else 0.0 for place in free.center)
+    about = f" about ({x:.6g}, {y:.6g})" if free.components == (ROTATION,) else ""
+    words = {
+        0: ("translation in x", "fix ux"),
+        1: ("translation in y", "fix uy"),
+        ROTATION: (f"rotation{about}", "fix a second point or a whole boundary"),
+    }
+    what, needs = zip(*(words[component] for component in free.components), strict=True)
+    return " and ".join(what), ", ".join(needs)
 
 
 def _controls(

@@ -26,10 +26,9 @@ DENSE = 8.0
 """Square matrices of the contact unknowns in memory at the same time; 5 to 6 were measured."""
 
 
-def node_counts(case: Case) -> dict[str, float]:
+def node_counts(boundaries: Boundaries) -> dict[str, float]:
     """Nodes by body: by quadrature of the spacing field, or counted."""
-    boundaries = Boundaries.of(case)
-    return {body.name: _nodes(case, boundaries, body) for body in case.body}
+    return {body.name: _nodes(boundaries, body) for body in boundaries.case.body}
 
 
 def memory_mb(case: Case, nodes: Mapping[str, float], stencil: int | None = None) -> float:
@@ -51,16 +50,16 @@ def _levels(nodes: float, without: float) -> float:
     return max(math.log2(max(nodes, 2.0)) - without, 1.0)
 
 
-def _nodes(case: Case, boundaries: Boundaries, body: Body) -> float:
+def _nodes(boundaries: Boundaries, body: Body) -> float:
     if isinstance(body.shape, Mesh | Points) and body.shape.has_nodes:
         return float(len(imported_geometry(body.shape).points))
-    return estimate_nodes(boundaries.outline(body.name), spacing_of(case, boundaries, body), COUNT_LIMIT)
+    return estimate_nodes(boundaries.outline(body.name), spacing_of(boundaries, body), COUNT_LIMIT)
 
 
-def refuse_too_large(case: Case) -> tuple[float, float]:
+def refuse_too_large(boundaries: Boundaries) -> tuple[float, float]:
     """Estimated nodes and memory (MB). Raises CaseError, for the key that causes the size, if the scene would
     not fit in memory."""
-    nodes = node_counts(case)
+    case, nodes = boundaries.case, node_counts(boundaries)
     memory, room = memory_mb(case, nodes), physical_memory_mb()
     if memory > room:
         counts = ", ".join(f"{name} {count:.3g}" for name, count in nodes.items())
@@ -68,7 +67,7 @@ def refuse_too_large(case: Case) -> tuple[float, float]:
             f"the scene needs about {memory / 1024:.3g} GB of memory, the machine has "
             f"{room / 1024:.3g} GB (nodes: {counts})"
         )
-        key, hint = _cause(case, nodes, room)
+        key, hint = _cause(boundaries, nodes, room)
         raise CaseError((CaseProblem(key, message, hint=hint),))
     return sum(nodes.values()), memory
 
@@ -87,8 +86,9 @@ def refuse_too_many_contacts(case: Case, pairings: Sequence[Pairing]) -> None:
         raise CaseError((CaseProblem(f"contact.{name}", message, hint=hint),))
 
 
-def _cause(case: Case, nodes: Mapping[str, float], room: float) -> tuple[str, str]:
+def _cause(boundaries: Boundaries, nodes: Mapping[str, float], room: float) -> tuple[str, str]:
     """The key to change, and a hint."""
+    case = boundaries.case
     usual = replace(mls_settings(case), neighbors=None).stencil_size
     if memory_mb(case, nodes, usual) <= room:
         return "mls.neighbors", f'"auto" takes {usual}'
@@ -96,8 +96,7 @@ def _cause(case: Case, nodes: Mapping[str, float], room: float) -> tuple[str, st
     if body.has_nodes:
         return f"body.{body.name}.shape.file", "use a coarser mesh"
     hint = "use larger spacings, smaller refinement radii or a larger growth"
-    boundaries = Boundaries.of(case)
-    far = spacing_of(case, boundaries, body).far
+    far = spacing_of(boundaries, body).far
     even = estimate_nodes(boundaries.outline(body.name), Spacing(far), COUNT_LIMIT)
     if even >= 0.5 * nodes[body.name] or not body.refine:
         return f"body.{body.name}.spacing", hint

@@ -130,7 +130,10 @@ class Platen(OnBoundary, _RigidMotion):
             message = (
                 f'"{self.turning}" here, "{plate[0].turning}" in load "{plate[0].name}" on the same platen'
             )
-            yield Fault(("rotation",), message, hint)
+            fixed = next((load for load in (self, plate[0]) if load.turning == "fixed"), None)
+            turned = "prescribed" in (self.turning, plate[0].turning)
+            also = f'; write rotation = 0.0 in load "{fixed.name}"' if fixed is not None and turned else ""
+            yield Fault(("rotation",), message, f"{hint}{also}")
         elif plate[0].hinge != self.hinge:
             message = f'differs from that of load "{plate[0].name}" on the same platen'
             yield Fault(("hinge",), message, hint)

@@ -10,7 +10,7 @@ import textwrap
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import field, replace
 from itertools import pairwise, takewhile
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, GetJsonSchemaHandler
 from pydantic.json_schema import JsonSchemaValue
@@ -19,10 +19,10 @@ from pydantic_core import CoreSchema
 from mlsanm_cli.case.report import KeyPath
 from mlsanm_cli.errors import Fault
 from mlsanm_cli.records import dataclass
+from mlsanm_cli.roundoff import ROUND_OFF
 
 if TYPE_CHECKING:
     from mlsanm_cli.case.model.case import Case
-    from mlsanm_cli.case.model.shapes import AnyShape
 import re
 from typing import Annotated, Literal
 
@@ -44,23 +44,13 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True)
 class Geometry:
-    """The geometry of a shape: the outward ``normals`` of its boundaries by name (None if curved), the centre
-    and the larger side of its bounding box, and the SHA-256 of its file, if any."""
+    """The geometry of a shape: the names of its ``boundaries``, the centre and the larger side of its
+    bounding box, and the SHA-256 of its file, if any."""
 
-    normals: Mapping[str, Point | None]
+    boundaries: tuple[str, ...]
     centre: Point
     size: float
     digest: str = ""
-
-
-class GeometryInspector(Protocol):
-    """Examines the geometry of a case. The case layer does no geometry and reads no geometry files."""
-
-    def geometry(self, shape: AnyShape) -> Geometry:
-        """The geometry of a shape. Raises GeometryError if it is not a valid body."""
-
-    def floating(self, case: Case) -> Iterable[Fault]:
-        """A fault for every body without contact that can move freely, with its key in the case."""
 
 
 @dataclass(frozen=True)
@@ -256,8 +246,14 @@ Rotation = Annotated[
 ]
 """Rotation of a plate: fixed, free, or a prescribed angle."""
 
+
+def _without_round_off(coefficient: float) -> float:
+    """A coefficient of friction; 0 where tractions would be round-off of the pressures."""
+    return coefficient if coefficient > ROUND_OFF else 0.0
+
+
 Coefficient = Annotated[
-    Literal["bonded"] | Annotated[float, Field(ge=0.0)],
+    Literal["bonded"] | Annotated[float, Field(ge=0.0), AfterValidator(_without_round_off)],
     expecting('expected a number of at least 0, or "bonded"'),
 ]
 """A coefficient of friction, or bonded surfaces."""

@@ -107,6 +107,8 @@ class Solver(Section):
         fitting = {"anm": "hyperbolic", "newton": "hyperbolic", "active-set": "exact"}.get(self.method, law)
         if law not in (None, fitting):
             hint = f'law = "{fitting}" in [contact.regularization], or method = "auto"'
+            if scope.strain == "finite":
+                hint = 'method = "auto": at finite strain the contact law is always exact'
             yield Fault(("method",), f'"{self.method}" cannot solve the {law} contact law', hint)
         if self.formulation == "monolithic" and law != "hyperbolic":
             hint = 'formulation = "condensed"'

@@ -8,12 +8,11 @@ slip is not associated with Coulomb's cone.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.complementarity.problem import Changes, ContactStatus, Problem
+from mlsanm_cli.records import dataclass
 
 BALANCED = 1e-8
 """Part of a load up to which it counts as balanced: the accuracy of the linear program."""

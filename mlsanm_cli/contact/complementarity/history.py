@@ -9,7 +9,7 @@ load the limit load.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from mlsanm_cli.contact.complementarity.solution import (
     touching,
 )
 from mlsanm_cli.contact.complementarity.tracing import Point, Ray, trace
+from mlsanm_cli.records import dataclass
 
 INCREMENTS = tuple(10.0**power for power in range(-6, 0))
 """Parts of the path tried in turn as finite increments where no rates continue it: the first touch of loose

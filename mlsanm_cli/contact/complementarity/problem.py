@@ -15,7 +15,6 @@ compared with the largest pressure of the state; a few constants for round-off s
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
 
@@ -23,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.records import dataclass
 
 FEASIBLE = 1e-10
 """Violation of a condition that is round-off, relative to the largest pressure: a condition number of 1e6

@@ -9,7 +9,7 @@ recur, a load is added that makes one of them feasible, and removed along the pa
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from mlsanm_cli.contact.complementarity.basis import NULL, Basis, SingularError,
 from mlsanm_cli.contact.complementarity.equilibrium import collapse
 from mlsanm_cli.contact.complementarity.problem import FEASIBLE, Changes, ContactStatus, Problem
 from mlsanm_cli.contact.complementarity.tracing import Point, Ray, trace
+from mlsanm_cli.records import dataclass
 
 PASSES = 30
 """Newton steps before pivoting; converging ones take fewer than ten."""

@@ -9,8 +9,6 @@ nothing stops is a ray.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
@@ -27,6 +25,7 @@ from mlsanm_cli.contact.complementarity.problem import (
     ContactStatus,
     Problem,
 )
+from mlsanm_cli.records import dataclass
 
 PIVOTS = 10
 """Largest number of pivots per condition; paths that end take about one."""

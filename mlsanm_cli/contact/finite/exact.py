@@ -12,7 +12,6 @@ Equation (26) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -22,6 +21,7 @@ from mlsanm_cli.contact.finite.meeting import Meeting
 from mlsanm_cli.contact.finite.sets import NodeSets
 from mlsanm_cli.contact.finite.side_response import SideResponse
 from mlsanm_cli.contact.finite.update import Contacts, ContactSystem, IterationResult, Responses
+from mlsanm_cli.records import dataclass
 
 MIN_JACOBIAN = 0.05
 """Updates are shortened until det F exceeds this everywhere."""

@@ -10,7 +10,6 @@ to it, whose stress balances its force and its moment about its hinge.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sparse
@@ -20,6 +19,7 @@ from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.tangent import held_force
 from mlsanm_cli.mechanics.rigid import ROTATION
+from mlsanm_cli.records import dataclass
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 import scipy.sparse as sparse
@@ -18,6 +18,7 @@ from mlsanm_cli.contact.finite.update import ContactSystem, IterationResult, Res
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.projector import Factorised
 from mlsanm_cli.mechanics.finite.tangent import derivative_pieces, load_columns
+from mlsanm_cli.records import dataclass
 
 ADJACENT_NODES = 3
 """Number of nodes next to those in contact that may come into contact within an iteration."""

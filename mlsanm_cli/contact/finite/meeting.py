@@ -4,12 +4,12 @@ derivatives."""
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.records import dataclass
 
 NO_GAP = 1e300
 """Gap of a node that faces nothing."""

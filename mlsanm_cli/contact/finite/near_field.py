@@ -5,7 +5,6 @@ densities at corners that free both faces (:mod:`mlsanm_cli.mechanics.corner`)."
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 
@@ -22,6 +21,7 @@ from mlsanm_cli.mechanics.corner import Corner, CorneredForces, Forces
 from mlsanm_cli.mechanics.near_field import SURFACE_INSET, ComplexArray, SurfaceForces, as_complex
 from mlsanm_cli.mechanics.remainder import remainder_sources
 from mlsanm_cli.operators.refinement import BLOCK_COLUMNS
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 
 GAUSS = np.polynomial.legendre.leggauss(8)

@@ -7,7 +7,6 @@ stretch appears in the equations, and p_j w_j dg_j is work.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -19,6 +18,7 @@ from mlsanm_cli.contact.finite.node_curve import on_polyline, wrapped
 from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.geometry.facing import turned
 from mlsanm_cli.contact.geometry.obstacles import Chain, Round, Shape
+from mlsanm_cli.records import dataclass
 
 DIFFERENCE_STEP = 1e-3
 """Step of differences along polylines, as a fraction of a node's length."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +10,7 @@ from mlsanm_cli.contact.complementarity.problem import OPEN, SLIP, STICK, Contac
 from mlsanm_cli.contact.complementarity.solution import solve
 from mlsanm_cli.contact.complementarity.tracing import Ray
 from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.records import dataclass
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,6 @@ Equation (25) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -33,6 +32,7 @@ from mlsanm_cli.mechanics.finite.projector import Projector
 from mlsanm_cli.mechanics.finite.tangent import load_columns
 from mlsanm_cli.mechanics.near_field import ComplexArray
 from mlsanm_cli.mechanics.rigid import free_motions
+from mlsanm_cli.records import dataclass
 
 CORNER_NODES = 2
 """Up to this many nodes from corners without near field no correction is made, from twice as many on the full

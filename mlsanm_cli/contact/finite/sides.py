@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import TypeAlias
 
@@ -20,6 +20,7 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.corner import Corner
 from mlsanm_cli.mechanics.finite.loads import Loads
 from mlsanm_cli.mechanics.near_field import ComplexArray, as_complex, as_real
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 Restraints: TypeAlias = Mapping[str, tuple[bool, bool]]

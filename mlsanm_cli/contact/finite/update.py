@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from itertools import pairwise
 from typing import TypeAlias
@@ -21,6 +21,7 @@ from mlsanm_cli.contact.finite.side_response import Correction
 from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.response.coercivity import constrained_resistance
 from mlsanm_cli.mechanics.finite.projector import Factorised, Projector
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 
 AnyContact: TypeAlias = RigidContact | BodyContact

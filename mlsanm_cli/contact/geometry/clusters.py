@@ -10,7 +10,6 @@ Equation (8) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 from typing import Any
@@ -21,6 +20,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.geometry.hat_pairs import LOGARITHM, SIGN, Distance, HatPairs, couples
 from mlsanm_cli.contact.geometry.panels import chebyshev, lagrange
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 
 LEAF_SIZE = 16

@@ -12,10 +12,10 @@ interpolated to any number of pressures and gaps. At planes of symmetry all of i
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from itertools import product
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sparse
@@ -24,8 +24,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.geometry.clusters import Chain, hierarchical
 from mlsanm_cli.contact.geometry.facing import Facing, turned
 from mlsanm_cli.contact.geometry.grid import Hats
-from mlsanm_cli.contact.geometry.hat_pairs import LOGARITHM, SIGN, HatPairs
-from mlsanm_cli.contact.geometry.panels import on_panels
+from mlsanm_cli.contact.geometry.hat_pairs import HatPairs
 from mlsanm_cli.contact.geometry.unfolding import Planes, Unfolding
 from mlsanm_cli.mechanics.corner import Corner, CorneredForces, Forces
 from mlsanm_cli.mechanics.near_field import (
@@ -34,10 +33,10 @@ from mlsanm_cli.mechanics.near_field import (
     SurfaceForces,
     as_complex,
     as_real,
-    by_component,
 )
 from mlsanm_cli.mechanics.symmetry import Image, images_of
-from mlsanm_cli.roundoff import COARSE_ROUND_OFF, FINE_ROUND_OFF, ROUND_OFF
+from mlsanm_cli.records import dataclass
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
 DIFFERENCE_STEP = 1e-4
 """Step of difference quotients along a contact, as a fraction of its range."""
@@ -46,11 +45,23 @@ MAX_CACHED = 1000
 
 
 @dataclass(frozen=True)
+class Pin:
+    """A single held ``node`` of one of the bodies, with the near field ``kernel``, at coordinate ``place`` of
+    its contact surface, on which the contact does not push."""
+
+    node: int
+    slave: bool
+    place: float
+    kernel: PointForceField
+
+
+@dataclass(frozen=True)
 class ContactGrid:
     """A contact's range from ``first`` to ``last`` with ``count`` Chebyshev samples and the ``hats`` of its
     pressures. ``centers`` are the points in hollows of slave and master at which near fields end, ``corners``
-    those at the ends of their surfaces, ``planes`` those of symmetry at the ends of its widest range. A
-    ``provisional`` grid only serves to locate the contact."""
+    those at the ends of their surfaces, ``planes`` those of symmetry at the ends of its widest range,
+    ``pins`` the single nodes that are held on the surfaces. A ``provisional`` grid only serves to locate the
+    contact."""
 
     facing: Facing
     first: float
@@ -60,6 +71,7 @@ class ContactGrid:
     centers: tuple[complex | None, complex | None] = (None, None)
     corners: tuple[tuple[Corner, ...], tuple[Corner, ...]] = ((), ())
     planes: Planes = (None, None)
+    pins: tuple[Pin, ...] = ()
     provisional: bool = False
 
     def around(self, s: FloatArray) -> FloatArray:
@@ -108,6 +120,15 @@ class ContactGrid:
             ]
         )
 
+    @cached_property
+    def pinned(self) -> tuple[Pin, ...]:
+        """The pins within the range: others are seen by samples."""
+        slack = COARSE_ROUND_OFF * (self.last - self.first)
+        at = self.around(np.array([pin.place for pin in self.pins]))
+        inside = (at >= self.first - slack) & (at <= self.last + slack)
+        placed = zip(self.pins, np.clip(at, self.first, self.last).tolist(), inside, strict=True)
+        return tuple(replace(pin, place=place) for pin, place, kept in placed if kept)
+
     @property
     def samples(self) -> FloatArray:
         """Coordinates (k,) of the samples."""
@@ -122,6 +143,12 @@ class ContactGrid:
             around = self.corners_of(slave), self.images_of(slave)
             self._forces[slave] = CorneredForces(own, *around) if any(around) else own
         return self._forces[slave]
+
+    @cached_property
+    def responses(self) -> dict[bool, Any]:
+        """What is known of the response of either body
+        (:mod:`mlsanm_cli.contact.geometry.surface_response`)."""
+        return {}
 
     @cached_property
     def _forces(self) -> dict[bool, Forces]:
@@ -223,8 +250,8 @@ class ContactGrid:
     @property
     def drivers(self) -> int:
         """Number of forces x, and of forces y, that represent all tractions: those at the samples and, if the
-        grid :attr:`covers` the surfaces, the mean."""
-        return self.count + self.covers
+        grid :attr:`covers` the surfaces, the mean; then, instead of forces, displacements of pins."""
+        return self.count + self.covers + len(self.pinned)
 
     def deviation(self, values: FloatArray, which: int) -> FloatArray:
         """Part of nodal pressures (``which`` 0) or tractions (1) (m, ...) that acts through near fields."""
@@ -245,8 +272,8 @@ class ContactGrid:
 
     @cached_property
     def driver_matrices(self) -> tuple[FloatArray, FloatArray]:
-        """Matrices (2 :attr:`drivers`, m) from pressures, and from tractions, to the representing forces, all
-        x, then all y."""
+        """Matrices (2 d, m) from pressures, and from tractions, to the d representing forces, all x, then all
+        y."""
         if not self.covers:
             return self.spreads
         share, unit = self.mean_weights, np.eye(len(self.mean_weights))
@@ -263,56 +290,18 @@ class ContactGrid:
         normal, tangent = self.spreads
         return normal.T / self.hats.weight[:, None], tangent.T / self.hats.weight[:, None]
 
-    def smooth(self, kernel: PointForceField, slave: bool) -> FloatArray:
-        """Near-field part of S (2k, 2k) at the samples, for one of the two bodies: rows x of all, then y;
-        columns by forces x of all, then y."""
-        z, inward = self.facing.side(self.samples, slave)
-        log, turn = self.singular(kernel, slave)
-        way = self._way(slave)
-        center = self.centers[0 if slave else 1]
-        count = len(z)
-        w = z[:, None] - z
-        own = np.eye(count, dtype=bool)
-        base = np.broadcast_to(inward if center is None else (z - center)[:, None], w.shape)
-        stretch, tangent = np.abs(way), way / np.abs(way)
-        found = kernel.displacement(np.where(own, 1.0, w), base)
-        found -= self._folded(log, turn)
-        both = [kernel.displacement(one, np.diagonal(base)) for one in (tangent, -tangent)]
-        found[own] += 0.5 * (both[0] + both[1]) + np.log(stretch)[:, None, None] * log
-        found[own] -= kernel.displacement(np.ones(count, dtype=np.complex128), np.diagonal(base))
-        if center is not None:
-            other = z - center
-            found -= kernel.displacement(other, other)[:, None]
-        plain = SurfaceForces(kernel, z, inward, center)
-        for image in self.images_of(slave):
-            found += image.matrix.T @ plain.displacement(image.points(z))
-        for corner in self.corners_of(slave):
-            if corner.curved is not None:
-                found += corner.beyond_wedge(z, self.images_of(slave))
-        return by_component(found)
-
-    def _folded(self, log: FloatArray, turn: FloatArray) -> FloatArray:
-        """The kernel log ln|s - s'| + turn sgn(s - s') (k, k, 2, 2) of the samples and all their images, zero
-        of each sample to itself."""
-        total = np.zeros((self.count, self.count, 2, 2))
-        for sign, offset, matrix in self.unfolding.copies:
-            apart = self.samples[:, None] - (sign * self.samples + offset)
-            values = [self.pairs.kernel(one, apart)[..., None, None] for one in (LOGARITHM, SIGN)]
-            total += (values[0] * log + values[1] * turn) @ matrix
-        return total
-
     @cached_property
-    def _unfolded(self) -> tuple[Hats, sparse.csr_array]:
+    def unfolded(self) -> tuple[Hats, sparse.csr_array]:
         """The hats of all copies of the range, and the matrix from values at the hats to theirs."""
         return self.unfolding.hats(self.hats), self.unfolding.fold(len(self.hats.place))
 
     @cached_property
     def pairs(self) -> HatPairs:
         """Double integrals of kernels with the hats of all copies."""
-        return HatPairs(self._unfolded[0] if self.mirrored else self.hats)
+        return HatPairs(self.unfolded[0] if self.mirrored else self.hats)
 
     @cached_property
-    def _unfolded_directions(self) -> tuple[FloatArray, FloatArray]:
+    def unfolded_directions(self) -> tuple[FloatArray, FloatArray]:
         """:attr:`directions` at the points of these hats."""
         if not self.mirrored:
             return self.directions
@@ -323,84 +312,21 @@ class ContactGrid:
     def singular_integrals(self, log: FloatArray, turn: FloatArray, which: int, by: int) -> FloatArray:
         """Double integrals (m, m) with the hats of log ln|s - s'| + turn sgn(s - s') and its images, along
         pressures (0) or tractions (1)."""
-        directions = self._unfolded_directions
+        directions = self.unfolded_directions
         whole = self.pairs.integrals(log, turn, directions[which], directions[by])
         if not self.mirrored:
             return whole
-        fold = self._unfolded[1]
+        fold = self.unfolded[1]
         return np.asarray(fold.T @ (fold.T @ whole.T).T) / len(self.unfolding.copies)
 
     def singular_chains(self, log: FloatArray, turn: FloatArray) -> tuple[sparse.csr_array, list[Chain]]:
         """:meth:`singular_integrals` of pressures as near entries (m, m) and matrix products."""
-        near, far = hierarchical(self.pairs, log, turn, self._unfolded_directions[0])
+        near, far = hierarchical(self.pairs, log, turn, self.unfolded_directions[0])
         if not self.mirrored:
             return near, far
-        fold = self._unfolded[1]
+        fold = self.unfolded[1]
         folded = sparse.csr_array(fold.T / len(self.unfolding.copies))
         return sparse.csr_array(folded @ near @ fold), [(folded, *chain, fold) for chain in far]
-
-    def cornered(self, slave: bool, which: int, by: int) -> FloatArray:
-        """Double integrals (m, m) with the hats of the corner terms of one body's displacements along
-        pressures (``which`` 0) or tractions (1), due to pressures or tractions (``by``)."""
-        key, count = (slave, which, by), len(self.hats.place)
-        if key in self._by_corners:
-            return self._by_corners[key]
-        total = np.zeros((count, count))
-        for seen, compliance, acting in self.corner_terms(*key):
-            total += seen @ compliance @ acting.T
-        if count <= MAX_CACHED:
-            self._by_corners[key] = total
-        return total
-
-    @cached_property
-    def _by_corners(self) -> dict[tuple[bool, int, int], FloatArray]:
-        """Cache of :meth:`cornered`: a grid is condensed again while others are refined."""
-        return {}
-
-    def corner_terms(
-        self, slave: bool, which: int, by: int
-    ) -> Iterator[tuple[sparse.csr_array, FloatArray, sparse.csr_array]]:
-        """Terms of :meth:`cornered`: integrals (m, k) of observed displacements at points near a corner, its
-        compliance (k, k), and integrals (m, k) of the forces."""
-        corners = self.corners_of(slave)
-        if not corners:
-            return
-        unfolding, (hats, fold) = self.unfolding, self._unfolded
-        points, integrals = hats.towards_ends
-        integrals = sparse.csr_array(fold.T @ integrals) if self.mirrored else integrals
-        at, copy = unfolding.located(points)
-        place, _, directions = self.facing.side_and_directions(at, slave)
-        if self.mirrored:
-            directions = unfolding.turned(directions[0], copy), unfolding.turned(directions[1], copy)
-        reflected = np.array([sign for sign, *_ in unfolding.copies])[copy] < 0.0
-        present = [np.flatnonzero(np.abs(one).max(axis=0) > FINE_ROUND_OFF).tolist() for one in directions]
-        for corner in corners:
-            away = corner.distance(place)
-            for image in self.images_of(slave):
-                away = np.where(reflected, corner.reflected(away, image), away)
-            x, shares = on_panels(np.maximum(away, FINE_ROUND_OFF * corner.length))
-            parts = {
-                (side, c): integrals @ (shares * directions[side][:, c, None])
-                for side in {which, by}
-                for c in present[side]
-            }
-            for c, d in product(present[which], present[by]):
-                yield parts[which, c], corner.wedge.compliance(x, x, c, d), parts[by, d]
-
-    def singular(self, kernel: PointForceField, slave: bool) -> tuple[FloatArray, FloatArray]:
-        """The tensors L and T (2, 2) of one of the two bodies."""
-        way, inward = self._way(slave)[0], self.facing.side(self.samples[:1], slave)[1][0]
-        tangent: ComplexArray = np.array([way / np.abs(way)])
-        base: ComplexArray = np.array([inward])
-        ahead, behind = kernel.displacement(tangent, base)[0], kernel.displacement(-tangent, base)[0]
-        log = (kernel.displacement(2.0 * tangent, base)[0] - ahead) / np.log(2.0)
-        return log, 0.5 * (ahead - behind)
-
-    def _way(self, slave: bool) -> ComplexArray:
-        """Derivatives (k,) of the points of one surface by the coordinate s."""
-        step = DIFFERENCE_STEP * (self.last - self.first)
-        ahead, behind = (self.facing.side(self.samples + sign * step, slave)[0] for sign in (1.0, -1.0))
-        return np.asarray((ahead - behind) / (2.0 * step))
 
     def resultants(self, slave: bool, center: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
         """Force x, y and moment about ``center`` (3, m) on one of the two bodies by unit pressures, and by

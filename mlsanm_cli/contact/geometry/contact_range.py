@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.contact.geometry.contact_grid import Pin
 from mlsanm_cli.contact.geometry.facing import Facing
 from mlsanm_cli.contact.geometry.grid import Hats
 from mlsanm_cli.contact.geometry.unfolding import Planes
 from mlsanm_cli.mechanics.corner import Corner
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 SAMPLES = 2000
@@ -25,7 +26,8 @@ class ContactRange:
     ``nearest`` is the coordinate of the smallest gap, ``centers`` the points in hollows at which near fields
     end, ``corners`` those of both bodies that pressures may approach, ``planes`` those of symmetry at its
     ends, ``places`` the number of local minima of the gap. An end is ``whole`` if one of the surfaces ends
-    there, so that pressures may reach it, or if the range closes on itself, all ``around``.
+    there, so that pressures may reach it, or if the range closes on itself, all ``around``. ``pins`` are
+    single held nodes on the surfaces.
     """
 
     facing: Facing
@@ -38,6 +40,7 @@ class ContactRange:
     whole: tuple[bool, bool]
     places: int = 1
     around: bool = False
+    pins: tuple[Pin, ...] = ()
 
     def within(self, s: FloatArray) -> BoolArray:
         """Mask (e,) of coordinates inside the range and not at a corner."""

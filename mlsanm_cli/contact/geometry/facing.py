@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
@@ -12,6 +10,7 @@ from mlsanm_cli.cloud.joined import normals_towards
 from mlsanm_cli.contact.geometry.obstacles import Shape
 from mlsanm_cli.mechanics.heat import Field
 from mlsanm_cli.mechanics.near_field import ComplexArray, as_complex, as_real
+from mlsanm_cli.records import dataclass
 
 
 def turned(normal: FloatArray) -> FloatArray:

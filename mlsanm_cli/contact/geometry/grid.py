@@ -4,7 +4,7 @@ on any grid."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -12,6 +12,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cells import GAUSS
+from mlsanm_cli.records import dataclass
 
 RULE = GAUSS[3]
 END_HALVINGS = 8
@@ -99,6 +100,24 @@ class Hats:
         kept = steps > 0.0
         points, weights = _gauss(starts[kept], steps[kept])
         return points, self._integrals(points, np.tile(interval[kept], len(RULE)), weights)
+
+    def towards(self, place: float) -> tuple[FloatArray, sparse.csr_array]:
+        """The same graded towards one ``place``, on both sides."""
+        parts = np.append(0.0, 0.5 ** np.arange(END_HALVINGS, -1, -1))
+        ends, interval = [self.nodes[:-1]], [np.arange(len(self.steps))]
+        for number in np.flatnonzero((self.nodes[:-1] <= place) & (place <= self.nodes[1:])).tolist():
+            first, last = self.nodes[number], self.nodes[number + 1]
+            inner = np.concatenate([place + (last - place) * parts, place + (first - place) * parts])
+            inner = np.unique(inner[(inner > first) & (inner < last)])
+            ends.append(inner)
+            interval.append(np.full(len(inner), number))
+        starts, owner = np.concatenate(ends), np.concatenate(interval)
+        order = np.lexsort((starts, owner))
+        starts, owner = starts[order], owner[order]
+        steps = np.append(starts[1:], self.nodes[-1]) - starts
+        kept = steps > 0.0
+        points, weights = _gauss(starts[kept], steps[kept])
+        return points, self._integrals(points, np.tile(owner[kept], len(RULE)), weights)
 
     def _integrals(self, points: FloatArray, interval: IntArray, weights: FloatArray) -> sparse.csr_array:
         """Integration matrix (m, e) for ``points`` (e,) in intervals (e,) with quadrature ``weights``

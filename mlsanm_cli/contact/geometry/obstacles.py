@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Protocol
@@ -16,6 +15,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Arc, Curve
 from mlsanm_cli.cloud.search import MAX_PAIRS, nearest
 from mlsanm_cli.cloud.splines import NodeSpline, Spline
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 
 CORNER_ANGLE = np.deg2rad(15.0)

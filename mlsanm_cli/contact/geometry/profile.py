@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray, runs_of
 from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.records import dataclass
 
 THRESHOLD = 0.01
 PEAK_SHARE, PEAK_RATIO = 0.02, 3.0
@@ -143,9 +142,8 @@ def contact_patches(pairing: Pairing, closed: BoolArray) -> list[Patch]:
     """Patches of one contact with closed candidates ``closed`` (m,)."""
     arc = pairing.arc[pairing.candidate]
     spacing = pairing.spacing[pairing.candidate]
-    steps = np.diff(np.concatenate([[False], closed, [False]]).astype(np.int64))
     patches = []
-    for first, after in zip(np.flatnonzero(steps == 1), np.flatnonzero(steps == -1), strict=True):
+    for first, after in runs_of(closed):
         last = after - 1
         ends, edges, uncertainty = [arc[first], arc[last]], [], []
         if first > 0:

@@ -4,7 +4,7 @@ linearised response of a state to small changes of gaps and slips, with slip sta
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sparse
@@ -23,6 +23,7 @@ from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.defect import Corrected
 from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.records import dataclass
 
 MAX_CHANGES = 30
 """Largest number of active-set changes, one per round."""

@@ -3,8 +3,6 @@ docs/method.md without friction."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
@@ -18,6 +16,7 @@ from mlsanm_cli.contact.laws.residual import kkt_residual
 from mlsanm_cli.contact.response.compressed import compressed
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import SingularSystemError
+from mlsanm_cli.records import dataclass
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -15,6 +14,7 @@ from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.linear_map import Columns, LinearMap, stack
 from mlsanm_cli.mechanics.rigid import ROTATION
 from mlsanm_cli.mechanics.scene import RigidConstraint, RigidMotion, Scene
+from mlsanm_cli.records import dataclass
 
 Held = tuple[str, str]
 
@@ -169,7 +169,42 @@ def reported_forces(forces: CondensedForces) -> dict[str, LinearMap]:
                 carried = columns.of_loads(on_springs)
                 report[name] = report[name] + -carried
                 report[scene.loads[load.number]] = report[scene.loads[load.number]] + carried
+    return report | pin_forces(forces)
+
+
+def pin_forces(forces: CondensedForces) -> dict[str, LinearMap]:
+    """Force x, y (2 rows) of each support of a single node on its body, by name, if statics determine those
+    of all single nodes of the body: from its forces, or its forces and moments."""
+    scene, report = forces.scene, dict[str, LinearMap]()
+    for name, body in scene.bodies.items():
+        held = list(dict.fromkeys(body.held_nodes))
+        arms = body.model.cloud.points[[node for node, _ in held]]
+        axes = np.eye(2)[[axis for _, axis in held]]
+        acting = np.vstack([axes.T, arms[:, 0] * axes[:, 1] - arms[:, 1] * axes[:, 0]])
+        rows = next((n for n in (2, 3) if held and np.linalg.matrix_rank(acting[:n]) == len(held)), 0)
+        if not rows:
+            continue
+        others = _others(forces, name).take(slice(0, rows))
+        each = others.combined(np.asarray(-np.linalg.pinv(acting[:rows])))
+        for label, (owner, node) in scene.single_supports.items():
+            if owner == name:
+                own = np.array([held_node == node for held_node, _ in held], dtype=float)
+                report[label] = each.combined(axes.T * own)
     return report
+
+
+def _others(forces: CondensedForces, name: str) -> LinearMap:
+    """Sum of all forces on a body but those of single nodes, as force x, y and moment about the origin."""
+    total = forces.applied(name)
+    for pairing in forces.pairings:
+        if name == pairing.slave_body:
+            total = total + forces.contact(pairing, name)
+        if name == pairing.master_body:
+            total = total + -forces.contact(pairing, pairing.slave_body)
+    for surface in forces.scene.bodies[name].restrained:
+        about = _about(forces.scene.center(name, surface))
+        total = total + forces.measured[name, surface].combined(np.asarray(np.linalg.inv(about)))
+    return total
 
 
 def holding_forces(forces: CondensedForces) -> dict[tuple[str, int], LinearMap]:
@@ -208,17 +243,7 @@ def body_imbalance(forces: CondensedForces) -> LinearMap:
 
 def body_sums(forces: CondensedForces) -> LinearMap:
     """The same (2 rows per body) for all components: minus the forces of single nodes that hold a body."""
-    rows = []
-    for name in forces.scene.bodies:
-        total = forces.applied(name)
-        for pairing in forces.pairings:
-            if name == pairing.slave_body:
-                total = total + forces.contact(pairing, name)
-            if name == pairing.master_body:
-                total = total + -forces.contact(pairing, pairing.slave_body)
-        for surface in forces.scene.bodies[name].restrained:
-            total = total + forces.measured[name, surface]
-        rows.append(total.take(slice(0, 2)))
+    rows = [_others(forces, name).take(slice(0, 2)) for name in forces.scene.bodies]
     return stack(rows, forces.columns)
 
 

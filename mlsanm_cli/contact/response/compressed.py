@@ -4,7 +4,7 @@ matrix: products and submatrices use its factors, everything else converts it to
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import reduce
 from typing import Any, cast
 
@@ -14,6 +14,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.geometry.clusters import Chain
 from mlsanm_cli.operators.refinement import BLOCK_COLUMNS
+from mlsanm_cli.records import dataclass
 
 COMPRESSED_CONTACT, COMPRESSED_TOTAL = 800, 3000
 """Numbers of unknowns of one contact, or of all, above which frictionless compliances are compressed; below,

@@ -16,7 +16,7 @@ Equation (11) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property, partial
 
 import numpy as np
@@ -34,6 +34,7 @@ from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.mechanics.near_field import as_complex
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import Memo, digest
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 
 MAX_KEPT, MAX_KEPT_UNKNOWNS = 50, 5000

@@ -7,7 +7,7 @@ are depends on the points of the body and the grid only, which a path leaves as 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 
 import numpy as np
@@ -33,6 +33,7 @@ from mlsanm_cli.mechanics.near_field import (
     SurfaceForces,
     as_complex,
 )
+from mlsanm_cli.records import dataclass
 
 GRID_POINT_DISTANCE = 2.0
 """Intervals farther away than this many of their lengths are integrated with the grid's quadrature points."""

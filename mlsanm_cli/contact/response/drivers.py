@@ -8,7 +8,7 @@ They are ordered like the unknowns, forces x with pressures and forces y with tr
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import TypeVar
 
@@ -17,8 +17,10 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.contact.geometry.surface_response import pin_displacements
 from mlsanm_cli.contact.response.compressed import Compressed, as_array
 from mlsanm_cli.contact.response.linear_map import Columns, LinearMap
+from mlsanm_cli.records import dataclass
 
 Key = TypeVar("Key", bound=Hashable)
 
@@ -93,7 +95,11 @@ class Drivers:
     def means(self) -> IntArray:
         """Indices of the mean forces x and y of contacts that cover their surfaces, among all drivers."""
         covering = [one.name for one in self.pairings if one.grid is not None and one.grid.covers]
-        both = [(self.places[name].stop - 1, self.tangential_places[name].stop - 1) for name in covering]
+        counts = {one.name: one.grid.count for one in self.pairings if one.grid is not None}
+        both = [
+            [spans[name].start + counts[name] for spans in (self.places, self.tangential_places)]
+            for name in covering
+        ]
         return np.array(both, dtype=np.int64).ravel()
 
     @cached_property
@@ -111,9 +117,11 @@ class Drivers:
                 unit = np.eye(int(pairing.candidate.sum()))
                 entries += [(row, column, unit) for row, column in zip(rows, columns, strict=False)]
                 continue
-            for column, block in zip(columns, grid.driver_matrices, strict=False):
-                both = zip(rows, np.split(block, 2), strict=True)
-                entries += [(row, column, part) for row, part in both]
+            for which, (column, block) in enumerate(zip(columns, grid.driver_matrices, strict=False)):
+                for row, part, moved in zip(
+                    rows, np.split(block, 2), np.split(pin_displacements(grid, which), 2), strict=True
+                ):
+                    entries += [(row, column, part), (row + len(part), column, moved)]
         found = [np.nonzero(block) for _, _, block in entries]
         each = list(zip(entries, found, strict=True))
         coordinates = (

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from operator import add, neg
 
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.response.compressed import stacked
+from mlsanm_cli.records import dataclass
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from mlsanm_cli.cloud.cells import GAUSS
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.geometry.facing import turned
 from mlsanm_cli.contact.geometry.pairing import MAX_FACING_COSINE, Pairing, facing_parts, opposed
+from mlsanm_cli.contact.geometry.surface_response import SurfaceResponse, pins_of
 from mlsanm_cli.contact.geometry.transfer import feet, slave_normals, transfer
 from mlsanm_cli.contact.response.linear_map import Columns
 from mlsanm_cli.mechanics.body import ElasticBody
@@ -64,12 +65,18 @@ def _sample_sources(body: ElasticBody, name: str, pairing: Pairing, centred: boo
     for (own, slave, sign), surface in zip(pairing.sides, surfaces, strict=False):
         if own != name:
             continue
-        sources = remainder_sources(body, grid.forces(body.model.kernel, slave), centred)
+        pins, first = pins_of(grid, slave), grid.count + grid.covers
+        response = SurfaceResponse.of(grid, body.model.kernel, slave)
+        held = {pin.node: response.smooth(np.array([pin.place])) for _, pin in pins}
+        sources = remainder_sources(body, grid.forces(body.model.kernel, slave), centred, held)
         total[:, :, : grid.count] += sign * sources.reshape(body.rows, 2, grid.count)
+        for number, pin in pins:
+            for component, row in body.pin_rows(pin.node):
+                total[row, component, first + number] += sign
         if grid.covers and surface is not None:
             for component, axis in enumerate(np.eye(2)):
                 along = np.tile(axis, (len(surface.index), 1))
-                total[:, component, -1] += sign * body.source(surface.name, along, held=False)
+                total[:, component, grid.count] += sign * body.source(surface.name, along, held=False)
     return total.reshape(body.rows, -1)
 
 

@@ -5,7 +5,6 @@ intervals close to the point the arc length is substituted by s0 + d sinh(v), wh
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -24,6 +23,7 @@ from mlsanm_cli.mechanics.near_field import (
     SurfaceForces,
     as_real,
 )
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 
 GAUSS_POINTS = ((0.0, 32), (0.05, 12), (0.5, 6))

@@ -13,6 +13,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.geometry.clusters import Chain
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.contact.geometry.surface_response import SurfaceResponse
 from mlsanm_cli.contact.response.compressed import Compressed, as_array, compressed
 from mlsanm_cli.contact.response.contact_fields import NearFields
 from mlsanm_cli.contact.response.drivers import Drivers
@@ -65,7 +66,8 @@ def _on_contact(
         if own != body:
             continue
         if seen.name == by.name and is_slave == slave:
-            total += sign * seen.grid.smooth(scene.bodies[body].model.kernel, slave)
+            kernel = scene.bodies[body].model.kernel
+            total += sign * SurfaceResponse.of(seen.grid, kernel, slave).smooth()
         else:
             place = seen.grid.facing.side(seen.grid.samples, is_slave)[0]
             total += sign * by_component(forces.displacement(place))
@@ -98,18 +100,18 @@ def with_singular(
     pressures and tractions."""
     grid = pairing.grid
     assert grid is not None
-    log, turn = _tensors(scene, pairing, grid)
+    log, turn = _tensors(scene, pairing)
     smooth = compressed(linear.pressure)
     if smooth is not None:
-        more = _compressed(smooth, drivers.spans[pairing.name].start, pairing, grid, (log, turn))
+        more = _compressed(scene, smooth, drivers.spans[pairing.name].start, pairing, grid, (log, turn))
         return replace(linear, pressure=as_array(more))
     count = len(grid.hats.place)
     means = 1.0 / grid.hats.weight[:, None]
 
     def by(other: int) -> FloatArray:
         total = grid.singular_integrals(log, turn, which, other)
-        for _, slave, _ in pairing.sides:
-            total += grid.cornered(slave, which, other)
+        for response in _responses(scene, pairing):
+            total += response.cornered(which, other)
         return means * (total @ grid.deviation(np.eye(count), other) if grid.evened[other] else total)
 
     linear.pressure[:count, drivers.spans[pairing.name]] += by(0)
@@ -118,16 +120,23 @@ def with_singular(
     return linear
 
 
-def _tensors(scene: Scene, pairing: Pairing, grid: ContactGrid) -> tuple[FloatArray, FloatArray]:
+def _tensors(scene: Scene, pairing: Pairing) -> tuple[FloatArray, FloatArray]:
     """The tensors L and T (2, 2) of a contact, summed over its bodies."""
     log, turn = np.zeros((2, 2)), np.zeros((2, 2))
-    for body, slave, _ in pairing.sides:
-        more = grid.singular(scene.bodies[body].model.kernel, slave)
-        log, turn = log + more[0], turn + more[1]
+    for response in _responses(scene, pairing):
+        log, turn = log + response.tensors[0], turn + response.tensors[1]
     return log, turn
 
 
+def _responses(scene: Scene, pairing: Pairing) -> list[SurfaceResponse]:
+    """The responses of a contact's bodies."""
+    assert pairing.grid is not None
+    kernels = [(scene.bodies[body].model.kernel, slave) for body, slave, _ in pairing.sides]
+    return [SurfaceResponse.of(pairing.grid, *each) for each in kernels]
+
+
 def _compressed(
+    scene: Scene,
     smooth: Compressed,
     first: int,
     pairing: Pairing,
@@ -139,8 +148,8 @@ def _compressed(
     near, far = grid.singular_chains(*tensors)
     cornered: list[Chain] = [
         (seen, compliance, sparse.csr_array(acting.T))
-        for _, slave, _ in pairing.sides
-        for seen, compliance, acting in grid.corner_terms(slave, 0, 0)
+        for response in _responses(scene, pairing)
+        for seen, compliance, acting in response.corner_terms(0, 0)
     ]
     if grid.covers:
         even = np.ones(len(grid.hats.place))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeAlias
 
@@ -18,6 +17,7 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.probes import ROWS, probe_rows
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import Arrays, Memo, digest
+from mlsanm_cli.records import dataclass
 
 Functional: TypeAlias = tuple[str, Any]
 """Kind and subject: "gap" and "slip" with a contact's name, "held" and "spring" with body and surface,

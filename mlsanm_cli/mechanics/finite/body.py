@@ -16,7 +16,6 @@ Equations (17) and (18) of docs/method.md.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -32,6 +31,7 @@ from mlsanm_cli.mechanics.finite.loads import Applied, Loads
 from mlsanm_cli.mechanics.laws.law import Law, determinant, gradient_of
 from mlsanm_cli.mechanics.pieces import rule_of
 from mlsanm_cli.operators.rows import pair_rows
+from mlsanm_cli.records import dataclass
 
 
 @dataclass(frozen=True)

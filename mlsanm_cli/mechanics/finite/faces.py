@@ -8,7 +8,7 @@ prescribed tractions. Every fit acts on one or two pieces.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.pieces import rule_of
 from mlsanm_cli.operators.stencil_weights import Stencils
 from mlsanm_cli.operators.stencils import build_gradients
+from mlsanm_cli.records import dataclass
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
@@ -11,6 +9,7 @@ from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.loads import cofactor_normal
 from mlsanm_cli.mechanics.laws.law import gradient_of
+from mlsanm_cli.records import dataclass
 
 
 @dataclass(frozen=True)

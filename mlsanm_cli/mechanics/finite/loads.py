@@ -5,7 +5,7 @@ current length along the current normal: its nominal traction is - p cof(F) N, l
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.faces import FacePoints, outline_points
 from mlsanm_cli.mechanics.heat import Heating
 from mlsanm_cli.mechanics.springs import FREE
+from mlsanm_cli.records import dataclass
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ Equation (20) of docs/method.md.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 
 import numpy as np
@@ -30,6 +30,7 @@ from mlsanm_cli.operators import least_squares
 from mlsanm_cli.operators.least_squares import LeastSquares, Strong
 from mlsanm_cli.operators.linear.interface import Factor, LinearSolver
 from mlsanm_cli.operators.linear.superlu import elimination_order, factor_in_order
+from mlsanm_cli.records import dataclass
 
 PIVOT_THRESHOLD = 1e-3
 """A diagonal entry is accepted as pivot down to this fraction of the largest in its column: other pivots

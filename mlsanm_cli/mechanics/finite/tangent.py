@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -18,6 +18,7 @@ from mlsanm_cli.mechanics.finite.loads import cofactor_normal
 from mlsanm_cli.mechanics.laws.law import gradient_of
 from mlsanm_cli.operators.rows import nodal_rows, pair_rows, scalar_rows
 from mlsanm_cli.operators.stencil_weights import Stencils
+from mlsanm_cli.records import dataclass
 
 
 def derivative_rows(

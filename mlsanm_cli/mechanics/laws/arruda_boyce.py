@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from mlsanm_cli.mechanics.laws.hyperelastic import Isochoric
 from mlsanm_cli.mechanics.laws.series import Term
+from mlsanm_cli.records import dataclass
 
 LANGEVIN = (1.0 / 2.0, 1.0 / 20.0, 11.0 / 1050.0, 19.0 / 7000.0, 519.0 / 673750.0)
 """Coefficients of the energy of a network of eight chains, from the series of the inverse Langevin

@@ -22,12 +22,16 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.laws.law import Law, Stress
 from mlsanm_cli.mechanics.laws.series import Series, Tape, Term, dot, exp
 from mlsanm_cli.mechanics.material import PlaneMaterial, isotropic
+from mlsanm_cli.records import dataclass
 
 
 @dataclass(frozen=True)
@@ -115,6 +119,21 @@ class Hyperelastic(Law):
     def linear(self) -> PlaneMaterial:  # type: ignore[override]
         """The law of small strains."""
         return isotropic(2.0 * self.shear * (1.0 + self.nu), self.nu, self.plane, self.alpha)
+
+    def incompressible_stress(self, stretches: FloatArray) -> FloatArray:
+        """Nominal stress (n,) along the first of principal ``stretches`` (3, n) of product 1, if there is
+        none along the third."""
+        tape = Tape(0, 1, stretches.shape[1])
+        f11, f12, f21, f22, across = (tape.input() for _ in range(5))
+        for component, values in zip((f11, f22, across), stretches, strict=True):
+            component.values[0, 0] = values
+        e = Deformation((f11, f12, f21, f22), across)
+        by_trace, by_area = (tape.as_series(slope) for slope in self.plane_slopes(e))
+        third = tape.as_series(self.stretch_slope(e))
+        tape.advance(0)
+        slope, area, thickness = (series.values[0, 0] for series in (by_trace, by_area, third))
+        one, two, three = stretches
+        return np.asarray(2.0 * slope * one + area * two - three / one * thickness)
 
     def stress_of(self, tape: Tape, f: Sequence[Series], across: Term | None, apart: bool) -> Stress:
         """Elastic stress (:meth:`Law.stress_of`)."""

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
 from typing import Any
@@ -28,6 +27,7 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.laws.series import Series, Tape, Term, dot
 from mlsanm_cli.mechanics.material import PlaneMaterial
+from mlsanm_cli.records import dataclass
 
 WAVE_DIRECTIONS = 24
 """Directions, over half a turn, in which ellipticity is tested."""

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from mlsanm_cli.mechanics.laws.hyperelastic import Isochoric
 from mlsanm_cli.mechanics.laws.series import Term
+from mlsanm_cli.records import dataclass
 
 
 @dataclass(frozen=True, kw_only=True)

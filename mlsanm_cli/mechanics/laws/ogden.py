@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.laws.hyperelastic import Deformation, Hyperelastic
 from mlsanm_cli.mechanics.laws.series import Series, Term, analytic
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import LAST_DIGITS
 
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from mlsanm_cli.mechanics.laws.law import Law, Stress
 from mlsanm_cli.mechanics.laws.series import Series, Tape, Term, dot, linear
 from mlsanm_cli.mechanics.material import PlaneMaterial
+from mlsanm_cli.records import dataclass
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@ with SuperLU as fallback. Duff and Reid 1983 (doi:10.1145/356044.356047), Liu 19
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sparse
@@ -16,6 +16,7 @@ from mlsanm_cli.operators.linear.dissection import nested_dissection, with_multi
 from mlsanm_cli.operators.linear.interface import Factor, LinearSolver, Matrix, backward_error
 from mlsanm_cli.operators.linear.superlu import factor_quasi_definite
 from mlsanm_cli.operators.structure import structure
+from mlsanm_cli.records import dataclass
 
 
 @dataclass(frozen=True)
@@ -135,7 +136,8 @@ def verified_or_superlu(factor: Factor | None, matrix: Matrix, points: FloatArra
     if not _accurate(matrix, other):
         raise NumericalError(
             "the elastic system of a body is singular to working precision",
-            "a body may be able to move freely, or its cloud may be too coarse for mls.degree",
+            "a body may move freely, or its cloud be too coarse for mls.degree or Poisson's ratio: "
+            'try mls.degree = 2, or solver.linear = "superlu"',
         )
     return replace(
         other, note="the equations are not positive definite to working precision; SuperLU factorised them"

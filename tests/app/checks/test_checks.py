@@ -34,8 +34,7 @@ DISK = (
 RUBBER = (
     head("strain", strain="finite")
     .material("rubber", E=2.6, nu=0.3, law="neo-hookean")
-    .body("block", "rubber", 0.25, box=([0.0, 2.0], [0.0, 1.0]))
-    .support("block.bottom", ux=0.0, uy=0.0)
+    .body("block", "rubber", 0.25, box=([0.0, 2.0], [0.0, 1.0]), clamped="bottom")
 )
 PUNCHED = RUBBER.pushed("press", "c", uy=-0.2).contact("c", "block.top", disk=([1.0, 2.0], 1.0))
 PULLED = RUBBER.load("press", "block.top", "traction", traction=[0.0, -0.5])

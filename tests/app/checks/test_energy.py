@@ -193,8 +193,7 @@ def test_errors_at_clamped_ends_are_estimated(tmp_path: Path) -> None:
     contact: at the ends of its base they are as wrong as the others."""
     text = (
         scene("strain", E=1000.0)
-        .body("block", "steel", 5.0, box=([-45.0, 45.0], [-50.0, 0.0]))
-        .support("block.bottom", ux=0.0, uy=0.0)
+        .body("block", "steel", 5.0, box=([-45.0, 45.0], [-50.0, 0.0]), clamped="bottom")
         .contact("foot", "block.top", disk=([6.0, 30.0], 30.0))
         .pushed("press", "foot", ux=0.0, fy=-20.0)
         .probe("right", "block", [25.0, 0.0])

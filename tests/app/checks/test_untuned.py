@@ -71,8 +71,7 @@ def slider(spring: float) -> Scene:
     return (
         scene("strain")
         .body("block", "steel", box=([0.0, 20.0], [0.0, 10.0]))
-        .body("base", "steel", box=([-20.0, 40.0], [-20.0, 0.0]))
-        .support("base.bottom", ux=0.0, uy=0.0)
+        .body("base", "steel", box=([-20.0, 40.0], [-20.0, 0.0]), clamped="bottom")
         .support("block.left", spring=[spring, 0.0])
         .load("press", "block.top", "pressure", pressure=5.0)
         .load("push", "block.left", "pressure", pressure=9.0)
@@ -111,10 +110,8 @@ def test_a_wedge_that_locks_keeps_its_forces(tmp_path: Path) -> None:
     case = (
         scene("strain")
         .body("key", "steel", shape=polygon(key, "low tip high back"))
-        .body("hub", "steel", shape=polygon(hub, "face right top left"))
-        .body("base", "steel", box=([-50.0, 50.0], [-30.0, 0.0]))
-        .support("hub.top", ux=0.0, uy=0.0)
-        .support("base.bottom", ux=0.0, uy=0.0)
+        .body("hub", "steel", shape=polygon(hub, "face right top left"), clamped="top")
+        .body("base", "steel", box=([-50.0, 50.0], [-30.0, 0.0]), clamped="bottom")
         .load("drive", "key.back", "pressure", pressure=force / high(-30.0))
         .contact("above", "hub.face", "key.high", friction=friction, accuracy=0.01)
         .contact("below", "key.low", "base.top", friction=friction, accuracy=0.01)
@@ -177,8 +174,7 @@ def test_a_rubber_ring_is_twisted_by_tractions_that_add_up_to_no_force(tmp_path:
     shear, inner, outer = 0.01, 8.0, 14.0
     summary = solve(
         scene("strain", "rubber", E=2.9, nu=0.45)
-        .body("ring", "rubber", annulus=([0.0, 0.0], [inner, outer]))
-        .support("ring.outer", ux=0.0, uy=0.0)
+        .body("ring", "rubber", annulus=([0.0, 0.0], [inner, outer]), clamped="outer")
         .load("twist", "ring.inner", "traction", traction=[f"-{shear}*y/{inner}", f"{shear}*x/{inner}"])
         .probe("middle", "ring", [11.0, 0.0]),
         tmp_path / "run",
@@ -194,8 +190,7 @@ def test_a_tilted_punch_is_as_wide_as_it_touches(tmp_path: Path) -> None:
     punch = {"kind": "polyline", "points": [[-10.0, 8.0], [-10.0, 10.0 * tilt], [0.0, 0.0], [0.0, 8.0]]}
     summary = solve(
         scene("strain", "block", E=1000.0, nu=0.3)
-        .body("block", "block", box=([-60.0, 60.0], [-60.0, 0.0]))
-        .support("block.bottom", ux=0.0, uy=0.0)
+        .body("block", "block", box=([-60.0, 60.0], [-60.0, 0.0]), clamped="bottom")
         .contact("punch", "block.top", obstacle=punch, accuracy=0.02, regularization=EXACT)
         .pushed("press", "punch", ux=0.0, fy=-0.25 * np.pi * modulus * tilt * width),
         tmp_path / "run",

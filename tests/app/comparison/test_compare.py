@@ -25,7 +25,6 @@ from tests.app.scenes import (
     BAR,
     COARSE,
     EXACT_LAW,
-    NODAL,
     PATCH,
     SHEARED,
     SMOOTH,
@@ -166,8 +165,18 @@ def test_exit_codes_and_table(
     tmp_path: Path, afterwards: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     afterwards.chdir(tmp_path)
-    (tmp_path / "scene.toml").write_text(NODAL)
-    arguments = ["compare", "scene.toml", "--active-set", "--no-picture", "--levels", "2", "--quiet"]
+    (tmp_path / "scene.toml").write_text(hertz())
+    settings = [word for one in SMOOTH for word in ("--set", one)]
+    arguments = [
+        "compare",
+        "scene.toml",
+        "--active-set",
+        "--no-picture",
+        "--levels",
+        "2",
+        *settings,
+        "--quiet",
+    ]
     assert main([*arguments, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert (found["status"], found["directory"]) == ("agree", "results/scene")

@@ -34,8 +34,7 @@ NO_VTK = "the extra test-vtk is not installed"
 AREAS = {"cylinder": 0.5 * np.pi, "block": 8.0}
 CYLINDER = (
     scene("strain", "rubber", E=10.0, nu=0.3)
-    .body("pad", "rubber", 0.25, box=([-2.0, 2.0], [-2.0, 0.0]))
-    .support("pad.bottom", ux=0.0, uy=0.0)
+    .body("pad", "rubber", 0.25, box=([-2.0, 2.0], [-2.0, 0.0]), clamped="bottom")
     .pushed("down", "drum", uy=-0.02)
     .contact("drum", "pad.top", accuracy=0.01, friction=0.3, disk=([0.0, 1.0], 1.0), regularization=EXACT)
     .table("output", at=[0.5, 1.0])

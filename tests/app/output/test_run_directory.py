@@ -58,7 +58,7 @@ def test_layout_of_the_run_file(hertz_run: Path, series_run: Path) -> None:
         assert file.attrs["case_hash"] == load_case(hertz_run / "resolved.toml").case_hash
         assert file["case/resolved"].asstr()[()] == (hertz_run / "resolved.toml").read_text()
         assert "Half-disk" in file["case/raw"].asstr()[()]
-        assert set(file["path/resultants"]) == {"press", "block.bottom"}
+        assert set(file["path/resultants"]) >= {"press", "block.bottom"}
         assert (np.diff(file["contacts/interface/arc_length"][...]) > 0.0).all()
         assert file["fields/position"][...].tolist() == [0.3, 0.7, 1.0]
 

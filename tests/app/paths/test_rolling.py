@@ -72,8 +72,7 @@ def test_dragging_at_small_strain_is_warned_of(tmp_path: Path) -> None:
     text = (
         scene("strain")
         .body("disk", "steel", half_disk=([0.0, 1.0], 1.0))
-        .body("block", "steel", box=([-2.0, 2.0], [-2.0, 0.0]))
-        .support("block.bottom", ux=0.0, uy=0.0)
+        .body("block", "steel", box=([-2.0, 2.0], [-2.0, 0.0]), clamped="bottom")
         .load("press", "disk.flat", "displacement", displacement=[0.0, -0.03])
         .load("drag", "disk.flat", "displacement", displacement=[0.8, 0.0])
         .contact("touch", "disk.arc", "block.top", regularization=EXACT, accuracy=0.1)

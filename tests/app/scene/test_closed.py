@@ -56,6 +56,19 @@ def test_a_fit_has_the_pressure_of_lame_all_around(tmp_path: Path) -> None:
             assert (yy - xx) * c * s + xy * (c * c - s * s) == pytest.approx(0.0, abs=0.01 * pressure)
 
 
+def test_a_clamped_ring_on_a_rigid_mandrel_is_pressed_evenly(tmp_path: Path) -> None:
+    """Around a whole circle there is no chord whose rotation could turn the contact. Radial displacement
+    a r + b / r, 0 outside and the interference inside."""
+    ring = scene("strain", E=3500.0).body("ring", "steel", annulus=([0.0, 0.0], [1.0, 2.0]))
+    mandrel = {"kind": "disk", "center": [0.0, 0.0], "radius": 1.0}
+    ring = ring.support("ring.outer", ux=0.0, uy=0.0).contact("fit", "ring.inner", obstacle=mandrel)
+    done(ring, tmp_path / "run", "contact.fit.interference=2e-4")
+    a, b = np.linalg.solve([[1.0, 1.0], [2.0, 0.5]], [2e-4, 0.0])
+    expected = -3500.0 / (1.3 * 0.4) * (a - 0.4 * b)
+    pressure = read_run(tmp_path / "run").contacts["fit"].pressure[-1]
+    assert pressure == pytest.approx(expected, rel=5e-3)
+
+
 def test_a_fit_that_is_pulled_aside_may_open_anywhere(tmp_path: Path) -> None:
     """Where the range of a closed contact begins has no part in it: pulled down or aside is the same."""
     held = support("shaft.inner", ux=0.0, uy=0.0)
@@ -103,9 +116,8 @@ def test_a_pin_in_the_middle_of_a_ring_is_pulled_to_either_side(tmp_path: Path) 
     for pull in (-10.0, 10.0):
         text = (
             scene("stress")
-            .body("eye", "steel", annulus=([0.0, 0.0], [8.0, 25.0]))
+            .body("eye", "steel", annulus=([0.0, 0.0], [8.0, 25.0]), clamped="outer")
             .body("pin", "steel", disk=([0.0, 0.0], 7.95))
-            .support("eye.outer", ux=0.0, uy=0.0)
             .body_force("pull", "pin", [pull, 0.0])
             .contact("fit", "pin.arc", "eye.inner")
         )
@@ -117,8 +129,7 @@ def test_a_pin_in_the_middle_of_a_ring_is_pulled_to_either_side(tmp_path: Path) 
 
 BEAM = (
     scene("stress", "alloy", E=70e3, nu=0.33)
-    .body("beam", "alloy", box=([0.0, 20.0], [0.0, 2.0]))
-    .support("beam.left", ux=0.0, uy=0.0)
+    .body("beam", "alloy", box=([0.0, 20.0], [0.0, 2.0]), clamped="left")
     .pushed("press", "nose", uy=-0.3)
 )
 ROUND = [[17.0 + 2.0 * np.cos(a), 4.0 + 2.0 * np.sin(a)] for a in np.linspace(np.pi, 2.0 * np.pi, 61)]
@@ -162,9 +173,8 @@ def test_a_wedge_opens_a_fork(tmp_path: Path) -> None:
     summary = solve(
         scene("strain")
         .material("aluminium", E=70e3, nu=0.33)
-        .body("fork", "aluminium", shape=fork)
+        .body("fork", "aluminium", shape=fork, clamped="back")
         .body("wedge", "steel", shape=wedge)
-        .support("fork.back", ux=0.0, uy=0.0)
         .load("push", "wedge.end", "platen", fx=-300.0, uy=0.0)
         .contact("low", ["fork.corner3", "fork.low"], "wedge.low", accuracy=0.01)
         .contact("up", ["fork.corner6", "fork.up"], "wedge.up", accuracy=0.01),

@@ -26,8 +26,7 @@ def punch(stiff: float, slave: str, master: str, **keys: Any) -> Scene:
     return (
         block(stiff=stiff)
         .material("other", E=1.0, nu=0.3)
-        .body("base", "other", 5.0, box=([-50.0, 50.0], [-50.0, 0.0]))
-        .support("base.bottom", ux=0.0, uy=0.0)
+        .body("base", "other", 5.0, box=([-50.0, 50.0], [-50.0, 0.0]), clamped="bottom")
         .contact("foot", slave, master, regularization=EXACT, **keys)
     )
 
@@ -88,8 +87,7 @@ def test_a_block_pushed_until_it_slides(tmp_path: Path) -> None:
 def test_a_contact_reaches_a_clamped_side(tmp_path: Path) -> None:
     beam = (
         scene("strain")
-        .body("beam", "steel", box=([0.0, 4.0], [0.0, 1.0]))
-        .support("beam.left", ux=0.0, uy=0.0)
+        .body("beam", "steel", box=([0.0, 4.0], [0.0, 1.0]), clamped="left")
         .contact("floor", "beam.bottom", obstacle=FLOOR)
         .load("press", "beam.top", "pressure", pressure=10.0)
         .probe("tip", "beam", [4.0, 1.0])
@@ -106,8 +104,7 @@ def pad(*sides: str, base: str = "base.top", force: float = 0.0, **shape: Any) -
     points = [[-8.0, 0.0], [8.0, 0.0], [10.0, 2.0], [10.0, 10.0], [-10.0, 10.0], [-10.0, 2.0]]
     return (
         SOFT.body("pad", "one", polygon=(points, "bottom right_edge right top left left_edge"))
-        .body("base", "one", **shape or {"box": ([-30.0, 30.0], [-30.0, 0.0])})
-        .support("base.bottom", ux=0.0, uy=0.0)
+        .body("base", "one", **shape or {"box": ([-30.0, 30.0], [-30.0, 0.0])}, clamped="bottom")
         .load("press", "pad.top", "platen", force=[force, -0.01])
         .contact("foot", [f"pad.{side}" for side in sides], base.split(), regularization=EXACT)
     )
@@ -143,8 +140,7 @@ def test_fields_in_a_hook_end_well_off_its_faces(tmp_path: Path, lean: float) ->
     )
     hook = (
         scene("stress", "pom", E=2800.0, nu=0.38)
-        .body("hook", "pom", polygon=(up + tip, "low nose tip ramp end top root"))
-        .support("hook.root", ux=0.0, uy=0.0)
+        .body("hook", "pom", polygon=(up + tip, "low nose tip ramp end top root"), clamped="root")
         .contact("pin", "hook.low", disk=([30.0, -5.01], 5.0), regularization=EXACT, accuracy=0.02)
         .pushed("lift", "pin", displacement=[0.0, 1.0])
     )

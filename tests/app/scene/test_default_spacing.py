@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.clouds import clouds
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import done
@@ -35,8 +36,7 @@ PLATE |= {"holes": [{"center": [5.0, 3.0], "radius": 8.0, "name": "hole"}]}
 PLY = (
     head("stress")
     .material("ply", E1=140e3, E2=9e3, G12=5e3, nu12=0.3, angle=67.0)
-    .body("plate", "ply", shape=PLATE)
-    .support("plate.l", ux=0.0, uy=0.0)
+    .body("plate", "ply", shape=PLATE, clamped="l")
     .load("pull", "plate.r", "traction", traction=[50.0, 0.0])
     .probe("above", "plate", [5.0, 11.0])
     .probe("below", "plate", [5.0, -5.0])
@@ -112,12 +112,11 @@ def test_surfaces_in_contact_have_finer_nodes_at_finite_strain() -> None:
         text = (
             head("strain", strain=strain)
             .material("rubber", E=1.0, nu=0.3, law=law)
-            .body("pad", "rubber", box=([0.0, 2.0], [0.0, 1.0]))
-            .support("pad.bottom", ux=0.0, uy=0.0)
+            .body("pad", "rubber", box=([0.0, 2.0], [0.0, 1.0]), clamped="bottom")
             .contact("c", "pad.top", disk=([1.0, 2.0], 1.0))
             .pushed("p", "c", uy=-0.1)
         )
-        counts.append(len(clouds(parse(text).case)["pad"].surfaces["top"].index))
+        counts.append(len(clouds(Boundaries.of(parse(text).case))["pad"].surfaces["top"].index))
     small, finite = counts
     assert finite == pytest.approx(1.5 * small, abs=2)
 
@@ -126,8 +125,7 @@ def test_a_post_pushed_aside_leans_as_it_is_clamped(tmp_path: Path) -> None:
     """Bodies in contact have finer nodes where they are clamped, too, if they stand out from there."""
     text = (
         scene("strain")
-        .body("post", "steel", box=([-15.0, 15.0], [-45.0, 0.0]))
-        .support("post.bottom", ux=0.0, uy=0.0)
+        .body("post", "steel", box=([-15.0, 15.0], [-45.0, 0.0]), clamped="bottom")
         .contact("c", "post.right", disk=([35.0, -8.0], 20.0))
         .pushed("side", "c", fx=-1000.0, uy=0.0)
         .probe("top", "post", [-15.0, 0.0])

@@ -118,9 +118,8 @@ ACCURATE = {**PRECISION, "accuracy": 6e-3}
 BETWEEN = (
     scene("stress", "soft", E=1083.0, nu=0.34)
     .material("hard", E=95464.0, nu=0.4)
-    .body("base", "hard", box=([-3.6, 3.6], [-4.4, 0.0]))
+    .body("base", "hard", box=([-3.6, 3.6], [-4.4, 0.0]), clamped="bottom")
     .body("disk", "soft", disk=([0.0, 2.2], 2.2))
-    .support("base.bottom", ux=0.0, uy=0.0)
     .contact("floor", "disk.arc", "base.top", friction=0.3, **ACCURATE)
     .contact("lid", "disk.arc", plane=([0.0, 4.4], [0.0, -1.0]), **ACCURATE)
     .pushed("press", "lid", fy=-15.5)
@@ -196,8 +195,7 @@ def test_a_flat_pad_with_rounded_corners_stays_where_nothing_drives_it(tmp_path:
     text = (
         scene("strain")
         .body("pad", "steel", shape=pad)
-        .body("block", "steel", box=([-20.0, 20.0], [-20.0, 0.0]))
-        .support("block.bottom", ux=0.0, uy=0.0)
+        .body("block", "steel", box=([-20.0, 20.0], [-20.0, 0.0]), clamped="bottom")
         .load("press", "pad.top", "platen", fy=-600.0)
         .contact("face", "pad.face", "block.top", accuracy=0.02)
     )

@@ -12,7 +12,7 @@ import pytest
 
 from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.run import run
-from mlsanm_cli.app.scene.imported import load_with_files
+from mlsanm_cli.app.scene.outlines import load_with_files
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import case_hash
 from mlsanm_cli.cli import main
@@ -212,10 +212,8 @@ def test_a_reference_needs_radii_that_the_case_states(tmp_path: Path) -> None:
     (tmp_path / "plate.msh").write_text(GOOD)
     text = (
         scene("stress")
-        .body("plate", "steel", shape={"kind": "mesh", "file": "plate.msh"})
-        .body("block", "steel", 1.0, box=([5.0, 9.0], [-5.0, 5.0]))
-        .support("plate.left", ux=0.0, uy=0.0)
-        .support("block.right", ux=0.0, uy=0.0)
+        .body("plate", "steel", shape={"kind": "mesh", "file": "plate.msh"}, clamped="left")
+        .body("block", "steel", 1.0, box=([5.0, 9.0], [-5.0, 5.0]), clamped="right")
         .load("pull", "plate.top", "traction", traction=[100.0, 0.0])
         .contact("c", "plate.right", "block.left")
         .table("reference", solution="uniform-pressure")

@@ -24,11 +24,7 @@ E, ALPHA, WIDTH = 1000.0, 1e-5, 0.5
 HALF, DEPTHS = 0.2, (0.25, 0.5, 1.0)
 STRIP: dict[str, Any] = {"from_": [-HALF, 0.0], "to": [HALF, 0.0]}
 PART: dict[str, Any] = {"from_": [-0.3, 0.0], "to": [0.3, 0.0]}
-BLOCK = (
-    scene("strain", "m", E=E)
-    .body("block", "m", box=([-10, 10], [-10, 0]))
-    .support("block.bottom", ux=0.0, uy=0.0)
-)
+BLOCK = scene("strain", "m", E=E).body("block", "m", box=([-10, 10], [-10, 0]), clamped="bottom")
 """A hundred times as wide as what is loaded."""
 
 
@@ -58,9 +54,7 @@ def test_a_smooth_plate_on_a_part_of_a_side(tmp_path: Path) -> None:
     assert stress[1] == pytest.approx(exact, rel=0.015)
 
 
-@pytest.mark.parametrize(
-    ("stiffness", "force"), [(100.0, 0.43627), (1000.0, 2.1238), (5000.0, 3.2540), (1e6, 3.8023)]
-)
+@pytest.mark.parametrize(("stiffness", "force"), [(100.0, 0.43627), (1000.0, 2.1238), (1e6, 3.8023)])
 def test_springs_along_a_part_of_a_side_that_is_pulled(
     stiffness: float, force: float, tmp_path: Path
 ) -> None:

@@ -12,13 +12,13 @@ from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.clouds import clouds
 from mlsanm_cli.app.scene.contact_pairs import pair
 from mlsanm_cli.app.scene.facing import check_tips
-from mlsanm_cli.app.scene.imported import load_with_files
+from mlsanm_cli.app.scene.outlines import load_with_files
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.runs import warned
 from tests.app.scene.test_imported import PULLED, polar_plate, write_gmsh
-from tests.app.scenes import done, hertz, refused, solve
+from tests.app.scenes import done, hertz, prepared, refused, solve
 from tests.case.scenes import parse
 from tests.case_text import EXACT, FLOOR, Scene, polygon, scene
 
@@ -32,8 +32,7 @@ def pad(radius: float, slave: Any = FOOT, master: Any = "block.top", spacing: fl
     shape = polygon(corners, "bottom right top left", rounding=[radius, radius, 0.0, 0.0])
     return (
         HEAD.body("pad", "steel", spacing, shape)
-        .body("block", "steel", spacing, box=([-3.0, 3.0], [-3.0, 0.0]))
-        .support("block.bottom", ux=0.0, uy=0.0)
+        .body("block", "steel", spacing, box=([-3.0, 3.0], [-3.0, 0.0]), clamped="bottom")
         .load("press", "pad.top", "platen", ux=0.0, fy=-5.0)
         .contact("foot", slave, master, accuracy=0.02, regularization=EXACT)
     )
@@ -76,8 +75,7 @@ def test_a_disk_rests_on_both_sides_of_an_elastic_groove_of_one_name(tmp_path: P
     groove = [[-3.0, high], [0.0, low], [3.0, high], [3.0, -4.0], [-3.0, -4.0]]
     text = (
         HEAD.body("disk", "steel", disk=([0.0, 0.0], 1.0))
-        .body("rail", "steel", shape=polygon(groove, "groove groove right base left"))
-        .support("rail.base", ux=0.0, uy=0.0)
+        .body("rail", "steel", shape=polygon(groove, "groove groove right base left"), clamped="base")
         .body_force("weight", "disk", [0.0, -1.0])
         .contact("both", "disk.arc", "rail.groove")
     )
@@ -89,8 +87,7 @@ def test_a_disk_rests_on_both_sides_of_an_elastic_groove_of_one_name(tmp_path: P
 @pytest.mark.parametrize("high", [5.0, 0.5])
 def test_the_pressure_at_a_sharp_rigid_tip_is_told_to_be_unbounded(high: float, tmp_path: Path) -> None:
     text = (
-        HEAD.body("block", "steel", box=([-10.0, 10.0], [-10.0, 0.0]))
-        .support("block.bottom", ux=0.0, uy=0.0)
+        HEAD.body("block", "steel", box=([-10.0, 10.0], [-10.0, 0.0]), clamped="bottom")
         .pushed("press", "tip", fy=-10.0)
         .contact("tip", "block.top", polyline=([-5.0, high], [0.0, 0.0], [5.0, high]), accuracy=0.05)
     )
@@ -137,7 +134,7 @@ def test_feet_of_one_name_are_clamped_as_those_of_two() -> None:
         for foot in feet:
             text = text.support(f"portal.{foot}", ux=0.0, uy=0.0)
         text = text.load("press", "portal.top", "pressure", pressure=1.0)
-        return clouds(parse(text).case)["portal"].points
+        return clouds(Boundaries.of(parse(text).case))["portal"].points
 
     np.testing.assert_array_equal(placed("foot"), placed("foot1", "foot2"))
 
@@ -249,12 +246,11 @@ def test_a_tip_that_touches_with_both_sides_needs_a_radius(slope: float, sharp: 
     case = parse(
         scene("strain")
         .body("wedge", "steel", shape=polygon(points, "one right back left other"))
-        .body("block", "steel", box=([-8.0, 8.0], [-8.0, 0.0]))
-        .support("block.bottom", ux=0.0, uy=0.0)
+        .body("block", "steel", box=([-8.0, 8.0], [-8.0, 0.0]), clamped="bottom")
         .load("press", "wedge.back", "platen", ux=0.0, fy=-10.0)
         .contact("tip", slave=["wedge.other", "wedge.one"], master="block.top")
     ).case
-    pairings = tuple(pair(case, Boundaries.of(case), clouds(case)))
+    pairings = tuple(pair(case, Boundaries.of(case), clouds(Boundaries.of(case))))
     if not sharp:
         check_tips(case, pairings)
         return
@@ -263,3 +259,30 @@ def test_a_tip_that_touches_with_both_sides_needs_a_radius(slope: float, sharp: 
     (problem,) = caught.value.problems
     assert "sharp corner at (0, 0)" in problem.message
     assert "contact.tip.slave" in problem.hint
+
+
+def test_contacts_that_meet_on_one_pair_of_surfaces_are_refused() -> None:
+    """On parts that are apart, or of two masters side by side, they are fine."""
+    upper = HEAD.body("upper", "steel", 0.2, box=([0.0, 2.0], [1.0, 2.0]))
+    upper = upper.load("press", "upper.top", "platen", ux=0.0, uy=-0.01)
+    lower = upper.body("lower", "steel", 0.2, box=([0.0, 2.0], [0.0, 1.0])).support(
+        "lower.bottom", ux=0.0, uy=0.0
+    )
+
+    def both(body: Scene, end: float, masters: tuple[str, str]) -> Scene:
+        parts = (0.0, end), (1.0, 2.0)
+        for name, (first, last), master in zip(("left", "right"), parts, masters, strict=True):
+            ends = {"from_": [first, 1.0], "to": [last, 1.0]}
+            body = body.contact(name, "upper.bottom", master, **ends)
+        return body
+
+    with pytest.raises(CaseError) as error:
+        prepared(both(lower, 1.0, ("lower.top",) * 2))
+    assert [problem.key for problem in error.value.problems] == ["contact.right"]
+    prepared(both(lower, 0.6, ("lower.top",) * 2))
+    blocks = upper
+    for name, x in (("a", [0.0, 1.0]), ("b", [1.0, 2.0])):
+        blocks = blocks.body(name, "steel", 0.2, box=(x, [0.0, 1.0])).support(
+            f"{name}.bottom", ux=0.0, uy=0.0
+        )
+    prepared(both(blocks, 1.0, ("a.top", "b.top")))

@@ -10,6 +10,7 @@ import pytest
 
 from mlsanm_cli.app.checks import refinement as adapt
 from mlsanm_cli.app.scene.assemble import SceneModel
+from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.build import place
 from mlsanm_cli.app.scene.clouds import line_of
 from mlsanm_cli.case import parse_case
@@ -95,7 +96,7 @@ ORDINARY: dict[str, tuple[str, tuple[str, ...]]] = {
 @pytest.mark.parametrize("name", ORDINARY)
 def test_others_have_ordinary_clouds(name: str) -> None:
     text, overrides = ORDINARY[name]
-    assert line_of(parse_case(text, Path("case.toml"), overrides).case) is None
+    assert line_of(Boundaries.of(parse_case(text, Path("case.toml"), overrides).case)) is None
 
 
 def test_passes_in_the_bulk_keep_clouds_symmetric(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
