@@ -43,7 +43,7 @@ from mlsanm_cli.records import dataclass
 
 MAX_BYTES = 256 * MB
 """Largest file of a body: a million nodes or more."""
-BOX_SAMPLES = 9
+BOX_SAMPLES = 33
 """Points on a curve by which its bounding box is known."""
 
 
