@@ -160,6 +160,25 @@ def _snapped(run: RunData) -> dict[str, float]:
     return {"limit load": abs(limit / 0.14431 - 1.0), "lower limit load": abs(lower / 0.07607 - 1.0)}
 
 
+def _inflated(run: RunData) -> dict[str, float]:
+    """Rivlin's tube: r^2 = R^2 + 1.25, stresses differ by s - 1/s with s = r^2/R^2."""
+    tube, fields = run.bodies["tube"].points, run.states[-1].bodies["tube"]
+    radius = np.hypot(*tube.T)
+    grown = np.sqrt(radius**2 + 1.25)
+    points, weights = np.polynomial.legendre.leggauss(40)
+    outer = np.sqrt(5.25)
+    half = 0.5 * (outer - grown)
+    r = grown[:, None] + half[:, None] * (1.0 + points)
+    s = r**2 / (r**2 - 1.25)
+    radial = -half * ((s - 1.0 / s) / r @ weights)
+    hoop = radial + (grown / radius) ** 2 - (radius / grown) ** 2
+    moved = (tube * fields["displacement"]).sum(axis=1) / radius
+    return {
+        "displacement": np.abs(moved - (grown - radius)).max() / 0.5,
+        "stress": np.abs(fields["stress"].T[:2].sum(axis=0) - radial - hoop).max() / hoop.max(),
+    }
+
+
 def _self_weight(run: RunData) -> dict[str, float]:
     y, fields = run.bodies["block"].points[:, 1], run.states[-1].bodies["block"]
     settled = -0.024 / (30e3 * 0.8 / (1.2 * 0.6)) * (3.0 * y - 0.5 * y**2)
@@ -279,6 +298,9 @@ ENTRIES: dict[str, Entry] = {
         "bodies",
         "finite elements, 60 x 3 of nine nodes in a quarter: the force at a fifth, three fifths and the end",
         partial(_forces, "plate", 1, (-1.4426e-4, -3.6199e-4, -7.4609e-4)),
+    ),
+    "inflated_tube": Entry(
+        "bodies", "an incompressible tube (Rivlin 1949): radial displacement, sum of stresses", _inflated
     ),
     "ironing": Entry("bodies", "statics: no horizontal force; over the vertical one", _ironed),
     "snap_through": Entry(

@@ -199,9 +199,12 @@ class Turned:
     @property
     def hint(self) -> str:
         """Hint for the user."""
-        return (
+        hold = (
             f'hold {self.names} with a [[support]], take away what turns it, or use model.strain = "finite"'
         )
+        # No body turns that far before its strains are absurd.
+        large = "check the units of the loads against those of the moduli; " if self.angle > np.pi else ""
+        return large + hold
 
     @property
     def error(self) -> UnbalancedError | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from mlsanm_cli.errors import CaseError
+from mlsanm_cli.errors import CaseError, CaseProblem
 from tests.app.scenes import prepared
 from tests.case.scenes import CLAMP, HERTZ, PULL, SQUARE, only, parse
 
@@ -13,6 +13,14 @@ POINT = '[[support]]\nbody = "square"\nnear = [{}, {}]\n{} = 0\n'
 
 def load(name: str, boundary: str, kind: str, keys: str) -> str:
     return f'[[load]]\nname = "{name}"\nboundary = "square.{boundary}"\nkind = "{kind}"\n{keys}\n'
+
+
+def refusal(text: str, *overrides: str) -> CaseProblem:
+    """The only problem of a scene that is refused before it is solved."""
+    with pytest.raises(CaseError) as caught:
+        prepared(text, *overrides)
+    (problem,) = caught.value.problems
+    return problem
 
 
 def held(boundary: str, keys: str) -> str:
@@ -98,12 +106,29 @@ FREE = [
 
 @pytest.mark.parametrize(("conditions", "key", "words"), CONDITIONS)
 def test_conditions_that_exclude_each_other(conditions: str, key: str, words: str) -> None:
-    if key:
-        problem = only(SQUARE + conditions)
-        assert problem.key == key
-        assert words in str(problem)
-    else:
-        parse(SQUARE + conditions)
+    if not key:
+        prepared(SQUARE + conditions)
+        return
+    problem = refusal(SQUARE + conditions)
+    assert problem.key == key
+    assert words in str(problem)
+
+
+@pytest.mark.parametrize(
+    ("change", "key", "words"),
+    [
+        (
+            "contact.0.master='block.bottom'",
+            "contact.interface.master",
+            "support.0 acts on the contact surface",
+        ),
+        ("contact.0.slave='cylinder.flat'", "contact.interface.slave", "load.press acts on"),
+    ],
+)
+def test_conditions_on_contact_surfaces(change: str, key: str, words: str) -> None:
+    problem = refusal(HERTZ, change)
+    assert problem.key == key
+    assert words in problem.message
 
 
 @pytest.mark.parametrize(("conditions", "free"), FREE)
@@ -111,9 +136,7 @@ def test_a_body_alone(conditions: str, free: str) -> None:
     if not free:
         prepared(SQUARE + PULL + conditions)
         return
-    with pytest.raises(CaseError) as caught:
-        prepared(SQUARE + PULL + conditions)
-    (problem,) = caught.value.problems
+    problem = refusal(SQUARE + PULL + conditions)
     assert problem.key == "body.square"
     assert free in problem.message
     assert ("x and" in problem.message) == ("x and" in free)

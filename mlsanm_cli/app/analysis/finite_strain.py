@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.checks.check import Check, Verdicts
-from mlsanm_cli.app.finite.checks import FiniteEnd, checks_of, finite_limits
+from mlsanm_cli.app.checks.check import Check, Verdicts, all_of
+from mlsanm_cli.app.checks.limits import level, summary_limits
+from mlsanm_cli.app.finite.checks import END, FiniteEnd
 from mlsanm_cli.app.finite.contact_path import contact_path
 from mlsanm_cli.app.finite.estimate import (
     energy_errors,
@@ -133,13 +134,12 @@ class FiniteStrain(Analysis):
 
     def checks(self, state: State) -> Iterator[Check]:
         """Deformations and overlaps."""
-        for check in STATE:
-            yield from check(self.scene, state)
+        return all_of(STATE, self.scene, state)
 
     def judge(self, last: State, tally: dict[str, Any]) -> Iterator[Check]:
         """Checks of the last state."""
         errors = self._errors(last, tally)
-        return checks_of(FiniteEnd(self.scene, last, tally, errors))
+        return all_of(END, FiniteEnd(self.scene, last, tally, errors))
 
     def finer(self, tally: Mapping[str, Any], failure: NumericalError | None) -> None:
         """No other clouds: knots of contacts are found before the path."""
@@ -258,5 +258,12 @@ class FiniteStrain(Analysis):
 
     def limits(self) -> dict[str, Any]:
         """The limits of the checks."""
-        names = () if self._scene is None else [one.name for one in self.scene.contacts.pairs]
-        return finite_limits(self.case, names)
+        names = [] if self._scene is None else [one.name for one in self._scene.contacts.pairs]
+        estimates = {
+            "energy": level("energy_estimate"),
+            "displacement": level("displacement_error"),
+            "pressure": dict.fromkeys(names, level("rough_pressure_error")),
+            "contacts": dict.fromkeys(names, level("finite_force_error")),
+        }
+        fails = ("force_balance", "ellipticity", *(("stability",) if names else ()))
+        return summary_limits(self.case.solver.tolerance, fails, "energy_estimate", estimates)

@@ -17,10 +17,11 @@ from mlsanm_cli.app.analysis.small_contacts import (
     worst_state,
 )
 from mlsanm_cli.app.checks import end, states
-from mlsanm_cli.app.checks.check import Check, Verdicts
+from mlsanm_cli.app.checks.check import Check, Verdicts, all_of
 from mlsanm_cli.app.checks.end_contacts import End
 from mlsanm_cli.app.checks.ended import EnergyErrors, worst_of
 from mlsanm_cli.app.checks.energy import energy_error, force_balance, force_mismatch
+from mlsanm_cli.app.checks.limits import summary_limits
 from mlsanm_cli.app.checks.overlaps import overlaps
 from mlsanm_cli.app.checks.peaks import boundary_peaks
 from mlsanm_cli.app.checks.quality import assess, factor_notes, nodal_contacts, refinement_pass
@@ -41,6 +42,7 @@ from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.memo import digest
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
+from mlsanm_cli.solve.coercivity import stability_limit
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import NO_STARTS, fields_of
 from mlsanm_cli.solve.functionals import cone_ratio, plates_turned, quantities, slave_arc
@@ -48,6 +50,8 @@ from mlsanm_cli.solve.limit_loads import at_limit
 from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import Checkpoint, Fields, PathStep, State, output_positions
 
+FAILING = ("linear_residual", "force_balance", "force_mismatch", "energy_error")
+"""Checks at which a run fails whose levels are in the summary."""
 WITH_STRESS = {"stress", "von_mises", "strain"}
 """Fields that need stresses."""
 
@@ -121,7 +125,7 @@ class SmallStrain(Analysis):
 
     def checks(self, state: State) -> Iterator[Check]:
         """Residual, friction limits and nodes left out."""
-        return states.checks_of(self._built, state)
+        return all_of(states.STATE, self._built, state)
 
     def _follow(self, start: Checkpoint | None, at: tuple[float, ...]) -> Iterator[PathStep]:
         """The path, or its part after a checkpoint, with saved states also ``at`` further positions."""
@@ -150,7 +154,7 @@ class SmallStrain(Analysis):
             self._energies = energy_error(built, last, fields)
             self._peaks = boundary_peaks(built, last, fields)
         figures = tally["linear_residual"], self._energies, self._peaks
-        yield from end.checks_of(End(built, self._first, last, *figures))
+        yield from all_of(end.END, End(built, self._first, last, *figures))
         if note := end.idle_note(built, last):
             context.console.note(note)
         self._adapted = self._estimated(last)
@@ -327,7 +331,9 @@ class SmallStrain(Analysis):
 
     def limits(self) -> dict[str, Any]:
         """The limits of the checks."""
-        return end.limits(self.case, None if self._adapted is None else self._adapted.built)
+        estimates = {} if self._adapted is None else end.estimate_limits(self._built.condensed)
+        known = summary_limits(self.case.solver.tolerance, FAILING, "rough_pressure_error", estimates)
+        return known | ({"stability": stability_limit(self._built.ends)} if self._adapted else {})
 
 
 def _symmetry(built: CondensedScene) -> str | None:

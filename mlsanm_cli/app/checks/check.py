@@ -3,7 +3,7 @@ warns, fails and keeps them for ``summary.json``."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -71,6 +71,12 @@ class Check:
             return False
         slack = COARSE_ROUND_OFF * abs(level)
         return not (self.value >= level - slack if LIMITS[self.name].lower else self.value <= level + slack)
+
+
+def all_of(checks: Iterable[Callable[..., Iterable[Check]]], *subject: Any) -> Iterator[Check]:
+    """All results of registered ``checks`` of a subject."""
+    for check in checks:
+        yield from check(*subject)
 
 
 class Verdicts:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import permutations
+from types import MappingProxyType
 
 import numpy as np
 
 from mlsanm_cli.app.checks.check import Check
-from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.membership import inside_polygon
 from mlsanm_cli.records import dataclass
@@ -150,6 +152,23 @@ def inside(own: DeformedOutline, there: DeformedOutline) -> tuple[IntArray, IntA
     depth, chord = distances(own.points[near], there.edges)
     facing = there.chords[chord, 0]
     return near, facing, depth, own.uncertainty[near] + there.uncertainty[facing]
+
+
+def between_bodies(
+    outlines: Mapping[str, DeformedOutline],
+    given: Mapping[str, float] = MappingProxyType({}),
+    spared: Callable[[str, str, IntArray, IntArray], BoolArray] | None = None,
+) -> Iterator[Overlap]:
+    """Overlaps of every body with every other, deeper than the gaps ``given`` for either, without the points
+    ``spared`` of two bodies, next to points of the other one."""
+    for one, other in permutations(outlines, 2):
+        own, there = outlines[one], outlines[other]
+        near, facing, depth, uncertainty = inside(own, there)
+        deep = depth > max(given.get(one, 0.0), given.get(other, 0.0)) + uncertainty
+        if spared is not None:
+            deep &= ~spared(one, other, near, facing)
+        others = [f"{other}.{label(there.names[number])}" for number in there.surface[facing[deep]]]
+        yield from deepest(own, near[deep], depth[deep], one, others)
 
 
 def deepest(

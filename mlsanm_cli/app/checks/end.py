@@ -24,10 +24,11 @@ from mlsanm_cli.app.checks.ended import (
     force_estimate,
     pressure_estimate,
 )
-from mlsanm_cli.app.checks.limits import LIMITS, level
+from mlsanm_cli.app.checks.limits import level
 from mlsanm_cli.app.checks.states import body_rotation
-from mlsanm_cli.case import Case, finer_nodes
+from mlsanm_cli.case import finer_nodes
 from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.solve.coercivity import stability_limit
 from mlsanm_cli.solve.condensed_scene import CondensedScene
@@ -133,12 +134,6 @@ END: Sequence[Callable[[End], Iterator[Check]]] = (
 """Checks of a completed path at small strain."""
 
 
-def checks_of(end: End) -> Iterator[Check]:
-    """All checks of a completed path at small strain."""
-    for check in END:
-        yield from check(end)
-
-
 def _turned_too_far(names: str, angle: float, share: float) -> str:
     """What the rotation (radian) of bodies does to a limit load, a relative error of ``share``."""
     if abs(angle) > math.pi:
@@ -204,20 +199,12 @@ def pressure_limit(pairing: Pairing) -> str:
     return "pressure_error" if smooth else "rough_pressure_error"
 
 
-def limits(case: Case, built: CondensedScene | None) -> dict[str, Any]:
-    """The levels at which a run at small strain fails, for summary.json; ``stability`` is a lower one,
-    ``error_estimate`` and ``estimates`` are those at which it warns."""
-    names = ("linear_residual", "force_balance", "force_mismatch", "energy_error")
-    found: dict[str, Any] = {"residual": case.solver.tolerance}
-    found |= {name: LIMITS[name].fails for name in names}
-    found["error_estimate"] = level("rough_pressure_error")
-    if built is None:
-        return found
-    displacement, pairings = level("displacement_error"), built.condensed.pairings
-    estimates = {
+def estimate_limits(condensed: Condensed) -> dict[str, Any]:
+    """The levels at which a run warns of estimated errors, for summary.json."""
+    displacement = level("displacement_error")
+    return {
         "displacement": displacement,
-        "pressure": {one.name: level(pressure_limit(one)) for one in pairings},
-        "force": {one.name: level("force_error") for one in pairings},
-        "probes": dict.fromkeys(built.condensed.probes, displacement),
+        "pressure": {one.name: level(pressure_limit(one)) for one in condensed.pairings},
+        "force": {one.name: level("force_error") for one in condensed.pairings},
+        "probes": dict.fromkeys(condensed.probes, displacement),
     }
-    return found | {"stability": stability_limit(built.ends), "estimates": estimates}

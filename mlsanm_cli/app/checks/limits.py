@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 from mlsanm_cli.solve.state import CONTACT_LIMIT, INSTABILITY_RATIO
 
@@ -109,3 +109,17 @@ def level(name: str) -> float:
     found = LIMITS[name].first
     assert found is not None
     return found
+
+
+def summary_limits(
+    tolerance: float, fails: Sequence[str], estimate: str, estimates: Mapping[str, Any]
+) -> dict[str, Any]:
+    """The levels for summary.json: those at which a run fails, the ``tolerance`` of the residual and those of
+    the checks ``fails``; and those at which it warns of an ``estimate``, and of all ``estimates`` if there
+    are any."""
+    return {
+        "residual": tolerance,
+        **{name: LIMITS[name].fails for name in fails},
+        "error_estimate": level(estimate),
+        **({"estimates": estimates} if estimates else {}),
+    }

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
-from itertools import permutations
 
 import numpy as np
 
@@ -17,15 +16,15 @@ from mlsanm_cli.app.checks.check import Check
 from mlsanm_cli.app.checks.deformed import (
     DeformedOutline,
     Overlap,
+    between_bodies,
     deepest,
     distances,
-    inside,
     label,
     outline_of,
     overlap_check,
 )
 from mlsanm_cli.app.scene.contact_pairs import profile_of, shape_of
-from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.membership import cross, inside_polygon
 from mlsanm_cli.contact.geometry.pairing import Pairing
@@ -47,11 +46,7 @@ def overlaps(
     (n, 2) of all bodies at the points of ``clouds``."""
     outlines = {name: outline_of(clouds[name], values) for name, values in displacements.items()}
     pairings, given = built.condensed.reported, _given_gaps(built)
-    found = [
-        overlap
-        for one, other in permutations(outlines, 2)
-        for overlap in _of_bodies(one, other, outlines, pairings, max(given[one], given[other]))
-    ]
+    found = list(between_bodies(outlines, given, partial(_in_contact, outlines, pairings)))
     found += list(_with_obstacles(built, state, outlines, given))
     yield overlap_check(found, state.position, partial(_hint, built))
     yield from _self_overlaps(state.position, outlines)
@@ -96,23 +91,25 @@ def _self_overlaps(position: float, outlines: Mapping[str, DeformedOutline]) -> 
         )
 
 
-def _of_bodies(
-    one: str, other: str, outlines: Mapping[str, DeformedOutline], pairings: Sequence[Pairing], given: float
-) -> Iterator[Overlap]:
-    """Overlaps of boundaries of ``one`` body with the ``other`` outside their contacts, deeper than a
-    ``given`` gap."""
+def _in_contact(
+    outlines: Mapping[str, DeformedOutline],
+    pairings: Sequence[Pairing],
+    one: str,
+    other: str,
+    near: IntArray,
+    facing: IntArray,
+) -> BoolArray:
+    """Mask (e,) of points ``near`` (e,) of ``one`` body that a contact keeps off ``facing`` ones (e,) of the
+    ``other``, or that are at a corner of it."""
     own, there = outlines[one], outlines[other]
-    near, facing, depth, uncertainty = inside(own, there)
-    deep = depth > given + uncertainty
-    for pairing in pairings:
-        if {one, other} == set(pairing.bodies):
-            mine, theirs = _members(pairing, one, own), _members(pairing, other, there)
-            deep &= ~(mine[own.surface[near]] & theirs[there.surface[facing]])
-            along = np.hypot(*(own.moved[near] - there.moved[facing]).T)
-            for outline, chosen in ((own, mine), (there, theirs)):
-                deep &= ~_at_corners(own.points[near], along, outline, chosen)
-    others = [f"{other}.{label(there.names[number])}" for number in there.surface[facing[deep]]]
-    yield from deepest(own, near[deep], depth[deep], one, others)
+    found = np.zeros(len(near), dtype=bool)
+    for pairing in (pairing for pairing in pairings if {one, other} == set(pairing.bodies)):
+        mine, theirs = _members(pairing, one, own), _members(pairing, other, there)
+        found |= mine[own.surface[near]] & theirs[there.surface[facing]]
+        along = np.hypot(*(own.moved[near] - there.moved[facing]).T)
+        for outline, chosen in ((own, mine), (there, theirs)):
+            found |= _at_corners(own.points[near], along, outline, chosen)
+    return found
 
 
 def _with_obstacles(

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.checks.check import Check, Verdicts
+from mlsanm_cli.app.checks.check import Check, Verdicts, all_of
 from mlsanm_cli.app.checks.limits import level
 from mlsanm_cli.app.checks.load_checks import load_resolution, loaded_length
 from mlsanm_cli.app.context import RunContext
@@ -57,8 +57,7 @@ class Quality:
     @property
     def checks(self) -> Iterator[Check]:
         """All checks of the model."""
-        for check in MODEL:
-            yield from check(self)
+        return all_of(MODEL, self)
 
 
 def announce(case: Case, prepared: SceneModel, context: RunContext, verdicts: Verdicts) -> Quality:

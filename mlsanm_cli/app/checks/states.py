@@ -135,12 +135,6 @@ STATE: tuple[Callable[[CondensedScene, State], Iterator[Check]], ...] = (
 """Checks of every state."""
 
 
-def checks_of(built: CondensedScene, state: State) -> Iterator[Check]:
-    """All checks of a state."""
-    for check in STATE:
-        yield from check(built, state)
-
-
 MAX_WORST_NODES = 10
 
 

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.app.analysis.small_strain import set_up
-from mlsanm_cli.app.checks.check import Verdicts
+from mlsanm_cli.app.checks.check import Verdicts, all_of
 from mlsanm_cli.app.checks.end_contacts import End, pressed_spacings
 from mlsanm_cli.app.checks.ended import balance, work
 from mlsanm_cli.app.checks.energy import energy_error
 from mlsanm_cli.app.checks.quality import announce, factor_notes
 from mlsanm_cli.app.checks.references import reference_profile
-from mlsanm_cli.app.checks.states import checks_of
+from mlsanm_cli.app.checks.states import STATE
 from mlsanm_cli.app.comparison.measure import (
     ACTIVE_SET,
     ANM,
@@ -141,7 +141,7 @@ class SmallComparison(Comparison):
 
         def check(step: PathStep) -> None:
             for state in (step.state, *step.saved):
-                verdicts.judge(checks_of(chosen, state))
+                verdicts.judge(all_of(STATE, chosen, state))
 
         law = case.touching[0].regularization.law
         return followed(name, law, lambda: load_path(chosen), repeat, check)

@@ -18,13 +18,13 @@ from mlsanm_cli.app.checks.ended import (
     pressure_estimate,
     thin_part,
 )
-from mlsanm_cli.app.checks.limits import LIMITS, level
+from mlsanm_cli.app.checks.limits import level
 from mlsanm_cli.app.finite.estimate import energy_errors, work_error
 from mlsanm_cli.app.finite.fields import SceneForces
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.case import Case
 from mlsanm_cli.records import dataclass
-from mlsanm_cli.solve.state import CONTACT_LIMIT, State
+from mlsanm_cli.solve.state import State
 
 RECOMMENDED_REFINEMENT = 8.0
 """Factor by which the message of a large estimate of the energy proposes to refine."""
@@ -130,28 +130,3 @@ END: Sequence[Callable[[FiniteEnd], Iterator[Check]]] = (
     *COMMON,
 )
 """Checks of a completed path at finite strain."""
-
-
-def checks_of(end: FiniteEnd) -> Iterator[Check]:
-    """All checks of a completed path."""
-    for check in END:
-        yield from check(end)
-
-
-def finite_limits(case: Case, contacts: Sequence[str]) -> dict[str, Any]:
-    """The levels at which a run at finite strain with these ``contacts`` fails, for summary.json; above
-    ``error_estimate`` and ``estimates`` it warns."""
-    forces = dict.fromkeys(contacts, level("finite_force_error"))
-    found: dict[str, Any] = {
-        "residual": case.solver.tolerance,
-        "force_balance": LIMITS["force_balance"].fails,
-        "ellipticity": LIMITS["ellipticity"].fails,
-        "error_estimate": level("energy_estimate"),
-        "estimates": {
-            "energy": level("energy_estimate"),
-            "displacement": level("displacement_error"),
-            "pressure": dict.fromkeys(contacts, level("rough_pressure_error")),
-            "contacts": forces,
-        },
-    }
-    return found | ({"stability": CONTACT_LIMIT} if contacts else {})

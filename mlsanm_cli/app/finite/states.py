@@ -4,7 +4,6 @@ contact prevents; the error of a path that cannot be continued."""
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from itertools import permutations
 
 import numpy as np
 
@@ -12,9 +11,8 @@ from mlsanm_cli.app.checks.check import Check
 from mlsanm_cli.app.checks.deformed import (
     DeformedOutline,
     Overlap,
+    between_bodies,
     deepest,
-    inside,
-    label,
     outline_of,
     overlap_check,
 )
@@ -74,7 +72,7 @@ def overlap(scene: FiniteScene, state: State) -> Iterator[Check]:
             f"body {name}",
             fails=ANY,
         )
-    found = [*_between_bodies(outlines), *_with_obstacles(scene, outlines, state.driven)]
+    found = [*between_bodies(outlines), *_with_obstacles(scene, outlines, state.driven)]
     hint = "add a [[contact]] between them, or use finer nodes there"
     yield overlap_check(found, state.position, lambda *_: hint)
 
@@ -95,16 +93,6 @@ def stability(scene: FiniteScene, state: State) -> Iterator[Check]:
 
 STATE: Sequence[Callable[[FiniteScene, State], Iterator[Check]]] = (deformation, overlap, stability)
 """Checks of every state."""
-
-
-def _between_bodies(outlines: dict[str, DeformedOutline]) -> Iterator[Overlap]:
-    """Overlaps of bodies."""
-    for one, other in permutations(outlines, 2):
-        own, there = outlines[one], outlines[other]
-        near, facing, depth, uncertainty = inside(own, there)
-        deep = depth > uncertainty
-        others = [f"{other}.{label(there.names[number])}" for number in there.surface[facing[deep]]]
-        yield from deepest(own, near[deep], depth[deep], one, others)
 
 
 def _with_obstacles(

@@ -17,7 +17,7 @@ from mlsanm_cli.app.scene.contact_sides import sides_of
 from mlsanm_cli.app.scene.load_profiles import profiles
 from mlsanm_cli.app.scene.outlines import drawn, imported_geometry, run_of
 from mlsanm_cli.case import Body, Case, Place, Platen, Pressure, Traction
-from mlsanm_cli.case.model.conditions import Kind, Support, compatible
+from mlsanm_cli.case.model.conditions import Kind, compatible
 from mlsanm_cli.case.model.shapes import Mesh, Points
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Curve, Outline, Segment
@@ -25,10 +25,15 @@ from mlsanm_cli.cloud.joined import BoundaryRun
 from mlsanm_cli.cloud.surface import Surface, joined_surface
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.records import dataclass
-from mlsanm_cli.roundoff import COARSE_ROUND_OFF
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF, FINE_ROUND_OFF
 
 MAX_END_DISTANCE = 0.1
 """Largest distance of the given end of a part from the boundary, relative to the boundary's length."""
+ONE_CONDITION = "one condition per boundary and direction"
+NO_CONDITION = (
+    "only tractions and pressures may act on a contact surface: restrict both to different parts of it with "
+    "from and to"
+)
 Cuts = Mapping[int, Sequence[float]]
 """Arc lengths at which the curves of an outline are cut, by curve number."""
 
@@ -181,44 +186,45 @@ def _split(surface: Surface, places: Sequence[float]) -> list[list[int]]:
 
 
 def refuse_conflicts(boundaries: Boundaries) -> None:
-    """Raises CaseError for conflicting conditions on lists and parts of boundaries."""
+    """Raises CaseError for conditions that exclude each other on a piece of a boundary, and for conditions
+    other than tractions on a contact surface."""
     case = boundaries.case
-    taken: dict[tuple[str, str, int], list[tuple[Kind, str, str]]] = {}
-    problems = []
+    taken: dict[tuple[str, str], list[tuple[int, Kind, str, str, bool]]] = {}
+    problems: dict[tuple[str, str], CaseProblem] = {}
     for key, condition, place in conditions(case):
         owner = condition.label if isinstance(condition, Platen) else place.label
-        if isinstance(condition, Support):
-            kinds = list(condition.conditions())
-        else:
-            kinds = list(condition.conditions(_normal(boundaries.drawn[place.body], place)))
-        for surface in boundaries.names(place):
+        outline = boundaries.outline(place.body)
+        for name in boundaries.names(place):
+            acting = taken.setdefault((place.body, name), [])
+            kinds = list(condition.conditions(_normal(outline.curves[outline.names.index(name)])))
             for component, kind in kinds:
-                others = taken.setdefault((place.body, surface, component), [])
-                for other, name, label in others:
-                    plates = kind.startswith("platen") and label != owner
-                    if plates or not compatible(other, kind):
-                        message = f"{key} and {name} both act on a part of {place.label} in {'xy'[component]}"
-                        hint = "one condition per boundary and direction"
-                        problems.append(CaseProblem(key, message, hint=hint))
-                others.append((kind, key, owner))
+                for _, other, there, label, partial in [entry for entry in acting if entry[0] == component]:
+                    if compatible(other, kind) and not (kind.startswith("platen") and label != owner):
+                        continue
+                    part = "a part of " if partial or place.ends else ""
+                    where = f"{part}{place.body}.{name.partition('/')[0]} in {'xy'[component]}"
+                    problem = CaseProblem(key, f"{key} and {there} both act on {where}", hint=ONE_CONDITION)
+                    problems.setdefault((key, there), problem)
+            acting += [(component, kind, key, owner, place.ends is not None) for component, kind in kinds]
     for contact in case.contact:
-        side = contact.sides[0]
-        if contact.ends is not None:
-            there = [taken.get((side.body, s, c), []) for s in boundaries.names(side) for c in (0, 1)]
-            for kind, key, _ in [condition for acting in there for condition in acting]:
-                if kind != "traction":
-                    message = f"{key} acts on a part of the contact surface {side.label}"
-                    hint = "only tractions and pressures may act on a contact surface"
-                    problems.append(CaseProblem(f"contact.{contact.name}.slave", message, hint=hint))
+        for role, side in zip(("slave", "master"), contact.sides, strict=False):
+            for name in boundaries.names(side):
+                for _, kind, there, _, partial in taken.get((side.body, name), ()):
+                    # Prescribed tractions and contact tractions add up.
+                    if kind != "traction":
+                        key, part = (
+                            f"contact.{contact.name}.{role}",
+                            "a part of " if partial or side.ends else "",
+                        )
+                        message = f"{there} acts on {part}the contact surface {side.label}"
+                        problems.setdefault((key, ""), CaseProblem(key, message, hint=NO_CONDITION))
     if problems:
-        raise CaseError(tuple(dict.fromkeys(problems)))
+        raise CaseError(tuple(problems.values()))
 
 
-def _normal(outline: Outline, place: Place) -> tuple[float, float] | None:
-    """The outward normal of a straight place, None for others."""
-    curves = [outline.curves[k] for k in outline.numbers(*place.edges)]
-    if not all(isinstance(curve, Segment) for curve in curves):
+def _normal(curve: Curve) -> tuple[float, float] | None:
+    """The outward normal of a straight curve, None for others."""
+    if not isinstance(curve, Segment):
         return None
-    normals = {tuple(np.round(curve.normals(np.zeros(1))[0], 9).tolist()) for curve in curves}
-    (x, y), *more = normals
-    return None if more else (float(x), float(y))
+    x, y = curve.normals(np.zeros(1))[0].tolist()
+    return (x if abs(x) > FINE_ROUND_OFF else 0.0, y if abs(y) > FINE_ROUND_OFF else 0.0)

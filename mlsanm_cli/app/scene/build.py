@@ -14,7 +14,8 @@ from mlsanm_cli.app.scene.size_estimate import refuse_too_large, refuse_too_many
 from mlsanm_cli.case import Case, LoadedCase, resolved_mapping
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.errors import CaseError
-from mlsanm_cli.kernels.aot.jit import Loaded, is_warm, load
+from mlsanm_cli.kernels.aot.jit import is_warm, load
+from mlsanm_cli.kernels.aot.machine import Machine
 from mlsanm_cli.memo import digest
 
 ANNOUNCED_NODES = 50_000
@@ -26,7 +27,7 @@ _OUTPUT_SECTIONS = {"title", "output"}
 """Sections of a case that only affect what is written."""
 
 
-def load_kernels(context: RunContext) -> Loaded:
+def load_kernels(context: RunContext) -> Machine:
     """Loads the compiled kernels; announces compilation, and warns if they cannot be kept."""
     with context.phase("jit"):
         if not is_warm():

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -17,6 +18,7 @@ from mlsanm_cli.case import AnyObstacle, Case, Contact, DiskObstacle, Place, Pla
 from mlsanm_cli.case.model.contacts import PolylineObstacle
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Arc
+from mlsanm_cli.cloud.joined import SMOOTH_ANGLE
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.contact.geometry.obstacles import Chain, Plane, Round, Shape
 from mlsanm_cli.contact.geometry.pairing import Pairing, pair_surfaces
@@ -38,9 +40,35 @@ def pair(case: Case, boundaries: Boundaries, clouds: Mapping[str, Cloud]) -> lis
             pairings.append(_paired(case, boundaries, contact, clouds))
         except CaseError as error:
             problems += error.problems
+    if case.model.strain == "small":
+        problems += _continued(pairings, clouds)
     if problems:
         raise CaseError(tuple(problems))
     return pairings
+
+
+def _continued(pairings: Sequence[Pairing], clouds: Mapping[str, Cloud]) -> Iterator[CaseProblem]:
+    """Contacts that share a node and its partner on surfaces that are smooth there: pressures would go on
+    from one to the other, each with the fields of a surface that ends."""
+    for one, other in combinations([pairing for pairing in pairings if not pairing.bonded], 2):
+        if one.slave_body != other.slave_body or one.master_body != other.master_body:
+            continue
+        _, first, second = np.intersect1d(one.node, other.node, return_indices=True)
+        slack = COARSE_ROUND_OFF * float(np.ptp(clouds[one.slave_body].points, axis=0).max())
+        same = np.hypot(*(one.partner[first] - other.partner[second]).T) <= slack
+        for points, body in ((one.points[first], one.slave_body), (one.partner[first], one.master_body)):
+            if body is not None:
+                sharp = [node for node, turn, _ in clouds[body].corners if abs(turn) > SMOOTH_ANGLE]
+                away = np.abs(points[:, None] - clouds[body].points[sharp]).max(axis=2)
+                same &= away.min(axis=1, initial=np.inf) > slack
+        if same.any():
+            x, y = one.points[first][same][0].tolist()
+            yield CaseProblem(
+                f"contact.{other.name}",
+                f"contacts {one.name} and {other.name} meet at ({x:.6g}, {y:.6g}) on one pair of surfaces, "
+                "where pressures would go on from one to the other",
+                hint="describe both by one contact",
+            )
 
 
 def _paired(case: Case, boundaries: Boundaries, contact: Contact, clouds: Mapping[str, Cloud]) -> Pairing:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Place
+from mlsanm_cli.case import Geometry, LoadedCase, Place, load_case
 from mlsanm_cli.case.model.shapes import (
     Annulus,
     AnyShape,
@@ -43,6 +43,8 @@ from mlsanm_cli.records import dataclass
 
 MAX_BYTES = 256 * MB
 """Largest file of a body: a million nodes or more."""
+BOX_SAMPLES = 33
+"""Points on a curve by which its bounding box is known."""
 
 
 @lru_cache(maxsize=256)
@@ -140,3 +142,22 @@ def _read(shape: FileShape) -> ImportedGeometry:
     return ImportedGeometry(
         str(shape.sha256), points, trace(points, loops, math.radians(shape.corner)), normals
     )
+
+
+def load_with_files(path: Path, overrides: tuple[str, ...] = ()) -> LoadedCase:
+    """A validated case with checked geometry, also of bodies in files. Raises RunError and CaseError."""
+    return load_case(path, overrides, geometry_of)
+
+
+def geometry_of(shape: AnyShape) -> Geometry:
+    """The geometry of a shape for the checks of a case. Raises GeometryError."""
+    outline, digest = drawn(shape), ""
+    if isinstance(shape, Mesh | Points):
+        body = imported_geometry(shape)
+        points, digest = body.points, body.digest
+    else:
+        points = np.concatenate([c.points(np.linspace(0.0, c.length, BOX_SAMPLES)) for c in outline.curves])
+    names = tuple(dict.fromkeys(name.partition("/")[0] for name in outline.names))
+    low, high = points.min(axis=0), points.max(axis=0)
+    x, y = (0.5 * (low + high)).tolist()
+    return Geometry(names, (x, y), float((high - low).max()), digest)

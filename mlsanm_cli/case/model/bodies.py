@@ -91,7 +91,7 @@ class Body(Section):
             yield Fault(("spacing",), f"{given:g} is larger than the body ({shape.size:g})")
         for number, refine in enumerate(self.refine):
             edge = refine.edge(self.name)
-            if refine.along is not None and edge not in shape.normals:
-                hint = suggestion(edge, shape.normals, "boundaries")
+            if refine.along is not None and edge not in shape.boundaries:
+                hint = suggestion(edge, shape.boundaries, "boundaries")
                 message = f'body "{self.name}" has no boundary "{refine.along}"'
                 yield Fault(("refine", number, "along"), message, hint)

@@ -8,7 +8,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticKnownError
 
 from mlsanm_cli.case.model.bodies import Body
-from mlsanm_cli.case.model.conditions import Stop, Support, condition_faults
+from mlsanm_cli.case.model.conditions import Stop, Support
 from mlsanm_cli.case.model.contacts import Contact
 from mlsanm_cli.case.model.materials import Material
 from mlsanm_cli.case.model.motions import AnyLoad
@@ -84,7 +84,6 @@ class Case(Section):
     def faults(self, scope: Scope) -> Iterator[Fault]:
         if not self.body:
             yield Fault(("body",), "the list is empty, at least one item is required", "add [[body]]")
-        yield from condition_faults(scope)
         if not self.moved:
             yield Fault(("load",), "no loads", "add [[load]], or interference in a contact")
         yield from self._stage_faults()

@@ -36,6 +36,7 @@ from mlsanm_cli.contact.response.near_field_response import add_fields, near_fie
 from mlsanm_cli.contact.response.observation import ResponseFunctionals, observe, used_columns
 from mlsanm_cli.contact.response.offsets import of_fits, of_obstacles
 from mlsanm_cli.contact.response.short_waves import correct_short_waves
+from mlsanm_cli.contact.response.walls import wall_forces
 from mlsanm_cli.mechanics.probes import Probe, stress_of_expansion
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
@@ -127,7 +128,7 @@ def _condensed(
         scene,
         drivers,
         sources,
-        {where: drivers.by_unknowns(rows) for (kind, where), rows in seen.items() if kind == "held"},
+        wall_forces(scene, drivers, {key: rows for (kind, key), rows in seen.items() if kind == "held"}),
         {where: drivers.by_unknowns(rows) for (kind, where), rows in seen.items() if kind == "spring"},
     )
     half_plane = np.concatenate([np.zeros((0, 2, 2)), *(_half_plane(scene, one) for one in pairings)])

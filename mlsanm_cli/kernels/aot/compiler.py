@@ -11,9 +11,8 @@ import numba
 from numba.extending import typeof_impl
 
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.kernels.aot.functions import Inner, Kernel
 from mlsanm_cli.kernels.aot.machine import Code
-from mlsanm_cli.kernels.aot.signature import Value
+from mlsanm_cli.kernels.aot.signature import Inner, Kernel, Value
 from mlsanm_cli.kernels.blas import EXTERNALS, External
 
 LETTERS = {"c": numba.uint8, "i": numba.int32, "d": numba.float64}

@@ -9,7 +9,7 @@ module here, and BLAS through :mod:`mlsanm_cli.kernels.blas`. All kernel modules
 without registration. ``f.__wrapped__`` is the Python function of a kernel f.
 
 The first process compiles all kernels and stores the machine code; later ones load it and never import numba.
-Where nothing can be stored, every process compiles, and :class:`Loaded` gives the reason.
+Where nothing can be stored, every process compiles, and :attr:`.Machine.note` gives the reason.
 """
 
 from __future__ import annotations
@@ -22,9 +22,8 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from mlsanm_cli.kernels.aot import kept
-from mlsanm_cli.kernels.aot.functions import Inner, Kernel
 from mlsanm_cli.kernels.aot.machine import Machine, UnloadableError
-from mlsanm_cli.records import dataclass
+from mlsanm_cli.kernels.aot.signature import Inner, Kernel
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -35,7 +34,7 @@ KERNELS: dict[str, Kernel] = {}
 
 def kernel(function: Function) -> Function:
     """Make ``function`` a kernel; it runs without the GIL and without fast-math."""
-    made = Kernel(function, lambda called: load().machine.function(called.name, called.signature))
+    made = Kernel(function, lambda: load().function(made.name, made.signature))
     KERNELS[made.name] = made
     return cast(Function, made)
 
@@ -45,17 +44,9 @@ def inner(function: Function) -> Function:
     return cast(Function, Inner(function))
 
 
-@dataclass(frozen=True)
-class Loaded:
-    """The ``machine`` code of this process, stored in ``place``, or a ``note`` why it is not."""
-
-    machine: Machine
-    place: Path | None
-    note: str = ""
-
-
 _lock = threading.RLock()
-_loaded: list[Loaded] = []
+_loaded: list[Machine] = []
+"""The machine code of this process, once it is loaded."""
 
 
 def is_warm() -> bool:
@@ -66,14 +57,14 @@ def is_warm() -> bool:
                 place = kept.directory()
                 code = kept.read(place)
                 if code is not None:
-                    _loaded.append(Loaded(Machine(code), place))
+                    _loaded.append(Machine(code, place))
             except (ImportError, RuntimeError, UnloadableError):
                 # Code that this process cannot load is compiled anew.
                 return False
         return bool(_loaded)
 
 
-def load() -> Loaded:
+def load() -> Machine:
     """The kernels of this process, compiled if necessary."""
     with _lock:
         if not is_warm():
@@ -81,11 +72,10 @@ def load() -> Loaded:
         return _loaded[0]
 
 
-def _compiled() -> Loaded:
+def _compiled() -> Machine:
     from mlsanm_cli.kernels.aot.compiler import compiled
 
     code = compiled(every_kernel())
-    machine = Machine(code)
     try:
         place = kept.directory()
         kept.write(place, code)
@@ -94,8 +84,8 @@ def _compiled() -> Loaded:
             f"compiled kernels cannot be kept ({error}); every run compiles them again. "
             "Set MLSANM_CACHE_DIR to a directory that only you may write to."
         )
-        return Loaded(machine, None, note)
-    return Loaded(machine, place)
+        return Machine(code, None, note)
+    return Machine(code, place)
 
 
 def every_kernel() -> list[Kernel]:

@@ -16,6 +16,7 @@ import sys
 from collections.abc import Callable, Mapping
 from importlib.machinery import PathFinder
 from itertools import accumulate
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -78,11 +79,13 @@ def _extension(name: str) -> ModuleType:
 
 
 class Machine:
-    """Loaded machine code. Raises UnloadableError if an external function is missing."""
+    """Loaded machine code, stored in ``place``, or a ``note`` why it is not. Raises UnloadableError if an
+    external function is missing."""
 
-    def __init__(self, code: Code) -> None:
+    def __init__(self, code: Code, place: Path | None = None, note: str = "") -> None:
         import llvmlite.binding as llvm
 
+        self.place, self.note = place, note
         llvm.initialize_native_target()
         llvm.initialize_native_asmprinter()
         target = llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine()

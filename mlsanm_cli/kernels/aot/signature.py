@@ -8,6 +8,7 @@ compiler and the check of every argument before a call.
 
 from __future__ import annotations
 
+import functools
 import numbers
 import operator
 import re
@@ -127,3 +128,32 @@ class Signature:
             raise TypeError(f"{name} takes {len(self.arguments)} arguments, not {len(values)}")
         for argument, value in zip(self.arguments, values, strict=True):
             yield from argument.words(value)
+
+
+class Inner:
+    """A function that kernels may call."""
+
+    __wrapped__: Callable[..., Any]
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        functools.update_wrapper(self, function)
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self.__wrapped__(*arguments)
+
+
+class Kernel(Inner):
+    """A function that is called as machine code, which ``loaded`` gives at the first call."""
+
+    def __init__(self, function: Callable[..., Any], loaded: Callable[[], Callable[..., Any]]) -> None:
+        super().__init__(function)
+        self.name = f"{function.__module__}.{function.__name__}"
+        self.signature = Signature.of(self.name, function)
+        self._loaded = loaded
+
+    @functools.cached_property
+    def _call(self) -> Callable[..., Any]:
+        return self._loaded()
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self._call(*arguments)

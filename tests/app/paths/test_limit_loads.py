@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.contact.laws.failures import UnbalancedError
+from mlsanm_cli.solve.direction_updates import Turned
 from mlsanm_cli.solve.stage_ends import check_slips
 from tests.app.runs import warned
 from tests.app.scenes import EXACT_LAW, done, solve
@@ -25,6 +26,13 @@ BRICK = (
     .stages("weight", "quake")
 )
 UP = "load.quake.body-force=[0.0, 2.5]"
+
+
+@pytest.mark.parametrize("angle", [0.1, 1e9])
+def test_loads_that_turn_a_body_round_and_round_may_have_other_units(angle: float) -> None:
+    error = Turned(("pin",), angle, 1e9).error
+    assert error is not None
+    assert ("check the units" in error.hint) == (angle > 1.0)
 
 
 @pytest.mark.parametrize(

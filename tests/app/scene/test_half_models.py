@@ -75,6 +75,7 @@ def test_a_half_is_half_of_the_whole(half: Scene, whole: Scene, tmp_path: Path) 
     runs = [read_run(tmp_path / str(number)).contacts["c"] for number in (0, 1)]
     force, whole_force = (found["contacts"]["c"]["force"][1] for found in (one, other))
     assert 2.0 * force == pytest.approx(whole_force, rel=1e-3)
+    assert one["force_balance"] <= 1e-9
     assert runs[0].pressure[-1].max() == pytest.approx(runs[1].pressure[-1].max(), rel=2e-3)
     assert 2.0 * one["contacts"]["c"]["half_width"] == pytest.approx(
         other["contacts"]["c"]["half_width"], rel=5e-3

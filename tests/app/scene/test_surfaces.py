@@ -12,13 +12,13 @@ from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.clouds import clouds
 from mlsanm_cli.app.scene.contact_pairs import pair
 from mlsanm_cli.app.scene.facing import check_tips
-from mlsanm_cli.app.scene.imported import load_with_files
+from mlsanm_cli.app.scene.outlines import load_with_files
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.runs import warned
 from tests.app.scene.test_imported import PULLED, polar_plate, write_gmsh
-from tests.app.scenes import done, hertz, refused, solve
+from tests.app.scenes import done, hertz, prepared, refused, solve
 from tests.case.scenes import parse
 from tests.case_text import EXACT, FLOOR, Scene, polygon, scene
 
@@ -259,3 +259,30 @@ def test_a_tip_that_touches_with_both_sides_needs_a_radius(slope: float, sharp: 
     (problem,) = caught.value.problems
     assert "sharp corner at (0, 0)" in problem.message
     assert "contact.tip.slave" in problem.hint
+
+
+def test_contacts_that_meet_on_one_pair_of_surfaces_are_refused() -> None:
+    """On parts that are apart, or of two masters side by side, they are fine."""
+    upper = HEAD.body("upper", "steel", 0.2, box=([0.0, 2.0], [1.0, 2.0]))
+    upper = upper.load("press", "upper.top", "platen", ux=0.0, uy=-0.01)
+    lower = upper.body("lower", "steel", 0.2, box=([0.0, 2.0], [0.0, 1.0])).support(
+        "lower.bottom", ux=0.0, uy=0.0
+    )
+
+    def both(body: Scene, end: float, masters: tuple[str, str]) -> Scene:
+        parts = (0.0, end), (1.0, 2.0)
+        for name, (first, last), master in zip(("left", "right"), parts, masters, strict=True):
+            ends = {"from_": [first, 1.0], "to": [last, 1.0]}
+            body = body.contact(name, "upper.bottom", master, **ends)
+        return body
+
+    with pytest.raises(CaseError) as error:
+        prepared(both(lower, 1.0, ("lower.top",) * 2))
+    assert [problem.key for problem in error.value.problems] == ["contact.right"]
+    prepared(both(lower, 0.6, ("lower.top",) * 2))
+    blocks = upper
+    for name, x in (("a", [0.0, 1.0]), ("b", [1.0, 2.0])):
+        blocks = blocks.body(name, "steel", 0.2, box=(x, [0.0, 1.0])).support(
+            f"{name}.bottom", ux=0.0, uy=0.0
+        )
+    prepared(both(blocks, 1.0, ("a.top", "b.top")))
