@@ -32,8 +32,8 @@ RECOMMENDED_REFINEMENT = 8.0
 
 @dataclass(frozen=True)
 class FiniteEnd:
-    """A completed path: its ``last`` state with the estimated ``errors`` of ``summary.error_estimate``, the
-    totals of the path (``tally``)."""
+    """A completed path: its ``last`` state with the estimated ``errors`` of ``summary.error_estimate``,
+    and the totals of the path (``tally``)."""
 
     scene: FiniteScene
     last: State
