@@ -23,7 +23,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cells import cell_quadrature
-from mlsanm_cli.mechanics.assembly import RowTable, spring_rows
+from mlsanm_cli.mechanics.assembly import RowTable, single_rows, spring_rows
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.finite.faces import FacePoints, inner_points, outline_points
@@ -98,15 +98,8 @@ class FiniteBody:
     @cached_property
     def single(self) -> sparse.csr_array:
         """Rows (s, 2N) of the displacements of single held nodes."""
-        held, unknowns = self.elastic.held_nodes, self.unknowns
-        rows = np.zeros((len(held), 2))
-        node = np.array([one for one, _ in held], dtype=np.int64)
-        rows[np.arange(len(held)), [component for _, component in held]] = 1.0
-        cos, sin = np.cos(self.angle), np.sin(self.angle)
-        last = len(held) - self.pins
-        rows[last:] = rows[last:] @ np.array([[cos, sin], [-sin, cos]])
-        entries = (rows.ravel(), (np.repeat(np.arange(len(held)), 2), (2 * node[:, None] + [0, 1]).ravel()))
-        return sparse.csr_array(entries, shape=(len(held), unknowns))
+        nodes = len(self.elastic.model.cloud.points)
+        return single_rows(self.elastic.held_nodes, nodes, self.pins, self.angle)
 
     @property
     def pinned(self) -> sparse.csr_array:
