@@ -27,73 +27,13 @@ from mlsanm_cli.app.run import run  # noqa: E402
 from mlsanm_cli.errors import MlsanmError  # noqa: E402
 from mlsanm_cli.io.run_reader import Dataset, read_run  # noqa: E402
 from tests.app.scenes import Quiet  # noqa: E402
+from tests.case_text import box, half_disk, head  # noqa: E402
 
 RESULTS = Path(__file__).parent / "results"
 
-HALF_DISK = """
-kind = "half-disk"
-center = [0.0, 1.0]
-radius = 1.0
-side = "lower"
-[[body.refine]]
-at = [0.0, 0.0]
-spacing = {fine}
-radius = 0.07
-growth = 0.3
-"""
-BLOCK = """
-kind = "rectangle"
-x = [-0.5, 0.5]
-y = [0.0, 0.6]
-"""
-REFINE = "refine = [{{ at = [0.0, 0.0], spacing = {fine}, radius = 0.07, growth = 0.3 }}]"
-SCENE = """
-format = 1
-[model]
-plane = "{plane}"
-[material.soft]
-E = 1.0
-nu = {nu}
-[material.stiff]
-E = {ratio}
-nu = {nu_stiff}
-[[body]]
-name = "upper"
-material = "soft"
-spacing = {upper}
-seed = {seed}
-[body.shape]
-{shape}
-[[body]]
-name = "lower"
-material = "stiff"
-spacing = {lower}
-seed = {seed}
-shape = {{ kind = "rectangle", x = [-1.0, 1.0], y = [-1.0, 0.0] }}
-{refine}
-[[support]]
-boundary = "lower.bottom"
-ux = 0.0
-uy = 0.0
-[[load]]
-name = "press"
-boundary = "upper.{top}"
-kind = "platen"
-fy = {fy}
-[[load]]
-name = "shear"
-boundary = "upper.{top}"
-kind = "platen"
-{drive} = {shear}
-[[contact]]
-name = "interface"
-slave = "upper.{slave}"
-master = "lower.top"
-friction = {mu}
-[contact.regularization]
-law = "{law}"
-{stages}
-"""
+DISK = half_disk([0.0, 1.0], 1.0)
+BLOCK, LOWER = box([-0.5, 0.5], [0.0, 0.6]), box([-1.0, 1.0], [-1.0, 0.0])
+ZONE = {"at": [0.0, 0.0], "radius": 0.07, "growth": 0.3}
 
 
 def scene(seed: int, law: str) -> str:
@@ -109,31 +49,27 @@ def scene(seed: int, law: str) -> str:
     forced = rng.uniform() < 0.6
     limit = mu * force
     shear = limit * rng.uniform(0.3, 1.6) if forced else limit / modulus * rng.uniform(1.0, 8.0)
-    stages = ["[[stage]]\npress = 1.0"] if rng.uniform() < 0.8 else ["[[stage]]\npress = 1.0\nshear = 0.3"]
+    stages = ["press" if rng.uniform() < 0.8 else "press shear=0.3"]
     for _ in range(rng.integers(2, 5)):
-        stage = {"shear": rng.choice([-1.0, -0.5, 0.0, 0.5, 1.0])}
+        stage = f"shear={rng.choice([-1.0, -0.5, 0.0, 0.5, 1.0])}"
         if rng.uniform() < 0.3:
-            stage["press"] = rng.uniform(0.6, 1.5)
-        stages.append("[[stage]]\n" + "\n".join(f"{key} = {value}" for key, value in stage.items()))
-    fine = 0.006
-    return SCENE.format(
-        plane=rng.choice(["strain", "stress"]),
-        nu=nu,
-        nu_stiff=nu_stiff,
-        ratio=ratio,
-        upper=0.15 if disk else 0.07,
-        lower=0.15 if disk else 0.09,
-        seed=seed,
-        shape=HALF_DISK.format(fine=fine) if disk else BLOCK,
-        refine=REFINE.format(fine=fine * rng.uniform(0.8, 1.3)) if disk else "",
-        top="flat" if disk else "top",
-        slave="arc" if disk else "bottom",
-        fy=-force,
-        drive="fx" if forced else "ux",
-        shear=float(shear),
-        mu=mu,
-        law=law,
-        stages="\n".join(stages),
+            stage += f" press={rng.uniform(0.6, 1.5)}"
+        stages.append(stage)
+    plane = str(rng.choice(["strain", "stress"]))
+    top, slave, shape = ("flat", "arc", DISK) if disk else ("top", "bottom", BLOCK)
+    upper, lower = (0.15, 0.15) if disk else (0.07, 0.09)
+    fine = [0.006, 0.006 * rng.uniform(0.8, 1.3)] if disk else []
+    refine: list[Any] = [[ZONE | {"spacing": float(spacing)}] for spacing in fine] or [None, None]
+    return (
+        head(plane)
+        .material("soft", E=1.0, nu=float(nu))
+        .material("stiff", E=ratio, nu=float(nu_stiff))
+        .body("upper", "soft", upper, shape, seed=seed, refine=refine[0])
+        .body("lower", "stiff", lower, LOWER, seed=seed, refine=refine[1], clamped="bottom")
+        .load("press", f"upper.{top}", "platen", fy=-force)
+        .load("shear", f"upper.{top}", "platen", **{"fx" if forced else "ux": float(shear)})
+        .contact("interface", f"upper.{slave}", "lower.top", friction=mu, regularization={"law": law})
+        .stages(*stages)
     )
 
 

@@ -35,9 +35,11 @@ from mlsanm_cli.app.run import run  # noqa: E402
 from mlsanm_cli.errors import NumericalError  # noqa: E402
 from mlsanm_cli.solve import coercivity  # noqa: E402
 from tests.app.scenes import Quiet  # noqa: E402
+from tests.case_text import EXACT, box, head  # noqa: E402
 
 BULK_LIMIT, CONTACT_LIMIT = coercivity.BULK_LIMIT, coercivity.CONTACT_LIMIT
 PER_GROUP = 10
+BLOCK = box([-2.0, 2.0], [-2.0, 0.0])
 DEGREES = (2, 4)
 
 
@@ -66,39 +68,9 @@ def bulk(count: int) -> dict[str, list[dict[str, float]]]:
     return results
 
 
-HERTZ = """
-format = 1
-model.plane = "strain"
-material.slave = {{E = {slave}, nu = {nu_slave}}}
-material.master = {{E = {master}, nu = {nu_master}}}
-support = [{{boundary = "block.bottom", ux = 0.0, uy = 0.0}}]
-load = [{{name = "press", boundary = "cylinder.flat", kind = "platen", force = [0.0, {force}]}}]
-output.fields = []
-output.vtu = false
-reference.solution = "hertz-line"
-
-[[body]]
-name = "cylinder"
-material = "slave"
-spacing = 0.12
-seed = {seed}
-shape = {{kind = "half-disk", center = [{offset}, 1.0], radius = 1.0, side = "lower"}}
-refine = [{{at = [{offset}, 0.0], spacing = {h}, radius = {reach}}}]
-
-[[body]]
-name = "block"
-material = "master"
-spacing = 0.12
-seed = {seed}
-shape = {{kind = "rectangle", x = [-2.0, 2.0], y = [-2.0, 0.0]}}
-refine = [{{at = [0.0, 0.0], spacing = {h_master}, radius = {reach}}}]
-
-[[contact]]
-name = "interface"
-slave = "cylinder.arc"
-master = "block.top"
-regularization.law = "exact"
-"""
+def zone(at: float, spacing: float, radius: float) -> list[dict[str, Any]]:
+    """The finer nodes of a body."""
+    return [{"at": [at, 0.0], "spacing": spacing, "radius": radius}]
 
 
 def hertz(count: int) -> list[dict[str, Any]]:
@@ -117,11 +89,21 @@ def hertz(count: int) -> list[dict[str, Any]]:
         nu_slave, nu_master = rng.uniform(0.0, 0.45, 2)
         slave, master = 210e3, 210e3 / stiffness
         modulus = 1.0 / ((1.0 - nu_slave**2) / slave + (1.0 - nu_master**2) / master)
-        text = HERTZ.format(
-            slave=slave, master=master, nu_slave=nu_slave, nu_master=nu_master, seed=seed, offset=offset,
-            h=half_width / 15.0, h_master=ratio * half_width / 15.0, reach=1.4 * half_width,
-            force=-0.25 * math.pi * modulus * half_width**2,
-        )  # fmt: skip
+        h, reach = half_width / 15.0, 1.4 * half_width
+        force = -0.25 * math.pi * modulus * half_width**2
+        disk = {"kind": "half-disk", "center": [offset, 1.0], "radius": 1.0, "side": "lower"}
+        text = (
+            head("strain")
+            .material("slave", E=slave, nu=nu_slave)
+            .material("master", E=master, nu=nu_master)
+            .body("cylinder", "slave", 0.12, disk, seed=seed, refine=zone(offset, h, reach))
+            .body("block", "master", 0.12, BLOCK, seed=seed, refine=zone(0.0, ratio * h, reach))
+            .support("block.bottom", ux=0.0, uy=0.0)
+            .load("press", "cylinder.flat", "platen", force=[0.0, force])
+            .contact("interface", "cylinder.arc", "block.top", regularization=EXACT)
+            .table("output", fields=[], vtu=False)
+            .table("reference", solution="hertz-line")
+        )
         with tempfile.TemporaryDirectory() as directory:
             case = Path(directory) / "hertz.toml"
             case.write_text(text)

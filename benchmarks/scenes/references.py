@@ -30,7 +30,7 @@ from benchmarks.scenes.judge import REFERENCE
 from benchmarks.scenes.scene import Array, Scene, Table
 from benchmarks.scenes.signorini import Model, Zones, turned
 from mlsanm_cli.app.scene.boundaries import Boundaries
-from mlsanm_cli.app.scene.imported import geometry_inspector
+from mlsanm_cli.app.scene.outlines import geometry_of
 from mlsanm_cli.case.reading.read import load_case
 from mlsanm_cli.cloud.curves import Outline
 
@@ -162,7 +162,7 @@ def reference(scene: Scene, meshes: int = len(LEVELS)) -> Table:
         for name, write in scene.files.items():
             write(folder / name, lambda places: places)
         (folder / "case.toml").write_text(tomli_w.dumps(scene.case))
-        case = load_case(folder / "case.toml", inspector=geometry_inspector).case
+        case = load_case(folder / "case.toml", geometry_of=geometry_of).case
         boundaries = Boundaries.of(case)
         outlines = {body.name: boundaries.outline(body.name) for body in case.body}
     given = {**scene.case, "support": [*scene.case.get("support", []), *scene.supports]}

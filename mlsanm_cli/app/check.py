@@ -15,7 +15,7 @@ from mlsanm_cli.app.context import Clock, Console, RunContext
 from mlsanm_cli.app.output.parts import model_bodies
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.build import build_scene
-from mlsanm_cli.app.scene.imported import load_with_files
+from mlsanm_cli.app.scene.outlines import load_with_files
 from mlsanm_cli.app.scene.size_estimate import cpu_seconds, memory_mb, node_counts
 from mlsanm_cli.case import (
     AnyLoad,

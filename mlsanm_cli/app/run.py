@@ -20,7 +20,7 @@ from mlsanm_cli.app.output.checkpoint import EarlierRun, attributes, interrupted
 from mlsanm_cli.app.output.recorder import Recorder, summarise
 from mlsanm_cli.app.results.info import finished
 from mlsanm_cli.app.scene.build import build_scene
-from mlsanm_cli.app.scene.imported import geometry_inspector
+from mlsanm_cli.app.scene.outlines import geometry_of
 from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.case import LoadedCase, load_case, parse_case
 from mlsanm_cli.errors import Interrupted, NumericalError, RunError, UnfinishedError, WriteError
@@ -61,7 +61,7 @@ def run(
     """
     with Stopper(max_wall) as stopper:
         context = RunContext(Clock(), console, memo, stopper)
-        loaded = load_case(case_path, overrides, geometry_inspector)
+        loaded = load_case(case_path, overrides, geometry_of)
         check_reference(loaded)
         directory = out or RESULTS / loaded.path.stem
         before = finished(directory, loaded.case_hash) if skip_done else None
@@ -205,7 +205,7 @@ def stored_case(origin: RunData, rundir: Path) -> LoadedCase:
         raise RunError(
             f"the run in {rundir} was killed before its first step", "run the case again with --force"
         )
-    loaded = parse_case(origin.case_resolved, rundir / run_dir.RESOLVED_FILE, (), geometry_inspector)
+    loaded = parse_case(origin.case_resolved, rundir / run_dir.RESOLVED_FILE, (), geometry_of)
     if loaded.case_hash != origin.attributes["case_hash"]:
         raise RunError(
             f"the case stored in {rundir} is not the one of the run: another version wrote it",

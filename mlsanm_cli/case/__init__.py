@@ -22,7 +22,6 @@ from mlsanm_cli.case.model.motions import ObstacleMotion as ObstacleMotion
 from mlsanm_cli.case.model.motions import Platen as Platen
 from mlsanm_cli.case.model.places import Place as Place
 from mlsanm_cli.case.model.section import Geometry as Geometry
-from mlsanm_cli.case.model.section import GeometryInspector as GeometryInspector
 from mlsanm_cli.case.model.section import split_boundary as split_boundary
 from mlsanm_cli.case.model.settings import Solver as Solver
 from mlsanm_cli.case.model.shapes import AnyShape as AnyShape

@@ -15,7 +15,7 @@ from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.build import build_scene
 from mlsanm_cli.app.scene.clouds import clouds
 from mlsanm_cli.app.scene.condense import condense_scene
-from mlsanm_cli.app.scene.imported import load_with_files
+from mlsanm_cli.app.scene.outlines import load_with_files
 from mlsanm_cli.case import parse_case
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.solve.condensed_scene import CondensedScene

@@ -160,14 +160,6 @@ def test_info_of_a_run_without_summary(hertz_run: Path, tmp_path: Path) -> None:
     assert len(plot(killed, choice=Choice(("pressure",)))) == 1
 
 
-def test_info_with_a_damaged_summary(bar_run: Path, tmp_path: Path) -> None:
-    damaged = tmp_path / "damaged"
-    shutil.copytree(bar_run, damaged)
-    (damaged / "summary.json").write_text('{"status": ')
-    with pytest.raises(RunError, match="cannot be read"):
-        info(damaged)
-
-
 def test_plot_draws_what_there_is(bar_run: Path, punches_run: Path) -> None:
     common = {"plot_force.png", "plot_peak.png", "plot_bodies.png"}
     under = {"plot_pressure_under-left.png", "plot_pressure_under-right.png"}

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from mlsanm_cli.app.scene.imported import geometry_inspector
+from mlsanm_cli.app.scene.outlines import geometry_of
 from mlsanm_cli.case import LoadedCase, parse_case
 from mlsanm_cli.errors import CaseError, CaseProblem
 from tests.case_text import body, box, head, item, load, material, support, table
@@ -123,7 +123,7 @@ BLOCK = (
 
 def parse(text: str, overrides: Sequence[str] = ()) -> LoadedCase:
     """The case of a text; problems name the file "case.toml"."""
-    return parse_case(text, Path("case.toml"), overrides, geometry_inspector)
+    return parse_case(text, Path("case.toml"), overrides, geometry_of)
 
 
 def problems(text: str, overrides: Sequence[str] = ()) -> tuple[CaseProblem, ...]:

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.scene.imported import geometry_of
-from mlsanm_cli.app.scene.outlines import drawn
+from mlsanm_cli.app.scene.outlines import drawn, geometry_of
 from mlsanm_cli.case import case_hash, load_case, parse_case, resolved_mapping, rounded
 from mlsanm_cli.cloud.curves import Arc, Outline
 from mlsanm_cli.cloud.membership import signed_area

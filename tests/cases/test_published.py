@@ -12,13 +12,14 @@ import pytest
 from benchmarks.formulas.kirsch import KirschHole
 from benchmarks.formulas.lame import LameRing
 from benchmarks.formulas.persson import PinInHole
+from mlsanm_cli.app.results.probe import probe_named, probe_point
 from mlsanm_cli.app.run import run
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.io.run_reader import RunData, read_run
 from mlsanm_cli.reference.hertz import HertzLine
 from tests.app.scenes import Quiet
 
 CASES = Path(__file__).parents[2] / "cases"
-
 
 Run = tuple[Mapping[str, Any], RunData]
 
@@ -148,7 +149,9 @@ def test_self_weight(degree: int, tmp_path: Path) -> None:
 
 
 def test_orthotropic(tmp_path: Path) -> None:
-    summary, data = solve("orthotropic", tmp_path / "run")
+    """Fields where they are saved, and probes between, too: heat strains the board and stresses nothing."""
+    directory, place = tmp_path / "run", (1.3, 0.7)
+    summary, data = solve("orthotropic", directory, 'probe=[{name="p", body="board", point=[1.3, 0.7]}]')
     assert summary["force_balance"] <= 1e-9
     compliance = np.array(
         [[1 / 12e3, -0.4 / 12e3, 0.0], [-0.4 / 12e3, 1 / 0.9e3, 0.0], [0.0, 0.0, 1 / 0.7e3]]
@@ -157,11 +160,22 @@ def test_orthotropic(tmp_path: Path) -> None:
     # Stresses along the grain's axes, and strains (the last one doubled) back along x and y.
     own = np.array([[c * c, s * s, 2 * c * s], [s * s, c * c, -2 * c * s], [-c * s, c * s, c * c - s * s]])
     stress = np.array([8.0, 0.0, 2.0])
-    strain = own.T @ compliance @ own @ stress
-    heat = own.T @ (40.0 * np.array([4e-6, 35e-6, 0.0]))
-    for state, total in zip(data.states, (strain, strain + heat), strict=True):
-        fields, points = state.bodies["board"], data.bodies["board"].points
+
+    def moved(degrees: float, points: FloatArray) -> FloatArray:
+        heat = degrees * np.array([4e-6, 35e-6, 0.0])
+        xx, yy, xy = own.T @ (compliance @ own @ stress + heat)
         # The pins at (0, 0) and (2, 0) keep the lower edge's ends level.
-        expected = np.stack([points @ [total[0], total[2]], total[1] * points[:, 1]], axis=1)
+        return np.stack([points @ [xx, xy], yy * points[:, 1]], axis=1)
+
+    for state, degrees in zip(data.states, (0.0, 40.0), strict=True):
+        fields, expected = state.bodies["board"], moved(degrees, data.bodies["board"].points)
         assert np.abs(fields["displacement"] - expected).max() <= 1e-9 * np.abs(expected).max()
         assert np.abs(fields["stress"] - stress).max() <= 1e-9 * 8.0
+    for position, degrees in ((1.0, 0.0), (1.6, 24.0), (2.0, 40.0)):
+        exact = [*moved(degrees, np.array([place]))[0], *stress]
+        for (row,) in (
+            probe_named(directory, [position], "p"),
+            probe_point(directory, [position], "board", place),
+        ):
+            found = [row[key] for key in ("ux", "uy", "xx", "yy", "xy")]
+            assert found == pytest.approx(exact, rel=1e-8, abs=1e-8)

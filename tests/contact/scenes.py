@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -69,10 +68,8 @@ def blocks_text(nu: float, upper: float, lower: float, left: float = 0.0, right:
     return (
         head("strain")
         .material("steel", E=210e3, nu=nu)
-        .body("upper", "steel", upper)
-        .table("body.shape", kind="rectangle", x=[0.0, 2.0], y=[1.0, 2.0])
-        .body("lower", "steel", lower)
-        .table("body.shape", kind="rectangle", x=[left, right], y=[0.0, 1.0])
+        .body("upper", "steel", upper, box=([0.0, 2.0], [1.0, 2.0]))
+        .body("lower", "steel", lower, box=([left, right], [0.0, 1.0]))
         .support("lower.bottom", uy=0.0)
         .support("lower.left", ux=0.0)
         .support("upper.left", ux=0.0)
@@ -80,18 +77,6 @@ def blocks_text(nu: float, upper: float, lower: float, left: float = 0.0, right:
         .contact("interface", "upper.bottom", "lower.top")
         .table("contact.regularization", law="exact")
     )
-
-
-PARTNERS = ("x y", "ux uy", "fx fy", "bottom left", "top right")
-
-
-def mirrored(text: str) -> str:
-    """The same scene with x and y exchanged."""
-    swap = {}
-    for pair in PARTNERS:
-        one, other = pair.split()
-        swap[one], swap[other] = other, one
-    return re.sub(rf"\b({'|'.join(swap)})\b", lambda found: swap[found[0]], text)
 
 
 @dataclass(frozen=True)
@@ -164,8 +149,7 @@ def cylinder(
         .body("cylinder", "steel", 0.2)
         .table("body.shape", kind="half-disk", center=[0.0, 1.0], radius=1.0, side="lower")
         .item("body.refine", at=[0.0, 0.0], spacing=fine, radius=0.07)
-        .body("block", "steel", 0.2)
-        .table("body.shape", kind="rectangle", x=[-2.0, 2.0], y=[-2.0, 0.0])
+        .body("block", "steel", 0.2, box=([-2.0, 2.0], [-2.0, 0.0]))
         .item("body.refine", at=[shift, 0.0], spacing=master or fine, radius=0.07)
         .support("block.bottom", uy=0.0)
         .pin("block", [0.0, -2.0], ux=0.0)

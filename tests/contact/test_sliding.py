@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.complementarity.problem import Changes, ContactStatus
 from mlsanm_cli.contact.complementarity.solution import Search
 from mlsanm_cli.contact.laws.coulomb import event_driven_path, start
@@ -14,18 +15,46 @@ from mlsanm_cli.contact.laws.failures import SlidingError
 from mlsanm_cli.contact.laws.limit_load import slides_freely
 from mlsanm_cli.contact.laws.linearised import ContactSolution
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.contact.response.linear_map import LinearMap
 from tests.contact.friction import half_planes, side_by_side
 
+ONE = half_planes(20).condensed
+TWO = side_by_side(ONE, ONE)
+NONE = np.zeros(20)
+SIDE = np.arange(20) - 9.5
+"""Places of nodes from the middle of the contact."""
 
-def turned(condensed: Condensed, angle: float) -> Condensed:
-    """The same contact with its platen's motions counted along axes that are turned by an angle."""
-    axes = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
-    def of(one: LinearMap) -> LinearMap:
-        return replace(one, motion=one.motion @ axes)
+def moved(condensed: Condensed, gap: FloatArray, slip: FloatArray) -> Condensed:
+    """A contact whose gaps and slips follow the platen's motions by other columns."""
+    gaps, slips = replace(condensed.gap, motion=gap), replace(condensed.slip, motion=slip)
+    return replace(condensed, gap=gaps, slip=slips)
 
-    return replace(condensed, gap=of(condensed.gap), slip=of(condensed.slip))
+
+def turned(angle: float) -> Condensed:
+    """The contact with its platen's motions counted along axes that are turned by degrees."""
+    cos, sin = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+    axes = np.array([[cos, -sin], [sin, cos]])
+    return moved(ONE, ONE.gap.motion @ axes, ONE.slip.motion @ axes)
+
+
+def rising(slope: FloatArray) -> Condensed:
+    """The contact on a surface of these slopes at its nodes, which sliding closes or opens."""
+    return moved(ONE, ONE.gap.motion + np.outer(slope, [0.0, 1.0]), ONE.slip.motion)
+
+
+def curved(curvature: float, swapped: bool = False) -> Condensed:
+    """The contact in a hollow, or on a ridge if positive; with slave and master swapped places are counted
+    the other way."""
+    found = rising(curvature * ONE.slip.motion[:, 1].mean() * SIDE)
+    return moved(found, found.gap.motion[::-1], -found.slip.motion) if swapped else found
+
+
+def wedge(degrees: float) -> Condensed:
+    """Both flanks of one body, whose motions are along its axis and across it."""
+    up, along = np.sin(np.radians(degrees)), np.cos(np.radians(degrees))
+    motions = np.array([[up, along], [along, -up], [up, -along], [along, up]])
+    found = moved(TWO, TWO.gap.motion @ motions, TWO.slip.motion @ motions)
+    return replace(found, balance=replace(TWO.balance, motion=np.zeros((2, 2))))
 
 
 def all_slip(condensed: Condensed, but: tuple[int, ...] = ()) -> ContactStatus:
@@ -34,101 +63,65 @@ def all_slip(condensed: Condensed, but: tuple[int, ...] = ()) -> ContactStatus:
     return ContactStatus(np.ones(len(condensed.weight), dtype=bool), slip_sign == 0.0, slip_sign)
 
 
-def moving(motion: list[float]) -> ContactSolution:
-    """Rates of motions while all forces are constant."""
-    none = np.zeros(20)
-    return ContactSolution(none, none, np.array(motion), none, none)
+HELD = replace(ONE, balance=replace(ONE.balance, motion=np.eye(2)))
+STATES = {
+    **{f"axes turned by {angle}": (turned(angle), (), True) for angle in (0, 37, 90, 180, 233)},
+    **{f"a stuck node, axes turned by {angle}": (turned(angle), (3,), False) for angle in (0, 37, 233)},
+    "a surface that rises a little": (rising(0.1 * np.sign(SIDE)), (), True),
+    "a surface that closes half of the nodes": (rising(-np.sign(SIDE)), (), False),
+    "parallel flanks": (wedge(0.0), (), True),
+    "a slender wedge": (wedge(2.0), (), False),
+    "a wedge": (wedge(8.0), (), False),
+    "a prescribed displacement": (HELD, (), False),
+    "another contact that sticks": (TWO, tuple(range(20)), True),
+    "stuck nodes in both contacts": (TWO, (3, 33), False),
+}
 
 
-@pytest.mark.parametrize("angle", np.radians([0.0, 37.0, 90.0, 180.0, 233.0]).tolist())
-def test_axes_mean_nothing(angle: float) -> None:
-    c = turned(half_planes(20).condensed, angle)
-    assert slides_freely(c, all_slip(c))
-    assert not slides_freely(c, all_slip(c, (3,)))
-    nothing = np.zeros(20)
-    assert not slides_freely(c, ContactStatus(nothing > 0.0, nothing > 0.0, nothing))
+@pytest.mark.parametrize(("contact", "stuck", "slides"), STATES.values(), ids=STATES)
+def test_what_slips_everywhere_slides(contact: Condensed, stuck: tuple[int, ...], slides: bool) -> None:
+    assert slides_freely(contact, all_slip(contact, stuck)) == slides
 
 
-@pytest.mark.parametrize(("rates", "slides"), [([1.0, 0.5], False), ([0.0, 1.0], True), ([1.0, 1e3], True)])
-def test_what_slips_everywhere_and_is_not_driven_along_does_not_slide(
-    rates: list[float], slides: bool
-) -> None:
-    c = half_planes(20).condensed
-    assert slides_freely(c, all_slip(c), moving(rates)) == slides
+def test_open_contacts_do_not_slide() -> None:
+    assert not slides_freely(ONE, ContactStatus(NONE > 0.0, NONE > 0.0, NONE))
 
 
-def test_a_surface_that_rises_holds() -> None:
-    c = half_planes(20).condensed
-    for slope, slides in ((0.1, True), (-1.0, False)):
-        # Half of the nodes face one way, half the other: sliding either way closes some of them.
-        motion = c.gap.motion + np.outer(slope * np.sign(np.arange(20) - 9.5), [0.0, 1.0])
-        assert slides_freely(replace(c, gap=replace(c.gap, motion=motion)), all_slip(c)) == slides
+RATES = {
+    "driven down": (ONE, [1.0, 0.5], False),
+    "driven along": (ONE, [0.0, 1.0], True),
+    "driven along far more": (ONE, [1.0, 1e3], True),
+    # A pin in a hook slipped everywhere as the hook bent, and the run ended as if it slid as a whole.
+    **{f"hollow, {way}": (curved(-0.005), [1.0, way], False) for way in (1.0, -1.0)},
+    **{f"ridge, {way}": (curved(0.005), [1.0, way], True) for way in (1.0, -1.0)},
+    **{f"hardly hollow and fast, {way}": (curved(-1e-4), [1.0, way], True) for way in (1e3, -1e3)},
+    "hollow, swapped": (curved(-0.005, True), [1.0, 1.0], False),
+    "ridge, swapped": (curved(0.005, True), [1.0, 1.0], True),
+    "hardly hollow and fast, swapped": (curved(-1e-4, True), [1.0, 1e3], True),
+}
 
 
-@pytest.mark.parametrize(
-    ("curvature", "fast", "slides"), [(-0.005, 1.0, False), (0.005, 1.0, True), (-1e-4, 1e3, True)]
-)
-def test_a_hollow_holds_what_slides_along_it(curvature: float, fast: float, slides: bool) -> None:
-    """A pin in a hook slipped everywhere as the hook bent, and the run ended as if it slid as a whole."""
-    c = half_planes(20).condensed
-    along = c.slip.motion[:, 1].mean()
-    motion = c.gap.motion + np.outer(curvature * along * (np.arange(20) - 9.5), [0.0, 1.0])
-    c = replace(c, gap=replace(c.gap, motion=motion))
-    for way in (1.0, -1.0):
-        assert slides_freely(c, all_slip(c), moving([1.0, way * fast])) == slides
-    # With slave and master swapped places are counted the other way.
-    c = replace(c, gap=replace(c.gap, motion=motion[::-1]), slip=replace(c.slip, motion=-c.slip.motion))
-    assert slides_freely(c, all_slip(c), moving([1.0, fast])) == slides
-
-
-@pytest.mark.parametrize(("degrees", "slides"), [(0.0, True), (2.0, False), (8.0, False)])
-def test_a_slender_wedge_does_not_slide_through(degrees: float, slides: bool) -> None:
-    one = half_planes(20)
-    c = side_by_side(one.condensed, one.condensed)
-    up, along = np.sin(np.radians(degrees)), np.cos(np.radians(degrees))
-    # Both flanks of one body, whose motions are along its axis and across it.
-    motions = np.array([[up, along], [along, -up], [up, -along], [along, up]])
-    c = replace(
-        c,
-        gap=replace(c.gap, motion=c.gap.motion @ motions),
-        slip=replace(c.slip, motion=c.slip.motion @ motions),
-        balance=replace(c.balance, motion=np.zeros((2, 2))),
-    )
-    assert slides_freely(c, all_slip(c)) == slides
-
-
-def test_a_prescribed_displacement_holds() -> None:
-    c = half_planes(20).condensed
-    stiff = replace(c.balance, motion=np.eye(2))
-    assert not slides_freely(replace(c, balance=stiff), all_slip(c))
-
-
-def test_other_contacts_have_no_say() -> None:
-    one = half_planes(20)
-    c = side_by_side(one.condensed, one.condensed)
-    assert slides_freely(c, all_slip(c, tuple(range(20))))
-    assert not slides_freely(c, all_slip(c, (3, 33)))
+@pytest.mark.parametrize(("contact", "rates", "slides"), RATES.values(), ids=RATES)
+def test_what_is_driven_along_slides(contact: Condensed, rates: list[float], slides: bool) -> None:
+    moving = ContactSolution(NONE, NONE, np.array(rates), NONE, NONE)
+    assert slides_freely(contact, all_slip(contact), moving) == slides
 
 
 def test_one_of_two_contacts_that_slides_is_named() -> None:
-    one = half_planes(20)
-    c = side_by_side(one.condensed, one.condensed)
-    state = start(c, np.zeros(4)).state
-    for event in event_driven_path(c, state, np.array([1.0, 0.0, 1.0, 0.0]), [1.0]):
+    state = start(TWO, np.zeros(4)).state
+    for event in event_driven_path(TWO, state, np.array([1.0, 0.0, 1.0, 0.0]), [1.0]):
         state = event.state
     with pytest.raises(SlidingError) as caught:
-        list(event_driven_path(c, state, np.array([1.0, 0.4, 1.0, 1.25]), [1.0]))
+        list(event_driven_path(TWO, state, np.array([1.0, 0.4, 1.0, 1.25]), [1.0]))
     assert caught.value.fraction == pytest.approx(0.8, abs=1e-9)
 
 
 def test_a_body_that_slips_both_ways_rests_somewhere() -> None:
     # A clamped strip spreads both ways; when its last sticking node gives way another one comes to rest.
     c = half_planes(20, beta=0.5).condensed
-    slip_sign, never = np.where(np.arange(20) < 9, 1.0, -1.0), np.zeros(20, dtype=bool)
+    slip_sign, never = np.where(SIDE < -0.5, 1.0, -1.0), NONE > 0.0
     allowed = Changes(never, never, slip_sign > 0.0, slip_sign < 0.0)
-    load = c.free_rows(np.array([1.0, 0.0]), rates=True)
-    sets = (
-        Search(c.problem, load, np.zeros(20), allowed).solved(ContactStatus(~never, never, slip_sign)).status
-    )
+    search = Search(c.problem, c.free_rows(np.array([1.0, 0.0]), rates=True), NONE, allowed)
+    sets = search.solved(ContactStatus(~never, never, slip_sign)).status
     assert sets.stuck.any()
     assert not slides_freely(c, sets)

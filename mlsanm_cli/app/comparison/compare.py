@@ -15,7 +15,7 @@ from mlsanm_cli.app.comparison.measure import Comparison, Measured
 from mlsanm_cli.app.context import Clock, Console, RunContext
 from mlsanm_cli.app.output.checkpoint import attributes
 from mlsanm_cli.app.run import RESULTS
-from mlsanm_cli.app.scene.imported import load_with_files
+from mlsanm_cli.app.scene.outlines import load_with_files
 from mlsanm_cli.case import Case, LoadedCase
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.plots.curves import Curve, Panel, Picture, draw

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Place
+from mlsanm_cli.case import Geometry, LoadedCase, Place, load_case
 from mlsanm_cli.case.model.shapes import (
     Annulus,
     AnyShape,
@@ -43,25 +43,27 @@ from mlsanm_cli.records import dataclass
 
 MAX_BYTES = 256 * MB
 """Largest file of a body: a million nodes or more."""
+BOX_SAMPLES = 33
+"""Points on a curve by which its bounding box is known."""
 
 
 @lru_cache(maxsize=256)
 def drawn(shape: AnyShape) -> Outline:
     """The outline of a shape: closed loops of named curves, "name/1" and so on for several pieces of a name.
     Raises GeometryError for shapes that are not the closed boundary of a body."""
-    if isinstance(shape, Rectangle):
-        return rectangle(shape.x, shape.y)
-    if isinstance(shape, HalfDisk):
-        return half_disk(shape.center, shape.radius, shape.side)
-    if isinstance(shape, Sector):
-        first, last = (math.radians(angle) for angle in shape.angles)
-        return sector(shape.center, shape.radii, (first, last))
-    if isinstance(shape, Annulus):
-        return annulus(shape.center, shape.radii)
-    if isinstance(shape, Mesh | Points):
-        return imported_geometry(shape).outline
-    if isinstance(shape, Disk):
-        return disk(shape.center, shape.radius)
+    match shape:
+        case Rectangle(x=x, y=y):
+            return rectangle(x, y)
+        case Disk(center=center, radius=radius):
+            return disk(center, radius)
+        case HalfDisk(center=center, radius=radius, side=side):
+            return half_disk(center, radius, side)
+        case Annulus(center=center, radii=radii):
+            return annulus(center, radii)
+        case Sector(center=center, radii=radii, angles=(first, last)):
+            return sector(center, radii, (math.radians(first), math.radians(last)))
+        case Mesh() | Points():
+            return imported_geometry(shape).outline
     holes = [
         (name, hole.center, hole.radius) for name, hole in zip(hole_names(shape), shape.holes, strict=True)
     ]
@@ -140,3 +142,22 @@ def _read(shape: FileShape) -> ImportedGeometry:
     return ImportedGeometry(
         str(shape.sha256), points, trace(points, loops, math.radians(shape.corner)), normals
     )
+
+
+def load_with_files(path: Path, overrides: tuple[str, ...] = ()) -> LoadedCase:
+    """A validated case with checked geometry, also of bodies in files. Raises RunError and CaseError."""
+    return load_case(path, overrides, geometry_of)
+
+
+def geometry_of(shape: AnyShape) -> Geometry:
+    """The geometry of a shape for the checks of a case. Raises GeometryError."""
+    outline, digest = drawn(shape), ""
+    if isinstance(shape, Mesh | Points):
+        body = imported_geometry(shape)
+        points, digest = body.points, body.digest
+    else:
+        points = np.concatenate([c.points(np.linspace(0.0, c.length, BOX_SAMPLES)) for c in outline.curves])
+    names = tuple(dict.fromkeys(name.partition("/")[0] for name in outline.names))
+    low, high = points.min(axis=0), points.max(axis=0)
+    x, y = (0.5 * (low + high)).tolist()
+    return Geometry(names, (x, y), float((high - low).max()), digest)

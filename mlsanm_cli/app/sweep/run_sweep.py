@@ -13,7 +13,7 @@ from typing import Any
 from mlsanm_cli.app.context import Console
 from mlsanm_cli.app.results.info import collect, finished, held_case, write_rows
 from mlsanm_cli.app.run import RESULTS
-from mlsanm_cli.app.scene.imported import load_with_files
+from mlsanm_cli.app.scene.outlines import load_with_files
 from mlsanm_cli.app.sweep.engines import SweepPoint, solve_points
 from mlsanm_cli.case import Case, resolved_mapping
 from mlsanm_cli.case.vary import parse_vary, points

@@ -10,7 +10,7 @@ import textwrap
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import field, replace
 from itertools import pairwise, takewhile
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, GetJsonSchemaHandler
 from pydantic.json_schema import JsonSchemaValue
@@ -23,7 +23,6 @@ from mlsanm_cli.roundoff import ROUND_OFF
 
 if TYPE_CHECKING:
     from mlsanm_cli.case.model.case import Case
-    from mlsanm_cli.case.model.shapes import AnyShape
 import re
 from typing import Annotated, Literal
 
@@ -52,13 +51,6 @@ class Geometry:
     centre: Point
     size: float
     digest: str = ""
-
-
-class GeometryInspector(Protocol):
-    """Examines the geometry of a case. The case layer does no geometry and reads no geometry files."""
-
-    def geometry(self, shape: AnyShape) -> Geometry:
-        """The geometry of a shape. Raises GeometryError if it is not a valid body."""
 
 
 @dataclass(frozen=True)

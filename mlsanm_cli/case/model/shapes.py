@@ -230,14 +230,6 @@ class OutlineShape(_Shape):
 DrawnShape = Rectangle | Disk | HalfDisk | Sector | Annulus | Polygon | OutlineShape
 """Shapes whose geometry is given in the case file."""
 AnyShape = DrawnShape | Mesh | Points
-EDGES = {
-    "rectangle": ("left", "right", "bottom", "top"),
-    "disk": ("arc",),
-    "half-disk": ("arc", "flat"),
-    "sector": ("outer", "end", "inner", "start"),
-    "annulus": ("outer", "inner"),
-}
-"""Names of the boundaries of shapes that always have the same ones."""
 Shape = Annotated[AnyShape, Field(discriminator="kind")]
 
 
@@ -252,17 +244,6 @@ def side_names(shape: Polygon | OutlineShape) -> tuple[str, ...]:
 def hole_names(shape: Polygon | OutlineShape) -> tuple[str, ...]:
     """Names of all holes, default ones included."""
     return tuple(hole.name or f"hole{number}" for number, hole in enumerate(shape.holes, start=1))
-
-
-def edge_names(shape: AnyShape) -> tuple[str, ...]:
-    """Names of the boundaries by the keys of a shape, empty for shapes in files. Arcs of a polygon may
-    replace whole sides; these are included."""
-    if isinstance(shape, Polygon | OutlineShape):
-        arcs = shape.corners if isinstance(shape, Polygon) else ()
-        rounded = enumerate(shape.rounding, start=1) if isinstance(shape, Polygon) else ()
-        corners = [f"corner{number}" for number, radius in rounded if radius]
-        return tuple(dict.fromkeys([*side_names(shape), *filter(None, arcs), *corners, *hole_names(shape)]))
-    return EDGES.get(shape.kind, ())
 
 
 def _hole_faults(shape: Polygon | OutlineShape, sides: Sequence[str]) -> Iterator[Fault]:

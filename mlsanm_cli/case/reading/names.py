@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 from mlsanm_cli.case.model.places import listed
 from mlsanm_cli.case.model.section import Scope, split_boundary
-from mlsanm_cli.case.model.shapes import edge_names
 from mlsanm_cli.case.report import KeyPath, suggestion
 from mlsanm_cli.errors import Fault
 
@@ -66,9 +65,7 @@ def _unknown_boundary(path: KeyPath, boundary: str, scope: Scope) -> Iterator[Fa
 
 def _edges(body: str, scope: Scope) -> tuple[str, ...]:
     """Names of the boundaries of a body, empty if they are unknown."""
-    if body in scope.geometries:
-        return scope.geometries[body].boundaries
-    return next((edge_names(one.shape) for one in scope.case.body if one.name == body), ())
+    return scope.geometries[body].boundaries if body in scope.geometries else ()
 
 
 def _texts(scope: Scope, section: str, key: str) -> Iterator[tuple[KeyPath, str]]:

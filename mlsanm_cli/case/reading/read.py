@@ -7,7 +7,7 @@ import io
 import json
 import re
 import tomllib
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,8 @@ from pydantic import ValidationError
 
 from mlsanm_cli.case.limits import number_faults, size_faults, text_problem
 from mlsanm_cli.case.model.case import Case
-from mlsanm_cli.case.model.section import Geometry, GeometryInspector, Scope, all_faults
+from mlsanm_cli.case.model.section import Geometry, Scope, all_faults
+from mlsanm_cli.case.model.shapes import AnyShape
 from mlsanm_cli.case.reading.names import name_faults
 from mlsanm_cli.case.reading.overrides import apply_overrides, key_path
 from mlsanm_cli.case.report import KeyPath, Report, nearest
@@ -27,6 +28,11 @@ from mlsanm_cli.toml import plain
 
 MAX_LISTED_CASES = 1000
 """Largest number of case files in a directory that are searched for a similar name."""
+
+
+GeometryOf = Callable[[AnyShape], Geometry]
+"""The geometry of a shape. The case layer does no geometry and reads no geometry files. Raises GeometryError
+if the shape is not a valid body."""
 
 
 @dataclass(frozen=True)
@@ -48,12 +54,10 @@ class LoadedCase:
         return CaseError(report.problems)
 
 
-def load_case(
-    path: Path, overrides: Sequence[str] = (), inspector: GeometryInspector | None = None
-) -> LoadedCase:
+def load_case(path: Path, overrides: Sequence[str] = (), geometry_of: GeometryOf | None = None) -> LoadedCase:
     """Reads and validates a case file, with ``KEY=VALUE`` overrides applied before validation. Without
-    ``inspector`` neither geometry nor names of boundaries are checked. Raises RunError if the file cannot be
-    read, and CaseError with every problem found."""
+    ``geometry_of`` neither geometry nor names of boundaries are checked. Raises RunError if the file cannot
+    be read, and CaseError with every problem found."""
     if not is_text(path.absolute()):
         # Files of bodies are stored with their absolute path.
         raise RunError(f"the path {str(path.absolute())!r} is not UTF-8 text", "rename the directories in it")
@@ -74,7 +78,7 @@ def load_case(
         ) from error
     if path == STDIN:
         path = Path("stdin")
-    return parse_case(text, path, overrides, inspector)
+    return parse_case(text, path, overrides, geometry_of)
 
 
 def _nearest_case(path: Path) -> str:
@@ -91,7 +95,7 @@ def _nearest_case(path: Path) -> str:
 
 
 def parse_case(
-    text: str, path: Path, overrides: Sequence[str] = (), inspector: GeometryInspector | None = None
+    text: str, path: Path, overrides: Sequence[str] = (), geometry_of: GeometryOf | None = None
 ) -> LoadedCase:
     """Validates a case given as text. Raises CaseError. ``path`` is the source named in messages; other files
     are relative to its directory."""
@@ -106,7 +110,7 @@ def parse_case(
     report.add(number_faults(data))
     case = _validated(data, path.parent, report)
     if case is not None:
-        case = _with_digests(_check_relations(case, inspector, report))
+        case = _with_digests(_check_relations(case, geometry_of, report))
     problems = report.problems + bad_overrides
     if problems or case is None:
         raise CaseError(problems)
@@ -138,17 +142,17 @@ def _without(value: Any, removed: Collection[KeyPath], path: KeyPath = ()) -> An
     return value
 
 
-def _check_relations(case: Case, inspector: GeometryInspector | None, report: Report) -> Scope:
+def _check_relations(case: Case, geometry_of: GeometryOf | None, report: Report) -> Scope:
     """Adds every relation between keys that does not hold; returns the case with the geometries of its
-    bodies. Without ``inspector`` nothing that depends on geometry is checked."""
+    bodies. Without ``geometry_of`` nothing that depends on geometry is checked."""
     scope = Scope(case)
     geometries: dict[str, Geometry] = {}
     for index, body in enumerate(case.body):
         key: KeyPath = ("body", index, "shape")
-        if inspector is None or any(all_faults(body.shape, scope)):
+        if geometry_of is None or any(all_faults(body.shape, scope)):
             continue
         try:
-            geometries.setdefault(body.name, inspector.geometry(body.shape))
+            geometries.setdefault(body.name, geometry_of(body.shape))
         except OutlineError as error:
             report.add(replace(fault, key=(*key, *fault.key)) for fault in error.faults)
         except GeometryError as error:

@@ -18,7 +18,6 @@ from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.runs import summary_of
 from tests.app.scenes import BAR, PATCH, SHEARED, SMOOTH, Quiet, done, hertz, refused, solve
-from tests.case_text import probe as probe_text
 
 LOAD = -226.0
 PROBES = (
@@ -65,25 +64,6 @@ def test_linear_fields_are_exact(tmp_path: Path) -> None:
         (force,) = probe.probe_force(tmp_path / "bar", [position], "pull")
         assert force["fx"] == pytest.approx(pull, abs=1e-9)
     assert summary["probes"]["p"]["stress"] == pytest.approx([30.0, -40.0, 0.0], abs=1e-9)
-
-
-def test_heat_and_grain(tmp_path: Path) -> None:
-    """Wood pulled and sheared along axes turned by 30 degrees, then heated: strains even, stress stays."""
-    case = (Path(__file__).parents[3] / "cases" / "orthotropic.toml").read_text()
-    case += probe_text("p", "board", [1.3, 0.7])
-    solve(case, tmp_path / "run", "body.board.spacing=0.25")
-    c, s = np.sqrt(0.75), 0.5
-    own = np.array([[c * c, s * s, 2 * c * s], [s * s, c * c, -2 * c * s], [-c * s, c * s, c * c - s * s]])
-    give = [[1 / 12e3, -0.4 / 12e3, 0.0], [-0.4 / 12e3, 1 / 0.9e3, 0.0], [0.0, 0.0, 1 / 0.7e3]]
-    stress = np.array([8.0, 0.0, 2.0])
-    for position, degrees in ((1.0, 0.0), (1.6, 24.0), (2.0, 40.0)):
-        total = own.T @ (np.array(give) @ own @ stress + degrees * np.array([4e-6, 35e-6, 0.0]))
-        exact = [1.3 * total[0] + 0.7 * total[2], 0.7 * total[1], *stress, np.sqrt(64.0 + 12.0)]
-        for rows in (
-            probe.probe_named(tmp_path / "run", [position], "p"),
-            probe.probe_point(tmp_path / "run", [position], "board", (1.3, 0.7)),
-        ):
-            assert values(rows[0]) == pytest.approx(exact, rel=1e-8, abs=1e-8)
 
 
 def test_saved_fields_give_only_levels_that_they_span(tmp_path: Path) -> None:

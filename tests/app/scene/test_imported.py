@@ -12,7 +12,7 @@ import pytest
 
 from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.run import run
-from mlsanm_cli.app.scene.imported import load_with_files
+from mlsanm_cli.app.scene.outlines import load_with_files
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import case_hash
 from mlsanm_cli.cli import main

@@ -12,7 +12,7 @@ from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.clouds import clouds
 from mlsanm_cli.app.scene.contact_pairs import pair
 from mlsanm_cli.app.scene.facing import check_tips
-from mlsanm_cli.app.scene.imported import load_with_files
+from mlsanm_cli.app.scene.outlines import load_with_files
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.run_reader import read_run
