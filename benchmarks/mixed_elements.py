@@ -194,7 +194,9 @@ class Side:
         normal = self.gaps(u, gap, amount)[1]
         tangent = self.slopes @ (self.places + u.reshape(-1, 2))
         force = abs(float((multipliers * self.lengths) @ normal[:, 1]))
-        return force, float((multipliers / np.hypot(*tangent.T)).max())
+        # Means over elements: at the ends of a contact pressures oscillate from point to point.
+        pressure = (multipliers / np.hypot(*tangent.T)).reshape(-1, 3) @ GAUSS[1] / 2.0
+        return force, float(pressure.max())
 
 
 def plane(height: float) -> Gap:

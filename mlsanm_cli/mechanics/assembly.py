@@ -23,7 +23,7 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.body import BodyEquations, ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.corners import corner_weight, one_sided_weight, reentrant_corners, reentrant_weight
-from mlsanm_cli.mechanics.elasticity import traction_rows
+from mlsanm_cli.mechanics.elasticity import FIRST, moduli_of, operator_rows, traction_moduli
 from mlsanm_cli.mechanics.pieces import Pieces
 from mlsanm_cli.mechanics.rigid import FreeSystem, free_motions, pins
 from mlsanm_cli.mechanics.springs import FREE, NO_SPRING, Held, Springs, restrained
@@ -31,7 +31,7 @@ from mlsanm_cli.memo import digest
 from mlsanm_cli.operators import least_squares
 from mlsanm_cli.operators.least_squares import Strong
 from mlsanm_cli.operators.linear.interface import LinearSolver
-from mlsanm_cli.operators.rows import nodal_rows
+from mlsanm_cli.operators.rows import nodal_pairs, nodal_rows
 from mlsanm_cli.operators.structure import compact
 from mlsanm_cli.operators.system import LinearSystem
 from mlsanm_cli.records import dataclass
@@ -173,18 +173,47 @@ def _rows(
     model: BodyModel, held: Mapping[str, tuple[bool, bool]], single: Sequence[tuple[int, int]]
 ) -> sparse.csr_array:
     """All rows (r, 2N), without springs."""
-    cloud, c, count = model.cloud, model.material.stiffness, len(model.cloud.points)
-    blocks = [model.equilibrium(component) for component in (0, 1)]
-    for name, surface in cloud.surfaces.items():
+    moduli = moduli_of(model.material.stiffness)[..., None]
+    equilibrium = [model.equilibrium(component) for component in (0, 1)]
+
+    def traction(name: str, component: int) -> FloatArray:
+        return traction_moduli(moduli, model.cloud.surfaces[name].normal, component)
+
+    return rows_of_nodes(model, held, equilibrium, traction, single_rows(single, len(model.cloud.points)))
+
+
+def single_rows(
+    single: Sequence[tuple[int, int]], nodes: int, turned: int = 0, angle: float = 0.0
+) -> sparse.csr_array:
+    """Rows (s, 2N) of the displacements of ``single`` nodes in a component, the last ``turned`` along
+    directions rotated by ``angle``."""
+    directions, last = np.eye(2)[[component for _, component in single]].reshape(-1, 2), len(single) - turned
+    cos, sin = np.cos(angle), np.sin(angle)
+    directions[last:] = directions[last:] @ np.array([[cos, sin], [-sin, cos]])
+    rows = nodal_pairs(np.array([node for node, _ in single], dtype=np.int64), directions, nodes)
+    rows.eliminate_zeros()
+    return rows
+
+
+def rows_of_nodes(
+    model: BodyModel,
+    held: Held,
+    equilibrium: Sequence[sparse.csr_array],
+    traction: Callable[[str, int], FloatArray],
+    single: sparse.csr_array,
+) -> sparse.csr_array:
+    """Rows (r, 2N) of nodes: ``equilibrium`` in x and y, conditions of all surfaces, and those of ``single``
+    nodes. Components that are not ``held`` have the ``traction`` of a surface and component, coefficients (2,
+    2, b) of the first derivatives. At finite strain these are those of a state."""
+    blocks, count = list(equilibrium), len(model.cloud.points)
+    for name, surface in model.cloud.surfaces.items():
         stencils = model.stencils.take(surface.index)
         for component in (0, 1):
             if held.get(name, FREE)[component]:
                 blocks.append(nodal_rows(surface.index, component, count))
             else:
-                blocks.append(traction_rows(stencils, c, surface.normal, component))
-    for node, component in single:
-        blocks.append(nodal_rows(np.array([node], dtype=np.int64), component, count))
-    return sparse.csr_array(sparse.vstack(blocks, format="csr"))
+                blocks.append(operator_rows(stencils, FIRST, traction(name, component)))
+    return sparse.csr_array(sparse.vstack([*blocks, single], format="csr"))
 
 
 def spring_rows(cloud: Cloud, table: RowTable, nodes: int) -> sparse.csr_array:

@@ -14,27 +14,50 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.kernels.forces import add_forces
-from mlsanm_cli.operators.rows import pair_rows, scalar_rows, vector_rows
+from mlsanm_cli.operators.rows import pair_rows, scalar_rows
 from mlsanm_cli.operators.stencil_weights import Stencils
 
 XX, YY, XY = 0, 1, 2
 
 
+FIRST, SECOND, ALL = slice(1, 3), slice(3, 6), slice(1, 6)
+"""Derivatives among the weights of a stencil: x, y; xx, xy, yy."""
+
+
+def operator_rows(stencils: Stencils, kinds: slice, coefficients: FloatArray) -> sparse.csr_array:
+    """Rows (e, 2n) of derivatives ``kinds`` (m) of u_x and u_y times ``coefficients`` (m, 2), or (m, 2, e) if
+    they vary from point to point."""
+    weights = stencils.weights[:, kinds]
+    if coefficients.ndim == 2:
+        return pair_rows(stencils, weights @ coefficients)
+    entry = np.repeat(np.arange(len(stencils.indptr) - 1), np.diff(stencils.indptr))
+    values = np.zeros((len(weights), 2))
+    for weight, coefficient in zip(weights.T, coefficients, strict=True):
+        values += weight[:, None] * coefficient.T[entry]
+    return pair_rows(stencils, values)
+
+
+def moduli_of(c: FloatArray) -> FloatArray:
+    """Derivatives (4, 2, 2) of the stresses xx, xy, yx, yy by the derivatives x, y of u_x and u_y."""
+    by_strain = np.stack([[[xx, xy], [xy, yy]] for xx, yy, xy in c])
+    return by_strain[[XX, XY, XY, YY]]
+
+
 def stress_rows(stencils: Stencils, c: FloatArray, component: int) -> sparse.csr_array:
     """Rows (e, 2n) of the stress ``component`` XX, YY or XY at the stencils' points."""
-    on_xx, on_yy, on_xy = c[component]
-    return pair_rows(stencils, stencils.weights[:, 1:3] @ np.array([[on_xx, on_xy], [on_xy, on_yy]]))
+    return operator_rows(stencils, FIRST, moduli_of(c)[(0, 3, 1)[component]])
+
+
+def traction_moduli(moduli: FloatArray, normal: FloatArray, component: int) -> FloatArray:
+    """Coefficients (2, 2, b) of the traction x (0) or y (1) on surfaces with ``normal`` (b, 2), by ``moduli``
+    (4, 2, 2, b or 1)."""
+    on_x, on_y = moduli[2 * component : 2 * component + 2]
+    return np.asarray(on_x * normal[:, 0] + on_y * normal[:, 1])
 
 
 def traction_rows(stencils: Stencils, c: FloatArray, normal: FloatArray, component: int) -> sparse.csr_array:
     """Rows (e, 2n) of the traction component x (0) or y (1) on surfaces with ``normal`` (e, 2)."""
-    dx, dy = stencils.weights[:, 1], stencils.weights[:, 2]
-    count = np.diff(stencils.indptr)
-    n_x, n_y = np.repeat(normal[:, 0], count), np.repeat(normal[:, 1], count)
-    first, second = ((XX, XY), (XY, YY))[component]
-    # Traction stiffness, entry by entry.
-    s0, s1, s2 = (c[first, a] * n_x + c[second, a] * n_y for a in range(3))
-    return vector_rows(stencils, s0 * dx + s2 * dy, s2 * dx + s1 * dy)
+    return operator_rows(stencils, FIRST, traction_moduli(moduli_of(c)[..., None], normal, component))
 
 
 def force_rows(stencils: Stencils, c: FloatArray, arm: FloatArray, normal: FloatArray) -> sparse.csr_array:
@@ -67,16 +90,8 @@ def force_sums(arm: FloatArray, normal: FloatArray) -> list[sparse.csr_array]:
 
 def equilibrium_rows(stencils: Stencils, c: FloatArray, component: int) -> sparse.csr_array:
     """Rows (e, 2n) of div sigma in x (0) or y (1) for uniform stiffness, by second derivatives."""
-    first, second = ((XX, XY), (XY, YY))[component]
-    # Coefficients of the second derivatives xx, xy, yy of u_x and of u_y.
-    factors = np.array(
-        [
-            [c[first, 0], c[first, 2]],
-            [c[first, 2] + c[second, 0], c[first, 1] + c[second, 2]],
-            [c[second, 2], c[second, 1]],
-        ]
-    )
-    return pair_rows(stencils, stencils.weights[:, 3:6] @ factors)
+    on_x, on_y = moduli_of(c)[2 * component : 2 * component + 2]
+    return operator_rows(stencils, SECOND, np.stack([on_x[0], on_x[1] + on_y[0], on_y[1]]))
 
 
 def nested_equilibrium_rows(

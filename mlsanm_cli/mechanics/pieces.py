@@ -151,13 +151,8 @@ class Pieces:
         """Matrix (3k, 3e) from forces x, y and moments about ``center`` (e, 2) to those on pieces ``owner``
         (e,), -1 for none."""
         total, number = len(owner), np.flatnonzero(owner >= 0)
-        owner, center, count = owner[number], center[number], len(number)
-        arm = self.arm(owner, center)
-        lines = [owner, self.count + owner, *[2 * self.count + owner] * 3]
-        columns = [number, total + number, number, total + number, 2 * total + number]
-        values = [np.ones(count), np.ones(count), -arm[:, 1], arm[:, 0], 1.0 / self.size[owner]]
-        entries = (np.concatenate(values), (np.concatenate(lines), np.concatenate(columns)))
-        return sparse.csr_array(entries, shape=(3 * self.count, 3 * total))
+        owner, center = owner[number], center[number]
+        return gathering(number, owner, np.ones(len(owner)), self.arm(owner, center), self.size, total)
 
     def arm(self, owner: IntArray, points: FloatArray) -> FloatArray:
         """Arms (e, 2) of ``points`` (e, 2) about the centroids of pieces ``owner`` (e,), over their size."""
@@ -271,6 +266,20 @@ class Pieces:
                 if level[node] >= 0:
                     known[[component * self.count + level[node], 2 * self.count + level[node]]] = False
         return known
+
+
+def gathering(
+    number: IntArray, owner: IntArray, sign: FloatArray, arm: FloatArray, size: FloatArray, total: int
+) -> sparse.csr_array:
+    """Matrix (3k, 3 ``total``) from forces x, forces y and moments at places to those on pieces, moments over
+    ``size`` (k,). The place ``number`` (m,) acts on the piece ``owner`` (m,) with a ``sign`` (m,) and an
+    ``arm`` (m, 2), over its size."""
+    count = len(size)
+    lines = [owner, count + owner, *[2 * count + owner] * 3]
+    columns = [number, total + number, number, total + number, 2 * total + number]
+    values = [sign, sign, -sign * arm[:, 1], sign * arm[:, 0], sign / size[owner]]
+    entries = (np.concatenate(values), (np.concatenate(lines), np.concatenate(columns)))
+    return sparse.csr_array(entries, shape=(3 * count, 3 * total))
 
 
 def rule_of(model: BodyModel) -> Rule:

@@ -107,3 +107,31 @@ def test_cells_close_along_waves_that_their_nodes_do_not_see() -> None:
     normal = halves.length @ rough.curve.normals(halves.arc)
     first, last = rough.curve.points(np.array([0.0, rough.curve.length]))
     assert normal == pytest.approx([last[1] - first[1], first[0] - last[0]], abs=1e-6)
+
+
+def around() -> Spline:
+    angle = np.linspace(0.0, 2.0 * np.pi, 41)
+    return NodeSpline((1.0 + 0.2 * np.cos(3.0 * angle))[:, None] * circle(angle), True).between(0, 40)
+
+
+def circle(angle: FloatArray) -> FloatArray:
+    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+@pytest.mark.parametrize(
+    "curve",
+    [joined(rectangle((0.0, 2.0), (0.0, 1.0)).curves, around=True), around()],
+    ids=["sides", "spline"],
+)
+def test_a_part_may_pass_the_start_of_a_closed_curve(curve: Curve) -> None:
+    first, last = 0.7 * curve.length, 1.25 * curve.length
+    part = curve.part(first, last)
+    assert not part.closed
+    assert part.length == pytest.approx(last - first)
+    s = np.linspace(0.0, part.length, 1001)
+    inside = np.mod(first + s, curve.length)
+    assert part.points(s) == pytest.approx(curve.points(inside), abs=1e-9)
+    places = np.random.default_rng(0).uniform(-1.0, 2.0, (200, 2))
+    away = np.hypot(*(part.points(part.closest(places)) - places).T)
+    best = np.sqrt(((places[:, None] - part.points(s)) ** 2).sum(axis=2).min(axis=1))
+    assert (away <= best + 1e-12).all()

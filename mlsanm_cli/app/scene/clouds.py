@@ -12,14 +12,12 @@ from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.conditions import conditions, prescribes
 from mlsanm_cli.app.scene.contact_pairs import shape_of
 from mlsanm_cli.app.scene.contact_spacing import (
-    NODAL_BAND,
-    NODAL_GROWTH,
-    NODAL_RATIO,
     bond_zones,
     clamped_zones,
     contact_zone,
     crack_zones,
     sharp_ends,
+    strained_zone,
 )
 from mlsanm_cli.app.scene.default_spacing import (
     PER_THICKNESS,
@@ -33,8 +31,7 @@ from mlsanm_cli.app.scene.default_spacing import (
 from mlsanm_cli.app.scene.load_profiles import runs_of
 from mlsanm_cli.app.scene.load_spacing import field_zones, load_zones
 from mlsanm_cli.app.scene.materials import materials
-from mlsanm_cli.app.scene.outlines import drawn, imported_geometry
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.app.scene.outlines import drawn, geometry_of, imported_geometry
 from mlsanm_cli.case import Body, Case, Place
 from mlsanm_cli.case.model.shapes import Mesh, Points
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
@@ -44,9 +41,6 @@ from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.roundoff import ROUND_OFF
-
-OUTLINE_SAMPLES = 33
-"""Points along every curve of an outline, by which its bounding box is compared."""
 
 
 @lru_cache(maxsize=64)
@@ -119,8 +113,7 @@ def _contact_zones(
             yield from contact_zone(rest, own, other if len(both) > 1 else None, obstacle, far)
             yield from crack_zones(both[0][1], all_ends)
             if case.model.strain == "finite":
-                fine = far / NODAL_RATIO
-                yield Zone(own, fine, NODAL_BAND * fine, NODAL_GROWTH)
+                yield strained_zone(own, far)
             elif obstacle is not None:
                 yield from sharp_ends(rest, own, obstacle, far)
 
@@ -164,27 +157,19 @@ def line_of(boundaries: Boundaries) -> SymmetryLine | None:
         return None
     if any(isinstance(body.shape, Mesh | Points) and not body.has_nodes for body in case.body):
         return None
-    points = [_points(boundaries, body) for body in case.body]
-    boxes = np.array([[cloud.min(axis=0), cloud.max(axis=0)] for cloud in points])
-    size = np.ptp(boxes.reshape(-1, 2), axis=0).max()
-    middle = boxes.mean(axis=1)
+    shapes = [geometry_of(body.shape) for body in case.body]
+    size = max(shape.size for shape in shapes)
     for axis in (0, 1):
-        line = SymmetryLine(axis, float(middle[0, axis]))
-        same = np.abs(middle[:, axis] - line.at).max() <= ROUND_OFF * size
-        if same and all(
-            line.images(nodes, np.full(len(nodes), size / np.sqrt(len(nodes)))) is not None
-            if body.has_nodes
-            else spacing_of(boundaries, body).symmetric(line)
-            for body, nodes in zip(case.body, points, strict=True)
-        ):
+        line = SymmetryLine(axis, shapes[0].centre[axis])
+        same = max(abs(shape.centre[axis] - line.at) for shape in shapes) <= ROUND_OFF * size
+        if same and all(_is_symmetric(boundaries, body, line, size) for body in case.body):
             return line
     return None
 
 
-def _points(boundaries: Boundaries, body: Body) -> FloatArray:
-    """The nodes (n, 2) of a body from a file, or points along its outline."""
-    if isinstance(body.shape, Mesh | Points):
-        return imported_geometry(body.shape).points
-    fractions = np.linspace(0.0, 1.0, OUTLINE_SAMPLES)
-    curves = boundaries.drawn[body.name].curves
-    return np.concatenate([curve.points(curve.length * fractions) for curve in curves])
+def _is_symmetric(boundaries: Boundaries, body: Body, line: SymmetryLine, size: float) -> bool:
+    """Whether the spacing of a body, or its nodes from a file, are symmetric about a ``line``."""
+    if not isinstance(body.shape, Mesh | Points):
+        return spacing_of(boundaries, body).symmetric(line)
+    nodes = imported_geometry(body.shape).points
+    return line.images(nodes, np.full(len(nodes), size / np.sqrt(len(nodes)))) is not None

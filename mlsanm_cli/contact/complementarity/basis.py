@@ -55,7 +55,7 @@ class Basis:
         cost = len(changed) + 2 * len(turned)
         if cost:
             few = cost <= max(2, len(self.active) // 16) and self.updates + cost <= MAX_UPDATES
-            if not (few and not self.held.shape[1] and self._updated(status, changed, turned, new)):
+            if not (few and self._updated(status, changed, turned, new)):
                 self._factorise(status)
         self.status = status
         return self
@@ -65,6 +65,8 @@ class Basis:
         meanwhile."""
         m = self.problem.m
         entering, leaving = changed[new[changed]], changed[~new[changed]]
+        if self._touches_held(entering):
+            return False
         try:
             for index in [*(turned + m), *entering[entering < m], *entering[entering >= m]]:
                 self.enter(index, status)
@@ -73,6 +75,17 @@ class Basis:
         except SingularError:
             return False
         return True
+
+    def _touches_held(self, entering: IntArray) -> bool:
+        """Whether unknowns that enter resist held motions, or act on the balances that nothing changes."""
+        p = self.problem
+        if not (self.held.shape[1] and len(entering)):
+            return False
+        own = p.owner[entering]
+        acting = np.append(entering, p.m + own[own >= 0])
+        resisted = p.matrix[entering][:, p.contacts :] @ self.held
+        caused = self.left.T @ p.matrix[p.contacts :][:, acting]
+        return bool(max(np.abs(resisted).max(), np.abs(caused).max()) > NULL)
 
     def anew(self) -> bool:
         """Factorise the same status if the inverse has been updated; whether that was done."""

@@ -217,10 +217,12 @@ def _slides(
     """Whether the rates from one state to the next are those of a contact that slides as a whole and is
     driven by loads, not of bodies that others graze."""
     assert after.rates is not None
-    rates = ContactSolution.unscaled(condensed.problem, after.rates.x, after.rates.w)
-    if not slides_freely(condensed, after.status, rates):
+    p, status = condensed.problem, after.status
+    rates = ContactSolution.unscaled(p, after.rates.x, after.rates.w)
+    pressed = after.x[: p.m] > GRAZING * p.size(after.x)
+    loaded = replace(status, slip_sign=np.where(pressed[p.nodes], status.slip_sign, 0.0))
+    if not slides_freely(condensed, loaded, rates):
         return False
-    p = condensed.problem
     moved = np.abs(after.rates.x[p.contacts :])
     size = np.abs(begin + before.lam * change) + np.abs(change)
     load = np.abs(condensed.balance.load) @ size

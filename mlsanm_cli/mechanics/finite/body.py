@@ -23,12 +23,13 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cells import cell_quadrature
-from mlsanm_cli.mechanics.assembly import RowTable, spring_rows
+from mlsanm_cli.mechanics.assembly import RowTable, single_rows, spring_rows
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.finite.faces import FacePoints, inner_points, outline_points
 from mlsanm_cli.mechanics.finite.loads import Applied, Loads
 from mlsanm_cli.mechanics.laws.law import Law, determinant, gradient_of
+from mlsanm_cli.mechanics.near_field import ComplexArray
 from mlsanm_cli.mechanics.pieces import rule_of
 from mlsanm_cli.operators.rows import pair_rows
 from mlsanm_cli.records import dataclass
@@ -98,15 +99,8 @@ class FiniteBody:
     @cached_property
     def single(self) -> sparse.csr_array:
         """Rows (s, 2N) of the displacements of single held nodes."""
-        held, unknowns = self.elastic.held_nodes, self.unknowns
-        rows = np.zeros((len(held), 2))
-        node = np.array([one for one, _ in held], dtype=np.int64)
-        rows[np.arange(len(held)), [component for _, component in held]] = 1.0
-        cos, sin = np.cos(self.angle), np.sin(self.angle)
-        last = len(held) - self.pins
-        rows[last:] = rows[last:] @ np.array([[cos, sin], [-sin, cos]])
-        entries = (rows.ravel(), (np.repeat(np.arange(len(held)), 2), (2 * node[:, None] + [0, 1]).ravel()))
-        return sparse.csr_array(entries, shape=(len(held), unknowns))
+        nodes = len(self.elastic.model.cloud.points)
+        return single_rows(self.elastic.held_nodes, nodes, self.pins, self.angle)
 
     @property
     def pinned(self) -> sparse.csr_array:
@@ -117,6 +111,12 @@ class FiniteBody:
         """Mean rotation of the body under a ``displacement`` (2N,)."""
         xx, xy, yx, yy = self.gradient(displacement) @ self.elastic.model.cloud.areas
         return float(np.arctan2(yx - xy, 2.0 * self.elastic.model.cloud.areas.sum() + xx + yy))
+
+    def turns(self, displacement: FloatArray) -> ComplexArray:
+        """Rotations (n,) of the nodes under a ``displacement`` (2N,), as unit complex numbers."""
+        xx, xy, yx, yy = self.gradient(displacement)
+        found = 2.0 + xx + yy + 1j * (yx - xy)
+        return np.asarray(found / np.abs(found))
 
     @cached_property
     def table(self) -> RowTable:

@@ -11,12 +11,15 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.mechanics.assembly import rows_of_nodes
+from mlsanm_cli.mechanics.elasticity import ALL, FIRST, operator_rows, traction_moduli
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.body_series import BodySeries, jets_of
 from mlsanm_cli.mechanics.finite.faces import FacePoints
 from mlsanm_cli.mechanics.finite.loads import cofactor_normal
 from mlsanm_cli.mechanics.laws.law import gradient_of
-from mlsanm_cli.operators.rows import nodal_rows, pair_rows, scalar_rows
+from mlsanm_cli.mechanics.pieces import gathering
+from mlsanm_cli.operators.rows import pair_rows, scalar_rows
 from mlsanm_cli.operators.stencil_weights import Stencils
 from mlsanm_cli.records import dataclass
 
@@ -26,29 +29,23 @@ def derivative_rows(
 ) -> sparse.csr_array:
     """Rows (r - 3k, 2N) of the nodes at ``displacement`` (2N,) and load ``factors`` (L,), with the ``mean``
     stress of volume changes there or another one in its place."""
-    elastic = body.elastic
-    model, stencils = elastic.model, elastic.model.stencils
-    stress, divergence = _coefficients(body, displacement, factors)
-    blocks = [_rows(stencils, range(1, 6), divergence[component]) for component in (0, 1)]
+    elastic, surfaces = body.elastic, body.elastic.model.cloud.surfaces
+    moduli, divergence = _coefficients(body, displacement, factors)
+    equilibrium = [operator_rows(elastic.model.stencils, ALL, one) for one in divergence]
     if body.law.nested:
         mean = mean or MeanStress.at(body, displacement, factors)
-        blocks = [block + rows for block, rows in zip(blocks, mean.divergence(), strict=True)]
-        stress = stress + mean.moduli
-    for name, index, normal, held in body.conditions:
-        some = stencils.take(index)
-        for component in (0, 1):
-            if held[component]:
-                blocks.append(nodal_rows(index, component, len(model.cloud.points)))
-                continue
-            row = stress[2 * component : 2 * component + 2][..., index]
-            chosen = row[0] * normal[:, 0] + row[1] * normal[:, 1]
-            if body.applied.follows:
-                at = elastic.condition_rows(name, component)
-                pressure = body.applied.pressed[at] @ factors
-                chosen = chosen + pressure * _cofactor(normal)[component]
-            blocks.append(_rows(some, range(1, 3), chosen))
-    blocks.append(body.single)
-    rows = sparse.csr_array(sparse.vstack(blocks, format="csr"))
+        equilibrium = [one + rows for one, rows in zip(equilibrium, mean.divergence(), strict=True)]
+        moduli = moduli + mean.moduli
+
+    def traction(name: str, component: int) -> FloatArray:
+        surface = surfaces[name]
+        found = traction_moduli(moduli[..., surface.index], surface.normal, component)
+        if body.applied.follows:
+            pressure = body.applied.pressed[elastic.condition_rows(name, component)] @ factors
+            found = found + pressure * _cofactor(surface.normal)[component]
+        return found
+
+    rows = rows_of_nodes(elastic.model, elastic.held, equilibrium, traction, body.single)
     return sparse.csr_array(rows + body.pulls) if elastic.springs else rows
 
 
@@ -84,7 +81,7 @@ class MeanStress:
     def rows(self) -> sparse.csr_array:
         """Rows (n, 2N) of the derivatives of nodal values by displacements."""
         by_x, by_y = self.slopes[::2], self.slopes[1::2]
-        return _rows(self.stencils, range(1, 3), np.stack([by_x, by_y]))
+        return operator_rows(self.stencils, FIRST, np.stack([by_x, by_y]))
 
     @property
     def cofactor(self) -> FloatArray:
@@ -112,7 +109,7 @@ class MeanStress:
         for component in (0, 1):
             x, y = self.cofactor[component]
             nested = (sparse.diags_array(x) @ by_x + sparse.diags_array(y) @ by_y) @ self.rows
-            found.append(sparse.csr_array(nested + _rows(stencils, range(1, 3), changed[component])))
+            found.append(sparse.csr_array(nested + operator_rows(stencils, FIRST, changed[component])))
         return found
 
 
@@ -137,15 +134,6 @@ def _coefficients(
             if kind < 2:
                 stress[:, kind, component] = found[:, 0]
     return stress, divergence
-
-
-def _rows(stencils: Stencils, kinds: range, coefficients: FloatArray) -> sparse.csr_array:
-    """Rows (e, 2N) of derivatives times ``coefficients`` (kinds, 2, e)."""
-    entry = np.repeat(np.arange(len(stencils.indptr) - 1), np.diff(stencils.indptr))
-    values = np.zeros((len(stencils.indices), 2))
-    for number, kind in enumerate(kinds):
-        values += stencils.weights[:, kind, None] * coefficients[number].T[entry]
-    return pair_rows(stencils, values)
 
 
 def _cofactor(normal: FloatArray) -> FloatArray:
@@ -283,13 +271,8 @@ def _onto(
 ) -> sparse.csr_array:
     """Matrix (3k, 3e) that sums forces x, forces y and moments about the ``center`` (2, e) of fits on bodies
     with ``middle`` (2, k), moments over their ``size`` (k,)."""
-    count, fits = len(size), center.shape[1]
-    arm = (center[:, fit] - middle[:, owner]) / size[owner]
-    line = [owner, count + owner, *[2 * count + owner] * 3]
-    column = [fit, fits + fit, fit, fits + fit, 2 * fits + fit]
-    value = [sign, sign, -sign * arm[1], sign * arm[0], sign / size[owner]]
-    entries = (np.concatenate(value), (np.concatenate(line), np.concatenate(column)))
-    return sparse.csr_array(entries, shape=(3 * count, 3 * fits))
+    arm = ((center[:, fit] - middle[:, owner]) / size[owner]).T
+    return gathering(fit, owner, sign, arm, size, center.shape[1])
 
 
 def load_columns(

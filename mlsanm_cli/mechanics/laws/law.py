@@ -17,7 +17,7 @@ Equations (19) and (21) of docs/method.md.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from importlib import import_module
 from typing import Any
@@ -62,6 +62,8 @@ class Law(ABC):
     ) -> Response:
         """Empty series of ``orders`` beyond the state at ``points`` points, with ``jets`` of 1 (values) or 3
         (with spatial derivatives); with temperatures if ``warm``."""
+        # The stretch across a sheet is the solution of an equation.
+        orders = max(orders, 1) if self.plane == "stress" else orders
         return Response(self, Tape(orders, jets, points), warm, apart)
 
     def state(
@@ -86,26 +88,15 @@ class Law(ABC):
         temperature change (n,)."""
         response = self.state(gradient, degrees, 1, apart=True)
         assert response.mean is not None
-        slopes = np.empty_like(gradient)
-        for component in range(4):
-            unit = np.zeros((4, 1, gradient.shape[1]))
-            unit[component] = 1.0
-            response.put(1, unit)
-            slopes[component] = response.mean[1, 0]
-        return response.mean[0, 0], slopes
+        mean = response.mean
+        return mean[0, 0], np.stack([mean[1, 0].copy() for _ in response.units()])
 
     def moduli(
         self, gradient: FloatArray, degrees: FloatArray | None = None, apart: bool = False
     ) -> FloatArray:
         """dP/dF (4, 4, n) at a displacement ``gradient`` (4, n) and temperature change (n,)."""
         response = self.state(gradient, degrees, 1, apart)
-        found = np.empty((4, 4, gradient.shape[1]))
-        for component in range(4):
-            unit = np.zeros((4, 1, gradient.shape[1]))
-            unit[component] = 1.0
-            response.put(1, unit)
-            found[:, component] = response.stress[:, 1, 0]
-        return found
+        return np.stack([response.stress[:, 1, 0].copy() for _ in response.units()], axis=1)
 
     def squared_free_stretch(self, tensor: FloatArray, degrees: FloatArray) -> FloatArray:
         """A ``tensor`` (4, n) times the square of the free stretch G of a temperature change (n,)."""
@@ -187,6 +178,14 @@ class Response:
         self._tape.advance(order)
         for place, component in enumerate(self._plane):
             self.stress[place, order] = component.values[order]
+
+    def units(self) -> Iterator[int]:
+        """Set the first order to a unit change of every component of the gradient, in turn."""
+        for component in range(4):
+            unit = np.zeros((4, *self.gradient.shape[2:]))
+            unit[component, 0] = 1.0
+            self.put(1, unit)
+            yield component
 
     @property
     def mean(self) -> FloatArray | None:

@@ -131,11 +131,11 @@ def _product(x: Term, y: FloatArray, order: int) -> FloatArray:
 
 
 class Tape:
-    """Series of ``orders`` at ``points`` (n) points, with ``jets`` of 1 or 3 numbers each. There is room for
-    the first order in any case, as solutions of equations need it."""
+    """Series of ``orders`` at ``points`` (n) points, with ``jets`` of 1 or 3 numbers each. Solutions of
+    equations need at least one order."""
 
     def __init__(self, orders: int, jets: int, points: int) -> None:
-        self._shape = (max(orders, 1) + 1, jets, points)
+        self._shape = (orders + 1, jets, points)
         self._steps: list[tuple[Callable[[int], None], Series]] = []
 
     def input(self) -> Series:
