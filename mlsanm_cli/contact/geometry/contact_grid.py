@@ -185,13 +185,19 @@ class ContactGrid:
     @cached_property
     def axes(self) -> FloatArray:
         """Vectors (2, k, 2) at the samples along which displacements are interpolated: x and y; with planes
-        of symmetry the normal and the tangent, in which they are even and odd."""
+        of symmetry along and across these, or between two at an angle the normal and the tangent, in which
+        they are even and odd."""
         if not self.mirrored:
             return np.repeat(np.eye(2)[:, None], self.count, axis=1)
         return self._axes_at(self.samples)
 
     def _axes_at(self, s: FloatArray) -> FloatArray:
-        normal = as_real(self.facing.side(s, True)[1])
+        ways = [plane.along for plane in self.mirrors if plane is not None]
+        if max(abs((way * np.conj(ways[0])).imag) for way in ways) <= COARSE_ROUND_OFF:
+            # Not the normal: splines meet planes at angles that are not exactly right.
+            normal = np.repeat(as_real(np.array(ways[:1])), len(s), axis=0)
+        else:
+            normal = as_real(self.facing.side(s, True)[1])
         return np.stack([normal, turned(normal)])
 
     def spread(self, direction: FloatArray) -> FloatArray:

@@ -38,14 +38,21 @@ def squeezed(right: float) -> Scene:
     return (plate + side + top).contact("c", "block.bottom", obstacle=FLOOR, friction=1.0)
 
 
-def rolled(half: bool) -> Scene:
-    """A steel cylinder on a softer block, with friction: a curved slave meets the plane at a right angle."""
+def rolled(half: bool, through_points: bool = False) -> Scene:
+    """A steel cylinder on a softer block, with friction: a curved slave meets the plane at a right angle, or
+    as nearly as a spline does."""
     text = scene("strain").material("soft", E=70e3, nu=0.2)
     shape: dict[str, Any] = {"half_disk": ([0.0, 1.0], 1.0)}
     if half:
         corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
         shape = {"kind": "polygon", "points": corners, "names": ["below", "side", "flat", "middle"]}
         shape = {"shape": shape | {"rounding": [0.0, 1.0, 0.0, 0.0], "corners": ["", "arc", "", ""]}}
+    if half and through_points:
+        angle = np.linspace(-0.5 * np.pi, 0.0, 41)
+        arc = np.stack([np.cos(angle), 1.0 + np.sin(angle)], axis=1).tolist()
+        sides = {"arc": arc, "flat": [[1.0, 1.0], [0.0, 1.0]], "middle": [[0.0, 1.0], [0.0, 0.0]]}
+        named = [{"name": name, "points": points} for name, points in sides.items()]
+        shape = {"shape": {"kind": "outline", "sides": named}}
     text = text.body("disk", "steel", **shape)
     text = text.body("block", "soft", box=([0.0 if half else -2.0, 2.0], [-2.0, 0.0]))
     text = text.support("block.bottom", ux=0.0, uy=0.0)
@@ -66,9 +73,10 @@ def between(left: float) -> Scene:
         (indented(0.0).support("block.left", ux=0.0), indented(-1.0)),
         (squeezed(40.0).support("block.right", ux=0.0), squeezed(80.0)),
         (rolled(True).support("block.left", ux=0.0).support("disk.middle", ux=0.0), rolled(False)),
+        (rolled(True, True).support("block.left", ux=0.0).support("disk.middle", ux=0.0), rolled(False)),
         (between(0.0), between(-1.0)),
     ],
-    ids=["round obstacle", "opening and sliding", "two bodies", "two planes"],
+    ids=["round obstacle", "opening and sliding", "two bodies", "curve through points", "two planes"],
 )
 def test_a_half_is_half_of_the_whole(half: Scene, whole: Scene, tmp_path: Path) -> None:
     one, other = (solve(text, tmp_path / str(n)) for n, text in enumerate((half, whole)))
