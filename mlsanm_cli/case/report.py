@@ -235,10 +235,6 @@ class Report:
         created = path not in self.lines
         return created and any(changed[: len(path)] == path for changed in self.changed)
 
-    def touches(self, path: KeyPath) -> bool:
-        """Whether there is a problem at the path or below it."""
-        return any(found[: len(path)] == path for found, _ in self._found)
-
     @property
     def problems(self) -> tuple[CaseProblem, ...]:
         """All problems in the order of their lines, those of the command line last."""

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.curves import Segment
 from mlsanm_cli.contact.finite.meeting import Meeting
 from mlsanm_cli.contact.finite.node_curve import NodeCurve
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.rigid import RigidContact
-from mlsanm_cli.contact.finite.sides import ContactSide
+from mlsanm_cli.contact.finite.sides import ContactSide, SideNodes
 from mlsanm_cli.contact.geometry.obstacles import Round
 
 NO_PLANE = (None, None)
@@ -20,19 +21,10 @@ def side(body: str, arc: FloatArray, places: FloatArray, outward: FloatArray) ->
     steps = np.diff(arc)
     weight = 0.5 * (np.append(steps, 0.0) + np.append(0.0, steps))
     free = np.zeros(len(arc), dtype=bool)
-    return ContactSide(
-        body,
-        (("side", np.arange(len(arc))),),
-        np.arange(len(arc)),
-        places,
-        outward,
-        weight,
-        arc,
-        None,
-        free,
-        (0, len(arc) - 1),
-        NO_PLANE,
-    )
+    points = (body, places, outward, weight, arc, None, free, (0, len(arc) - 1), NO_PLANE, NO_PLANE)
+    numbers = np.arange(len(arc))
+    straight = Segment(tuple(places[0].tolist()), tuple(places[-1].tolist()))
+    return ContactSide(*points, SideNodes(*points, straight, numbers, (("side", numbers),), (None,)))
 
 
 def test_a_curve_with_corners_is_exact_for_parabolas_between_them() -> None:
@@ -129,3 +121,26 @@ def test_a_parabola_of_pressures_arrives_without_smoothing() -> None:
     met = BodyContact("c", above, below).meet(np.zeros((30, 2)), np.zeros(1), None)
     arrived = met.tractions(1.0 - (x - 1.0) ** 2, np.zeros(15))[15:, 1]
     np.testing.assert_allclose(arrived[2:-2], ((x - 1.0) ** 2 - 1.0)[2:-2], atol=1e-12)
+
+
+def test_knots_load_nodes_with_their_force_and_moment() -> None:
+    """Ten knots within an interval of two nodes, and coarse ones elsewhere; what nodes move by, cubic,
+    arrives at the knots."""
+    x = np.array([0.0, 0.2, 0.5, 0.7, 1.0, 1.3, 1.5, 1.6, 1.9, 2.2, 2.4, 2.7, 3.0])
+    nodes = side("s", x, np.stack([x, 0 * x], 1), np.tile([0.0, 1.0], (len(x), 1))).nodes
+    knots = ContactSide.on(nodes, np.concatenate([[0.0, 0.8], np.linspace(1.05, 1.25, 10), [2.0, 3.0]]))
+    traction = np.random.default_rng(2).normal(size=2 * knots.count)
+    nodal = (knots.spread @ traction).reshape(-1, 2)
+
+    def sums(arc: FloatArray, values: FloatArray) -> FloatArray:
+        """Integrals of piecewise linear values, and of them times the place."""
+        fine = np.union1d(arc, np.linspace(0.0, 3.0, 20001))
+        seen = np.stack([np.interp(fine, arc, one) for one in values.T], 1)
+        return np.stack([np.trapezoid(seen, fine, axis=0), np.trapezoid(seen * fine[:, None], fine, axis=0)])
+
+    expected = sums(knots.arc, traction.reshape(-1, 2))
+    np.testing.assert_allclose(sums(nodes.arc, nodal), expected, rtol=1e-5, atol=1e-6)
+    moved = np.stack([x**3 - x, 1.0 - x**2], 1).ravel()
+    s = knots.arc
+    found = (knots.onto @ moved).reshape(-1, 2)
+    np.testing.assert_allclose(found, np.stack([s**3 - s, 1.0 - s**2], 1), atol=1e-9)

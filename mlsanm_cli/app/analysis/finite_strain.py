@@ -33,9 +33,8 @@ from mlsanm_cli.app.finite.fields import (
     resultants,
     stretch_along,
 )
-from mlsanm_cli.app.finite.patches import touched_after
+from mlsanm_cli.app.finite.grids import knots_of, located, with_knots
 from mlsanm_cli.app.finite.path import finite_path
-from mlsanm_cli.app.finite.refinement import contact_errors, refined
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
 from mlsanm_cli.app.finite.states import STATE
 from mlsanm_cli.app.output.analysis import Analysis, BodyFields
@@ -51,17 +50,17 @@ from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State
 
 
-def contact_lines(scene: FiniteScene, state: State, fields: Mapping[str, Any]) -> dict[str, VtuPart]:
+def contact_lines(scene: FiniteScene, state: State) -> dict[str, VtuPart]:
     """Slave sides of all contacts in a state with their pressures; stresses act on the slave of the case."""
-    records, parts = contact_values(scene, state), scene.parts(state.displacement)
+    records = contact_values(scene, state)
     lines = {}
     for contact, _, there in scene.contacts.each:
         record, side = records[contact.name], contact.slave
-        moved = fields[side.body]["displacement"][side.nodes]
+        moved = state.solver["surface"][there][: 2 * side.count].reshape(-1, 2)
         turn, _ = side.turned(moved)
         sign = -1.0 if contact.exchanged else 1.0
         normal = -sign * as_real(as_complex(side.outward) * turn)
-        stretch = stretch_along(scene, side, parts[side.body])
+        stretch = stretch_along(side, moved.ravel())
         stress = sign * state.side_traction[there].reshape(-1, 2)[: side.count] / stretch[:, None]
         numbers = np.arange(side.count, dtype=np.int64)
         edges = np.stack([numbers, np.roll(numbers, -1)], axis=1)
@@ -91,15 +90,11 @@ def obstacle_lines(scene: FiniteScene, state: State) -> dict[str, VtuPart]:
 
 
 class FiniteStrain(Analysis):
-    """The analysis at finite strain, on the clouds of a ``refinement``."""
+    """The analysis at finite strain, with the knots of a ``refinement`` if these are known."""
 
     _scene: FiniteScene | None = None
     _missed: Callable[[], Any] | None = None
     _estimates: tuple[State, dict[str, Any]] | None = None
-
-    @property
-    def _refinement(self) -> Refinement:
-        return self.known or Refinement()
 
     @property
     def scene(self) -> FiniteScene:
@@ -111,7 +106,13 @@ class FiniteStrain(Analysis):
         """Assembles the scene."""
         self.announce(verdicts)
         with self.context.phase("operators"):
-            self._scene = finite_scene(self.case, self.prepared)
+            scene = finite_scene(self.case, self.prepared)
+        if self.known is not None and self.known.knots:
+            scene = with_knots(scene, self.known.knots)
+        elif scene.contacts.pairs:
+            with self.context.phase("condensation", "locating contacts"):
+                scene = located(scene, self.context)
+        self._scene = scene
 
     def steps(self, start: Checkpoint | None, last: State | None, verdicts: Verdicts) -> Iterator[PathStep]:
         """The path by power series, or by increments in contact, up to a stop of the case; or its part after
@@ -138,22 +139,15 @@ class FiniteStrain(Analysis):
     def judge(self, last: State, tally: dict[str, Any]) -> Iterator[Check]:
         """Checks of the last state."""
         errors = self._errors(last, tally)
-        return all_of(END, FiniteEnd(self.scene, last, tally, errors, self._refinement))
+        return all_of(END, FiniteEnd(self.scene, last, tally, errors))
 
-    def finer(self, tally: Mapping[str, Any], failure: NumericalError | None) -> FiniteStrain | None:
-        """With more nodes where bodies touched, or with those of the run before a finer one that failed."""
-        args = (tally.get("touched", {}), self._refinement, failure, self.context)
-        finer = refined(self.case, self._scene, *args)
-        if finer is None:
-            return None
-        refinement, prepared = finer
-        return FiniteStrain(self.case, prepared, self.context, refinement)
+    def finer(self, tally: Mapping[str, Any], failure: NumericalError | None) -> None:
+        """No other clouds: knots of contacts are found before the path."""
 
     @property
     def refinement(self) -> Mapping[str, Any]:
-        """Zones of this run, and the passes before."""
-        known = self._refinement
-        return known.plain if known.passes or known.failed else {}
+        """The knots of this run."""
+        return Refinement(knots=knots_of(self._scene)).plain if self._scene is not None else {}
 
     @cached_property
     def contacts(self) -> Mapping[str, ContactNodes]:
@@ -186,10 +180,10 @@ class FiniteStrain(Analysis):
 
     def lines(self, state: State, fields: BodyFields) -> tuple[Mapping[str, VtuPart], Mapping[str, VtuPart]]:
         """Slave surfaces and obstacles."""
-        return contact_lines(self.scene, state, fields), obstacle_lines(self.scene, state)
+        return contact_lines(self.scene, state), obstacle_lines(self.scene, state)
 
     def tallied(self, tally: Mapping[str, Any], before: State | None, step: PathStep) -> dict[str, Any]:
-        """Balance, energies, works that are missing, limit points, and the patches of contacts."""
+        """Balance, energies, works that are missing, and limit points."""
         scene, state = self.scene, step.state
         forces, (nodal, energy) = SceneForces.of(scene, state), energy_errors(scene, state)
         error = sum(float(each.sum()) for each in nodal.values())
@@ -212,7 +206,6 @@ class FiniteStrain(Analysis):
             "unaccounted": max(tally.get("unaccounted", 0.0), error + abs(step.kept)),
             "energy": max(tally.get("energy", 0.0), energy),
             "missing": missing,
-            "touched": touched_after(tally.get("touched", {}), scene, step),
         }
 
     def progress(self, step: PathStep) -> list[str]:
@@ -259,10 +252,7 @@ class FiniteStrain(Analysis):
         if self._missed is not None:
             with self.context.phase("estimate"), suppress(NumericalError, np.linalg.LinAlgError):
                 missing = missing_figures(self.scene, last, self._missed())
-        errors, forces = {"energy": energy_estimate(tally)} | missing, missing.get("contacts", {})
-        for name, error in contact_errors(self._refinement, tally["touched"]).items():
-            forces[name] = max(error, forces.get(name, 0.0))
-        errors |= {"contacts": forces} if forces else {}
+        errors = {"energy": energy_estimate(tally)} | missing
         self._estimates = last, errors
         return errors
 

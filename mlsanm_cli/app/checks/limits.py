@@ -97,9 +97,6 @@ END: Mapping[str, Limit] = {
     "rough_pressure_error": Limit(0.05, None, "estimated error of pressures with friction or on nodes (L2)"),
     "energy_estimate": Limit(0.015, None, "estimated error of the energy at finite strain"),
     "finite_force_error": Limit(0.015, None, "estimated error of a contact force over the largest force"),
-    "few_contact_nodes": Limit(4.0, None, "nodes in a contact; at least 6 next to open ones", lower=True),
-    "contact_between_nodes": Limit(ANY, None, "places that press, or may touch, between nodes"),
-    "contact_nodes": Limit(ANY, None, "contacts with fewer nodes than their `accuracy` requires"),
 }
 """Checks of a completed path. Reactions are computed from stresses, independently of the applied forces;
 errors of the energy are those of the deflection of beams."""

@@ -21,28 +21,24 @@ from mlsanm_cli.app.checks.ended import (
 from mlsanm_cli.app.checks.limits import level
 from mlsanm_cli.app.finite.estimate import energy_errors, work_error
 from mlsanm_cli.app.finite.fields import SceneForces
-from mlsanm_cli.app.finite.patches import between_nodes
-from mlsanm_cli.app.finite.refinement import MAX_NODES, is_automatic
 from mlsanm_cli.app.finite.scene import FiniteScene
-from mlsanm_cli.app.scene.refinement import Refinement
-from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Case
-from mlsanm_cli.contact.finite.pair import BodyContact
-from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.solve.state import State
+
+RECOMMENDED_REFINEMENT = 8.0
+"""Factor by which the message of a large estimate of the energy proposes to refine."""
 
 
 @dataclass(frozen=True)
 class FiniteEnd:
-    """A completed path: its ``last`` state with the estimated ``errors`` of ``summary.error_estimate``, the
-    totals of the path (``tally``), and the ``refinement`` of the contacts."""
+    """A completed path: its ``last`` state with the estimated ``errors`` of ``summary.error_estimate``,
+    and the totals of the path (``tally``)."""
 
     scene: FiniteScene
     last: State
     tally: Mapping[str, Any]
     errors: Mapping[str, Any]
-    refinement: Refinement
 
     @property
     def case(self) -> Case:
@@ -108,109 +104,6 @@ def estimates(end: FiniteEnd) -> Iterator[Check]:
         yield from pressure_estimate("rough_pressure_error", end.case, name, bodies, pressures.get(name))
 
 
-def refinement(end: FiniteEnd) -> Iterator[Check]:
-    """A refinement of contacts that failed or is incomplete."""
-    found = end.refinement
-    if found.failed:
-        message = f"the results are from the run before the last refinement, which failed: {found.failed}"
-        yield Check("refinement_pass", 1.0, message)
-    yield Check(
-        "contact_nodes",
-        float(found.fewer),
-        f"contacts have fewer nodes than their accuracy requires: more than {MAX_NODES} nodes would be "
-        "needed",
-        "raise contact.accuracy, or refine where bodies touch with body.refine",
-    )
-
-
-RECOMMENDED_REFINEMENT = 8.0
-"""Factor by which the message of a large estimate of the energy proposes to refine."""
-MIN_FREE_NODES = 6
-"""Least number of nodes in a contact that ends between nodes."""
-MIN_LATERAL_SHARE = 1e-3
-"""Lateral part of a force below which its direction is not reported."""
-RESOLVED_NODES = 20
-"""Number of nodes in a contact up to which half a spacing at its ends matters."""
-
-
-def few_contact_nodes(end: FiniteEnd) -> Iterator[Check]:
-    """Contacts with few nodes, or that may touch between nodes."""
-    scene, state = end.scene, end.last
-    for contact, here, _ in scene.contacts.each:
-        side = contact.slave
-        closed, gap = state.closed[here], state.gap[here]
-        near = int(np.argmin(gap))
-        spacing = float(side.weight[near])
-        # A corner touches by one node, however fine nodes are.
-        at_corners = np.isin(np.flatnonzero(closed), side.corners).all()
-        coarser = "" if is_automatic(scene.case, contact) else ', or leave the spacing to "auto"'
-        place = f"contact {contact.name}"
-        if not closed.any():
-            yield Check(
-                "contact_between_nodes",
-                float(between_nodes(side, state, here)),
-                f"{place}: no node of {side.name} is in contact, but it may touch between its nodes, "
-                f"{spacing:.3g} apart: use finer nodes there",
-                place=place,
-            )
-            continue
-        lean = _lean(side, closed, state.solver["normal"][here])
-        leans = f", lateral error {100.0 * lean:.2g} %" if lean > MIN_LATERAL_SHARE else ""
-        few = Check(
-            "few_contact_nodes",
-            np.inf if at_corners else int(closed.sum()),
-            f"{place}: too few nodes of {side.name} in contact for accurate pressures ({closed.sum()}, "
-            f"{spacing:.3g} apart){leans}: use finer nodes there{coarser}",
-            place=place,
-            warns=_least_nodes(side, closed),
-        )
-        yield few
-        if few.outcome == "passed" and isinstance(contact, BodyContact) and closed.sum() < RESOLVED_NODES:
-            yield from _ends(contact, closed, state.solver["place"][here])
-
-
-def _least_nodes(side: ContactSide, closed: BoolArray) -> float:
-    """Least number of ``closed`` nodes (c,): more if some are next to open ones of a smooth part of a side,
-    of which half are behind a plane of symmetry."""
-    ends = np.flatnonzero(closed & ~(np.roll(closed, 1) & np.roll(closed, -1)))
-    mirrored = any(axis is not None and closed[end] for end, axis in zip((0, -1), side.mirrors, strict=True))
-    free = not np.isin(ends, side.corners).all()
-    return max(level("few_contact_nodes"), MIN_FREE_NODES / (2 if mirrored else 1) if free else 0.0)
-
-
-def _lean(side: ContactSide, closed: BoolArray, normal: FloatArray) -> float:
-    """Possible lateral part of the force on few ``closed`` nodes (c,): its place is known to half of their
-    distance, over which the ``normal`` (c, 2) turns."""
-    numbers = np.flatnonzero(closed)
-    beside = (numbers[:, None] + np.array([-1, 1])) % side.count
-    turned = np.hypot(*(normal[beside] - normal[numbers, None]).T)
-    if side.around is None:
-        turned = turned[(np.abs(beside - numbers[:, None]) == 1).T]
-    return float(0.5 * turned.max(initial=0.0) / len(numbers))
-
-
-def _ends(contact: BodyContact, closed: BoolArray, place: FloatArray) -> Iterator[Check]:
-    """Ends of the master surface between nodes of the slave."""
-    slave, master = contact.slave, contact.master
-    if master.around is not None:
-        return
-    for number, end in ((0, master.arc[0]), (-1, master.arc[-1])):
-        beside = np.flatnonzero(closed & (np.abs(place - end) < slave.weight))
-        beside = beside[(beside > 0) & (beside < slave.count - 1)] if slave.around is None else beside
-        free = beside[~closed[beside - 1] | ~closed[(beside + 1) % slave.count]]
-        if len(free):
-            x, y = master.places[number]
-            yield Check(
-                "contact_between_nodes",
-                len(free),
-                f"contact {contact.name}: the end of {master.name} at ({x:.6g}, {y:.6g}) presses between "
-                f"nodes of {slave.name}, {slave.weight[free[0]]:.3g} apart: the position of its force is "
-                f"uncertain by half of that",
-                "use finer nodes there",
-                f"contact {contact.name} at ({x:.6g}, {y:.6g})",
-            )
-
-
 def pointed(scene: FiniteScene, state: State) -> dict[str, float]:
     """Increase of the displacements of bodies held at single nodes when the spacing is halved, relative to
     the deformation."""
@@ -233,7 +126,7 @@ def pointed(scene: FiniteScene, state: State) -> dict[str, float]:
 
 
 END: Sequence[Callable[[FiniteEnd], Iterator[Check]]] = (
-    *(energy_estimate, estimates, refinement, few_contact_nodes),
+    *(energy_estimate, estimates),
     *COMMON,
 )
 """Checks of a completed path at finite strain."""

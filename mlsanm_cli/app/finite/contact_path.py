@@ -13,16 +13,14 @@ from mlsanm_cli.app.finite.accuracy import Missing, missed_in_contact
 from mlsanm_cli.app.finite.limits import dissipated, motion_ratio, slip_ratio, work_ratio
 from mlsanm_cli.app.finite.scene import TOUCH_TOLERANCE, FiniteScene
 from mlsanm_cli.app.finite.states import place_of
-from mlsanm_cli.app.scene.void import void_center
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.finite.exact import ExactContact, FiniteContactState, undeformed
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.sets import NodeSets
-from mlsanm_cli.contact.finite.side_response import Correction, no_correction, side_correction
+from mlsanm_cli.contact.finite.side_response import beyond_clouds
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.body import far_from, most_stretched
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
-from mlsanm_cli.mechanics.near_field import as_complex
 from mlsanm_cli.solve.stages import factors_at
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State
 
@@ -30,6 +28,8 @@ FIRST_INCREMENT = 0.25
 """First increment, as a part of a stage."""
 INCREMENT_SLACK = 1.4
 """An increment within this factor of a requested state goes there."""
+COARSE_TOLERANCE = 1e-3
+"""Tolerance of a path that only tells where bodies touch."""
 MAX_ITERATIONS = 14
 """Iterations after which an increment is halved; one that took a third of them makes the next one longer."""
 MIN_INCREMENT = 1e-5
@@ -43,13 +43,17 @@ MAX_STRETCH = 1.6
 
 
 def contact_path(
-    scene: FiniteScene, checkpoint: Checkpoint | None = None, at: tuple[float, ...] = ()
+    scene: FiniteScene,
+    checkpoint: Checkpoint | None = None,
+    at: tuple[float, ...] = (),
+    coarse: bool = False,
 ) -> Iterator[PathStep]:
     """All steps from the initial state on, or those after a ``checkpoint``; further positions ``at`` are
-    saved. NumericalError if the path cannot be continued."""
-    path = _Path(scene)
+    saved. A ``coarse`` path tells where bodies touch. NumericalError if the path cannot be continued."""
+    path = _Path(scene, coarse)
     wanted = sorted({*(scene.case.output.at or [float(len(scene.stages) - 1)]), *at})
-    steps, size, position = 0, FIRST_INCREMENT, 0.0
+    history = any(contact.friction for contact in scene.contacts.pairs)
+    steps, size, position = 0, 1.0 if coarse and not history else FIRST_INCREMENT, 0.0
     if checkpoint is None:
         path.start()
         first = path.state(0.0)
@@ -77,15 +81,10 @@ def contact_path(
 class _Path:
     """Current state of the path and its equations."""
 
-    def __init__(self, scene: FiniteScene) -> None:
-        self._scene = scene
-        still = np.zeros(scene.unknowns)
+    def __init__(self, scene: FiniteScene, coarse: bool) -> None:
+        self._scene, self._coarse = scene, coarse
         none, contacts = np.zeros(scene.contacts.count), scene.contacts
-        factors = np.append(scene.stages[0], np.zeros(contacts.free))
-        acting = scene.acting(factors, np.zeros(contacts.size))
-        parts = scene.parts(still)
-        self._projectors = {name: scene.projector(name, parts[name], acting[name]) for name in scene.bodies}
-        self._undeformed = dict(self._projectors)
+        self._projectors = dict(scene.undeformed)
         self._length = self._typical()
         modulus = max(body.elastic.model.material.modulus for body in scene.bodies.values())
         self._stiffness = modulus / scene.size
@@ -94,7 +93,7 @@ class _Path:
         self._before: FloatArray | None = None
         self._fresh: frozenset[str] = frozenset()
         self._settled = False
-        self._sides = self._corrections()
+        self._missing = beyond_clouds(scene.compliances, contacts.sides)
         self.spent, self._iterations, self._solves = len(scene.bodies), 0, 0
 
     def _typical(self) -> float:
@@ -112,18 +111,6 @@ class _Path:
                     left = BodySeries.at(body, still, np.append(factors, np.zeros(count))).rows(0)
                     found.append(float(np.abs(projector.displaced(left)).max()))
         return min(max(found), scene.size)
-
-    def _corrections(self) -> tuple[Correction, ...]:
-        """Responses of the sides to their own tractions in the undeformed state."""
-        scene, found = self._scene, []
-        first = dict.fromkeys(scene.bodies, scene.stages.shape[1] + scene.contacts.free)
-        for side, _ in scene.contacts.sides:
-            cloud = scene.bodies[side.body].elastic.model.cloud
-            centers = void_center(cloud, as_complex(side.places), -as_complex(side.outward))
-            args = (side, self._projectors[side.body], first[side.body])
-            found.append(side_correction(*args, centers[0]) if centers else no_correction(side))
-            first[side.body] += 2 * side.count
-        return tuple(found)
 
     def take_up(self, checkpoint: Checkpoint) -> None:
         """Continue from a checkpoint."""
@@ -166,7 +153,7 @@ class _Path:
                 args = (self._scene, self.now, found)
                 part = (reached - position) / (stage + 1.0 - position)
                 far = max(slip_ratio(*args), motion_ratio(*args, position, reached))
-                far = max(far, work_ratio(*args, self._work, part))
+                far = max(far, 0.0 if self._coarse else work_ratio(*args, self._work, part))
                 if far <= 1.0 and self._stretched(found)[0] <= MAX_STRETCH:
                     self._add_slip(found)
                     self._before, self.now = self.now.place, found
@@ -207,6 +194,8 @@ class _Path:
     def _solved(self, position: float) -> FiniteContactState | None:
         factors = factors_at(self._scene.stages, position)
         system, tolerance = self._system(), self._scene.case.solver.tolerance
+        if self._coarse:
+            tolerance = max(tolerance, COARSE_TOLERANCE)
         before = self.now.place if self._settled else None
         with np.errstate(all="ignore"):
             try:
@@ -221,13 +210,13 @@ class _Path:
 
     def _system(self) -> ExactContact:
         scene = self._scene
-        args = (scene.contacts, self._length, self._stiffness, self._sides)
+        args = (scene.contacts, self._length, self._stiffness, self._missing)
         return ExactContact(dict(self._projectors), *args)
 
     def missed(self, state: State) -> Callable[[], Missing]:
         """What the fits of the bodies miss of the present ``state``, to be evaluated later."""
         return partial(
-            missed_in_contact, self._system(), self._undeformed, self.now, self._before, state.driven
+            missed_in_contact, self._system(), self._scene.undeformed, self.now, self._before, state.driven
         )
 
     def _failed(self, position: float, found: FiniteContactState | None) -> NoReturn:
@@ -244,7 +233,7 @@ class _Path:
         for contact, here, _ in self._scene.contacts.each:
             slave = contact.slave
             # A fixed node in contact would be pressed in the next increment.
-            touching = self.now.gap[here] <= TOUCH_TOLERANCE * slave.weight
+            touching = self.now.gap[here] <= TOUCH_TOLERANCE * slave.spacing(slave.arc)
             clamped = slave.held & (touching | self.now.sets.closed[here])
             if clamped.any() and not any(axis is not None for axis in slave.mirrors):
                 x, y = slave.places[int(np.argmax(clamped))]
@@ -286,16 +275,13 @@ class _Path:
 
     def _kept(self, traction: FloatArray) -> float:
         """Work of the ``traction`` (2s,) on the displacements that would remove the kept residuals."""
-        moved = {
-            name: one.displaced(one.rest).reshape(-1, 2)
-            for name, one in self._projectors.items()
-            if one.rest.any()
-        }
-        return sum(
-            float(side.weight @ (traction[here].reshape(-1, 2) * moved[side.body][side.nodes]).sum(axis=1))
-            for side, here in self._scene.contacts.sides
-            if side.body in moved
-        )
+        moved = {name: one.displaced(one.rest) for name, one in self._projectors.items() if one.rest.any()}
+        total = 0.0
+        for side, here in self._scene.contacts.sides:
+            if side.body in moved:
+                along = (side.onto @ moved[side.body][side.nodes.unknowns]) * traction[here]
+                total += float(np.repeat(side.weight, 2) @ along)
+        return total
 
     def _repinned(self) -> FloatArray:
         """Free motions (d,) with the current rotation of the pins."""

@@ -7,34 +7,23 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
-from mlsanm_cli.app.finite.accuracy import Missing
+from mlsanm_cli.app.finite.accuracy import Missing, near_pressed
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.mechanics.finite.estimate import energy, missing_work, unaccounted
 from mlsanm_cli.solve.state import State
-
-PRESSED_DISTANCE = 1.5
-"""Distance in spacings from pressed nodes within which the estimate is not evaluated: the near field of
-pressures is known in closed form, independent of the cloud."""
 
 
 def energy_errors(scene: FiniteScene, state: State) -> tuple[dict[str, FloatArray], float]:
     """Contributions (n,) of the nodes to the estimated error of the energy, by body, and the energy."""
     acting, parts = scene.acting(state.driven, state.side_traction), scene.parts(state.displacement)
-    pressed = {name: [np.zeros(0, dtype=np.int64)] for name in scene.bodies}
-    for side, here in scene.contacts.sides:
-        pressed[side.body].append(side.nodes[state.side_traction[here].reshape(-1, 2).any(axis=1)])
+    near = near_pressed(scene.bodies, scene.contacts.sides, state.side_traction)
     nodal, total = {}, 0.0
     for name, body in scene.bodies.items():
         nodal[name] = unaccounted(body, parts[name], acting[name])
         total += energy(body, parts[name], acting[name])
-        cloud, nodes = body.elastic.model.cloud, np.concatenate(pressed[name])
-        if len(nodes):
-            distance = nearest(cKDTree(cloud.points[nodes]), cloud.points)[0]
-            nodal[name][distance <= PRESSED_DISTANCE * cloud.spacing] = 0.0
+        nodal[name][near[name]] = 0.0
     return nodal, total
 
 
@@ -44,6 +33,8 @@ def missing_works(scene: FiniteScene, before: State, now: State) -> dict[str, fl
     supports are rotated back first: rigid motions do no work."""
     found, then, at = {}, scene.parts(before.displacement), scene.parts(now.displacement)
     factors = [scene.acting(one.driven, one.side_traction) for one in (before, now)]
+    both = np.abs(before.side_traction) + np.abs(now.side_traction)
+    near = near_pressed(scene.bodies, scene.contacts.sides, both)
     for name, body in scene.bodies.items():
         nodes, elastic = body.elastic.model.cloud.points, body.elastic
         turn = 0.0
@@ -54,7 +45,7 @@ def missing_works(scene: FiniteScene, before: State, now: State) -> dict[str, fl
         first, last = nodes + then[name].reshape(-1, 2), nodes + at[name].reshape(-1, 2)
         ways = ((last @ ahead.T - first).ravel(), (last - first @ ahead).ravel())
         found[name] = 0.5 * sum(
-            missing_work(body, one[name], acting[name], way)
+            missing_work(body, one[name], acting[name], way, near[name])
             for one, acting, way in zip((then, at), factors, ways, strict=True)
         )
     return found

@@ -54,15 +54,15 @@ def fields_at(
 
 def fields_of(scene: FiniteScene, state: State) -> dict[str, Fields]:
     """Fields at the nodes of every body."""
-    found, shown = dict[str, Fields](), scene.parts(scene.shown(state))
-    for name, own in scene.parts(state.displacement).items():
+    found = dict[str, Fields]()
+    for name, own in scene.parts(scene.shown(state)).items():
         body = scene.bodies[name]
         derivatives = body.elastic.model.stencils.derivatives(own.reshape(-1, 2))
         mean = body.mean_stress(own, state.factors)
         if mean is not None:
             mean = body.elastic.model.stencils.derivatives(mean[:, None])[:, 0, 0]
         fields = fields_at(body.law, derivatives, body.degrees(state.factors), mean)
-        found[name] = fields | {"displacement": shown[name].reshape(-1, 2)}
+        found[name] = fields | {"displacement": own.reshape(-1, 2)}
     return found
 
 
@@ -79,9 +79,12 @@ def quantities(scene: FiniteScene, state: State) -> Quantities:
 
 def probe_values(scene: FiniteScene, state: State) -> dict[str, dict[str, Any]]:
     """Values at the probes of the case."""
-    values = {}
+    values: dict[str, dict[str, Any]] = {}
+    if not scene.probes:
+        return values
+    shown = scene.parts(scene.shown(state))
     for probe in scene.probes:
-        body, own = scene.bodies[probe.body], scene.parts(state.displacement)[probe.body]
+        body, own = scene.bodies[probe.body], shown[probe.body]
         model, warm = body.elastic.model, body.degrees_at(probe.point, state.factors)
         stencils = build_stencils(
             model.cloud.points, model.cloud.tree, probe.point, 1, model.settings, model.cloud.sight
@@ -113,7 +116,7 @@ class SceneForces:
             forces = []
             for side in contact.sides:
                 begin = first[side.body]
-                first[side.body] += 2 * side.count
+                first[side.body] += 2 * side.nodes.count
                 forces.append(bodies[side.body].loads[begin : first[side.body]].sum(axis=0))
             found[contact.name] = tuple(forces[::-1] if contact.exchanged else forces)
         return cls(bodies, found)
@@ -175,10 +178,10 @@ def resultants(scene: FiniteScene, forces: SceneForces) -> dict[str, FloatArray]
 def contact_values(scene: FiniteScene, state: State) -> dict[str, dict[str, Any]]:
     """Pressures and tractions per deformed length, gaps, slips, status and dissipated work of every
     contact."""
-    values, parts = {}, scene.parts(state.displacement)
-    for contact, here, _ in scene.contacts.each:
+    values = {}
+    for contact, here, there in scene.contacts.each:
         slave = contact.slave
-        stretch = stretch_along(scene, slave, parts[slave.body])
+        stretch = stretch_along(slave, state.solver["surface"][there])
         gap = np.where(state.gap[here] < NO_GAP, state.gap[here], np.nan)
         slip = state.slip[here] if contact.friction else np.full(slave.count, np.nan)
         values[contact.name] = {
@@ -192,11 +195,11 @@ def contact_values(scene: FiniteScene, state: State) -> dict[str, dict[str, Any]
     return values
 
 
-def stretch_along(scene: FiniteScene, side: ContactSide, displacement: FloatArray) -> FloatArray:
-    """Tangential stretch (c,) of a side from the nodal ``displacement`` (2n,) of its body."""
-    xx, xy, yx, yy = scene.bodies[side.body].gradient(displacement)[:, side.nodes]
-    x, y = -side.outward[:, 1], side.outward[:, 0]
-    return np.asarray(np.hypot((1.0 + xx) * x + xy * y, yx * x + (1.0 + yy) * y))
+def stretch_along(side: ContactSide, displacement: FloatArray) -> FloatArray:
+    """Tangential stretch (c,) of a side from the ``displacement`` (2c or more,) of its knots."""
+    moved = side.places + displacement[: 2 * side.count].reshape(-1, 2)
+    now, before = (np.hypot(*(side.curve.mean_slopes @ one).T) for one in (moved, side.places))
+    return np.asarray(now / before)
 
 
 def figures_of_contacts(scene: FiniteScene, state: State) -> dict[str, dict[str, Any]]:

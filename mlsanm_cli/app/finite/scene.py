@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import field, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,19 +14,22 @@ from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.contact_pairs import shape_of
 from mlsanm_cli.app.scene.corners import ends_of
 from mlsanm_cli.app.scene.materials import laws_of
+from mlsanm_cli.app.scene.void import void_center
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Displacement, ObstacleMotion, Place, Platen, Pressure
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.rigid import RigidContact
-from mlsanm_cli.contact.finite.sides import ContactSide, with_more, with_sides
+from mlsanm_cli.contact.finite.side_response import Compliance, rotated
+from mlsanm_cli.contact.finite.sides import ContactSide, SideNodes, with_more, with_sides
 from mlsanm_cli.contact.finite.update import AnyContact, Contacts
 from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.loads import Loads
 from mlsanm_cli.mechanics.finite.projector import NO_ROWS, Projector, weights_of
+from mlsanm_cli.mechanics.near_field import as_complex
 from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.operators.linear.interface import LinearSolver
 from mlsanm_cli.records import dataclass
@@ -44,9 +47,11 @@ and number of their nodes. Their error, where stresses are singular, would move 
 class FiniteScene:
     """``bodies`` by name with their loads, whose factors at the ends of stages are ``stages`` (T + 1, L).
     Further loads of the bodies are the unknown motions (d,) of ``contacts``, then unit tractions x, y at the
-    nodes of their sides.
+    nodes of their sides, whose tractions are given at knots.
 
     ``supports`` names bodies and surfaces of every support and of every load that prescribes displacements.
+    ``undeformed`` are the equations of the bodies before loading if the path is followed by increments, and
+    ``compliances`` what they answer on the sides in contact.
     """
 
     case: Case
@@ -56,6 +61,8 @@ class FiniteScene:
     probes: tuple[Probe, ...]
     solver: LinearSolver
     contacts: Contacts
+    undeformed: Mapping[str, Projector] = field(default_factory=dict)
+    compliances: Sequence[Compliance] = ()
 
     @property
     def in_increments(self) -> bool:
@@ -91,22 +98,33 @@ class FiniteScene:
         return dict(zip(self.bodies, np.split(displacement, ends), strict=True))
 
     def shown(self, state: State) -> FloatArray:
-        """Displacements (2N,) of all bodies, at the nodes of sides in contact those of the surfaces: clouds
-        by themselves represent tractions that alternate from node to node wrongly."""
+        """Displacements (2N,) of all bodies with near fields, which clouds by themselves do not resolve."""
         displacement = state.displacement.copy()
         bodies = self.parts(displacement)
+        turns = {name: self.bodies[name].turns(own) for name, own in self.parts(state.displacement).items()}
+        for (side, there), inside in zip(self.contacts.sides, self._inside, strict=True):
+            surface, traction = state.solver["surface"][there].reshape(-1, 2), state.side_traction[there]
+            if not traction.any():
+                continue
+            turn, own = side.turned(surface)[0], bodies[side.body]
+            own += rotated(inside, turns[side.body], turn) @ traction
         for side, there in self.contacts.sides:
             surface = state.solver["surface"][there].reshape(-1, 2)
-            bodies[side.body].reshape(-1, 2)[side.nodes] = surface
+            onto = side.curve.rows(side.nodes.arc)[0]
+            bodies[side.body].reshape(-1, 2)[side.nodes.index] = onto @ surface
         return displacement
+
+    @cached_property
+    def _inside(self) -> list[FloatArray]:
+        """What clouds miss of the responses (2N, 2g) of bodies to the tractions of each side."""
+        both = zip(self.compliances, self.contacts.sides, strict=True)
+        return [compliance.inside(side) for compliance, (side, _) in both]
 
     def acting(self, factors: FloatArray, traction: FloatArray) -> dict[str, FloatArray]:
         """Factors of all loads by body: ``factors`` (L + d,) of the case and of the free motions, then the
-        body's part of the ``traction`` (2s,) at the nodes of all sides in contact."""
-        found = {name: [factors] for name in self.bodies}
-        for side, here in self.contacts.sides:
-            found[side.body].append(traction[here])
-        return {name: np.concatenate(some) for name, some in found.items()}
+        body's part of the ``traction`` (2s,) at the knots of all sides in contact."""
+        spread = {name: self.contacts.spread(name) for name in self.bodies}
+        return {name: np.concatenate([factors, some @ traction]) for name, some in spread.items()}
 
     @cached_property
     def weights(self) -> Mapping[str, FloatArray]:
@@ -114,7 +132,7 @@ class FiniteScene:
         found = {}
         for name, body in self.bodies.items():
             left_out = [NO_ROWS]
-            for side in (one for one, _ in self.contacts.sides if one.body == name):
+            for side in (one.nodes for one, _ in self.contacts.sides if one.body == name):
                 # The other side of a corner has another traction, and no finite stress matches both.
                 ends = zip((0, side.count - 1), side.wedges, strict=True)
                 corners = [end for end, wedge in ends if wedge is not None]
@@ -126,13 +144,13 @@ class FiniteScene:
         return found
 
     @cached_property
-    def upright(self) -> Mapping[str, list[ContactSide]]:
+    def upright(self) -> Mapping[str, list[SideNodes]]:
         """Sides, by body, that initially touch an obstacle with friction up to both corners; only of bodies
         that are not loose."""
-        found: dict[str, list[ContactSide]] = {}
+        found: dict[str, list[SideNodes]] = {}
         loose = {one.body for one in self.contacts.loose if one.count}
         for contact in self.contacts.pairs:
-            side = contact.slave
+            side = contact.slave.nodes
             if not isinstance(contact, RigidContact) or not contact.friction or side.body in loose:
                 continue
             gap = contact.seen(side.places, side.outward, np.zeros(contact.motion.shape[1]))[0]
@@ -168,7 +186,7 @@ def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
         turning = len(pinned) if own is not None and len(pinned) == own.count else 0
         springs = prepared.acting.springs[name]
         elastic = assemble(model, prepared.held[name], held_nodes, solver, springs, unloaded=turning)
-        sides = [side for side, _ in contacts.sides if side.body == name]
+        sides = [side.nodes for side, _ in contacts.sides if side.body == name]
         loads = with_more(_loads(case, prepared, name, elastic), contacts.free)
         loads = plated(name, elastic, contacts.plates, loads)
         if own is not None:
@@ -179,7 +197,20 @@ def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
         law, loads = laws[name], with_sides(loads, elastic, sides)
         bodies[name] = FiniteBody(elastic, law, loads, turning)
     supports = _supports(case, prepared.boundaries)
-    return FiniteScene(case, bodies, stage_factors(case), supports, prepared.probes, solver, contacts)
+    scene = FiniteScene(case, bodies, stage_factors(case), supports, prepared.probes, solver, contacts)
+    return _undeformed(scene) if scene.in_increments else scene
+
+
+def _undeformed(scene: FiniteScene) -> FiniteScene:
+    """The scene with the equations of its bodies before loading."""
+    contacts, still = scene.contacts, scene.parts(np.zeros(scene.unknowns))
+    acting = scene.acting(np.append(scene.stages[0], np.zeros(contacts.free)), np.zeros(contacts.size))
+    projectors = {name: scene.projector(name, still[name], acting[name]) for name in scene.bodies}
+    found, first = [], dict.fromkeys(scene.bodies, scene.stages.shape[1] + contacts.free)
+    for side, _ in contacts.sides:
+        found.append(Compliance.of(side.nodes, projectors[side.body], first[side.body]))
+        first[side.body] += 2 * side.nodes.count
+    return replace(scene, undeformed=projectors, compliances=found)
 
 
 def _contact(case: Case, prepared: SceneModel, number: int, motions: Contacts) -> AnyContact:
@@ -211,10 +242,14 @@ def _contact(case: Case, prepared: SceneModel, number: int, motions: Contacts) -
 
 
 def _side(prepared: SceneModel, body: str, surface: Surface) -> ContactSide:
-    nodes = [node for node, _ in prepared.held_nodes[body]]
+    """A side, with its knots at the nodes."""
+    fixed = [node for node, _ in prepared.held_nodes[body]]
     model, held = prepared.models[body], prepared.held[body]
     wedges = ends_of(model, surface, {**held, **dict.fromkeys(prepared.acting.springs[body])})
-    return ContactSide.of(body, model.cloud, surface, held, nodes, wedges)
+    places, inward = as_complex(model.cloud.points[surface.index]), -as_complex(surface.normal)
+    centers = void_center(model.cloud, places, inward)
+    nodes = SideNodes.of(body, model.cloud, surface, held, fixed, wedges, centers)
+    return ContactSide.on(nodes, nodes.arc)
 
 
 def _supports(case: Case, boundaries: Boundaries) -> dict[str, tuple[tuple[str, str], ...]]:

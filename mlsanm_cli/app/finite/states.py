@@ -100,7 +100,7 @@ def _with_obstacles(
 ) -> Iterator[Overlap]:
     """Overlaps with rigid obstacles of surfaces that have no contact with one, at load ``factors``."""
     rigid = [one for one in scene.contacts.pairs if isinstance(one, RigidContact)]
-    taken = {(one.slave.body, name) for one in rigid for name, _ in one.slave.members}
+    taken = {(one.slave.body, name) for one in rigid for name, _ in one.slave.nodes.members}
     for contact in rigid:
         body = contact.slave.body
         own = outlines[body]

@@ -12,14 +12,12 @@ from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.conditions import conditions, prescribes
 from mlsanm_cli.app.scene.contact_pairs import shape_of
 from mlsanm_cli.app.scene.contact_spacing import (
-    NODAL_BAND,
-    NODAL_GROWTH,
-    NODAL_RATIO,
     bond_zones,
     clamped_zones,
     contact_zone,
     crack_zones,
     sharp_ends,
+    strained_zone,
 )
 from mlsanm_cli.app.scene.default_spacing import (
     PER_THICKNESS,
@@ -115,8 +113,7 @@ def _contact_zones(
             yield from contact_zone(rest, own, other if len(both) > 1 else None, obstacle, far)
             yield from crack_zones(both[0][1], all_ends)
             if case.model.strain == "finite":
-                fine = far / NODAL_RATIO
-                yield Zone(own, fine, NODAL_BAND * fine, NODAL_GROWTH)
+                yield strained_zone(own, far)
             elif obstacle is not None:
                 yield from sharp_ends(rest, own, obstacle, far)
 

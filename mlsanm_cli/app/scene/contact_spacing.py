@@ -40,9 +40,9 @@ PER_CRACK = 40.0
 CRUSHED_RATIO, CRUSHED_GROWTH = 8.0, 0.1
 """The coarse spacing over that at the ends of clamped sides at finite strain, where such corners are crushed,
 and the growth."""
-NODAL_RATIO, NODAL_BAND, NODAL_GROWTH = 1.5, 3.0, 0.2
-"""The coarse spacing over that along surfaces in contact at finite strain, where pressures are nodal; depth
-of the fine band in its spacings, and growth. Without the band equations of degree 4 do not converge."""
+STRAINED_RATIO, STRAINED_BAND, STRAINED_GROWTH = 1.5, 3.0, 0.2
+"""The coarse spacing over that along surfaces in contact at finite strain, where strains are largest; depth
+of the fine band in its spacings, and growth."""
 SHARP_RATIO = 16.0
 """The coarse spacing over that at sharp corners on rigid obstacles. Smooth fits leave a trace of strain at
 the tip, which pressures answer to within three spacings."""
@@ -172,3 +172,9 @@ def sharp_ends(rest: Sequence[Curve], own: Curve, obstacle: Shape, far: float) -
         gap = np.hypot(*(point - obstacle.closest(point, own.normals(at))[0])[0])
         if gap <= TOUCHING * far and RIGHT < abs(np.arccos(cosine) - 0.5 * np.pi) < 0.5 * np.pi - RIGHT:
             yield zone_at(point[0], far / SHARP_RATIO)
+
+
+def strained_zone(own: Curve, far: float) -> Zone:
+    """The zone along a surface in contact at finite strain."""
+    fine = far / STRAINED_RATIO
+    return Zone(own, fine, STRAINED_BAND * fine, STRAINED_GROWTH)

@@ -51,19 +51,19 @@ BOX_SAMPLES = 33
 def drawn(shape: AnyShape) -> Outline:
     """The outline of a shape: closed loops of named curves, "name/1" and so on for several pieces of a name.
     Raises GeometryError for shapes that are not the closed boundary of a body."""
-    if isinstance(shape, Rectangle):
-        return rectangle(shape.x, shape.y)
-    if isinstance(shape, HalfDisk):
-        return half_disk(shape.center, shape.radius, shape.side)
-    if isinstance(shape, Sector):
-        first, last = (math.radians(angle) for angle in shape.angles)
-        return sector(shape.center, shape.radii, (first, last))
-    if isinstance(shape, Annulus):
-        return annulus(shape.center, shape.radii)
-    if isinstance(shape, Mesh | Points):
-        return imported_geometry(shape).outline
-    if isinstance(shape, Disk):
-        return disk(shape.center, shape.radius)
+    match shape:
+        case Rectangle(x=x, y=y):
+            return rectangle(x, y)
+        case Disk(center=center, radius=radius):
+            return disk(center, radius)
+        case HalfDisk(center=center, radius=radius, side=side):
+            return half_disk(center, radius, side)
+        case Annulus(center=center, radii=radii):
+            return annulus(center, radii)
+        case Sector(center=center, radii=radii, angles=(first, last)):
+            return sector(center, radii, (math.radians(first), math.radians(last)))
+        case Mesh() | Points():
+            return imported_geometry(shape).outline
     holes = [
         (name, hole.center, hole.radius) for name, hole in zip(hole_names(shape), shape.holes, strict=True)
     ]

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.curves import Segment
 from mlsanm_cli.cloud.spacing import Zone
@@ -16,27 +18,24 @@ class Refinement:
     """Refined clouds: ``zones`` around segments in addition to those of the case, the results of the
     ``passes`` so far, and the message of a pass that ``failed``, if one did.
 
-    At finite strain also the zones of the pass ``before``, and whether there are ``fewer`` nodes than
-    required.
+    At finite strain only the ``knots`` of all sides of all contacts, arc lengths.
     """
 
     zones: tuple[Zone, ...] = ()
     passes: tuple[Mapping[str, Any], ...] = ()
     failed: str = ""
-    before: tuple[Zone, ...] = ()
-    fewer: bool = False
+    knots: Sequence[Sequence[Any]] = ()
 
     @classmethod
     def read(cls, plain: Mapping[str, Any]) -> Refinement:
         """From its plain values."""
-        zones = {name: tuple(_zones(plain[name])) for name in ("zones", "before")}
-        return cls(**{**plain, **zones, "passes": tuple(plain["passes"])})
+        return cls(**{**plain, "zones": tuple(_zones(plain["zones"])), "passes": tuple(plain["passes"])})
 
     @property
     def plain(self) -> dict[str, Any]:
         """Plain values; a zone is a row of start, end, spacing, radius and growth."""
-        rows = {name: [_row(zone) for zone in getattr(self, name)] for name in ("zones", "before")}
-        return {**vars(self), **rows}
+        knots = [[np.asarray(arc).tolist() for arc in sides] for sides in self.knots]
+        return {**vars(self), "zones": [_row(zone) for zone in self.zones], "knots": knots}
 
 
 def _row(zone: Zone) -> list[float]:

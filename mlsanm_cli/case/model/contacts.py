@@ -118,11 +118,10 @@ class Contact(BoundaryPart):
     """Coulomb's coefficient of friction, or `"bonded"`: touching surfaces are tied together and also carry
     tension."""
     accuracy: Annotated[float, Field(gt=0.0, le=0.1), NUMBER] = 1e-3
-    """Tolerance of the contact grid: error of the pressures relative to the largest pressure. At finite
-    strain, relative error of the contact force: bodies of automatic spacing are refined for it after a first
-    run."""
+    """Tolerance of the contact grid: error of the pressures relative to the largest pressure."""
     reach: Annotated[AutoLength, LENGTH] = "auto"
-    """Search distance: nodes with a larger initial gap are ignored; the run fails if one of them closes."""
+    """Search distance: nodes with a larger initial gap are ignored; the run fails if one of them closes.
+    Without effect at finite strain, where contacts may move anywhere."""
     regularization: Regularization = Regularization()
 
     @property
@@ -208,7 +207,3 @@ class Contact(BoundaryPart):
         yield from scope.refused(self.interference, ("interference",), "an interference", "move the obstacle")
         key = ("regularization", "law")
         yield from scope.refused(law != "exact", key, f'the "{law}" contact law', 'law = "exact"')
-        # resolved.toml has all keys, so the default is allowed.
-        if scope.strain == "finite" and self.reach != "auto":
-            message = "does not apply at finite strain: all nodes of the slave are candidates"
-            yield Fault(("reach",), message, "remove it")

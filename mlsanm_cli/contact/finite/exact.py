@@ -1,10 +1,10 @@
 """Exact contact at finite strain, p >= 0, h >= 0, p h = 0, with Coulomb friction, by Newton's method for
 bodies and contacts together.
 
-Every iteration factorises the bodies' derivatives and condenses them to the tractions T at the nodes that may
-touch: U = U_0 + z + C dT, with C corrected for what clouds do not resolve. Tractions depend on pressures and
-friction and rotate with the displacements, dT = B (dp, dq) + K dU, so that dT = (1 - K C)^-1 (B (dp, dq) + K
-z); an active set determines dp and dq.
+Every iteration factorises the bodies' derivatives and condenses them to the tractions T at the knots that may
+touch: U = U_0 + z + C dT, with C by near fields where clouds do not resolve tractions. Tractions depend on
+pressures and friction and rotate with the displacements, dT = B (dp, dq) + K dU, so that dT = (1 - K C)^-1
+(B (dp, dq) + K z); an active set determines dp and dq.
 
 Equation (26) of docs/method.md.
 """
@@ -42,12 +42,12 @@ displacement."""
 class FiniteContactState:
     """A state in contact.
 
-    ``displacement`` (2N,) of all bodies in turn; at the slaves' nodes of all contacts nominal ``pressure``,
+    ``displacement`` (2N,) of all bodies in turn; at the slaves' knots of all contacts nominal ``pressure``,
     friction ``shear``, ``gap``, ``place`` and ``slip`` (c,), ``normal`` (c, 2) and ``sets``; ``traction``
-    (2s,) at the nodes of all sides in turn and their displacements ``surface`` (2s,), corrected by near
+    (2s,) at the knots of all sides in turn and their displacements ``surface`` (2s,), with near
     fields; the ``free`` motions (d,). ``residual`` is the estimated next update over the typical
-    displacement, ``stability`` the least resistance of a contact to pressures that oscillate from node to
-    node.
+    displacement, ``stability`` the least resistance of a contact to pressures that oscillate from knot to
+    knot.
     """
 
     displacement: FloatArray
@@ -100,8 +100,8 @@ class ExactContact(ContactSystem):
         responses: Responses | None = None
         for count in range(1, most + 1):
             factors = np.concatenate([given, free])
-            response = SideResponse.of(self.contacts.sides, self.corrections, u[self.numbers], traction)
-            surface = response.moved(u[self.numbers], traction)
+            response = SideResponse.of(self.contacts.sides, self.missing, self.onto, u, traction)
+            surface = response.moved(u, traction)
             met = self.meet(surface, factors, before, start.sets.closed)
             args = (u, traction, p, q, sets, met)
             # After slow convergence, as of thin bodies in rotation, derivatives are not reused.
@@ -128,7 +128,7 @@ class ExactContact(ContactSystem):
             updates.append(last)
             if part == 1.0 and settled and left <= tolerance:
                 counts = (left, count, spent, solves)
-                surface = response.moved(u[self.numbers], traction)
+                surface = response.moved(u, traction)
                 met = self.meet(surface, np.concatenate([given, free]), before, start.sets.closed)
                 return self._state(u, p, q, sets, met, surface, free, counts, result)
         return None
@@ -140,7 +140,7 @@ class ExactContact(ContactSystem):
             return 1.0
         least = 1.0
         for place, (one, (contact, _, there)) in enumerate(zip(met, self.contacts.each, strict=True)):
-            moved = result.du[self.numbers[there]]
+            moved = (self.onto @ result.du)[there]
             for driven in (some for some in self.contacts.driven if some.contact == place):
                 moved[driven.component : 2 * contact.slave.count : 2] -= result.free[driven.number]
             falls = -(one.d_gap @ moved)

@@ -21,9 +21,11 @@ from mlsanm_cli.mechanics.finite.tangent import derivative_pieces, load_columns
 from mlsanm_cli.records import dataclass
 
 ADJACENT_NODES = 3
-"""Number of nodes next to those in contact that may come into contact within an iteration."""
+"""Number of knots next to those in contact that may come into contact within an iteration."""
 REACH_WITH_MOTIONS = 0.1
 """With free motions, so may nodes with gaps up to this fraction of the typical displacement."""
+NO_TRACTION = 1e-4
+"""Nodal tractions up to this per unit traction at a knot are left out of derivatives."""
 DAMPING = 1e-9
 """Damping of free motions within an iteration, as a fraction of the stiffness, for while nothing touches."""
 
@@ -57,7 +59,7 @@ class Iteration:
         factorised, z = {}, np.zeros(len(u))
         for name, projector in system.projectors.items():
             here = system.bodies[name]
-            whole = np.concatenate([self.factors, applied[system.columns[name]]])
+            whole = np.concatenate([self.factors, system.spread[name] @ applied])
             left = self.left[name] if self.left else projector.left(u[here], whole)
             if self.known is not None:
                 factorised[name] = self.known.factorised[name]
@@ -68,7 +70,7 @@ class Iteration:
         if not len(chosen) and not contacts.free:
             none, nothing = np.zeros(len(p)), np.zeros((0, 0))
             sets = NodeSets(none.astype(np.int8), none)
-            counts = (len(factorised), Responses(factorised, touched))
+            counts = (len(factorised), Responses(factorised, touched, 0))
             return IterationResult(z, -p, -q, np.zeros(0), -traction, sets, chosen, nothing, nothing, *counts)
         responses = self.known
         if responses is None or not responses.moved or not np.array_equal(responses.touched, touched):
@@ -80,9 +82,10 @@ class Iteration:
         """The nodes that may touch after the displacements ``z`` (2N,), and the tractions (t,) of all sides
         that these affect."""
         chosen, touched = [], []
+        smooth = self.system.onto @ z
         reach = REACH_WITH_MOTIONS * self.system.length if self.system.contacts.free else 0.0
         for one, (contact, here, there) in zip(met, self.system.contacts.each, strict=True):
-            gap = one.gap + one.d_gap @ z[self.system.numbers[there]]
+            gap = one.gap + one.d_gap @ smooth[there]
             near = one.facing & ((gap <= reach) | (p[here] > 0.0))
             for _ in range(ADJACENT_NODES):
                 adjacent = near.copy()
@@ -105,19 +108,25 @@ class Iteration:
     def _responses(self, u: FloatArray, factorised: Mapping[str, Factorised], touched: IntArray) -> Responses:
         """The bodies' responses to the ``touched`` tractions and to their free motions."""
         system, free = self.system, self.system.contacts.free
-        columns, moved, pieces = {}, {}, {}
+        columns, moved, pieces, solves = {}, {}, {}, 0
         for name, one in factorised.items():
             projector, tractions = system.projectors[name], system.columns[name]
-            place = np.minimum(np.searchsorted(tractions, touched), max(len(tractions) - 1, 0))
             acting, moves = np.flatnonzero(np.isin(touched, tractions)), system.contacts.moving(name)
+            spread = system.spread[name][:, touched[acting]].toarray()
+            # Projections decay from node to node.
+            nodal = np.flatnonzero((np.abs(spread) > NO_TRACTION).any(axis=1))
             whole = np.append(self.factors, np.zeros(projector.body.loads.count - len(self.factors)))
             known = slice(len(self.factors) - free, None)
             loads = load_columns(projector.body, u[system.bodies[name]], whole, known)
-            loads = sparse.csr_array(loads[:, np.concatenate([free + place[acting], moves])])
+            loads = sparse.csr_array(loads[:, np.concatenate([free + nodal, moves])])
+            onto = np.zeros((len(nodal) + len(moves), len(acting) + len(moves)))
+            onto[: len(nodal), : len(acting)] = spread[nodal]
+            onto[len(nodal) :, len(acting) :] = np.eye(len(moves))
             columns[name] = np.concatenate([acting, len(touched) + moves])
-            moved[name] = -one.solve_unrefined(projector.scaled(loads.toarray()))
-            pieces[name] = sparse.csr_array(loads[loads.shape[0] - 3 * projector.body.count :])
-        return Responses(factorised, touched, columns, moved, pieces)
+            moved[name] = -one.solve_unrefined(projector.scaled(loads.toarray())) @ onto
+            pieces[name] = sparse.csr_array(loads[loads.shape[0] - 3 * projector.body.count :] @ onto)
+            solves += len(nodal) + len(moves)
+        return Responses(factorised, touched, solves, columns, moved, pieces)
 
     def _imbalance(
         self, u: FloatArray, applied: FloatArray, responses: Responses, z: FloatArray
@@ -130,7 +139,7 @@ class Iteration:
         for one in (some for some in contacts.loose if some.count):
             here, rows, columns = system.bodies[one.body], one.numbers, responses.columns[one.body]
             body = system.projectors[one.body].body
-            whole = np.concatenate([self.factors, applied[system.columns[one.body]]])
+            whole = np.concatenate([self.factors, system.spread[one.body] @ applied])
             series = BodySeries.at(body, u[here], whole)
             sums, moving = one.sums(body, series, u[here])
             moved = sums @ derivative_pieces(body, u[here], whole) + moving
@@ -144,7 +153,7 @@ class Iteration:
             for name in plate.surfaces:
                 here, columns = system.bodies[name], responses.columns[name]
                 body = system.projectors[name].body
-                whole = np.concatenate([self.factors, applied[system.columns[name]]])
+                whole = np.concatenate([self.factors, system.spread[name] @ applied])
                 pull, by_moving = plate.pulled(body, name, u[here], whole)
                 moved = plate.unknown(by_moving.toarray())
                 imbalance[rows] += plate.unknown(pull) + moved @ z[here]
@@ -181,13 +190,12 @@ class Iteration:
         first: bool,
     ) -> IterationResult:
         system, contacts, touched = self.system, self.system.contacts, responses.touched
-        mu, numbers, response, count = contacts.friction[chosen], system.numbers, self.response, len(touched)
+        mu, response, count = contacts.friction[chosen], self.response, len(touched)
         # Displacements of all sides due to the touched tractions and the free motions.
-        moved = np.zeros((len(numbers), count + contacts.free))
+        smooth = np.zeros((contacts.size, count + contacts.free))
         for name, columns in responses.columns.items():
-            here, rows = system.bodies[name], system.columns[name]
-            moved[np.ix_(rows, columns)] = responses.moved[name][numbers[rows] - here.start]
-        seen, shifted = np.split(response.changed(moved), [count], axis=1)
+            smooth[:, columns] += system.onto[:, system.bodies[name]] @ responses.moved[name]
+        seen, shifted = np.split(response.followed(smooth), [count], axis=1)
         seen = seen + response.by_traction[:, touched]
         for driven in contacts.driven:
             shifted[self._driven(driven), driven.number] -= 1.0
@@ -198,7 +206,7 @@ class Iteration:
             for key in ("normal", "tangent")
         )
         d_gap, d_slip = (_diagonal([getattr(one, k) for one in met])[chosen] for k in ("d_gap", "d_slip"))
-        surface = response.changed(z[numbers]) + response.by_traction @ jump
+        surface = response.changed(z) + response.by_traction @ jump
         inverse = np.linalg.inv(np.eye(len(touched)) - turning @ seen)
         loads = inverse @ np.hstack([push, friction_slope, turning @ shifted])
         follow = inverse @ (turning @ surface)
@@ -240,7 +248,7 @@ class Iteration:
             slips, held = d_slip[stuck] @ (seen @ push), seen @ friction_slope[:, stuck]
             compliance = compliance - d_gap @ held @ np.linalg.solve(d_slip[stuck] @ held, slips)
         on_bodies = by_traction[: sum(one.count for one in contacts.loose)] @ push
-        args = (chosen, compliance, on_bodies, len(responses.columns) + count, responses)
+        args = (chosen, compliance, on_bodies, len(responses.columns) + responses.solves, responses)
         return IterationResult(du, whole_p, whole_q, free, moving, NodeSets(status, slip_sign), *args)
 
 

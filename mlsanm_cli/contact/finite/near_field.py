@@ -1,6 +1,6 @@
-"""Compliance of a side's nodes for unit nodal tractions: closed-form near fields and a smooth remainder.
-Tractions are linear between nodes; they have images behind planes of symmetry at the side's ends, and force
-densities at corners that free both faces (:mod:`mlsanm_cli.mechanics.corner`)."""
+"""Closed-form near fields of tractions that are linear between the points of a side, with images behind
+planes of symmetry at its ends, and force densities at corners that free both faces
+(:mod:`mlsanm_cli.mechanics.corner`)."""
 
 from __future__ import annotations
 
@@ -9,20 +9,18 @@ from functools import cached_property
 from itertools import product
 
 import numpy as np
-import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.finite.node_curve import wrapped
-from mlsanm_cli.contact.finite.sides import ContactSide
+from mlsanm_cli.contact.finite.sides import Points
 from mlsanm_cli.contact.geometry.grid import logarithm
 from mlsanm_cli.contact.geometry.hat_pairs import Table
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.corner import Corner, CorneredForces, Forces
+from mlsanm_cli.mechanics.corner_faces import smooth_step
 from mlsanm_cli.mechanics.near_field import SURFACE_INSET, ComplexArray, SurfaceForces, as_complex
-from mlsanm_cli.mechanics.remainder import remainder_sources
-from mlsanm_cli.operators.refinement import BLOCK_COLUMNS
 from mlsanm_cli.records import dataclass
-from mlsanm_cli.roundoff import FINE_ROUND_OFF
+from mlsanm_cli.roundoff import FINE_ROUND_OFF, ROUND_OFF
 
 GAUSS = np.polynomial.legendre.leggauss(8)
 TIP_EXPONENT = 6.0
@@ -30,46 +28,22 @@ TIP_EXPONENT = 6.0
 distance."""
 
 
-def exact_compliance(
-    side: ContactSide, body: ElasticBody, center: complex | None, nodes: IntArray, deep: IntArray
-) -> tuple[FloatArray, FloatArray]:
-    """Displacements (2c, 2c), x and y of every node in turn, due to unit tractions at some ``nodes`` (k,) of
-    a side of an undeformed body, zero for other nodes, and those (2m, 2c) of nodes ``deep`` (m,) inside. In
-    hollows near fields end at a ``center``."""
-    near, rows = _Near(side, body, center), (2 * nodes[:, None] + np.arange(2)).ravel()
-    count = len(rows)
-    own = (2 * np.concatenate([side.nodes[nodes], deep])[:, None] + np.arange(2)).ravel()
-    shape = (len(own), body.model.unknowns)
-    seen = sparse.csr_array((np.ones(len(own)), (np.arange(len(own)), own)), shape=shape)
-    total, inside = np.zeros((2 * side.count,) * 2), np.zeros((2 * len(deep), 2 * side.count))
-    if not len(nodes):
-        return total, inside
-    total[np.ix_(rows, rows)] = near.field[np.ix_(rows, rows)]
-    for first in range(0, len(nodes), BLOCK_COLUMNS):
-        some = nodes[first : first + BLOCK_COLUMNS]
-        remainders = near.summed(some, lambda forces: remainder_sources(body, forces), body.rows)
-        smooth = body.system.functionals(seen, sparse.csc_array(remainders))
-        columns = rows[2 * first : 2 * (first + len(some))]
-        moved = smooth * np.repeat(side.weight[some], 2)
-        total[np.ix_(rows, columns)] += moved[:count]
-        field = near.displaced(some, as_complex(body.model.cloud.points[deep]))
-        inside[:, columns] = moved[count:] + field * np.repeat(side.weight[some], 2)
-    return total, inside
-
-
 @dataclass(frozen=True)
-class _Near:
-    """Near fields of a ``side``'s tractions, with images behind planes of symmetry at its ends."""
+class NearField:
+    """Near fields of a ``side``'s tractions, with images behind planes of symmetry at its ends; in hollows
+    they end at a ``center``."""
 
-    side: ContactSide
+    side: Points
     body: ElasticBody
     center: complex | None
 
     @cached_property
-    def _corners(self) -> list[tuple[Corner, BoolArray]]:
-        """The corners, and masks (c,) of nodes close enough to need their force densities."""
+    def _corners(self) -> list[tuple[Corner, FloatArray]]:
+        """The corners with known fields, and the parts (c,) of their force densities: all for points within
+        their reach, none beyond twice that."""
         known = [one for one in self.side.wedges if one is not None]
-        return [(one, one.distance(as_complex(self.side.places)) <= one.reach) for one in known]
+        places = as_complex(self.side.places)
+        return [(one, smooth_step(one.distance(places) / one.reach - 1.0)) for one in known]
 
     @property
     def _mirrored(self) -> list[tuple[float, int, FloatArray]]:
@@ -112,15 +86,14 @@ class _Near:
         """What (rows, 2k) is ``of`` the fields of unit forces at some ``nodes`` (k,), x and y in turn."""
         kernel, count = self.body.model.kernel, len(nodes)
         place, inward = self._places[nodes], -as_complex(self.side.outward[nodes])
-        total = np.zeros((rows, 2, count))
-        near = np.array([some[nodes] for _, some in self._corners]).reshape(-1, count)
-        for which in np.unique(near, axis=1).T:
-            some = (near == which[:, None]).all(axis=0)
-            plain = SurfaceForces(kernel, place[some], inward[some], self.center)
-            corners = tuple(one for (one, _), yes in zip(self._corners, which, strict=True) if yes)
-            forces: Forces = CorneredForces(plain, corners) if corners else plain
-            total[:, :, some] = of(forces).reshape(rows, 2, some.sum())
-        own = total.reshape(rows, 2 * count)
+        moved = of(SurfaceForces(kernel, place, inward, self.center)).reshape(rows, 2, count)
+        for corner, weight in self._corners:
+            near = np.flatnonzero(weight[nodes] > ROUND_OFF)
+            if len(near):
+                plain = SurfaceForces(kernel, place[near], inward[near], self.center)
+                more = of(CorneredForces(plain, (corner,))) - of(plain)
+                moved[:, :, near] += more.reshape(rows, 2, len(near)) * weight[nodes[near]]
+        own = moved.reshape(rows, 2 * count)
         for arc, axis, sign in self._mirrored:
             center = self._center(arc, axis)
             images = SurfaceForces(kernel, self._image(place, arc, axis), _flipped(inward, axis), center)
@@ -148,8 +121,9 @@ class _Near:
             way, at = -_flipped(self._along, axis), 2.0 * plane - arc
             images = self._by(*flipped, way, at, self._center(plane, axis))
             total = total + images * sign
-        for corner, near in self._corners:
-            total[:, near] += self._cornered(corner)[:, near]
+        for corner, weight in self._corners:
+            if weight.any():
+                total += self._cornered(corner) * weight[:, None, None]
         return np.asarray(total.transpose(0, 2, 1, 3).reshape(2 * side.count, 2 * side.count))
 
     def _cornered(self, corner: Corner) -> FloatArray:
@@ -225,7 +199,7 @@ SIGN: tuple[Table, Table] = (lambda t: 0.5 * np.sign(t) * t**2, np.abs)
 """Second and first integrals of ln|t| and of sgn(t)."""
 
 
-def _integrals(side: ContactSide, arc: FloatArray, second: Table, first: Table) -> FloatArray:
+def _integrals(side: Points, arc: FloatArray, second: Table, first: Table) -> FloatArray:
     """Integrals (c, c), observed at the nodes, of a kernel of the distance with the hat functions of the
     nodes at ``arc`` (c,) along the side or its image."""
     steps = np.diff(arc if side.around is None else np.append(arc, arc[0] + side.around))

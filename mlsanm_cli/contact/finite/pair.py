@@ -33,7 +33,7 @@ from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
 MAX_DEPTH = 3.0
-"""Nodes deeper inside the master than this many of its spacings are ignored."""
+"""Knots deeper inside the master than this many of its spacings are ignored."""
 END_OVERHANG = 0.5
 """Closed nodes stay candidates until they are farther than this fraction of their length beyond the master's
 end: otherwise a node there would leave under pressure and return without it indefinitely, with half its
@@ -100,8 +100,7 @@ class BodyContact:
         gap = (apart * normal).sum(axis=1)
         own = self._outward[0] * turned(slave.curve.rows(slave.arc)[1] @ at)
         faced = (own * normal).sum(axis=1) < MAX_FACING_COSINE * np.hypot(*own.T)
-        spacing = np.diff(master.curve.knots)[master.curve.interval(place)]
-        deep = gap < -MAX_DEPTH * spacing * length
+        deep = gap < -MAX_DEPTH * master.spacing(place) * length
         facing = inside & faced & ~deep
         d_place = _place_moved(rows, apart, first, second, facing)
 

@@ -1,14 +1,15 @@
-"""Near-field correction of the response of sides to their own tractions.
+"""Response of sides to their own tractions, of any wave length.
 
-For the undeformed body the displacements K of a side's nodes due to unit tractions there, linear between
-nodes, are computed as for contact grids: closed-form near fields and a smooth remainder
-(:mod:`mlsanm_cli.mechanics.remainder`). The cloud alone responds with C. The change of the response with the
-state is smooth and represented by local fits F along the side::
+For the undeformed body the displacements K of a side's knots due to unit tractions there, linear between
+knots, are computed as for contact grids: closed-form near fields, and a smooth remainder
+(:mod:`mlsanm_cli.mechanics.remainder`) of forces at the nodes, interpolated. The cloud alone answers the
+projected tractions P T with E C P T at the knots. The change of the response with the state is smooth, and
+that of the cloud::
 
-    displacement of the side = F u + Q (K - F C) Q^T T
+    displacement of the side = E u + Q (K - E C P) Q^T T
 
-with the cloud's displacements u and the nodes' rotations Q. Short waves of tractions T thus do not depend on
-the cloud, and small loads give the small-strain response.
+with the cloud's displacements u and the knots' rotations Q. Tractions thus need no nodes, and small loads
+give the small-strain response.
 
 Equation (25) of docs/method.md.
 """
@@ -16,7 +17,6 @@ Equation (25) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse as sparse
@@ -25,57 +25,123 @@ from scipy.spatial import cKDTree
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.contact.finite.meeting import vectors_along
-from mlsanm_cli.contact.finite.near_field import exact_compliance
-from mlsanm_cli.contact.finite.sides import ContactSide
+from mlsanm_cli.contact.finite.near_field import NearField
+from mlsanm_cli.contact.finite.sides import HALF_WINDOW, ContactSide, SideNodes
+from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.projector import Projector
 from mlsanm_cli.mechanics.finite.tangent import load_columns
-from mlsanm_cli.mechanics.near_field import ComplexArray
+from mlsanm_cli.mechanics.near_field import ComplexArray, as_complex
+from mlsanm_cli.mechanics.remainder import remainder_sources
 from mlsanm_cli.mechanics.rigid import free_motions
+from mlsanm_cli.operators.refinement import BLOCK_COLUMNS
 from mlsanm_cli.records import dataclass
 
-CORNER_NODES = 2
-"""Up to this many nodes from corners without near field no correction is made, from twice as many on the full
-one."""
-HALF_WINDOW = 4
-"""Half-width of the fits' windows, in nodes: they suppress waves shorter than about six nodes."""
 DEEP = 0.5
 """Nodes at this part of the largest depth are far from all sides."""
 
 
-Correction: TypeAlias = tuple[FloatArray, FloatArray]
-"""Correction for a side's c nodes, x and y in turn: fit F (2c, 2c) and K - F C (2c, 2c)."""
+@dataclass(frozen=True)
+class Compliance:
+    """What an undeformed body answers at all of its nodes, x and y in turn: ``cloud`` (2N, 2c) to unit
+    tractions at the ``nodes`` of a side, and ``remainder`` (2N, 2c) to unit forces there, less their near
+    fields. The whole of a loose body moves as the nodes ``deep`` (m,) inside do, by free motions of
+    ``patterns`` (2n, d) at places (n, 2)."""
+
+    nodes: SideNodes
+    body: ElasticBody
+    deep: IntArray
+    patterns: Callable[[FloatArray], FloatArray]
+    cloud: FloatArray
+    remainder: FloatArray
+
+    @classmethod
+    def of(cls, nodes: SideNodes, projector: Projector, first: int) -> Compliance:
+        """From a body's equations in the undeformed state, whose loads from number ``first`` on are the unit
+        tractions."""
+        body = projector.body
+        still, none = np.zeros(body.unknowns), np.zeros(body.loads.count)
+        columns = load_columns(body, still, none, slice(first, first + 2 * nodes.count))
+        moved = -projector.factorised(still, none).solve_unrefined(projector.scaled(columns.toarray()))
+        return cls(nodes, body.elastic, *_deep(body), moved, _remainder(nodes, body.elastic))
+
+    def beyond_cloud(self, side: ContactSide) -> FloatArray:
+        """K - E C P (2g, 2g) for unit tractions at the knots of a side with these nodes."""
+        near, both, seen = self._near(side), np.repeat(side.share, 2), side.nodes.unknowns
+        moved = near.field + side.rows @ self.remainder[seen] @ self._forces(side)
+        moved -= side.onto @ self.cloud[seen] @ side.spread + self._offset(near, side.places)
+        return _uneven(side, both[:, None] * moved * both, own=True)
+
+    def inside(self, side: ContactSide) -> FloatArray:
+        """The same (2N, 2g) at all nodes of the body but those of the side, where it is 0."""
+        points, shape = self.body.model.cloud.points, (self.body.model.unknowns, 2 * side.count)
+        if not side.share.any():
+            return np.zeros(shape)
+        near = self._near(side)
+        moved = self.remainder @ self._forces(side) - self.cloud @ side.spread - self._offset(near, points)
+        others = np.setdiff1d(np.arange(len(points)), side.nodes.index)
+        found = np.zeros_like(moved)
+        rows = (2 * others[:, None] + np.arange(2)).ravel()
+        found[rows] = moved[rows] + self._field(near, points[others])
+        return _uneven(side, found * np.repeat(side.share, 2), own=False)
+
+    def _near(self, side: ContactSide) -> NearField:
+        return NearField(side, self.body, side.nodes.centers[0])
+
+    def _forces(self, side: ContactSide) -> FloatArray:
+        """Forces (2c, 2g) at the nodes for unit tractions at the knots."""
+        return np.asarray(side.rows.T.toarray() * np.repeat(side.weight, 2))
+
+    def _field(self, near: NearField, places: FloatArray) -> FloatArray:
+        """Near fields (2n, 2g) of unit tractions at ``places`` (n, 2) off the side."""
+        side = near.side
+        return near.displaced(np.arange(side.count), as_complex(places)) * np.repeat(side.weight, 2)
+
+    def _offset(self, near: NearField, places: FloatArray) -> FloatArray | float:
+        """Motion (2n, 2g) of a loose body on the whole, which is that of the cloud, at ``places`` (n, 2)."""
+        if not len(self.deep):
+            return 0.0
+        points, seen = self.body.model.cloud.points[self.deep], 2 * self.deep[:, None] + np.arange(2)
+        side = near.side
+        assert isinstance(side, ContactSide)
+        moved = self.remainder[seen.ravel()] @ self._forces(side) - self.cloud[seen.ravel()] @ side.spread
+        apart = moved + self._field(near, points)
+        return np.asarray(self.patterns(places) @ np.linalg.lstsq(self.patterns(points), apart)[0])
 
 
-def side_correction(
-    side: ContactSide, projector: Projector, first: int, center: complex | None
-) -> Correction:
-    """From a body's equations in the undeformed state, whose loads from number ``first`` on are the unit
-    tractions; in hollows near fields end at a ``center``."""
-    body = projector.body.elastic
-    share = np.where(np.isin(side.nodes, [node for node, _ in body.held_nodes]), 0.0, _share(side))
-    still, none = np.zeros(body.model.unknowns), np.zeros(projector.body.loads.count)
-    columns = load_columns(projector.body, still, none, slice(first, first + 2 * side.count))
-    moved = -projector.factorised(still, none).solve_unrefined(projector.scaled(columns.toarray()))
-    both = np.repeat(share, 2)
-    fit = np.diag(1.0 - both) + both[:, None] * _fit(side)
-    fitted = fit @ moved[(2 * side.nodes[:, None] + np.arange(2)).ravel()]
-    deep, free = _deep(projector.body)
-    exact, inside = exact_compliance(side, body, center, np.flatnonzero(share), deep)
-    # The motion of a loose body on the whole is that of the cloud.
-    apart = inside - moved[(2 * deep[:, None] + np.arange(2)).ravel()]
-    offset = free(side.places) @ np.linalg.lstsq(free(body.model.cloud.points[deep]), apart)[0]
-    return fit, _uneven(side, both[:, None] * (exact - fitted - offset) * both, share)
+def beyond_clouds(
+    compliances: Sequence[Compliance], sides: Sequence[tuple[ContactSide, slice]]
+) -> FloatArray:
+    """Displacements (2s, 2s) of all sides for their own unit tractions, beyond those of the clouds."""
+    size = max((here.stop for _, here in sides), default=0)
+    found = np.zeros((size, size))
+    for compliance, (side, here) in zip(compliances, sides, strict=True):
+        if side.share.any():
+            found[here, here] = compliance.beyond_cloud(side)
+    return found
 
 
-def no_correction(side: ContactSide) -> Correction:
-    """Where no near field is known."""
-    return np.eye(2 * side.count), np.zeros((2 * side.count,) * 2)
+def _remainder(nodes: SideNodes, body: ElasticBody) -> FloatArray:
+    """Displacements (2N, 2c) of a body by the remainders of unit forces at the nodes; those of nodes without
+    near fields are those of the nearest with them."""
+    chosen = np.flatnonzero(nodes.share)
+    found = np.zeros((body.model.unknowns, 2 * nodes.count))
+    if not len(chosen):
+        return found
+    near, moved = NearField(nodes, body, nodes.centers[0]), []
+    for first in range(0, len(chosen), BLOCK_COLUMNS):
+        some = chosen[first : first + BLOCK_COLUMNS]
+        sources = near.summed(some, lambda forces: remainder_sources(body, forces), body.rows)
+        moved.append(body.system.solve(sparse.csc_array(sources)))
+    beside = np.abs(chosen - np.arange(nodes.count)[:, None]).argmin(axis=1)
+    found = np.concatenate(moved, axis=1)[:, (2 * beside[:, None] + np.arange(2)).ravel()]
+    found[nodes.unknowns] = found[(2 * nodes.index[chosen[beside]][:, None] + np.arange(2)).ravel()]
+    return found
 
 
 @dataclass(frozen=True)
 class SideResponse:
-    """Displacements (2s,) of sides in a state: ``smooth`` (2s, 2s) applied to the cloud's, plus
+    """Displacements (2s,) of sides in a state: ``smooth`` (2s, 2N) applied to the cloud's, plus
     ``by_traction`` (2s, 2s), which changes with the former by ``by_turning`` (2s, 2s)."""
 
     smooth: sparse.csr_array
@@ -86,30 +152,31 @@ class SideResponse:
     def of(
         cls,
         sides: Sequence[tuple[ContactSide, slice]],
-        corrections: Sequence[Correction],
+        missing: FloatArray,
+        smooth: sparse.csr_array,
         displacement: FloatArray,
         traction: FloatArray,
     ) -> SideResponse:
-        """From the sides and their ranges, their corrections, the cloud's ``displacement`` (2s,) of their
-        nodes, and their ``traction``."""
-        fits = [fit for fit, _ in corrections] or [np.zeros((0, 0))]
-        smooth = sparse.csr_array(sparse.block_diag(fits, format="csr"))
+        """From the sides and their ranges, what is ``missing`` (2s, 2s) of their responses, the rows of
+        ``smooth`` displacements, the cloud's ``displacement`` (2N,), and their ``traction`` (2s,)."""
         surface = smooth @ displacement
-        by_traction, by_turning = (np.zeros((len(surface),) * 2) for _ in range(2))
-        for (side, here), (_, missing) in zip(sides, corrections, strict=True):
-            turn, angles = side.turned(surface[here].reshape(-1, 2))
-            whole = by_traction[here, here] = _turned(missing, turn)
-            own, pulled = (_across(one) for one in (whole @ traction[here], traction[here]))
-            by_turning[here, here] = (own - whole @ pulled) @ angles
-        return cls(smooth, by_traction, by_turning)
+        turns = [side.turned(surface[here].reshape(-1, 2)) for side, here in sides]
+        turn = np.concatenate([np.zeros(0, dtype=complex), *(one for one, _ in turns)])
+        angles = sparse.block_diag([sparse.csr_array((0, 0)), *(rows for _, rows in turns)], format="csr")
+        whole = rotated(missing, turn, turn)
+        answered, pulled = (_across(one) for one in (whole @ traction, traction))
+        return cls(smooth, whole, (answered - whole @ pulled) @ angles)
 
     def moved(self, displacement: FloatArray, traction: FloatArray) -> FloatArray:
-        """Displacements (2s,) of the sides."""
+        """Displacements (2s,) of the sides for the cloud's ``displacement`` (2N,)."""
         return np.asarray(self.smooth @ displacement + self.by_traction @ traction)
 
     def changed(self, displacement: FloatArray) -> FloatArray:
-        """Derivative of these, applied to changes (2s, ...) of the cloud's displacements."""
-        smooth = self.smooth @ displacement
+        """Derivative of these, applied to changes (2N, ...) of the cloud's displacements."""
+        return self.followed(self.smooth @ displacement)
+
+    def followed(self, smooth: FloatArray) -> FloatArray:
+        """The same, applied to changes (2s, ...) of the smooth displacements."""
         return np.asarray(smooth + self.by_turning @ smooth)
 
 
@@ -124,19 +191,21 @@ def _deep(body: FiniteBody) -> tuple[IntArray, Callable[[FloatArray], FloatArray
     cloud, bearing = elastic.model.cloud, elastic.held_nodes[: len(elastic.held_nodes) - body.pins]
     free = free_motions(cloud, elastic.held, bearing, elastic.springs)
     if not body.pins:
-        return np.zeros(0, dtype=np.int64), lambda places: np.zeros((2 * len(places), 0))
+        return np.zeros(0, dtype=np.int64), free.patterns
     outer = np.concatenate([surface.index for surface in cloud.surfaces.values()])
     depth = nearest(cKDTree(cloud.points[outer]), cloud.points)[0]
     return np.flatnonzero(depth >= DEEP * depth.max()), free.patterns
 
 
-def _turned(part: FloatArray, turn: ComplexArray) -> FloatArray:
-    rotation = np.array([[turn.real, -turn.imag], [turn.imag, turn.real]]).transpose(2, 0, 1)
-    count = len(turn)
-    found = np.einsum(
-        "iab,ibjc,jdc->iajd", rotation, part.reshape(count, 2, count, 2), rotation, optimize=True
-    )
-    return np.asarray(found.reshape(2 * count, 2 * count))
+def rotated(answers: FloatArray, rows: ComplexArray, columns: ComplexArray) -> FloatArray:
+    """``answers`` (2n, 2g) in directions that have turned by unit complex numbers at the ``rows`` (n,) and
+    ``columns`` (g,)."""
+    parts = answers.reshape(len(rows), 2, len(columns), 2)
+    seen = (parts[:, 0] + 1j * parts[:, 1]) * rows[:, None, None]
+    by_x, by_y = seen[..., 0], seen[..., 1]
+    cos, sin = columns.real, columns.imag
+    found = np.stack([by_x * cos - by_y * sin, by_x * sin + by_y * cos], axis=2)
+    return np.ascontiguousarray(np.stack([found.real, found.imag], axis=1)).reshape(answers.shape)
 
 
 def _across(values: FloatArray) -> sparse.csr_array:
@@ -144,57 +213,15 @@ def _across(values: FloatArray) -> sparse.csr_array:
     return vectors_along(np.stack([-values[1::2], values[::2]], axis=1))
 
 
-def _uneven(side: ContactSide, missing: FloatArray, share: FloatArray) -> FloatArray:
-    """Part of the correction ``missing`` (2c, 2c) for non-uniform tractions: the cloud responds exactly to a
-    uniform one. Where the ``share`` (c,) is below 1, near corners, only some neighbours count, and terms that
-    cancel elsewhere would remain: there it acts on differences from the node's own traction."""
-    count, number = side.count, np.arange(side.count)
-    blocks = missing.reshape(count, 2, count, 2).copy()
-    near = np.abs(number[:, None] - number) <= 3 * HALF_WINDOW
-    blocks[number, :, number] -= np.einsum("ibjd,ij->ibd", blocks, (1.0 - share)[:, None] * near)
+def _uneven(side: ContactSide, missing: FloatArray, own: bool) -> FloatArray:
+    """Part of a response ``missing`` (2n, 2g) for non-uniform tractions: the cloud responds exactly to a
+    uniform one. At the side's ``own`` knots where the share of near fields is below 1, near corners, only
+    some neighbours count, and terms that cancel elsewhere would remain: there it acts on differences from the
+    knot's own traction."""
+    blocks = missing.reshape(-1, 2, side.count, 2).copy()
+    if own:
+        number, beside = np.arange(side.count), side.node_number
+        near = np.abs(beside[:, None] - beside) <= 3 * HALF_WINDOW
+        blocks[number, :, number] -= np.einsum("ibjd,ij->ibd", blocks, (1.0 - side.share)[:, None] * near)
     blocks -= blocks.sum(axis=2)[:, :, None] * (side.weight / side.weight.sum())[:, None]
     return blocks.reshape(missing.shape)
-
-
-def _fit(side: ContactSide) -> FloatArray:
-    """Local cubic fits along the side at its nodes (2c, 2c), continued behind planes of symmetry."""
-    count, number = side.count, np.arange(side.count)
-    copies = [(side.arc, number, np.ones(2))]
-    if side.around is not None:
-        copies += [(side.arc + turn, number, np.ones(2)) for turn in (-side.around, side.around)]
-    for end, axis in enumerate(side.mirrors):
-        if axis is not None:
-            behind = np.delete(number, -end)
-            copies.append((2.0 * side.arc[-end] - side.arc[behind], behind, 1.0 - 2.0 * np.eye(2)[axis]))
-    arc, node = (np.concatenate(one) for one in list(zip(*copies, strict=True))[:2])
-    sign = np.concatenate([np.tile(one, (len(nodes), 1)) for _, nodes, one in copies])
-    order = np.argsort(arc)
-    arc, node, sign, own = arc[order], node[order], sign[order], np.argsort(order)
-    fit = np.zeros((count, 2, count, 2))
-    for i in number:
-        here = int(own[i])
-        low, high = max(0, here - 3 * HALF_WINDOW), min(len(arc), here + 3 * HALF_WINDOW + 1)
-        x, away = arc[low:high] - side.arc[i], np.arange(low, high) - here
-        weight = np.exp(-((away / HALF_WINDOW) ** 2.0))
-        basis = (x / np.abs(x).max())[:, None] ** np.arange(min(4, len(x)))
-        values = np.linalg.solve(basis.T @ (weight[:, None] * basis), basis.T * weight)[0]
-        for c in (0, 1):
-            np.add.at(fit[i, c, :, c], node[low:high], values * sign[low:high, c])
-    return fit.reshape(2 * count, 2 * count)
-
-
-def _share(side: ContactSide) -> FloatArray:
-    """Fraction (c,) of the correction: zero at held nodes, except on planes of symmetry, and near corners
-    without near field."""
-    number = np.arange(side.count)
-    ends = (0, side.count - 1)
-    mirrored = {end for end, axis in zip(ends, side.mirrors, strict=True) if axis is not None}
-    known = {end for end, one in zip(ends, side.wedges, strict=True) if one is not None}
-    away = np.full(side.count, np.inf)
-    for corner in side.corners:
-        if corner not in mirrored | known:
-            apart = np.abs(number - corner)
-            apart = apart if side.around is None else np.minimum(apart, side.count - apart)
-            away = np.minimum(away, apart)
-    held = side.held & ~np.isin(number, list(mirrored))
-    return np.where(held, 0.0, np.clip(away / CORNER_NODES - 1.0, 0.0, 1.0))

@@ -1,4 +1,11 @@
-"""Contact sides of bodies at finite strain, and their nominal tractions as loads of the body."""
+"""Contact sides of bodies at finite strain: their nodes on the cloud, and the knots of their tractions.
+
+Tractions are linear between knots, which need not know the nodes. The cloud is loaded with their projection
+onto the hat functions of its own nodes, which has the same force and moment. What it answers is smooth, and
+is interpolated at the knots.
+
+Equation (25) of docs/method.md.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +18,9 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.cloud.cells import FINE, Halves
+from mlsanm_cli.cloud.cells import FINE, GAUSS, Halves
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.finite.meeting import by_component
 from mlsanm_cli.contact.finite.node_curve import NodeCurve
@@ -23,25 +31,28 @@ from mlsanm_cli.mechanics.near_field import ComplexArray, as_complex, as_real
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
+CORNER_NODES = 2
+"""Up to this many nodes from corners without near field the response is that of the cloud, from twice as many
+on that of near fields."""
+HALF_WINDOW = 4
+"""Half-width of the fits' windows, in nodes: they suppress waves shorter than about six nodes."""
+
 Restraints: TypeAlias = Mapping[str, tuple[bool, bool]]
 Wedges: TypeAlias = tuple[Corner | None, Corner | None]
 
 
 @dataclass(frozen=True)
-class ContactSide:
-    """Consecutive ``nodes`` (c,) of surfaces of a ``body``.
+class Points:
+    """Consecutive points (c,) of the outline of a ``body``.
 
     In the reference configuration: ``places`` (c, 2), outward normals ``outward`` (c, 2), ``arc`` (c,)
-    lengths along the side, ``weight`` (c,) lengths of the nodes. ``members`` are the surfaces' names with the
-    indices of their nodes among these. ``around`` is the length of a closed side, else None. ``held`` (c,)
-    marks nodes with a prescribed displacement component. ``corners`` are the indices of nodes at corners and
-    ends; at either end ``mirrors`` has the axis normal to a plane of symmetry, if any, and ``wedges`` a
-    corner with known near field.
+    lengths along the side, ``weight`` (c,) lengths of the points. ``around`` is the length of a closed side,
+    else None. ``held`` (c,) marks points with a prescribed displacement component. ``corners`` are the
+    indices of points at corners and ends; at either end ``mirrors`` has the axis normal to a plane of
+    symmetry, if any, and ``wedges`` a corner with known near field.
     """
 
     body: str
-    members: tuple[tuple[str, IntArray], ...]
-    nodes: IntArray
     places: FloatArray
     outward: FloatArray
     weight: FloatArray
@@ -50,7 +61,44 @@ class ContactSide:
     held: BoolArray
     corners: tuple[int, ...]
     mirrors: tuple[int | None, int | None]
-    wedges: Wedges = (None, None)
+    wedges: Wedges
+
+    @property
+    def count(self) -> int:
+        """Number of points (c)."""
+        return len(self.arc)
+
+    @cached_property
+    def curve(self) -> NodeCurve:
+        """The curve through the points, over reference arc lengths."""
+        inner = self.corners if self.around is not None else self.corners[1:-1]
+        return NodeCurve(self.arc, self.around, inner)
+
+    @property
+    def ends(self) -> FloatArray:
+        """Arc lengths of the ends of the intervals; on a closed side the first one is repeated."""
+        return self.curve.knots
+
+    def turned(self, displacement: FloatArray) -> tuple[ComplexArray, sparse.csr_array]:
+        """Rotations of the side at its points as unit complex numbers (c,), for displacements (c, 2), and
+        rows (c, 2c) of the derivatives of the angles."""
+        slopes = self.curve.mean_slopes
+        before, now = (as_complex(slopes @ one) for one in (self.places, self.places + displacement))
+        turn = now * np.conj(before)
+        across = as_real(1j * now) / (np.abs(now) ** 2)[:, None]
+        return np.asarray(turn / np.abs(turn)), by_component(slopes, across)
+
+
+@dataclass(frozen=True)
+class SideNodes(Points):
+    """The nodes of a side, with the numbers ``index`` (c,), on the ``geometry`` of a boundary. ``members``
+    are the names of the surfaces with the indices of their nodes among these. Near fields end at the one of
+    ``centers``, None for infinity; there are none without one."""
+
+    geometry: Curve
+    index: IntArray
+    members: tuple[tuple[str, IntArray], ...]
+    centers: Sequence[complex | None]
 
     @classmethod
     def of(
@@ -61,7 +109,8 @@ class ContactSide:
         held: Restraints,
         nodes: Sequence[int] = (),
         wedges: Wedges = (None, None),
-    ) -> ContactSide:
+        centers: Sequence[complex | None] = (None,),
+    ) -> SideNodes:
         """The side on a ``surface`` of a body's ``cloud`` with ``held`` components of surfaces and held
         ``nodes``, with ``wedges`` at its ends."""
         around = surface.curve.length if surface.curve.closed else None
@@ -71,30 +120,33 @@ class ContactSide:
         found[list(nodes)] = True
         ends = (0, len(surface.index) - 1)
         known = {int(np.argmin(np.abs(surface.arc_length - one))) for one in surface.curve.corners}
+        mirrors = (_mirror(cloud, surface, ends[0], held), _mirror(cloud, surface, ends[1], held))
         return cls(
-            body,
-            tuple((part.name, numbers) for part, numbers in surface.members),
-            surface.index,
-            cloud.points[surface.index],
-            surface.normal,
-            surface.weight,
-            surface.arc_length,
-            around,
-            found[surface.index],
-            tuple(sorted(known if around is not None else known.union(ends))),
-            mirrors := (_mirror(cloud, surface, ends[0], held), _mirror(cloud, surface, ends[1], held)),
-            (wedges[0] if mirrors[0] is None else None, wedges[1] if mirrors[1] is None else None),
+            body=body,
+            places=cloud.points[surface.index],
+            outward=surface.normal,
+            weight=surface.weight,
+            arc=surface.arc_length,
+            around=around,
+            held=found[surface.index],
+            corners=tuple(sorted(known if around is not None else known.union(ends))),
+            mirrors=mirrors,
+            wedges=(wedges[0] if mirrors[0] is None else None, wedges[1] if mirrors[1] is None else None),
+            geometry=surface.curve,
+            index=surface.index,
+            members=tuple((part.name, numbers) for part, numbers in surface.members),
+            centers=centers,
         )
-
-    @property
-    def count(self) -> int:
-        """Number of nodes (c)."""
-        return len(self.nodes)
 
     @property
     def name(self) -> str:
         """Its first surface, as in the case."""
         return f"{self.body}.{self.members[0][0].partition('/')[0]}"
+
+    @property
+    def unknowns(self) -> IntArray:
+        """Displacement components (2c,) of the nodes among those of the body."""
+        return np.asarray((2 * self.index[:, None] + np.arange(2)).ravel())
 
     def traction_rows(self, body: ElasticBody, some: Sequence[int] | IntArray) -> IntArray:
         """Rows (m,) of the tractions of ``some`` of the side's nodes, by index."""
@@ -106,19 +158,166 @@ class ContactSide:
         return np.concatenate(rows)
 
     @cached_property
-    def curve(self) -> NodeCurve:
-        """The curve through its nodes, over reference arc lengths."""
-        inner = self.corners if self.around is not None else self.corners[1:-1]
-        return NodeCurve(self.arc, self.around, inner)
+    def share(self) -> FloatArray:
+        """Fraction (c,) of near fields in the response: zero at held nodes, except on planes of symmetry, and
+        near corners without near field."""
+        if not self.centers:
+            return np.zeros(self.count)
+        known = {end for end, one in zip((0, self.count - 1), self.wedges, strict=True) if one is not None}
+        part = np.clip(self._away(known) / CORNER_NODES - 1.0, 0.0, 1.0)
+        return np.where(self.held & ~np.isin(np.arange(self.count), list(self._mirrored)), 0.0, part)
 
-    def turned(self, displacement: FloatArray) -> tuple[ComplexArray, sparse.csr_array]:
-        """Rotations of the side at its nodes as unit complex numbers (c,), for nodal displacements (c, 2),
-        and rows (c, 2c) of the derivatives of the angles."""
-        slopes = self.curve.mean_slopes
-        before, now = (as_complex(slopes @ one) for one in (self.places, self.places + displacement))
-        turn = now * np.conj(before)
-        across = as_real(1j * now) / (np.abs(now) ** 2)[:, None]
-        return np.asarray(turn / np.abs(turn)), by_component(slopes, across)
+    @property
+    def inner(self) -> BoolArray:
+        """Mask (c,) of the nodes with near fields that are away from all corners but planes of symmetry."""
+        return np.asarray((self.share == 1.0) & (self._away(set()) >= 2 * CORNER_NODES))
+
+    @property
+    def _mirrored(self) -> set[int]:
+        """Nodes at planes of symmetry."""
+        ends = zip((0, self.count - 1), self.mirrors, strict=True)
+        return {end for end, axis in ends if axis is not None}
+
+    def _away(self, ignored: set[int]) -> FloatArray:
+        """Numbers (c,) of nodes to the nearest corner that is neither ``ignored`` nor at a plane of
+        symmetry."""
+        number, away = np.arange(self.count), np.full(self.count, np.inf)
+        for corner in set(self.corners) - self._mirrored - ignored:
+            apart = np.abs(number - corner)
+            apart = apart if self.around is None else np.minimum(apart, self.count - apart)
+            away = np.minimum(away, apart)
+        return away
+
+    @cached_property
+    def fit(self) -> FloatArray:
+        """Local cubic fits along the side at its nodes (2c, 2c), continued behind planes of symmetry, where
+        near fields have a share."""
+        both = np.repeat(self.share, 2)
+        return np.diag(1.0 - both) + both[:, None] * _fit(self)
+
+    @cached_property
+    def mass(self) -> FloatArray:
+        """Integrals (c, c) of the products of the nodes' hat functions."""
+        return _products(self, self)
+
+
+@dataclass(frozen=True)
+class ContactSide(Points):
+    """The knots of a side's tractions, on the same boundary as its ``nodes``; they include its corners."""
+
+    nodes: SideNodes
+
+    @classmethod
+    def on(cls, nodes: SideNodes, arc: FloatArray) -> ContactSide:
+        """Knots at arc lengths (g,), of which the first is that of the nodes."""
+        geometry, step = nodes.geometry, np.diff(arc)
+        if nodes.around is not None:
+            after = np.append(step, arc[0] + nodes.around - arc[-1])
+            weight = 0.5 * (after + np.roll(after, 1))
+        else:
+            weight = 0.5 * (np.append(step, 0.0) + np.append(0.0, step))
+        corners = tuple(int(np.argmin(np.abs(arc - nodes.arc[one]))) for one in nodes.corners)
+        outward = geometry.normals(arc)
+        outward[list(corners)] = nodes.outward[list(nodes.corners)]
+        held = np.interp(arc, nodes.arc, nodes.held.astype(float)) > 1.0 - COARSE_ROUND_OFF
+        kept = (nodes.body, geometry.points(arc), outward, weight, arc, nodes.around, held, corners)
+        return cls(*kept, nodes.mirrors, nodes.wedges, nodes)
+
+    @property
+    def name(self) -> str:
+        """Its first surface, as in the case."""
+        return self.nodes.name
+
+    def spacing(self, place: FloatArray) -> FloatArray:
+        """Distances (e,) of the nodes at arc lengths (e,)."""
+        return np.diff(self.nodes.ends)[self.nodes.curve.interval(place)]
+
+    @cached_property
+    def node_number(self) -> FloatArray:
+        """Positions (g,) of the knots in the sequence of the nodes."""
+        return np.interp(self.arc, self.nodes.ends, np.arange(len(self.nodes.ends)))
+
+    @cached_property
+    def rows(self) -> sparse.csr_array:
+        """Rows (2g, 2c) of the values at the knots of functions with nodal vectors."""
+        return both_components(self.nodes.curve.rows(self.arc)[0])
+
+    @cached_property
+    def onto(self) -> sparse.csr_array:
+        """Rows (2g, 2c) of displacements of the knots by those of the nodes (E)."""
+        return sparse.csr_array(self.rows @ self.nodes.fit)
+
+    @cached_property
+    def spread(self) -> sparse.csr_array:
+        """Nodal tractions (2c, 2g) by those at the knots (P), with the same force and moment."""
+        return both_components(
+            np.asarray(np.linalg.solve(self.nodes.mass, _products(self.nodes, self)), np.float64)
+        )
+
+    @cached_property
+    def hats(self) -> sparse.csr_array:
+        """Values (2g, 2c) at the knots of vectors that are linear between nodes."""
+        return both_components(_hats(self.nodes, self.arc))
+
+    @cached_property
+    def share(self) -> FloatArray:
+        """Fraction (g,) of near fields in the response."""
+        nodes = self.nodes
+        ends = nodes.share if nodes.around is None else np.append(nodes.share, nodes.share[0])
+        return np.interp(self.arc, nodes.ends, ends)
+
+
+def both_components(rows: sparse.csr_array | FloatArray) -> sparse.csr_array:
+    """Rows (g, c) applied to both components (2g, 2c)."""
+    return sparse.csr_array(sparse.kron(sparse.csr_array(rows), sparse.eye_array(2), format="csr"))
+
+
+def _products(one: Points, other: Points) -> FloatArray:
+    """Integrals (c, g) of the products of the hat functions of two sets of points of a side."""
+    cuts = np.unique(np.concatenate([one.ends, other.ends]))
+    step = np.diff(cuts)
+    places = np.concatenate([cuts[:-1] + at * step for at, _ in GAUSS[2]])
+    length = np.concatenate([weight * step for _, weight in GAUSS[2]])
+    first, second = (_hats(points, places) for points in (one, other))
+    return np.asarray((first.T @ sparse.diags_array(length) @ second).toarray())
+
+
+def _hats(points: Points, places: FloatArray) -> sparse.csr_array:
+    """Values (e, c) of the points' hat functions at ``places`` (e,)."""
+    ends, number = points.ends, np.arange(len(places))
+    low = points.curve.interval(places)
+    part = (places - ends[low]) / (ends[low + 1] - ends[low])
+    entries = (np.concatenate([1.0 - part, part]), (np.tile(number, 2), np.concatenate([low, low + 1])))
+    found = sparse.coo_array(entries, shape=(len(places), len(ends)))
+    line, column = found.coords
+    return sparse.csr_array((found.data, (line, column % points.count)), shape=(len(places), points.count))
+
+
+def _fit(side: Points) -> FloatArray:
+    """Local cubic fits along the side at its nodes (2c, 2c), continued behind planes of symmetry."""
+    count, number = side.count, np.arange(side.count)
+    copies = [(side.arc, number, np.ones(2))]
+    if side.around is not None:
+        copies += [(side.arc + turn, number, np.ones(2)) for turn in (-side.around, side.around)]
+    for end, axis in enumerate(side.mirrors):
+        if axis is not None:
+            behind = np.delete(number, -end)
+            copies.append((2.0 * side.arc[-end] - side.arc[behind], behind, 1.0 - 2.0 * np.eye(2)[axis]))
+    arc, node = (np.concatenate(one) for one in list(zip(*copies, strict=True))[:2])
+    sign = np.concatenate([np.tile(one, (len(nodes), 1)) for _, nodes, one in copies])
+    order = np.argsort(arc)
+    arc, node, sign, own = arc[order], node[order], sign[order], np.argsort(order)
+    fit = np.zeros((count, 2, count, 2))
+    for i in number:
+        here = int(own[i])
+        low, high = max(0, here - 3 * HALF_WINDOW), min(len(arc), here + 3 * HALF_WINDOW + 1)
+        x, away = arc[low:high] - side.arc[i], np.arange(low, high) - here
+        weight = np.exp(-((away / HALF_WINDOW) ** 2.0))
+        basis = (x / np.abs(x).max())[:, None] ** np.arange(min(4, len(x)))
+        values = np.linalg.solve(basis.T @ (weight[:, None] * basis), basis.T * weight)[0]
+        for c in (0, 1):
+            np.add.at(fit[i, c, :, c], node[low:high], values * sign[low:high, c])
+    return fit.reshape(2 * count, 2 * count)
 
 
 def _mirror(cloud: Cloud, surface: Surface, end: int, held: Restraints) -> int | None:
@@ -138,7 +337,7 @@ def _mirror(cloud: Cloud, surface: Surface, end: int, held: Restraints) -> int |
     return None
 
 
-def with_sides(loads: Loads, body: ElasticBody, sides: Sequence[ContactSide]) -> Loads:
+def with_sides(loads: Loads, body: ElasticBody, sides: Sequence[SideNodes]) -> Loads:
     """The ``loads`` followed by unit tractions x and y at every node of the body's ``sides``, per reference
     length and linear between nodes."""
     more = 2 * sum(one.count for one in sides)

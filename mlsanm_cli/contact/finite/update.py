@@ -17,7 +17,6 @@ from mlsanm_cli.contact.finite.meeting import Meeting
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.sets import NodeSets
-from mlsanm_cli.contact.finite.side_response import Correction
 from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.response.coercivity import constrained_resistance
 from mlsanm_cli.mechanics.finite.projector import Factorised, Projector
@@ -29,8 +28,8 @@ AnyContact: TypeAlias = RigidContact | BodyContact
 
 @dataclass(frozen=True)
 class Contacts:
-    """The contacts of a scene, ``pairs`` of sides, and its unknown motions (d,), load factors after those of
-    the case: of ``loose`` bodies, ``driven`` obstacles and ``plates``."""
+    """The contacts of a scene, ``pairs`` of sides with knots, and its unknown motions (d,), load factors
+    after those of the case: of ``loose`` bodies, ``driven`` obstacles and ``plates``."""
 
     pairs: tuple[AnyContact, ...] = ()
     loose: tuple[LooseMotions, ...] = ()
@@ -51,8 +50,8 @@ class Contacts:
 
     @cached_property
     def each(self) -> list[tuple[AnyContact, slice, slice]]:
-        """Every contact, the range of its slave's nodes among those of all slaves (c,), and of the components
-        of the nodes of its sides among those of all sides (2s,)."""
+        """Every contact, the range of its slave's knots among those of all slaves (c,), and of the components
+        of the knots of its sides among those of all sides (2s,)."""
         nodes = np.cumsum([0, *(one.slave.count for one in self.pairs)]).tolist()
         sides = np.cumsum([0, *(2 * sum(side.count for side in one.sides) for one in self.pairs)]).tolist()
         return [
@@ -62,35 +61,40 @@ class Contacts:
 
     @cached_property
     def sides(self) -> list[tuple[ContactSide, slice]]:
-        """Every side, and the range of the components of its nodes among those of all sides (2s,)."""
+        """Every side, and the range of the components of its knots among those of all sides (2s,)."""
         sides = [side for contact in self.pairs for side in contact.sides]
         ends = np.cumsum([0, *(2 * side.count for side in sides)]).tolist()
         return [(side, slice(*here)) for side, here in zip(sides, pairwise(ends), strict=True)]
 
     @property
     def count(self) -> int:
-        """Number of the nodes of all slaves (c)."""
+        """Number of the knots of all slaves (c)."""
         return sum(one.slave.count for one in self.pairs)
 
     @property
     def size(self) -> int:
-        """Number of the components of the nodes of all sides (2s)."""
+        """Number of the components of the knots of all sides (2s)."""
         return sum(2 * side.count for side, _ in self.sides)
 
     @cached_property
     def friction(self) -> FloatArray:
-        """Friction coefficients at the slaves' nodes (c,); zero at held ones, as at a plane of symmetry: a
-        node that cannot slip has undetermined friction."""
+        """Friction coefficients at the slaves' knots (c,); zero at held ones, as at a plane of symmetry: a
+        knot that cannot slip has undetermined friction."""
         found = [np.where(one.slave.held, 0.0, one.friction) for one in self.pairs]
         return np.concatenate([*found, np.zeros(0)])
 
     @cached_property
     def weight(self) -> FloatArray:
-        """Lengths (c,) of the slaves' nodes."""
+        """Lengths (c,) of the slaves' knots."""
         return np.concatenate([*(one.slave.weight for one in self.pairs), np.zeros(0)])
 
+    def spread(self, body: str) -> sparse.csr_array:
+        """Nodal tractions (t, 2s) of a body's sides by those at all sides' knots."""
+        rows = [side.spread if side.body == body else side.spread[:0] for side, _ in self.sides]
+        return sparse.csr_array(sparse.block_diag([sparse.csr_array((0, 0)), *rows], format="csr"))
+
     def tractions(self, met: Sequence[Meeting], pressure: FloatArray, shear: FloatArray) -> FloatArray:
-        """Tractions (2s,) at the nodes of all sides for the slaves' pressures and friction (c,)."""
+        """Tractions (2s,) at the knots of all sides for the slaves' pressures and friction (c,)."""
         parts = [
             one.tractions(pressure[here], shear[here]).ravel()
             for one, (_, here, _) in zip(met, self.each, strict=True)
@@ -104,14 +108,14 @@ class ContactSystem:
     every node of their sides, in the order of the contacts.
 
     ``length`` is the typical displacement; ``stiffness`` converts gaps to pressures in the initial guess.
-    ``corrections`` are those of all sides by near fields.
+    ``missing`` (2s, 2s) are the sides' displacements beyond the clouds'.
     """
 
     projectors: Mapping[str, Projector]
     contacts: Contacts
     length: float
     stiffness: float
-    corrections: Sequence[Correction]
+    missing: FloatArray
 
     @property
     def nothing(self) -> float:
@@ -125,13 +129,25 @@ class ContactSystem:
         return {name: slice(*here) for name, here in zip(self.projectors, pairwise(ends), strict=True)}
 
     @cached_property
-    def numbers(self) -> IntArray:
-        """Indices (2s,) of all sides' nodal displacements among those of all bodies."""
-        found = [
-            self.bodies[side.body].start + (2 * side.nodes[:, None] + np.arange(2)).ravel()
-            for side, _ in self.contacts.sides
-        ]
-        return np.concatenate([*found, np.zeros(0, dtype=np.int64)])
+    def onto(self) -> sparse.csr_array:
+        """Smooth displacements (2s, 2N) of all sides' knots by those of all bodies' nodes."""
+        parts = []
+        for side, _ in self.contacts.sides:
+            rows = side.onto.tocoo()
+            line, column = rows.coords
+            at = (line, self.bodies[side.body].start + side.nodes.unknowns[column])
+            parts.append(sparse.csr_array((rows.data, at), shape=(rows.shape[0], self.unknowns)))
+        return sparse.csr_array(sparse.vstack([sparse.csr_array((0, self.unknowns)), *parts], format="csr"))
+
+    @property
+    def unknowns(self) -> int:
+        """Number 2N of displacements of all bodies."""
+        return sum(one.body.unknowns for one in self.projectors.values())
+
+    @cached_property
+    def spread(self) -> dict[str, sparse.csr_array]:
+        """Nodal tractions (t, 2s) of each body's sides by those at all sides' knots."""
+        return {name: self.contacts.spread(name) for name in self.projectors}
 
     @cached_property
     def columns(self) -> dict[str, IntArray]:
@@ -146,10 +162,12 @@ class ContactSystem:
 class Responses:
     """Derivatives of the bodies, by name, which can be reused nearby: their ``factorised`` equations, and
     their responses to the ``touched`` (t,) tractions and the d free motions. A body is moved (2n, k) by those
-    in its ``columns`` (k,), tractions first; ``pieces`` (3p, k) is the direct imbalance of its pieces."""
+    in its ``columns`` (k,), tractions first; ``pieces`` (3p, k) is the direct imbalance of its pieces.
+    They took a number of ``solves``."""
 
     factorised: Mapping[str, Factorised]
     touched: IntArray
+    solves: int
     columns: Mapping[str, IntArray] = field(default_factory=dict)
     moved: Mapping[str, FloatArray] = field(default_factory=dict)
     pieces: Mapping[str, sparse.csr_array] = field(default_factory=dict)

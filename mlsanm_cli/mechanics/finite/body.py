@@ -29,6 +29,7 @@ from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.finite.faces import FacePoints, inner_points, outline_points
 from mlsanm_cli.mechanics.finite.loads import Applied, Loads
 from mlsanm_cli.mechanics.laws.law import Law, determinant, gradient_of
+from mlsanm_cli.mechanics.near_field import ComplexArray
 from mlsanm_cli.mechanics.pieces import rule_of
 from mlsanm_cli.operators.rows import pair_rows
 from mlsanm_cli.records import dataclass
@@ -110,6 +111,12 @@ class FiniteBody:
         """Mean rotation of the body under a ``displacement`` (2N,)."""
         xx, xy, yx, yy = self.gradient(displacement) @ self.elastic.model.cloud.areas
         return float(np.arctan2(yx - xy, 2.0 * self.elastic.model.cloud.areas.sum() + xx + yy))
+
+    def turns(self, displacement: FloatArray) -> ComplexArray:
+        """Rotations (n,) of the nodes under a ``displacement`` (2N,), as unit complex numbers."""
+        xx, xy, yx, yy = self.gradient(displacement)
+        found = 2.0 + xx + yy + 1j * (yx - xy)
+        return np.asarray(found / np.abs(found))
 
     @cached_property
     def table(self) -> RowTable:

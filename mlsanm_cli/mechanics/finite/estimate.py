@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.mechanics.energy import extended, over_body
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
@@ -54,15 +54,21 @@ def energy(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> f
     return float(areas @ (stress * strain).sum(axis=0) + least)
 
 
-def missing_work(body: FiniteBody, displacement: FloatArray, factors: FloatArray, way: FloatArray) -> float:
+def missing_work(
+    body: FiniteBody, displacement: FloatArray, factors: FloatArray, way: FloatArray, near: BoolArray
+) -> float:
     """Virtual work of the stress at ``displacement`` (2N,) and load ``factors`` (L,) on a small displacement
     ``way`` (2N,), minus that of all forces, per thickness.
 
-    Reactions are known as stresses next to singular corners, or not at all: a smooth field with the ``way``
-    of held parts is subtracted, so that they do no work. Equation (28) of docs/method.md.
+    Next to forces that the cloud does not resolve, at nodes ``near`` (n,), the displacement continues
+    smoothly from elsewhere. Reactions are known as stresses next to singular corners, or not at all: a smooth
+    field with the ``way`` of held parts is subtracted, so that they do no work. Equation (28) of
+    docs/method.md.
     """
     elastic, moved = body.elastic, way.reshape(-1, 2)
     cloud = elastic.model.cloud
+    if near.any():
+        moved = extended(cloud, moved, np.repeat(~near[:, None], 2, axis=1))
     held = np.zeros(moved.shape, dtype=bool)
     for name, components in elastic.held.items():
         held[cloud.surfaces[name].index] |= np.array(components)

@@ -201,8 +201,7 @@ def test_a_punch_with_sharp_corners(tmp_path: Path) -> None:
     pressed = run.contacts["c"].points[run.contacts["c"].pressure[-1] > 0.0]
     nodes, moved = run.bodies["base"].points, run.states[-1].bodies["base"]["displacement"]
     edge = pressed[np.argmax(pressed[:, 0])]
-    around = [int(np.argmin(np.hypot(*(nodes - one).T))) for one in pressed]
-    low = (nodes + moved)[around, 1]
+    low = (nodes + moved)[(np.abs(nodes[:, 0]) < 0.95) & (nodes[:, 1] == 2.0), 1]
     assert np.ptp(low) <= 0.02
     assert edge[0] == pytest.approx(1.0, abs=0.15)
 
@@ -272,18 +271,6 @@ def test_a_pin_in_half_a_bearing(tmp_path: Path) -> None:
     top = int(np.argmax(pressed))
     # At degree 4 pressures fall by 0.022 of the peak at one node.
     assert (np.diff(pressed[: top + 1]) > -0.03 * pressed[top]).all()
-
-
-@pytest.mark.parametrize(("turn", "words"), [(0.0873, "no node of disk.arc"), (0.0, "too few nodes")])
-def test_contacts_between_few_nodes_are_told(tmp_path: Path, turn: float, words: str) -> None:
-    """Pressed by 4e-3 R less than it sags between its nodes, or a little more: done without a word."""
-    shape = half_disk([0.0, 1.0], 1.0)
-    across, up = float(np.sin(turn)), float(np.cos(turn))
-    text = HEAD + body("disk", "rubber", 0.17, shape)
-    text += load("press", "disk.flat", "displacement", displacement=[0.0, -2e-3])
-    text += contact("c", "disk.arc", obstacle=plane([-across, 1.0 - up], [across, up]))
-    warnings = solve(text, tmp_path / "run")["warnings"]
-    assert sum(words in one for one in warnings) == 1
 
 
 def test_a_body_that_only_moves_is_in_balance(tmp_path: Path) -> None:
