@@ -55,10 +55,12 @@ class Image:
 
 @dataclass(frozen=True)
 class SymmetryPlane:
-    """The line through ``point`` along the unit vector ``along``, which points into the body."""
+    """The line through ``point`` along the unit vector ``along``, which points into the body. Forces farther
+    from it than ``reach`` do not need their images."""
 
     point: complex
     along: complex
+    reach: float = 0.0
 
     @property
     def image(self) -> Image:

@@ -149,7 +149,7 @@ def ranged(
                 return None
             result[name] = replace(grid, hats=grid.hats.halved(coarse))
             continue
-        first, last = max(room.first, low - RANGE_MARGIN * width), min(room.last, high + RANGE_MARGIN * width)
+        first, last = room.extended(low - RANGE_MARGIN * width, high + RANGE_MARGIN * width)
         if room.around and (first == room.first or last == room.last):
             first, last = room.first, room.last
         outgrown = room.first < grid.first >= low or room.last > grid.last <= high

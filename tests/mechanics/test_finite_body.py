@@ -10,11 +10,13 @@ import pytest
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.forces import Forces
 from mlsanm_cli.mechanics.finite.loads import Loads
 from mlsanm_cli.mechanics.finite.tangent import derivative_pieces, derivative_rows
-from tests.mechanics.bodies import jittered_square, with_body_force
+from mlsanm_cli.mechanics.laws.law import Law
+from tests.mechanics.bodies import build, jittered_square, with_body_force
 from tests.mechanics.finite_bodies import (
     KINDS,
     NU,
@@ -26,6 +28,7 @@ from tests.mechanics.finite_bodies import (
     problem_of,
     renewed,
 )
+from tests.mechanics.test_laws import LAWS
 
 BOTTOM = {"bottom": (True, True)}
 STATES = {"stretch": [[0.3, 0.0], [0.0, -0.15]], "shear": [[0.0, 0.5], [0.0, 0.0]]}
@@ -76,6 +79,22 @@ def test_nearly_incompressible_homogeneous_states_are_exact(degree: int) -> None
             tangent = projector.factorised(x, problem.factors(lam), iterating=True)
             x = x - tangent.solve(projector.image(residual))
     np.testing.assert_allclose(x.reshape(-1, 2), exact(cloud.points)[0], atol=1e-9)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: f"{law.name} {law.plane}")
+def test_series_of_a_path_meet_newtons_method(law: Law) -> None:
+    """A sheared block, from 0.4 to 0.45 of its loads."""
+    exact = homogeneous([[0.15, 0.2], [0.0, -0.1]])
+    elastic = build(jittered_square(7), BOTTOM, 2, law.linear)
+    problem = problem_of(FiniteBody(elastic, law, boundary_loads(elastic, law, exact)))
+    start, step = newton(problem, np.zeros(problem.size), 0.4), 0.05
+    tangent = problem.tangent(start, 0.4)
+    slope = -tangent.solve(problem.load_derivative(start, 0.4))
+    x, lam = np.zeros((11, problem.size)), np.zeros(11)
+    x[:2], lam[:2] = [start, slope], [0.4, 1.0]
+    tangent.orders(x, lam, slope, np.zeros(problem.size), 1.0)
+    end = step ** np.arange(11) @ x
+    np.testing.assert_allclose(end, newton(problem, end, 0.4 + step), atol=1e-8)
 
 
 def mixed(elastic: ElasticBody) -> Loads:

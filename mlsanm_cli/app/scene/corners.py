@@ -200,8 +200,8 @@ def symmetry_plane(
     for name, adjacent, other in _adjacent(model, face, surface.curve.length, own):
         if name not in fixed or not _straight(adjacent.curve) or not _slides(other.along, held[name]):
             return None
-        plane = SymmetryPlane(other.tip, other.along)
         end = surface.index[-1 if at_end else 0]
+        plane = SymmetryPlane(other.tip, other.along, END_CLEARANCE * float(model.cloud.spacing[end]))
         bend = float(surface.curve.curvature(np.array([surface.curve.length * at_end]))[0])
         turn = (bend * model.cloud.spacing[end]) ** 2
         right = abs((face.along * np.conj(other.along)).real) <= max(ROUND_OFF, float(turn))

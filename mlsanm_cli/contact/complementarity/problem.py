@@ -35,8 +35,9 @@ DOUBTFUL = SINGULAR**0.5
 """Pivot below which it is computed with a residual, which squares the error of earlier updates."""
 GRAIN = 100.0 * float(np.finfo(float).eps)
 """Round-off of a row relative to its largest coefficient."""
-WEAK = 1e-6
-"""Own compliance, or pressure over motion, relative to the largest, below which the latter is the scale."""
+WEAK = 1e-5
+"""Own compliance, or pressure over motion, relative to the largest, below which the latter is the scale:
+times FEASIBLE it is the round-off of motions."""
 
 OPEN, STICK, SLIP = 0, 1, 2
 """Contact status of a node."""

@@ -38,11 +38,6 @@ from mlsanm_cli.mechanics.symmetry import Image, images_of
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
-DIFFERENCE_STEP = 1e-4
-"""Step of difference quotients along a contact, as a fraction of its range."""
-MAX_CACHED = 1000
-"""Corner terms are cached for grids of up to this many nodes, to limit memory."""
-
 
 @dataclass(frozen=True)
 class Pin:

@@ -49,6 +49,14 @@ class ContactRange:
         away = np.mod(away, self.facing.base.length) if self.facing.base.closed else away
         return np.asarray(self.around | (away > inset) & (away < self.last - self.first - inset))
 
+    def extended(self, first: float, last: float) -> tuple[float, float]:
+        """The part of the range between ``first`` and ``last``, up to planes of symmetry that are close."""
+        near = [0.0 if plane is None else plane.reach for plane in self.planes]
+        return (
+            self.first if first - near[0] <= self.first else first,
+            self.last if last + near[1] >= self.last else last,
+        )
+
     def hats(self, nodes: FloatArray) -> Hats:
         """Hat functions on increasing ``nodes``, with half hats at whole ends that they reach."""
         first, last = nodes[0] == self.first and self.whole[0], nodes[-1] == self.last and self.whole[1]

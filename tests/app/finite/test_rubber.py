@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.results.probe import probe_point
+from mlsanm_cli.continuation.roots import root
 from tests.app.scenes import solve
-from tests.case_text import body, head, item, load, material, support
+from tests.case_text import body, box, contact, head, item, load, material, plane, support
 
 C10, C01, INNER, OUTER = 0.4, 0.1, 1.0, 2.0
 MOONEY = {"law": "mooney-rivlin", "c10": C10, "c01": C01}
@@ -58,3 +59,23 @@ def test_an_inflated_tube_of_mooney_and_rivlin(poisson: float, method: str, tmp_
     assert summary["error_estimate"]["displacement"] < 5e-3
     (seen,) = probe_point(tmp_path / "run", [1.0], "tube", (INNER, 0.0))
     np.testing.assert_allclose(seen["von_mises"], summary["probes"]["in"]["von_mises"], rtol=1e-6)
+
+
+def test_a_nearly_incompressible_block_is_squeezed_by_a_plate(tmp_path: Path) -> None:
+    """Neo-Hooke in plane strain, free sideways: mu (l - 1/l) + lam ln(l s) / l = 0 at the height s."""
+    poisson, height, modulus = 0.4999, 0.7, 2.6
+    lam, mu = modulus * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson)), 0.5 * modulus / (1.0 + poisson)
+    text = (
+        head("strain", strain="finite")
+        + material("rubber", E=modulus, nu=poisson, law="neo-hookean")
+        + body("block", "rubber", 0.2, box([0.0, 1.0], [0.0, 1.0]))
+        + support("block.bottom", uy=0.0)
+        + support("block.left", ux=0.0)
+        + item("load", name="press", kind="obstacle", obstacle="lid", uy=height - 1.0)
+        + contact("lid", "block.top", obstacle=plane([0.0, 1.0], [0.0, -1.0]))
+    )
+    width = root(lambda x: mu * (x - 1.0 / x) + lam * np.log(x * height) / x, 1.0, 2.0)
+    force = mu * (height - 1.0 / height) + lam * np.log(width * height) / height
+    summary = solve(text, tmp_path / "run")
+    np.testing.assert_allclose(summary["contacts"]["lid"]["force"], [0.0, force], rtol=1e-6, atol=1e-7)
+    np.testing.assert_allclose(summary["contacts"]["lid"]["peak_pressure"], -force / width, rtol=1e-5)

@@ -92,6 +92,24 @@ def test_a_half_is_half_of_the_whole(half: Scene, whole: Scene, tmp_path: Path) 
         )
 
 
+def test_a_contact_beside_the_plane(tmp_path: Path) -> None:
+    """A disk pressed next to a wall, without touching it, is one of two on a whole block."""
+
+    def disks(left: float, *centers: float) -> Scene:
+        text = SOFT.body("block", "soft", box=([left, 1.0], [-1.0, 0.0])).support(
+            "block.bottom", ux=0.0, uy=0.0
+        )
+        for name, x in zip("ab", centers, strict=False):
+            text += pushed(f"press-{name}", name, uy=-0.01)
+            text += contact(name, "block.top", disk=([x, 0.5], 0.5), friction=0.3)
+        return text
+
+    one = solve(disks(0.0, 0.1).support("block.left", ux=0.0), tmp_path / "half")["contacts"]["a"]
+    other = solve(disks(-1.0, 0.1, -0.1), tmp_path / "whole")["contacts"]["a"]
+    assert one["force"] == pytest.approx(other["force"], rel=1e-3, abs=2e-5)
+    assert one["peak_pressure"] == pytest.approx(other["peak_pressure"], rel=2e-3)
+
+
 def test_an_obstacle_that_moves_across_the_wall_slips_there(tmp_path: Path) -> None:
     """No plane of symmetry for friction: the block cannot follow, and slides up to the wall."""
     text = indented(0.0).support("block.left", ux=0.0) + pushed("drag", "c", ux=0.02)
