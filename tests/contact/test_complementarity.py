@@ -78,8 +78,8 @@ def test_friction_remembers_a_load_and_its_removal() -> None:
 
 def test_a_jammed_node_that_is_pulled_off_snaps_open_at_the_fold() -> None:
     """Sticking, p = 3 - 5 h and t = 2 h - 1.5 for a free gap h, up to the limit t = -0.8 p at h = 0.45.
-    Slipping, p = h / 0.6 with a slip of 1.5 - 2 p, which grows back to h = 0 only: the path folds, and goes on
-    open."""
+    Slipping, p = h / 0.6 with a slip of 1.5 - 2 p, which grows back to h = 0 only: the path folds, and goes
+    on open."""
     problem = Problem.of(np.array([[1.0, 2.0], [2.0, 5.0]]), np.arange(1), np.array([0.8]), 1)
     drawn, pulled = problem.rows * np.array([-1.0, 1.5]), problem.rows * np.array([1.0, 0.0])
     state = increment(problem, unloaded(problem, np.zeros(2)), drawn, -1.0)
