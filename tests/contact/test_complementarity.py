@@ -7,11 +7,11 @@ import pytest
 
 from benchmarks.random_complementarity import KINDS, Example
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.complementarity.basis import Ray
 from mlsanm_cli.contact.complementarity.equilibrium import equilibrium
 from mlsanm_cli.contact.complementarity.history import State, follow, increment, unloaded
 from mlsanm_cli.contact.complementarity.problem import ContactStatus, Problem
 from mlsanm_cli.contact.complementarity.solution import opened, solve
-from mlsanm_cli.contact.complementarity.tracing import Ray
 from mlsanm_cli.contact.complementarity.uniqueness import undetermined
 
 
