@@ -20,9 +20,9 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.contact.complementarity.basis import Ray
 from mlsanm_cli.contact.complementarity.problem import ContactStatus, Problem
 from mlsanm_cli.contact.complementarity.solution import solve
-from mlsanm_cli.contact.complementarity.tracing import Ray
 
 KINDS = ("fixed", "floating", "degenerate", "redundant", "rigid")
 FRICTION = (0.0, 0.2, 0.5, 1.0, 1.5)

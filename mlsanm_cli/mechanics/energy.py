@@ -31,6 +31,17 @@ TIP_RADIUS = 3.0
 """Triangles within this many spacings of a reentrant corner are integrated with fitted stresses."""
 
 
+MIN_THERMAL_SHARE = 0.1
+"""Energies below this part of that of fully restrained expansion are not checked; free expansion has none."""
+
+
+def least_thermal_energy(model: BodyModel, degrees: FloatArray) -> float:
+    """Energy of a body with temperature changes ``degrees`` (n,) below which its energy is not checked."""
+    free, stiffness = model.material.expansion, model.material.stiffness
+    blocked = float(model.cloud.areas @ degrees**2) * float(free @ stiffness @ free)
+    return MIN_THERMAL_SHARE * blocked
+
+
 def over_body(cloud: Cloud, first: FloatArray, second: FloatArray) -> float:
     """Integral of the product of two nodal fields (n, c), summed over components. On a triangle of area A: A
     / 12 (sum_i a_i b_i + (sum_i a_i) (sum_i b_i))."""

@@ -13,7 +13,7 @@ from mlsanm_cli.case import Case
 from mlsanm_cli.contact.complementarity.problem import STICK, ContactStatus
 from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.laws.coulomb import CoulombState, increment, residual, unloaded
-from mlsanm_cli.contact.laws.failures import EndlessError, NoStateError, UnbalancedError
+from mlsanm_cli.contact.laws.failures import NoStateError, UnbalancedError
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
@@ -75,8 +75,6 @@ def searched_ends(
         followed = factors[: len(starts) + 1] if which == "known" else factors
         try:
             held = _friction_ends(scene, condensed, followed, starts)
-        except EndlessError:
-            raise
         except (NoStateError, UnbalancedError) as error:
             raise beyond_limit(scene, condensed, stages[:2], error) from error
         check_slips(condensed, held)
@@ -94,18 +92,15 @@ def searched_ends(
         try:
             first = starts[number].closed if number < len(starts) else last
             ends.append(_solved_exactly(scene, condensed, wanted, first))
-        except UnbalancedError as error:
-            lost = lost or error
-            if not every:
-                near = near_limit(condensed, stages)
-                if near is None:
-                    break
-                return (*ends, _solved_exactly(scene, condensed, near[0], last))
         except NumericalError as error:
-            # A body not in contact has no exact state there.
+            # Loads beyond their limit, or a body not in contact.
             lost = lost or error
-            if not every:
+            if every:
+                continue
+            near = near_limit(condensed, stages) if isinstance(error, UnbalancedError) else None
+            if near is None:
                 break
+            return (*ends, _solved_exactly(scene, condensed, near[0], last))
     if lost is None or (every and ends):
         return tuple(ends)
     raise beyond_limit(scene, condensed, stages, lost) if isinstance(lost, UnbalancedError) else lost
@@ -150,12 +145,8 @@ def check_slips(condensed: Condensed, ends: Sequence[ExactState]) -> None:
 def _solved_exactly(
     scene: Scene, condensed: Condensed, factors: FloatArray, first: BoolArray | None
 ) -> ExactState:
-    """Exact state, searched from a ``first`` set, or from the closest node if that loses a body.
-    UnbalancedError if loads roll bodies away."""
-    try:
-        found = solve_exact(condensed, factors, first)
-    except NumericalError:
-        found = solve_exact(condensed, factors)
+    """Exact state, searched from a ``first`` set. UnbalancedError if loads roll bodies away."""
+    found = solve_exact(condensed, factors, first)
     if error := rolling(scene, condensed, found):
         raise error
     return found

@@ -7,11 +7,11 @@ import pytest
 
 from benchmarks.random_complementarity import KINDS, Example
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.complementarity.basis import Ray
 from mlsanm_cli.contact.complementarity.equilibrium import equilibrium
 from mlsanm_cli.contact.complementarity.history import State, follow, increment, unloaded
 from mlsanm_cli.contact.complementarity.problem import ContactStatus, Problem
 from mlsanm_cli.contact.complementarity.solution import opened, solve
-from mlsanm_cli.contact.complementarity.tracing import Ray
 from mlsanm_cli.contact.complementarity.uniqueness import undetermined
 
 
@@ -74,6 +74,23 @@ def test_friction_remembers_a_load_and_its_removal() -> None:
     back = _followed(problem, slid, pressed + 3.0 * moved, -moved, 3.0)
     assert back.x[1] == pytest.approx(0.5)
     assert back.work.sum() == pytest.approx(0.5 * (1.5 + 1.0))
+
+
+def test_a_jammed_node_that_is_pulled_off_snaps_open_at_the_fold() -> None:
+    """Sticking, p = 3 - 5 h and t = 2 h - 1.5 for a free gap h, up to the limit t = -0.8 p at h = 0.45.
+    Slipping, p = h / 0.6 with a slip of 1.5 - 2 p, which grows back to h = 0 only: the path folds, and goes
+    on open."""
+    problem = Problem.of(np.array([[1.0, 2.0], [2.0, 5.0]]), np.arange(1), np.array([0.8]), 1)
+    drawn, pulled = problem.rows * np.array([-1.0, 1.5]), problem.rows * np.array([1.0, 0.0])
+    state = increment(problem, unloaded(problem, np.zeros(2)), drawn, -1.0)
+    assert state.status.stuck.all()
+    path = list(follow(problem, state, drawn + pulled, pulled, [0.44, 1.0]))
+    stuck, last = next(one for one in path if one.lam == 0.44), path[-1]
+    np.testing.assert_allclose(stuck.x * problem.columns, [3.0 - 5.0 * 0.44, 2.0 * 0.44 - 1.5])
+    (snap,) = [one for one in path if one.jumped]
+    assert snap.lam == pytest.approx(0.45, abs=1e-6)
+    assert not last.status.closed.any()
+    np.testing.assert_allclose(last.w / problem.rows, [1.0, 1.5])
 
 
 def test_free_bodies_without_load_stay_where_they_are() -> None:

@@ -12,7 +12,12 @@ from mlsanm_cli.app.checks.limits import level
 from mlsanm_cli.app.scene.assemble import single_nodes
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.response.work import work_on
-from mlsanm_cli.mechanics.energy import energy_at_tips, energy_between_nodes, twice_strain_energy
+from mlsanm_cli.mechanics.energy import (
+    energy_at_tips,
+    energy_between_nodes,
+    least_thermal_energy,
+    twice_strain_energy,
+)
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import UNLOADED, Fields, State
@@ -70,8 +75,6 @@ def force_mismatch(built: CondensedScene, state: State) -> dict[str, float]:
 
 MIN_ENERGY_SHARE = 1e-3
 """Bodies with less than this part of the total energy have an accordingly smaller weight."""
-MIN_THERMAL_SHARE = 0.1
-"""Energies below this part of that of fully restrained expansion are not checked; free expansion has none."""
 NODE_FORCE_ENERGY = 0.3
 """Energy under a single node that exerts a force F which the integrals miss, over F^2/E', at any
 spacing."""
@@ -98,11 +101,8 @@ def energy_error(built: CondensedScene, state: State, fields: Mapping[str, Field
         works[name] = work_on(built.scene, built.condensed, name, state.unknowns, *rest, moved, single)
         thin[name] = thin_part(cloud)
         strain = COARSE_ROUND_OFF * np.abs(found["displacement"]).max() / np.ptp(cloud.points, axis=0).max()
-        degrees, free = built.scene.degrees(name, state.factors), material.expansion
-        blocked = float(cloud.areas @ degrees**2) * float(free @ material.stiffness @ free)
-        least[name] = (
-            near[name] + cloud.areas.sum() * material.modulus * strain**2 + MIN_THERMAL_SHARE * blocked
-        )
+        least[name] = near[name] + cloud.areas.sum() * material.modulus * strain**2
+        least[name] += least_thermal_energy(body.model, built.scene.degrees(name, state.factors))
     # An energy that is nan must not affect other bodies.
     total = float(np.nansum([energies[name] + abs(works[name]) for name in works]))
     # After unloading, the largest forces at the ends of stages set the scale.

@@ -30,8 +30,20 @@ EXACT = 1e-14
 """Relative residual above which a solution is refined."""
 
 
-class SingularError(ArithmeticError):
-    """A status leaves motions undetermined that loads drive."""
+class Ray(ArithmeticError):
+    """Nothing stops the ``direction`` (N,) of the unknowns at load ``lam``: a mechanism, or, of a search, a
+    sign that there is no state."""
+
+    def __init__(self, direction: FloatArray, lam: float = np.nan) -> None:
+        super().__init__("no condition stops a direction of the contact problem")
+        self.direction, self.lam = direction, lam
+
+
+class SingularError(Ray):
+    """A status leaves motions undetermined that loads drive, in a direction that is not known."""
+
+    def __init__(self) -> None:
+        super().__init__(np.zeros(0))
 
 
 class Basis:

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.complementarity.basis import Basis, SingularError
+from mlsanm_cli.contact.complementarity.basis import Basis, Ray
 from mlsanm_cli.contact.complementarity.equilibrium import collapse
 from mlsanm_cli.contact.complementarity.problem import (
     FEASIBLE,
@@ -29,7 +29,7 @@ from mlsanm_cli.contact.complementarity.solution import (
     opened,
     touching,
 )
-from mlsanm_cli.contact.complementarity.tracing import Point, Ray, trace
+from mlsanm_cli.contact.complementarity.tracing import Point, trace
 from mlsanm_cli.records import dataclass
 
 INCREMENTS = tuple(10.0**power for power in range(-6, 0))
@@ -181,7 +181,7 @@ def _refined(
     while errors[-1] > 1.0 and (len(tries) < 2 or basis.anew()):
         try:
             tries.append(basis.solve(search.free, search.problem.aim(search.reference), x))
-        except SingularError:
+        except Ray:
             break
         errors.append(search.error(status, *tries[-1]))
     best = int(np.argmin(errors))
@@ -250,12 +250,12 @@ def _jumped(
         point = Point(status, state.x, state.w, state.lam, Basis(p, status))
         point = trace(p, point, load, reference, p.everything, ahead)
         return increment(p, state, constant + ahead * load, ahead, point.status)
-    except (Ray, SingularError):
+    except Ray:
         pass
     for part in INCREMENTS[jumps:]:
         lam = min(state.lam + part * span, most)
         try:
             return increment(p, state, constant + lam * load, lam)
-        except (Ray, SingularError):
+        except Ray:
             continue
     raise Ray(ray.direction, state.lam) from ray

@@ -14,10 +14,10 @@ from dataclasses import replace
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.contact.complementarity.basis import NULL, Basis, SingularError, null_space
+from mlsanm_cli.contact.complementarity.basis import NULL, Basis, Ray, SingularError, null_space
 from mlsanm_cli.contact.complementarity.equilibrium import collapse
 from mlsanm_cli.contact.complementarity.problem import FEASIBLE, Changes, ContactStatus, Problem
-from mlsanm_cli.contact.complementarity.tracing import Point, Ray, trace
+from mlsanm_cli.contact.complementarity.tracing import Point, trace
 from mlsanm_cli.records import dataclass
 
 PASSES = 30
@@ -100,8 +100,6 @@ class Search:
             tried.add(status.key)
             try:
                 return self._pivoted(status, systems), ray
-            except SingularError:
-                continue
             except Ray as error:
                 ray = error
         return None, ray
@@ -223,8 +221,7 @@ class Search:
         return ContactStatus(closed, stuck, np.where(on, np.where(start.slip_sign < 0.0, -1.0, 1.0), 0.0))
 
     def _pivoted(self, status: ContactStatus, systems: int) -> Solution:
-        """The state at the end of the path of one artificial load from a status. Raises Ray,
-        SingularError."""
+        """The state at the end of the path of one artificial load from a status. Raises Ray."""
         p = self.problem
         basis = Basis(p, status)
         if basis.held.shape[1]:  # the added load would drive loose bodies
@@ -271,18 +268,13 @@ class Search:
 def solve(
     problem: Problem,
     free: FloatArray,
-    start: ContactStatus,
-    reference: FloatArray | None = None,
+    *starts: ContactStatus,
     near: FloatArray | None = None,
-    basis: Basis | None = None,
-    thorough: bool = True,
 ) -> Solution:
-    """The state with ``free`` rows (N,), searched from a status, with slips opposed from their ``reference``
-    (n,), 0 if not given. Raises Ray if there is none."""
-    reference = np.zeros(problem.n) if reference is None else reference
-    return Search(problem, free, reference, problem.everything, near).solved(
-        start, basis=basis, thorough=thorough
-    )
+    """The state with ``free`` rows (N,), searched thoroughly from the statuses ``starts``. Raises Ray if
+    there is none."""
+    search = Search(problem, free, np.zeros(problem.n), problem.everything, near)
+    return search.solved(*starts, thorough=True)
 
 
 def opened(problem: Problem) -> ContactStatus:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.complementarity.basis import MAX_UPDATES, Basis, SingularError
+from mlsanm_cli.contact.complementarity.basis import MAX_UPDATES, Basis, Ray, SingularError
 from mlsanm_cli.contact.complementarity.problem import (
     BACKWARD,
     CLOSES,
@@ -33,15 +33,6 @@ TIED = 1e-13
 """Relative distance between changes of status that occur at once."""
 BACK = {OPENS: CLOSES, CLOSES: OPENS, FORWARD: RESTS, BACKWARD: RESTS}
 """The opposite of a change."""
-
-
-class Ray(ArithmeticError):
-    """Nothing stops the ``direction`` (N,) of the unknowns at load ``lam``: a mechanism, or, of a search, a
-    sign that there is no state."""
-
-    def __init__(self, direction: FloatArray, lam: float = np.nan) -> None:
-        super().__init__("no condition stops a direction of the contact problem")
-        self.direction, self.lam = direction, lam
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +72,7 @@ def trace(
     target: float,
 ) -> Point:
     """The point at which the path first passes lam = ``target`` in the direction from ``point``. Slips are
-    opposed from their ``reference`` (n,). Raises Ray, and SingularError if a basis cannot be changed."""
+    opposed from their ``reference`` (n,). Raises Ray."""
     p, way = problem, 1.0 if target > point.lam else -1.0
     status, basis, x, w, lam = point.status, point.basis, point.x.copy(), point.w.copy(), point.lam
     last: _Change | None = None

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.contact.complementarity.basis import Ray
 from mlsanm_cli.contact.complementarity.problem import OPEN, SLIP, STICK, ContactStatus, Problem
 from mlsanm_cli.contact.complementarity.solution import solve
-from mlsanm_cli.contact.complementarity.tracing import Ray
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.records import dataclass
 

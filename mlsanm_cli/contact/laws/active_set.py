@@ -3,13 +3,15 @@ docs/method.md without friction."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.contact.complementarity.basis import Ray
 from mlsanm_cli.contact.complementarity.equilibrium import collapse
 from mlsanm_cli.contact.complementarity.problem import FEASIBLE, ContactStatus
 from mlsanm_cli.contact.complementarity.solution import solve
-from mlsanm_cli.contact.complementarity.tracing import Ray
 from mlsanm_cli.contact.laws.failures import EndlessError, UnbalancedError
 from mlsanm_cli.contact.laws.many_unknowns import MAX_DENSE, NotConvergedError, searched
 from mlsanm_cli.contact.laws.residual import kkt_residual
@@ -48,13 +50,12 @@ def solve_exact(condensed: Condensed, factors: FloatArray, start: BoolArray | No
     """Exact frictionless state at ``factors`` (L,), searched from the set ``start`` (m,). Raises
     UnbalancedError if no pressures balance the loads, EndlessError if no state is found."""
     free_gap = condensed.gap.constant + condensed.gap.load @ factors
-    first = start
-    if first is None or not first.any():
-        # Overlapping nodes; if forces must be balanced, also the closest nodes of every contact.
-        first = np.asarray(free_gap < 0.0)
-        if len(condensed.balance.constant):
-            first = first | condensed.closest(free_gap)
-    active, pressure, motion, solves = _solved(condensed, factors, first)
+    # Overlapping nodes; if forces must be balanced, also the closest nodes of every contact.
+    drawn = np.asarray(free_gap < 0.0)
+    if len(condensed.balance.constant):
+        drawn = drawn | condensed.closest(free_gap)
+    starts = [drawn] if start is None or not start.any() else [start, drawn]
+    active, pressure, motion, solves = _solved(condensed, factors, starts)
     if active.any() and _only_moved(condensed, factors, pressure):
         active, pressure = np.zeros_like(active), np.zeros_like(pressure)
     gap = free_gap + condensed.gap.motion @ motion + condensed.gap.pressure @ pressure
@@ -67,19 +68,19 @@ def solve_exact(condensed: Condensed, factors: FloatArray, start: BoolArray | No
 
 
 def _solved(
-    condensed: Condensed, factors: FloatArray, first: BoolArray
+    condensed: Condensed, factors: FloatArray, starts: Sequence[BoolArray]
 ) -> tuple[BoolArray, FloatArray, FloatArray, int]:
     """Closed nodes (m,), pressures (m,), motions (k,), and the number of systems solved."""
     if compressed(condensed.gap.pressure) is not None:
         try:
-            return searched(condensed, factors, first)
+            return searched(condensed, factors, starts[0])
         except (NotConvergedError, SingularSystemError):
-            if len(first) > MAX_DENSE:
+            if len(starts[0]) > MAX_DENSE:
                 raise
     p, none = condensed.frictionless, np.zeros(0)
     free = p.rows * np.delete(condensed.unscaled_rows(factors), np.arange(p.m, p.m + len(condensed.friction)))
     try:
-        found = solve(p, free, ContactStatus(first, none > 0.0, none))
+        found = solve(p, free, *(ContactStatus(first, none > 0.0, none) for first in starts))
     except Ray as error:
         if p.k and collapse(p, free) is None:
             raise EndlessError from error

@@ -11,9 +11,9 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.complementarity import history
+from mlsanm_cli.contact.complementarity.basis import Ray
 from mlsanm_cli.contact.complementarity.problem import GRAZING, ContactStatus, Problem
 from mlsanm_cli.contact.complementarity.solution import solve, touching
-from mlsanm_cli.contact.complementarity.tracing import Ray
 from mlsanm_cli.contact.laws.failures import NoStateError, SlidingError
 from mlsanm_cli.contact.laws.limit_load import slides_freely
 from mlsanm_cli.contact.laws.linearised import ContactSolution

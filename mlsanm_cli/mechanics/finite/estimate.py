@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.mechanics.energy import extended, over_body
+from mlsanm_cli.mechanics.energy import extended, least_thermal_energy, over_body
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.laws.law import determinant
@@ -46,11 +46,12 @@ def energy(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> f
     stress = body.stress(displacement, factors)
     xx, xy, yx, yy = gradient + np.array([1.0, 0.0, 0.0, 1.0])[:, None]
     turned = np.stack([yy, -yx, -xy, xx]) / (1.0 + determinant(gradient))
+    least = ROUND_OFF**2 * body.elastic.model.material.modulus * body.elastic.model.cloud.areas.sum()
     if degrees is not None:
         turned = body.law.squared_free_stretch(turned, degrees)
+        least = max(least, least_thermal_energy(body.elastic.model, degrees))
     strain = 0.5 * (np.stack([xx, xy, yx, yy]) - turned)
     areas = body.elastic.model.cloud.areas
-    least = ROUND_OFF**2 * body.elastic.model.material.modulus * areas.sum()
     return float(areas @ (stress * strain).sum(axis=0) + least)
 
 

@@ -119,6 +119,13 @@ def test_springs_carry_a_pulled_block(tmp_path: Path) -> None:
     np.testing.assert_allclose(summary["forces"]["block.bottom"], [0.0, -0.3], atol=1e-8)
 
 
+@pytest.mark.parametrize("poisson", [NU, 0.499])
+def test_a_body_that_expands_freely_has_no_energy_to_be_checked(poisson: float, tmp_path: Path) -> None:
+    text = block("neo-hookean", "strain").replace(f"nu = {NU}", f"nu = {poisson}") + heated(1.0) + PROBE
+    summary = solve(text, tmp_path / "run")
+    assert np.abs(summary["probes"]["in"]["stress"]).max() < 1e-8 * E
+
+
 @pytest.mark.parametrize("across", ["strain", "stress"])
 def test_small_loads_and_heat_on_anisotropic_bodies_are_those_of_small_strain(
     across: str, tmp_path: Path
