@@ -84,33 +84,19 @@ class Hats:
     def towards_ends(self) -> tuple[FloatArray, sparse.csr_array]:
         """Points (e,) graded towards the ends, for kernels of the logarithm of the distance from them, and
         the integration matrix (m, e) with the hats."""
-        starts, steps, interval = self.nodes[:-1], self.steps, np.arange(len(self.steps))
-        parts = 0.5 ** np.arange(END_HALVINGS, -1, -1)
-        first, last = int(self.whole[0]), len(self.steps) - 1 - self.whole[1]
-        for number, ends in ((last, 1.0 - np.append(parts[::-1], 0.0)), (first, np.append(0.0, parts))):
-            crowded = starts[number] + steps[number] * ends
-            starts, steps, interval = (
-                np.concatenate([whole[:number], part, whole[number + 1 :]])
-                for whole, part in (
-                    (starts, crowded[:-1]),
-                    (steps, np.diff(crowded)),
-                    (interval, np.full(len(ends) - 1, number)),
-                )
-            )
-        kept = steps > 0.0
-        points, weights = _gauss(starts[kept], steps[kept])
-        return points, self._integrals(points, np.tile(interval[kept], len(RULE)), weights)
+        return self.towards(float(self.nodes[0]), float(self.nodes[-1]))
 
-    def towards(self, place: float) -> tuple[FloatArray, sparse.csr_array]:
-        """The same graded towards one ``place``, on both sides."""
+    def towards(self, *places: float) -> tuple[FloatArray, sparse.csr_array]:
+        """The same graded towards some ``places``, on both sides."""
         parts = np.append(0.0, 0.5 ** np.arange(END_HALVINGS, -1, -1))
         ends, interval = [self.nodes[:-1]], [np.arange(len(self.steps))]
-        for number in np.flatnonzero((self.nodes[:-1] <= place) & (place <= self.nodes[1:])).tolist():
-            first, last = self.nodes[number], self.nodes[number + 1]
-            inner = np.concatenate([place + (last - place) * parts, place + (first - place) * parts])
-            inner = np.unique(inner[(inner > first) & (inner < last)])
-            ends.append(inner)
-            interval.append(np.full(len(inner), number))
+        for place in places:
+            for number in np.flatnonzero((self.nodes[:-1] <= place) & (place <= self.nodes[1:])).tolist():
+                first, last = self.nodes[number], self.nodes[number + 1]
+                inner = np.concatenate([place + (last - place) * parts, place + (first - place) * parts])
+                inner = np.unique(inner[(inner > first) & (inner < last)])
+                ends.append(inner)
+                interval.append(np.full(len(inner), number))
         starts, owner = np.concatenate(ends), np.concatenate(interval)
         order = np.lexsort((starts, owner))
         starts, owner = starts[order], owner[order]
