@@ -35,9 +35,8 @@ DOUBTFUL = SINGULAR**0.5
 """Pivot below which it is computed with a residual, which squares the error of earlier updates."""
 GRAIN = 100.0 * float(np.finfo(float).eps)
 """Round-off of a row relative to its largest coefficient."""
-WEAK = 1e-5
-"""Own compliance, or pressure over motion, relative to the largest, below which the latter is the scale:
-times FEASIBLE it is the round-off of motions."""
+WEAK = 1e-6
+"""Own compliance, or pressure over motion, relative to the largest, below which the latter is the scale."""
 
 OPEN, STICK, SLIP = 0, 1, 2
 """Contact status of a node."""
@@ -210,10 +209,10 @@ class Problem:
         return np.asarray(self.rows * (self.unscaled @ (self.columns * x)))
 
     def size(self, x: FloatArray) -> float:
-        """Largest pressure or traction, which round-off is relative to; of motions without any, what they
-        would cause."""
+        """Largest pressure or traction, which round-off is relative to; of motions without any, that of which
+        the round-off is what the round-off of motions would cause."""
         pressed = float(np.abs(x[: self.contacts]).max(initial=0.0))
-        return max(pressed, WEAK * float(np.abs(x[self.contacts :]).max(initial=0.0)))
+        return max(pressed, GRAIN / FEASIBLE * float(np.abs(x[self.contacts :]).max(initial=0.0)))
 
     def aim(self, reference: FloatArray) -> FloatArray:
         """Values (N,) of active rows with nodes sticking at slips ``reference`` (n,)."""
