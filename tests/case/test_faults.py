@@ -220,7 +220,6 @@ FINITE: list[Row] = [
     (f'{CONTACT}{PLANE}\nfriction = "bonded"', "contact.c.friction", "bonded"),
     (f'{CONTACT}{PLANE}\n[solver]\nmethod = "newton"', "solver.method", "always exact"),
     (f"{CONTACT}{PLANE}\ngap = 0.1", "contact.c.gap", "gap"),
-    (f"{CONTACT}{PLANE}\nreach = 0.1", "contact.c.reach", "slave"),
     (f'{CONTACT}\nmaster = "block.right"', "contact.c", "self-contact"),
     (CONTACT + PLANE + TURN, "load.turn.rotation", "pivot"),
 ]  # fmt: skip

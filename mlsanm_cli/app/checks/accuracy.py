@@ -267,12 +267,13 @@ def _pressure_errors(
 def distance(
     built: CondensedScene, pairing: Pairing, state: ExactState, pressure: FloatArray
 ) -> float | None:
-    """Relative L2 distance of the pressures of a contact from the exact ones; None without pressure."""
+    """Relative L2 distance of the pressures of a contact from the exact ones; None without pressure over a
+    length."""
     span, arc = built.condensed.spans[pairing.name], pairing.arc[pairing.candidate]
-    if not _is_pressed(state, span):
+    exact = state.pressure[span]
+    if not _is_pressed(state, span) or l2(arc, exact) == 0.0:
         return None
-    own = state.pressure[span]
-    return l2(arc, pressure[span] - own) / l2(arc, own)
+    return l2(arc, pressure[span] - exact) / l2(arc, exact)
 
 
 def _is_pressed(state: ExactState, span: slice) -> bool:

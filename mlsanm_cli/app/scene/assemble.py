@@ -148,7 +148,16 @@ def prepare(
             raise
         # The resisting part of a surface, for instance a chamfer, may lie outside the ranges.
         return prepare(boundaries, clouds, memo, before, grids=False, low=low)
-    notes = (*_support_notes(case, clouds), *free.notes)
+    ignored = (
+        []
+        if small
+        else [
+            f"contact.{c.name}.reach has no effect at finite strain"
+            for c in case.contact
+            if c.reach != "auto"
+        ]
+    )
+    notes = (*_support_notes(case, clouds), *free.notes, *ignored)
     probes = _probes(case, clouds)
     return SceneModel(boundaries, models, pairings, held, held_nodes, loads, probes, free, notes, ranges)
 
