@@ -125,7 +125,7 @@ def test_a_wave_from_a_table_is_a_smooth_wave(tmp_path: Path) -> None:
     wave = np.column_stack([x, 0.5 * height * (1.0 + np.cos(2.0 * np.pi * x))])
     _, pressure = under_profile(wave, mean, tmp_path, 0.01)
     full = 0.5 * np.pi * MODULUS * height
-    assert abs(pressure.max() / (2.0 * np.sqrt(mean * full)) - 1.0) < 2e-3
+    assert abs(pressure.max() / (2.0 * np.sqrt(mean * full)) - 1.0) < 5e-3
 
 
 def test_a_small_summit_apart_from_the_others_touches(tmp_path: Path) -> None:
