@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.random_complementarity import KINDS, Example
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.complementarity.basis import Ray
+from mlsanm_cli.contact.complementarity.basis import Basis, Ray, SingularError
 from mlsanm_cli.contact.complementarity.equilibrium import equilibrium
 from mlsanm_cli.contact.complementarity.history import State, follow, increment, unloaded
 from mlsanm_cli.contact.complementarity.problem import ContactStatus, Problem
@@ -151,3 +151,17 @@ def test_statuses_that_recur_are_found_by_pivots(seed: int) -> None:
     )
     moved = solve(driven, driven.rows * np.append(free, 0.0), start)
     np.testing.assert_allclose(moved.x[:-1], found.x, atol=1e-9)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 1e-17, 1e-15])
+def test_a_rotation_that_only_round_off_resists_is_not_resisted(tilt: float) -> None:
+    """A driven disk between two nodes that slip: round-off in its outline tilts their normals."""
+    elastic, none = np.array([[2.0, 0.5], [0.5, 2.0]]), np.zeros((2, 2))
+    turn = np.array([[tilt], [-0.7 * tilt], [1.0], [1.0]])
+    compliance = np.block([[elastic, none], [none, elastic]])
+    matrix = np.block([[compliance, turn], [-turn.T, np.zeros((1, 1))]])
+    problem = Problem.of(matrix, np.arange(2), np.full(2, 0.3), 2)
+    closed = np.ones(2, dtype=bool)
+    sliding = ContactStatus(closed, ~closed, np.array([1.0, -1.0]))
+    with pytest.raises(SingularError):
+        Basis(problem, sliding).solve(np.array([-1.0, -1.2, 0.0, 0.0, 0.3]), problem.aim(np.zeros(2)))

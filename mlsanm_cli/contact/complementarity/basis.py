@@ -283,6 +283,9 @@ class Basis:
                 pull = self.left @ (self.held.T @ near[p.contacts :])
             rhs[moves] += pull
         x = self.spread(self._applied(rhs))
+        # Equilibrated factors, and updates of an inverse, do not show motions that only round-off resists.
+        if MIN_RCOND * np.abs(x).max(initial=0.0) > np.abs(rhs).max(initial=0.0):
+            return self._solved_anew(free, aim, near)
         w = free + p.product(x)
         missed = (aim - w)[active]
         missed[moves] += pull - self.left @ (self.held.T @ x[p.contacts :])
@@ -293,12 +296,18 @@ class Basis:
             missed = (aim - w)[active]
             missed[moves] += pull - self.left @ (self.held.T @ x[p.contacts :])
             if (np.abs(missed) > 100.0 * FEASIBLE * size * p.grain[active]).any():
-                if self.anew():
-                    return self.solve(free, aim, near)
-                raise SingularError
+                return self._solved_anew(free, aim, near)
         w[active] = aim[active]
         self.missed = float((np.abs(missed) / p.grain[active]).max(initial=0.0))
         return x, w
+
+    def _solved_anew(
+        self, free: FloatArray, aim: FloatArray, near: FloatArray | None
+    ) -> tuple[FloatArray, FloatArray]:
+        """The same by new factors in place of an updated inverse. Raises SingularError if there is none."""
+        if not self.anew():
+            raise SingularError
+        return self.solve(free, aim, near)
 
     def undriven(self, rows: FloatArray) -> FloatArray:
         """Rows (N,) without loads on held motions."""
