@@ -19,14 +19,14 @@ def pull_hint(case: Case, pairings: Sequence[Pairing]) -> str:
         f"load {load.name} pulls {load.owner} away from contact {pairing.name}"
         for load, force in forces
         for pairing in pairings
-        if load.owner in pairing.bodies and force @ _away(pairing, load.owner) > 0.0
+        if load.owner in pairing.bodies and (_normals(pairing, load.owner) @ force > 0.0).all()
     ]
     return f"{'; '.join(found)}: change its sign" if found else ""
 
 
 def pulled_apart(case: Case, pairings: Sequence[Pairing]) -> Iterator[tuple[str, str, str]]:
     """Load, body and contact wherever nothing but one contact holds a body along the axis closest to its
-    normal, and no force pushes, but one pulls along this axis at the end of a stage."""
+    mean normal, from one side, and no force pushes, but one pulls along this axis at the end of a stage."""
     stages = [dict(zip(case.moved, values, strict=True)) for values in stage_factors(case)[1:].tolist()]
     for body in case.body:
         touching = [pairing for pairing in pairings if body.name in pairing.bodies]
@@ -34,9 +34,11 @@ def pulled_apart(case: Case, pairings: Sequence[Pairing]) -> Iterator[tuple[str,
         forces = [(load.name, _force(load)) for load in loads]
         if len(touching) != 1 or touching[0].bonded:
             continue
-        away = _away(touching[0], body.name)
+        normals = _normals(touching[0], body.name)
+        away = normals.mean(axis=0)
         axis = int(np.argmax(np.abs(away)))
-        held = any(
+        encloses = (normals[:, axis] * away[axis] <= 0.0).any()
+        held = encloses or any(
             support.holds[axis] and body.name in (support.body, support.place and support.place.body)
             for support in case.support
         )
@@ -53,10 +55,10 @@ def pulled_apart(case: Case, pairings: Sequence[Pairing]) -> Iterator[tuple[str,
                 break
 
 
-def _away(pairing: Pairing, body: str) -> FloatArray:
-    """The mean direction (2,) away from a contact, of one of its bodies."""
+def _normals(pairing: Pairing, body: str) -> FloatArray:
+    """The directions (m, 2) away from the paired nodes of a contact, of one of its bodies."""
     # The normal of a pairing, the master's outward one, points to the slave.
-    return np.asarray(pairing.normal.mean(axis=0) * (1.0 if body == pairing.slave_body else -1.0))
+    return np.asarray(pairing.normal * (1.0 if body == pairing.slave_body else -1.0))
 
 
 def _force(load: AnyLoad) -> FloatArray | None:
