@@ -9,7 +9,7 @@ import pytest
 
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import done, solve
-from tests.case_text import EXACT, FLOOR, Scene, polygon, scene
+from tests.case_text import EXACT, FLOOR, Scene, disk, polygon, scene
 
 
 def test_a_lever_that_turns_presses_along_the_normal_of_a_rigid_plane(tmp_path: Path) -> None:
@@ -231,3 +231,25 @@ def test_a_corner_inside_an_obstacle_is_told_by_the_side_that_faces_it(tmp_path:
     )
     assert summary["status"] == "failed"
     assert '"pad.right"' in summary["hint"]
+
+
+def test_a_pin_in_the_hole_of_a_lug_that_friction_alone_keeps_from_turning(tmp_path: Path) -> None:
+    """Where all of it slipped, round-off in the normals of its arc resisted its rotation; and as normals of
+    all directions cancel, the load was said to pull it away."""
+    corners = [[0.0, 0.0], [60.1, 0.0], [75.0, 14.9], [75.0, 15.1], [60.1, 30.0], [0.0, 30.0]]
+    lug = polygon(corners, "bottom n1 nose n2 top left", holes=[{"center": [60.0, 15.0], "radius": 6.0}])
+    summary = done(
+        scene("stress", "alu", E=70e3, nu=0.33)
+        .material("steel", E=210e3, nu=0.3)
+        .body("lug", "alu", shape=lug, clamped="left")
+        .body("pin", "steel", shape=disk([60.0, 15.0], 5.98))
+        .body_force("pull", "pin", [4.4504, 0.0])
+        .contact("fit", "pin.arc", "lug.hole1", friction=0.15),
+        tmp_path / "run",
+    )
+    fit = summary["contacts"]["fit"]
+    assert fit["force"] == pytest.approx([-4.4504 * np.pi * 5.98**2, 0.0], abs=1e-3)
+    # Between the pressures without friction, 59.9, and those with twice as much, 50.5.
+    assert 50.5 < fit["peak_pressure"] < 59.9
+    assert summary["contact_unknowns"] < 1000
+    assert not summary["warnings"]
