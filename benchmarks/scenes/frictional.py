@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.scenes.bending import STEEL
-from benchmarks.scenes.machines import arch
+from benchmarks.scenes.machines import arch, bearing
 from benchmarks.scenes.scene import (
     Array,
     Figure,
@@ -30,25 +30,7 @@ from benchmarks.scenes.scene import body as make_body
 
 def bearing_case(stages: list[Table]) -> Table:
     """Six rollers with a clearance between rings, two of them at equal distance from below the shaft."""
-    bodies = [
-        make_body(name, "steel", "annulus", center=[0.0, 0.0], radii=radii)
-        for name, radii in (("inner", [12.0, 20.0]), ("outer", [28.0, 36.0]))
-    ]
-    contacts = []
-    for i, angle in enumerate(np.radians(-60.0 + 60.0 * np.arange(6))):
-        center = [24.0 * float(np.cos(angle)), 24.0 * float(np.sin(angle))]
-        bodies.append(make_body(f"roller{i}", "steel", "disk", center=center, radius=3.998))
-        contacts.append(pair(f"in{i}", f"roller{i}.arc", "inner.outer", 0.1))
-        contacts.append(pair(f"out{i}", f"roller{i}.arc", "outer.inner", 0.1))
-    return case(
-        "strain",
-        {"steel": STEEL},
-        bodies,
-        support=[held("outer.outer")],
-        contact=contacts,
-        load=[platen("shaft", "inner.inner", fx=0.0, fy=-400.0)],
-        stage=stages,
-    )
+    return bearing(-60.0 + 60.0 * np.arange(6), 3.998, 0.1, stage=stages)
 
 
 def _carried(side: str) -> Figure:

@@ -40,27 +40,34 @@ def half_disk(name: str, material: str, radius: float) -> Table:
     return make_body(name, material, "half-disk", center=[0.0, radius], radius=radius, side="lower")
 
 
-@scene
-def roller_bearing() -> Scene:
-    """Eight rollers between rings, five of them unloaded."""
+def bearing(angles: Array, radius: float, friction: float = 0.0, **rest: Any) -> Table:
+    """Rollers of a ``radius`` at ``angles`` (degree) between rings 8 apart, whose shaft presses down; with
+    the other tables of a case in ``rest``."""
     bodies = [
         make_body(name, "steel", "annulus", center=[0.0, 0.0], radii=radii)
         for name, radii in (("inner", [12.0, 20.0]), ("outer", [28.0, 36.0]))
     ]
     contacts = []
-    for i, angle in enumerate(np.radians(-90.0 + 45.0 * np.arange(8))):
+    for i, angle in enumerate(np.radians(angles)):
         center = [24.0 * float(np.cos(angle)), 24.0 * float(np.sin(angle))]
-        bodies.append(make_body(f"roller{i}", "steel", "disk", center=center, radius=4.0))
-        contacts.append(pair(f"in{i}", f"roller{i}.arc", "inner.outer"))
-        contacts.append(pair(f"out{i}", f"roller{i}.arc", "outer.inner"))
-    given = case(
+        bodies.append(make_body(f"roller{i}", "steel", "disk", center=center, radius=radius))
+        contacts.append(pair(f"in{i}", f"roller{i}.arc", "inner.outer", friction))
+        contacts.append(pair(f"out{i}", f"roller{i}.arc", "outer.inner", friction))
+    return case(
         "strain",
         {"steel": STEEL},
         bodies,
         support=[held("outer.outer")],
         contact=contacts,
         load=[platen("shaft", "inner.inner", fx=0.0, fy=-400.0)],
+        **rest,
     )
+
+
+@scene
+def roller_bearing() -> Scene:
+    """Eight rollers between rings, five of them unloaded."""
+    given = bearing(-90.0 + 45.0 * np.arange(8), 4.0)
     return Scene("roller_bearing", "roller bearing", given, elements=True)
 
 
