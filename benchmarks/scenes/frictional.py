@@ -30,7 +30,7 @@ from benchmarks.scenes.scene import body as make_body
 
 def bearing_case(stages: list[Table]) -> Table:
     """Six rollers with a clearance between rings, two of them at equal distance from below the shaft."""
-    return bearing(-60.0 + 60.0 * np.arange(6), 3.998, 0.1, stage=stages)
+    return bearing(6, -60.0, 3.998, 0.1, stage=stages)
 
 
 def _carried(side: str) -> Figure:

@@ -40,15 +40,15 @@ def half_disk(name: str, material: str, radius: float) -> Table:
     return make_body(name, material, "half-disk", center=[0.0, radius], radius=radius, side="lower")
 
 
-def bearing(angles: Array, radius: float, friction: float = 0.0, **rest: Any) -> Table:
-    """Rollers of a ``radius`` at ``angles`` (degree) between rings 8 apart, whose shaft presses down; with
-    the other tables of a case in ``rest``."""
+def bearing(count: int, first: float, radius: float, friction: float = 0.0, **rest: Any) -> Table:
+    """Evenly spaced rollers of a ``radius``, the ``first`` at an angle (degree), between rings 8 apart, whose
+    shaft presses down; with the other tables of a case in ``rest``."""
     bodies = [
         make_body(name, "steel", "annulus", center=[0.0, 0.0], radii=radii)
         for name, radii in (("inner", [12.0, 20.0]), ("outer", [28.0, 36.0]))
     ]
     contacts = []
-    for i, angle in enumerate(np.radians(angles)):
+    for i, angle in enumerate(np.radians(first + 360.0 / count * np.arange(count))):
         center = [24.0 * float(np.cos(angle)), 24.0 * float(np.sin(angle))]
         bodies.append(make_body(f"roller{i}", "steel", "disk", center=center, radius=radius))
         contacts.append(pair(f"in{i}", f"roller{i}.arc", "inner.outer", friction))
@@ -67,7 +67,7 @@ def bearing(angles: Array, radius: float, friction: float = 0.0, **rest: Any) ->
 @scene
 def roller_bearing() -> Scene:
     """Eight rollers between rings, five of them unloaded."""
-    given = bearing(-90.0 + 45.0 * np.arange(8), 4.0)
+    given = bearing(8, -90.0, 4.0)
     return Scene("roller_bearing", "roller bearing", given, elements=True)
 
 
