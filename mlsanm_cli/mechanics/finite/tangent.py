@@ -199,7 +199,7 @@ def _moduli(
             pressure = applied.pressure @ factors
             found[:, :, 1:, :2] = (-pressure * _cofactor(normals)).transpose(3, 0, 1, 2)
     found *= np.repeat(points.kept, points.places.shape[1], axis=0)[:, :, None, None]
-    return found.reshape(points.count, 6, -1)
+    return found.reshape(points.count, 6, found.shape[-1])
 
 
 UNDEFORMED = np.array([1.0, 0.0, 0.0, 1.0])[:, None]
