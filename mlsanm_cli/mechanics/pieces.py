@@ -146,8 +146,8 @@ class Pieces:
         cloud = self.cloud
         node, points, area, _ = cell_quadrature(cloud.points, cloud.triangles)
         # Point by point of every triangle: the parts of all triangles have three points each, part by part.
-        order = np.arange(len(node)).reshape(-1, len(cloud.triangles), 3).swapaxes(0, 1)
-        order = order.reshape(len(cloud.triangles), -1)
+        parts = np.arange(len(node)).reshape(-1, len(cloud.triangles), 3).swapaxes(0, 1)
+        order = parts.reshape(len(cloud.triangles), -1)
         yield node[order, 0], cloud.points[cloud.triangles].mean(axis=1), points[order], area[order]
         for surface in cloud.surfaces.values():
             halves = Halves.of(surface, rule)
