@@ -107,7 +107,9 @@ def test_nearly_a_solid_shaft(tmp_path: Path) -> None:
     """A pin-hole on the axis doubles the hoop stress beside it."""
     body = ring().body("b", "m", 0.1, box=([0.1, 1.0], [0.0, 0.5])).support("b.bottom", uy=0.0)
     body = body.support("b.top", uy=0.0).load("p", "b.right", "pressure", pressure=PRESSURE)
-    (edge,) = probed(body.item("body.refine", along="b.left", spacing=0.01, radius=0.05), tmp_path, (0.1, 0.25))
+    (edge,) = probed(
+        body.item("body.refine", along="b.left", spacing=0.01, radius=0.05), tmp_path, (0.1, 0.25)
+    )
     assert edge["stress_zz"] == pytest.approx(-2.0 * PRESSURE / 0.99, rel=2e-3)
 
 

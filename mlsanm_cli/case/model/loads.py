@@ -19,6 +19,7 @@ from mlsanm_cli.case.model.section import (
     Positive,
     Scope,
     Section,
+    Unit,
     split_boundary,
 )
 from mlsanm_cli.case.model.tables import INCREASING, OrFile
@@ -171,9 +172,9 @@ class Centrifugal(_InBody):
     "axisymmetric"` the axis is that of revolution."""
 
     kind: Literal["centrifugal"]
-    omega: float
+    omega: Annotated[float, Unit("radian per time")]
     """Angular velocity in radian per time."""
-    density: Positive
+    density: Annotated[Positive, Unit("mass per volume")]
     """Mass per volume, in units in which mass times length per time squared is a force."""
 
     @property
