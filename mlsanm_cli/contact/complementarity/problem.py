@@ -182,7 +182,9 @@ class Problem:
     @cached_property
     def largest(self) -> FloatArray:
         """Largest coefficient of each row (N,)."""
-        return np.asarray(np.maximum(self.matrix.max(axis=1, initial=0.0), -self.matrix.min(axis=1, initial=0.0)))
+        return np.asarray(
+            np.maximum(self.matrix.max(axis=1, initial=0.0), -self.matrix.min(axis=1, initial=0.0))
+        )
 
     @cached_property
     def grain(self) -> FloatArray:
