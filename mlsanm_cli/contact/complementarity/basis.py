@@ -63,7 +63,7 @@ class SingularError(Ray):
 class _Borders:
     """Borders with ``keys`` (b): the ``columns`` (N, b) of their unknowns and the ``responses`` (r, b) of the
     factors to them, the coefficients ``rows`` (b, r) of their equations, the ``schur`` complement (b, b), the
-    ``scales`` (2, b) of its rows and columns, and the ``size`` (b,) of terms that cancel in a scaled pivot."""
+    ``scales`` (2, b) of its rows and columns, and the ``size`` (b,) of what cancels in a scaled pivot."""
 
     keys: list[Key]
     columns: FloatArray

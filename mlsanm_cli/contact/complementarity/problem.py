@@ -32,7 +32,7 @@ GRAZING = 10.0 * FEASIBLE
 SINGULAR = 10.0 * FEASIBLE
 """Pivot, relative to the terms that cancel in it, that is zero."""
 DOUBTFUL = SINGULAR**0.5
-"""Pivot below which it is computed with a residual, which squares the error of earlier updates."""
+"""Pivot below which it is computed with new factors: borders of old ones may have lost its digits."""
 GRAIN = 100.0 * float(np.finfo(float).eps)
 """Round-off of a row relative to its largest coefficient."""
 WEAK = 1e-6
