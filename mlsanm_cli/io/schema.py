@@ -68,6 +68,7 @@ FIELDS: Table = _table(
     ("displacement", "node xy", "length", "displacement"),
     ("stress", "node tensor", "stress", "stress"),
     ("von_mises", "node", "stress", "von Mises stress"),
+    ("stress_zz", "node", "stress", "hoop stress"),
     ("strain", "node tensor", "", "strain"),
     ("stretch", "node principal", "", "principal stretch", "float64", 1.0),
     ("volume_ratio", "node", "", "volume ratio", "float64", 1.0),
@@ -75,8 +76,8 @@ FIELDS: Table = _table(
     ("flow_stress", "node", "stress", "flow stress"),
     ("yield_ratio", "node", "", "equivalent stress over the flow stress"),
 )
-"""Saved fields; stresses are Cauchy stresses. Stretches and volume ratio at finite strain only, the last
-three in scenes with a yield stress, 0 in elastic bodies."""
+"""Saved fields; stresses are Cauchy stresses. The hoop stress in bodies of revolution only, stretches and the
+volume ratio at finite strain only, the last three in scenes with a yield stress only, 0 in elastic bodies."""
 
 CONTACT_GEOMETRY: Table = _table(
     "contacts/{contact}/",
@@ -101,6 +102,7 @@ PROBES: Table = _table(
     ("displacement", "step xy", "length", "displacement"),
     ("stress", "step tensor", "stress", "stress"),
     ("von_mises", "step", "stress", "von Mises stress"),
+    ("stress_zz", "step", "stress", "hoop stress"),
 )
 
 PATH: Table = _table(
@@ -183,7 +185,7 @@ PATH_COLUMNS: Table = _table(
 INTERFACE_COLUMNS = ("x", "y", "arc_length", "gap", "pressure", "traction", "slip", "status")
 """The columns of interface.csv, quantities of the contact in its last row; x and y are its points."""
 BODY_ARRAYS = (
-    *("displacement", "stress", "von_mises", "strain", "stretch_1", "stretch_2", "volume_ratio"),
+    *("displacement", "stress", "von_mises", "strain", "stress_zz", "stretch_1", "stretch_2", "volume_ratio"),
     *("plastic_strain", "flow_stress", "yield_ratio"),
     "boundary_tag",
 )
@@ -252,6 +254,7 @@ SUMMARY: Table = (
         ("probes.{probe}.displacement", "xy", "length", "displacement"),
         ("probes.{probe}.stress", "tensor", "stress", "stress"),
         ("probes.{probe}.von_mises", "", "stress", "von Mises stress"),
+        ("probes.{probe}.stress_zz", "", "stress", "hoop stress"),
         ("forces.{force}", "xy", "force", "final force of a load or support"),
         ("residual", "", "", "residual"),
         ("linear_residual", "", "", "linear residual"),

@@ -4,7 +4,7 @@ Stresses are sigma = C e(u) - s with a nodal field s. The stresses C e(u), which
 balance div s inside and s n on free surfaces, and faces of pieces transmit s n: by first derivatives, nodal
 values and fitted values of s. Nodal stresses (3n,) are ordered xx of all nodes, yy, xy.
 
-Equation (33) of docs/method.md.
+Equation (32) of docs/method.md.
 """
 
 from __future__ import annotations
@@ -81,9 +81,7 @@ def values_at(model: BodyModel, points: FloatArray) -> sparse.csr_array:
     return scalar_rows(stencils, np.ascontiguousarray(stencils.weights[:, 0]))
 
 
-def _placed(
-    parts: tuple[int, int], blocks: list[sparse.csr_array], nodes: int
-) -> sparse.csr_array:
+def _placed(parts: tuple[int, int], blocks: list[sparse.csr_array], nodes: int) -> sparse.csr_array:
     """Rows (e, 3n) with two ``blocks`` (e, n) at the stresses ``parts``."""
     empty = sparse.csr_array((blocks[0].shape[0], nodes))
     found = [empty, empty, empty]

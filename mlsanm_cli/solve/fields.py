@@ -48,8 +48,8 @@ def _fields(built: CondensedScene, name: str, state: State, displacement: FloatA
     """Fields of a body from the ``displacement`` (n, 2) of its elastic system."""
     model = built.scene.bodies[name].model
     moved, stressed = built.condensed.contact_fields(built.scene, name, state.unknowns)
-    sigma, degrees, near = np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3))
-    flow = flow_of(built, name, state)
+    none, flow = np.zeros((0, len(model.material.stiffness))), flow_of(built, name, state)
+    sigma, degrees, near = none, np.zeros(0), none
     if stress:
         degrees = built.scene.degrees(name, state.factors)
         near = stressed
@@ -81,14 +81,14 @@ def named_fields(
     degrees: FloatArray,
     flow: FlowState | None = None,
 ) -> dict[str, FloatArray]:
-    """Fields at n points from displacement (n, 2), stress (n, 3) and temperature (n,), or no stress. The
+    """Fields at n points from displacement (n, 2), stress (n, 3 | 4) and temperature (n,), or no stress. The
     stress of bodies that flow is that of their whole strain."""
     if flow is not None and len(stress):
         return _flowing_fields(*flow, displacement, stress, degrees)
     across = material.out_of_plane_stress(stress, degrees)
     return {
         "displacement": displacement,
-        "stress": stress,
+        "stress": stress[:, :3],
         "stress_zz": across,
         "von_mises": von_mises(stress, across),
         "strain": material.strain(stress, degrees),
@@ -100,8 +100,8 @@ def named_fields(
 def _flowing_fields(
     law: VonMises, history: FloatArray, displacement: FloatArray, whole: FloatArray, degrees: FloatArray
 ) -> dict[str, FloatArray]:
-    """Fields of a body that flows from the stress (n, 3) of its ``whole`` strain: also the accumulated plastic
-    strain, the flow stress, and the equivalent stress over it."""
+    """Fields of a body that flows from the stress (n, 3) of its ``whole`` strain: also the accumulated
+    plastic strain, the flow stress, and the equivalent stress over it."""
     material, amount = law.linear, np.maximum(history[:, 4], 0.0)
     stress = whole - plastic_stress(material, history)
     across = material.out_of_plane_stress(stress, degrees) - material.across_modulus * history[:, ZZ]

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -91,9 +92,9 @@ class PlasticScene:
         self._places = {n: slice(a, b) for n, a, b in zip(self.bodies, ends[:-1], ends[1:], strict=True)}
         areas = [np.tile(body.model.cloud.areas, 3) for body in self.bodies.values()]
         self._root = np.sqrt(np.concatenate(areas))
-        condensed = built.condensed
-        still = {name: _homogeneous(getattr(condensed, name)) for name in ("gap", "slip", "balance")}
-        self._linear = replace(condensed, **still)
+        known = built.condensed
+        gap, slip, balance = map(_homogeneous, (known.gap, known.slip, known.balance))
+        self._linear = replace(known, gap=gap, slip=slip, balance=balance)
 
     def unloaded(self) -> Flow:
         """The state without loads, strains and contact pressures."""
@@ -127,9 +128,7 @@ class PlasticScene:
                 linear = Linearised(self.built.condensed, now.contact.sets)
             except Ray as error:
                 raise FlowError("the contact slides as a whole while bodies flow") from error
-            change, count = gmres(
-                lambda v, now=now, linear=linear: self._product(now, linear, v), now.misfit, forcing
-            )
+            change, count = gmres(partial(self._product, now, linear), now.misfit, forcing)
             products += count
             now = self._stepped(before, now, change, max(seen[-MEMORY:]))
             seen.append(float(np.linalg.norm(now.misfit)))
@@ -137,11 +136,11 @@ class PlasticScene:
             safe = FORCING * forcing**2
             forcing = min(LARGEST_FORCING, max(FORCING * rate**2, safe if safe > LARGEST_FORCING else 0.0))
             forcing = max(forcing, 0.5 * tolerance / max(now.residual, tolerance))
-        raise FlowError(f"no equilibrium after {MOST_UPDATES} updates of plastic strains")
+        raise FlowError(f"plastic strains have not settled after {MOST_UPDATES} updates")
 
     def _stepped(self, before: Flow, now: Flow, change: FloatArray, most: float) -> Flow:
-        """The state after a Newton step, or after a part of it with which the misfit is at most ``most``. Raises
-        FlowError."""
+        """The state after a Newton step, or after a part of it with which the misfit is at most ``most``.
+        Raises FlowError."""
         part = 1.0
         while part >= LEAST_STEP:
             unknowns = now.unknowns + part * change / self._root
@@ -149,7 +148,7 @@ class PlasticScene:
             if float(np.linalg.norm(found.misfit)) <= (1.0 - DECREASE * part) * most:
                 return found
             part *= 0.5
-        raise FlowError("Newton's method does not approach equilibrium of the plastic strains")
+        raise FlowError("plastic strains do not settle")
 
     def _trial(self, before: Flow, factors: FloatArray, unknowns: FloatArray, guess: CoulombState) -> Flow:
         """The state for eigenstresses ``unknowns`` (u,), with the contact set searched from a ``guess``."""
@@ -180,27 +179,47 @@ class PlasticScene:
             size += float(model.cloud.areas @ (elastic**2).sum(axis=1))
         misfit = self._root * np.concatenate(misfits)
         size = float(np.sqrt(size + np.sum((self._root * unknowns) ** 2)))
-        return Flow(
-            factors, unknowns, contact, rest, strain, stress, tangent, history, work, misfit, size
-        )
+        return Flow(factors, unknowns, contact, rest, strain, stress, tangent, history, work, misfit, size)
+
+    def growth(self, now: Flow, change: FloatArray) -> float:
+        """Displacements per change of load factors (L,) over those of elastic bodies; without limit at a limit
+        load."""
+        linear, none = Linearised(self.built.condensed, now.contact.sets), np.zeros(len(now.unknowns))
+        elastic, flowed = self._response(now, linear, none, change)
+        unknowns = gmres(partial(self._product, now, linear), self._root * flowed, LARGEST_FORCING)[0]
+        plastic = self._response(now, linear, unknowns / self._root, change)[0]
+        sizes = [
+            sum(np.repeat(self.bodies[name].model.cloud.areas, 2) @ one**2 for name, one in rest.items())
+            for rest in (plastic, elastic)
+        ]
+        return float(np.sqrt(sizes[0] / sizes[1])) if sizes[1] else 0.0
 
     def _product(self, now: Flow, linear: Linearised, vector: FloatArray) -> FloatArray:
         """The equations (u,) of a state applied to a change, both weighted by the areas."""
-        scene = self.built.scene
-        condensed = self._eigen.within(self._linear, dict(self._split(vector / self._root)))
         none = np.zeros(len(now.factors))
-        rows = condensed.unscaled_rows(none)
+        flowed = self._response(now, linear, vector / self._root, none)[1]
+        return np.asarray(vector - self._root * flowed)
+
+    def _response(
+        self, now: Flow, linear: Linearised, unknowns: FloatArray, factors: FloatArray
+    ) -> tuple[dict[str, FloatArray], FloatArray]:
+        """Changes of displacements (2N,) by body by those of eigenstresses ``unknowns`` (u,) and load
+        ``factors`` (L,), and the eigenstresses (u,) that the return map adds for them."""
+        scene = self.built.scene
+        condensed = self._eigen.within(self._linear, dict(self._split(unknowns)))
+        rows = condensed.unscaled_rows(factors)
         m, n = len(condensed.gap.constant), len(condensed.slip.constant)
         v = linear.response(rows[:m], rows[m : m + n], rows[m + n :])
-        drive = none, v.motion, v.pressure, v.traction
-        parts = []
+        drive = factors, v.motion, v.pressure, v.traction
+        moved, parts = {}, []
         for name, body in self.bodies.items():
             model, tangent = body.model, now.tangent[name][:, PLANE][:, :, PLANE]
-            rest = condensed.solution(scene, name, drive)[0]
-            elastic = model.stress(rest.reshape(-1, 2)) + condensed.contact_fields(scene, name, drive)[1]
+            moved[name] = condensed.solution(scene, name, drive)[0][:, 0]
+            near = condensed.contact_fields(scene, name, drive)[1]
+            elastic = model.stress(moved[name].reshape(-1, 2)) + near
             strain = np.linalg.solve(model.material.stiffness, elastic.T).T
             parts.append((elastic - np.einsum("nij,nj->ni", tangent, strain)).T.ravel())
-        return vector - self._root * np.concatenate(parts)
+        return moved, np.concatenate(parts)
 
     def _split(self, unknowns: FloatArray) -> Iterator[tuple[str, FloatArray]]:
         """Eigenstresses (n, 3) by body."""

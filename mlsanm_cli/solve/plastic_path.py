@@ -1,17 +1,19 @@
 """Path of scenes with bodies that flow, in increments chosen by their error.
 
 Every increment is computed at once and in two halves, which are kept. The difference of the displacements is
-the error of the halves, as the return map is of first order in the increment. In a stage errors add up to
-at most ``solver.flow_error`` of the largest displacements.
+the error of the halves, as the return map is of first order; it is at most ``solver.flow_error`` of the
+largest displacements.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case import finer_nodes
 from mlsanm_cli.contact.complementarity.problem import ContactStatus
 from mlsanm_cli.contact.laws.coulomb import CoulombState, residual
 from mlsanm_cli.contact.laws.linearised import ContactSolution
@@ -28,7 +30,8 @@ GROWTH = 2.0
 """Largest growth of increments."""
 LEAST_INCREMENT = 2.0**-10
 """Part of a stage within which a limit load is enclosed."""
-
+COLLAPSE = 10.0
+"""Growth of displacements over that of elastic bodies at the end of a path that counts as collapse."""
 KEPT = ("stress", "history", "work")
 """Quantities of nodes that continue a path, by body."""
 
@@ -59,8 +62,9 @@ def plastic_path(built: CondensedScene, start: Checkpoint | None = None) -> Iter
             wanted = min(length, halt - position)
             found = _increment(scene, now, position, wanted, largest)
             largest = max(largest, _size(built, found.middle.rest), _size(built, found.end.rest))
-            allowed = built.case.solver.flow_error * found.length * largest
-            most = min(GROWTH, allowed / found.error) if found.error else GROWTH
+            allowed = built.case.solver.flow_error * largest
+            # Errors of increments grow with the square of the length.
+            most = min(GROWTH, float(np.sqrt(allowed / found.error))) if found.error else GROWTH
             length = max(most * found.length, length if found.length == wanted else 0.0)
             error += found.error / largest if largest else 0.0
             half, now = 0.5 * found.length, found.end
@@ -81,37 +85,42 @@ def _increment(scene: PlasticScene, now: Flow, position: float, length: float, l
         except FlowError as failure:
             whole, length = None, 0.5 * length
             if length < LEAST_INCREMENT:
-                raise _collapse(built, now, position, length, failure) from failure
+                raise _beyond(built, scene, now, position, failure) from failure
             continue
         apart = {name: whole.rest[name] - end.rest[name] for name in built.laws}
         size, error = max(largest, _size(built, end.rest)), _size(built, apart)
-        if error <= built.case.solver.flow_error * length * size:
+        if error <= built.case.solver.flow_error * size:
             return Increment(length, middle, end, error)
         whole, length = middle, 0.5 * length
 
 
-def _collapse(
-    built: CondensedScene, now: Flow, position: float, length: float, failure: FlowError
+def _beyond(
+    built: CondensedScene, scene: PlasticScene, now: Flow, position: float, failure: FlowError
 ) -> NumericalError:
-    """The error of a limit load just beyond a ``position``."""
+    """The error of a path that ends at a ``position``: a limit load if displacements grow fast, compared with
+    those of elastic bodies."""
     stage = min(int(position), len(built.stages) - 2)
-    moved = zip(built.scene.loads, built.stages[stage], built.stages[stage + 1], now.factors, strict=True)
-    loads = ", ".join(f"{name} = {factor:.6g}" for name, a, b, factor in moved if a != b)
-    flowing = [
-        name
-        for name, law in built.laws.items()
-        if (now.history[name][:, 4] > 0.0).any()
-    ]
-    if not flowing:
-        return failure
+    change = built.stages[stage + 1] - built.stages[stage]
+    loads = ", ".join(
+        f"{name} = {factor:.6g}"
+        for name, moved, factor in zip(built.scene.loads, change, now.factors, strict=True)
+        if moved
+    )
+    growth = scene.growth(now, change)
+    if growth < COLLAPSE:
+        return FlowError(
+            f"no equilibrium beyond position {position:.6g}, {loads}: {failure.message}",
+            f"{finer_nodes(built.case, list(built.laws))}, or give the material some hardening, 1 % of E",
+        )
+    flowing = [f"body {name}" for name in built.laws if now.history[name][:, 4].any()]
     return NumericalError(
-        f"collapse: {', '.join(f'body {name}' for name in flowing)} carries no more than {loads}, the limit "
-        f"load, at position {position:.6g}: there is no equilibrium at {position + length:.6g}",
+        f"collapse: {' and '.join(flowing)} reached the limit load at position {position:.6g}, {loads}: "
+        f"displacements grow {growth:.3g} times as fast as elastic ones",
         "prescribe displacements instead of forces to go on, or give the material hardening",
     )
 
 
-def _size(built: CondensedScene, moved: dict[str, FloatArray]) -> float:
+def _size(built: CondensedScene, moved: Mapping[str, FloatArray]) -> float:
     """Norm of displacements (2N,) of the bodies that flow."""
     areas = {name: np.repeat(built.scene.bodies[name].model.cloud.areas, 2) for name in moved}
     return float(np.sqrt(sum(areas[name] @ one**2 for name, one in moved.items())))
@@ -130,8 +139,9 @@ def _step(
             f"work.{name}": flow.work[name],
         }
     status = contact.sets.status(built.condensed.friction_nodes)
-    values = (v.pressure, v.gap, v.motion, status, flow.residual, v.traction, v.slip, contact.work)
+    values = (v.pressure, v.gap, v.motion, status, 0.0, v.traction, v.slip, contact.work)
     state = State(position, flow.factors, *values, solver=solver)
+    state = replace(state, residual=residual(built.at(state).condensed, contact))
     return PathStep(
         state,
         (state,) if position in output_positions(built) else (),
@@ -166,4 +176,3 @@ def _restored(built: CondensedScene, start: Checkpoint) -> Flow:
         np.zeros(0),
         0.0,
     )
-

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.laws.von_mises import HISTORY, Hardening, VonMises, plastic_stress
 from mlsanm_cli.mechanics.material import isotropic
-from mlsanm_cli.arrays import FloatArray
 
 E, NU, Y = 1.0, 0.3, 1e-2
 START = np.array([[0.0, Y]])

@@ -171,7 +171,9 @@ class SmallStrain(Analysis):
         self._adapted = self._estimated(last)
         known = self._adapted.accuracy
         if has_flowed(built, last):
-            context.console.note("errors by spacings are not estimated where bodies flow: compare with halves")
+            context.console.note(
+                "errors by spacings are not estimated where bodies flow: compare with halves"
+            )
         yield from end.estimates(built, known.figures(built, last), known.missing)
 
     def _stress_fields(self, state: State) -> Mapping[str, Fields]:
@@ -262,7 +264,9 @@ class SmallStrain(Analysis):
         """The fields of saved states, and the error of the linear solver."""
         stress = bool(WITH_STRESS & set(self.fields_written))
         alike = [states] if not self._built.laws else [[state] for state in states]
-        known = [one for few in alike if few for one in fields_of(self._at(few[0]), few, stress, self._starts)]
+        known = [
+            one for few in alike if few for one in fields_of(self._at(few[0]), few, stress, self._starts)
+        ]
         for state, (fields, residual) in zip(states, known, strict=True):
             if stress:
                 self._stressed = state, fields
@@ -343,15 +347,19 @@ class SmallStrain(Analysis):
             for one in built.condensed.reported
         }
         plates = {"plates": plates_turned(built, state)} if built.condensed.moments else {}
-        return plates | flow_figures(built, state) | {
-            "contacts": contacts,
-            "error_estimate": adapted.accuracy.figures(built, state),
-            "peak_stress": dict(self._peaks),
-            "force_balance": imbalance[worst_of(imbalance)],
-            "force_balance_bodies": imbalance,
-            "energy_error": energies[worst_of(energies)] if energies else None,
-            "energy_error_bodies": energies,
-        }
+        return (
+            plates
+            | flow_figures(built, state)
+            | {
+                "contacts": contacts,
+                "error_estimate": adapted.accuracy.figures(built, state),
+                "peak_stress": dict(self._peaks),
+                "force_balance": imbalance[worst_of(imbalance)],
+                "force_balance_bodies": imbalance,
+                "energy_error": energies[worst_of(energies)] if energies else None,
+                "energy_error_bodies": energies,
+            }
+        )
 
     def limits(self) -> dict[str, Any]:
         """The limits of the checks."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,7 @@ def has_flowed(built: CondensedScene, state: State) -> bool:
     return any(state.history(name)[:, 4].any() for name in built.laws)
 
 
-def flow_figures(built: CondensedScene, state: State) -> Mapping[str, Any]:
+def flow_figures(built: CondensedScene, state: State) -> dict[str, Any]:
     """The estimated error of the increments up to a state, and of every body that flows its largest plastic
     strain, the part of its area that has any, the work of plastic strains and the stored energy. The work is
     dissipated except for what back stresses store."""
@@ -33,5 +32,6 @@ def flow_figures(built: CondensedScene, state: State) -> Mapping[str, Any]:
             "plastic_work": float(cloud.areas @ state.solver[f"work.{name}"]),
             "stored_energy": 0.5 * over_body(cloud, stress, law.elastic_strain(stress)) + back,
         }
-    error = float(state.solver["increment_error"][0]) if bodies else 0.0
-    return {"flow": {"increment_error": error, "bodies": bodies}} if bodies else {}
+    if not bodies:
+        return {}
+    return {"flow": {"increment_error": float(state.solver["increment_error"][0]), "bodies": bodies}}

@@ -20,8 +20,8 @@ from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.mechanics.eigenstress import values_at
 from mlsanm_cli.mechanics.body_model import BodyModel
+from mlsanm_cli.mechanics.eigenstress import values_at
 from mlsanm_cli.mechanics.probes import probe_rows, stress_of_expansion
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.records import dataclass
@@ -109,8 +109,8 @@ def shown_fields(
 def _shown(built: CondensedScene, view: View, state: State, fields: Fields, stress: bool) -> Fields:
     name, material = view.model.name, view.model.material
     moved, stressed = built.condensed.contact_fields(built.scene, name, state.unknowns, view.cloud.points)
-    seen = (view.rows @ fields["rest"].ravel()).reshape(5, -1).T
-    sigma, degrees = np.zeros((0, 3)), np.zeros(0)
+    seen = (view.rows @ fields["rest"].ravel()).reshape(-1, len(view.cloud.points)).T
+    sigma, degrees = np.zeros((0, len(material.stiffness))), np.zeros(0)
     if stress:
         degrees = built.scene.degrees(name, state.factors, view.cloud.points)
         sigma = seen[:, 2:] + stressed - degrees[:, None] * stress_of_expansion(material)

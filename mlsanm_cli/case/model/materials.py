@@ -142,7 +142,9 @@ class Material(Section):
     """Rows [plastic strain, flow stress] of uniaxial tension, increasing, after [0, yield_stress]; linear
     between them, constant beyond."""
     ludwik: (
-        Annotated[Pair, expecting("expected two numbers, strength and exponent"), Unit("stress, dimensionless")]
+        Annotated[
+            Pair, expecting("expected two numbers, strength and exponent"), Unit("stress, dimensionless")
+        ]
         | None
     ) = None
     """Strength K and exponent n, 0 < n <= 1, of Ludwik's flow stress yield_stress + K a^n with the plastic
@@ -288,7 +290,9 @@ class Material(Section):
             if not first and (after[0] <= before[0] or after[1] < before[1]):
                 hint = "strains increase, stresses do not decrease: softening has no unique solution"
                 place = ("hardening_table", number)
-                yield Fault(place, f"[{after[0]:g}, {after[1]:g}] follows [{before[0]:g}, {before[1]:g}]", hint)
+                yield Fault(
+                    place, f"[{after[0]:g}, {after[1]:g}] follows [{before[0]:g}, {before[1]:g}]", hint
+                )
 
     def _unsupported(self, scope: Scope, key: KeyPath) -> Iterator[Fault]:
         """What bodies that flow do not support."""

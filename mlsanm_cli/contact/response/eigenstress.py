@@ -5,7 +5,7 @@ functionals' own part E::
 
     u = A^+ P s        seen = L u - E s        constants of all maps += H seen
 
-H is the response to unit functionals, like the one to loads. Equation (34) of docs/method.md.
+H is the response to unit functionals, like the one to loads. Equation (33) of docs/method.md.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.contact.response.observation import ResponseFunctionals
 from mlsanm_cli.mechanics.eigenstress import eigenstress_loads, eigenstress_reaction, values_at
-from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.mechanics.scene import RigidMotion, Scene
 from mlsanm_cli.records import dataclass
 
 
@@ -48,7 +48,9 @@ class Eigenstresses:
             columns = 3 * len(body.model.cloud.points)
             parts: dict[Any, sparse.csr_array] = {}
             for surface in body.restrained:
-                parts["held", (name, surface)] = eigenstress_reaction(body, surface, scene.center(name, surface))
+                parts["held", (name, surface)] = eigenstress_reaction(
+                    body, surface, scene.center(name, surface)
+                )
             for probe in scene.probes:
                 if probe.body == name:
                     value = values_at(body.model, probe.point)
@@ -58,7 +60,9 @@ class Eigenstresses:
                 parts.get(key, sparse.csr_array((place.stop - place.start, columns)))
                 for key, place in observation.places.items()
             ]
-            own[name] = sparse.csr_array(sparse.vstack([sparse.csr_array((0, columns)), *blocks], format="csr"))
+            own[name] = sparse.csr_array(
+                sparse.vstack([sparse.csr_array((0, columns)), *blocks], format="csr")
+            )
             loads[name], rows[name] = eigenstress_loads(body), observation.rows(name)
         return cls(scene, loads, rows, own, len(scene.loads), wide)
 
@@ -92,18 +96,13 @@ def flowing(scene: Scene) -> list[str]:
 def widened(scene: Scene, count: int) -> Scene:
     """The scene with as many further loads, which nothing responds to."""
 
-    def wider(loads: FloatArray | None) -> FloatArray | None:
-        return None if loads is None else np.append(loads, np.zeros(count))
+    def wider(motion: RigidMotion) -> RigidMotion:
+        more, given = np.zeros(count), motion.prescribed
+        prescribed = None if given is None else np.append(given, more)
+        return replace(motion, prescribed=prescribed, force=np.append(motion.force, more))
 
     constraints = tuple(
-        replace(
-            constraint,
-            motions=tuple(
-                replace(motion, prescribed=wider(motion.prescribed), force=wider(motion.force))
-                for motion in constraint.motions
-            ),
-        )
-        for constraint in scene.rigid_constraints
+        replace(one, motions=tuple(map(wider, one.motions))) for one in scene.rigid_constraints
     )
     return replace(scene, loads=(*scene.loads, *[""] * count), rigid_constraints=constraints)
 

@@ -9,7 +9,7 @@ Computational Inelasticity, ISBN 9780387975207, sections 3.3 and 3.4). The flow 
 Y = table(a) + h a + K a^n; H is the slope of the stress over the plastic strain by kinematic hardening.
 
 Strains and stresses (n, 4) are xx, yy, zz, xy, shear strains are doubled. In plane stress the strain zz is
-the one without stress zz. Equation (32) of docs/method.md.
+the one without stress zz. Equation (31) of docs/method.md.
 """
 
 from __future__ import annotations
@@ -87,9 +87,7 @@ class VonMises(SaintVenantKirchhoff):
         shear = 0.5 * (stress - mean) * np.array([1.0, 1.0, 1.0, 2.0]) / self.linear.shear
         return np.asarray(shear + mean / (3.0 * self._bulk))
 
-    def update(
-        self, strain: FloatArray, history: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def update(self, strain: FloatArray, history: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Stress (n, 4), consistent tangent (n, 4, 4) and history (n, 5) at the end of an increment to
         ``strain`` (n, 4) from a ``history``; elastic strains only."""
         if self.plane != "stress":
@@ -122,9 +120,7 @@ class VonMises(SaintVenantKirchhoff):
         q = np.sqrt(1.5 * square)
         return q, deviator / np.where(q > 0.0, q, 1.0)[:, None]
 
-    def _returned(
-        self, strain: FloatArray, history: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _returned(self, strain: FloatArray, history: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """As `update`, with all four strains given."""
         mu, bulk, even = self.linear.shear, self._bulk, np.array([1.0, 1.0, 1.0, 0.0])
         elastic = strain - history[:, :4]
@@ -145,8 +141,8 @@ class VonMises(SaintVenantKirchhoff):
         return stress - 3.0 * mu * amount[:, None] * normal, tangent, after
 
     def _flows(self, q: FloatArray, before: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Plastic strain (n,) of an increment with trial stresses ``q`` (n,) and an amount ``before`` (n,), and
-        the slope of the flow stress after it: the root of q - (3 mu + H) x - Y(before + x), which decreases,
+        """Plastic strain (n,) of an increment with trial stresses ``q`` (n,) and an amount ``before`` (n,),
+        and the slope of the flow stress after it: the root of q - (3 mu + H) x - Y(before + x), which falls,
         by Newton's method within brackets."""
         stiff = 3.0 * self.linear.shear + self.hardening.kinematic
         amount, slope = np.zeros(len(q)), np.zeros(len(q))
@@ -171,5 +167,5 @@ LAW = VonMises
 
 
 def plastic_stress(material: PlaneMaterial, history: FloatArray) -> FloatArray:
-    """Stress (n, 3) that the plastic strains of a ``history`` take from that of the whole strain: C e."""
+    """Eigenstress C e (n, 3) of the plastic strains in a ``history``."""
     return np.asarray(history[:, [0, 1, 3]] @ material.stiffness + history[:, ZZ, None] * material.coupling)
