@@ -17,6 +17,7 @@ from mlsanm_cli.app.analysis.small_contacts import (
     worst_state,
 )
 from mlsanm_cli.app.checks import end, states
+from mlsanm_cli.app.checks.accuracy import with_friction
 from mlsanm_cli.app.checks.check import Check, Verdicts, all_of
 from mlsanm_cli.app.checks.end_contacts import End
 from mlsanm_cli.app.checks.ended import EnergyErrors, worst_of
@@ -37,7 +38,8 @@ from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.laws.failures import SlidingError
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.io.run_file import Quantities, Value, place
+from mlsanm_cli.io.columns import Quantities, place
+from mlsanm_cli.io.run_file import Value
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.memo import digest
@@ -172,8 +174,6 @@ class SmallStrain(Analysis):
         assert self._adapted is not None
         accuracy = self._adapted.accuracy
         if len(self._built.condensed.friction_nodes):
-            from mlsanm_cli.app.checks.friction_accuracy import with_friction
-
             with self.context.phase("estimate"):
                 accuracy = with_friction(self._built, accuracy, last, self.context.memo)
         return replace(self._adapted, accuracy=accuracy.with_energies(self._energies))

@@ -22,7 +22,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, stored_case
 from mlsanm_cli.contact.geometry.profile import half_width
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.run_file import force_on_slave
+from mlsanm_cli.io.columns import force_on_slave
 from mlsanm_cli.io.run_reader import RunData, read_run
 
 TANGENTIAL = ("traction", "slip")
