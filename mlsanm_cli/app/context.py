@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import ClassVar, Protocol
 
@@ -29,9 +29,6 @@ class Console(Protocol):
 
     def error(self, message: str, hint: str) -> None:
         """Why a run failed, and what to do."""
-
-    def table(self, title: str, rows: Sequence[tuple[str, str]]) -> None:
-        """A small table of names and values."""
 
 
 PHASES = (
