@@ -94,10 +94,15 @@ class RunContext:
             yield
 
     def stop_gently(self) -> None:
-        """From now on the command stops between steps only, where no results are lost."""
+        """From now on the command stops between steps, where no results are lost, unless one takes long."""
         if self.stopper is not None:
             self.stopper.gentle = True
         self.check_stop()
+
+    def finishing(self) -> None:
+        """From now on a signal only stops the command if it is the second one."""
+        if self.stopper is not None:
+            self.stopper.finish()
 
     def check_stop(self) -> None:
         """Raises KeyboardInterrupt if the command is to stop."""

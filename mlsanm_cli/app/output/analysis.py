@@ -125,10 +125,6 @@ class Analysis(ABC):
     def judge(self, last: State, tally: dict[str, Any]) -> Iterator[Check]:
         """Checks of a completed path by its last state."""
 
-    @abstractmethod
-    def finer(self, tally: Mapping[str, Any], failure: NumericalError | None) -> Analysis | None:
-        """The analysis on finer clouds by which the run is repeated; None if its results are final."""
-
     @property
     @abstractmethod
     def refinement(self) -> Mapping[str, Any]:
