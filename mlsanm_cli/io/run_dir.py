@@ -104,7 +104,7 @@ def check_comparison(directory: Path, force: bool) -> list[Path]:
             hint = "no file was changed; use another --out, or move it"
             raise RunError(f"{path} was not written by mlsanm", hint)
     if known and not force:
-        raise _already(directory, "comparison")
+        raise _held(directory, "already holds a comparison")
     if entries and not known and not force and not _is_run(directory / RUN_FILE):
         raise _not_empty(directory, "comparison")
     return known
@@ -146,7 +146,7 @@ def _replaced(directory: Path, force: bool) -> list[Path]:
     entries = [path for path in _entries(directory) if path.name not in {*_COMPARISON, LOCK_FILE}]
     holds_run = _is_run(directory / RUN_FILE)
     if holds_run and not force:
-        raise _already(directory, "run")
+        raise _held(directory, "already holds a run")
     if not holds_run:
         taken = [path.name for path in entries if _is_reserved(path.name)]
         if taken:
@@ -160,8 +160,8 @@ def _replaced(directory: Path, force: bool) -> list[Path]:
     return sorted(ours, key=lambda path: path.name == RUN_FILE)
 
 
-def _already(directory: Path, what: str) -> RunError:
-    return RunError(f"{directory} already holds a {what}", "use --force to replace it, or another --out")
+def _held(directory: Path, words: str) -> RunError:
+    return RunError(f"{directory} {words}", "use --force to replace it, or another --out")
 
 
 def _not_empty(directory: Path, what: str) -> RunError:
