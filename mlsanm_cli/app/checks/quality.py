@@ -19,6 +19,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import (
     BodyForce,
     Case,
+    Centrifugal,
     ExpressionError,
     Pressure,
     Temperature,
@@ -229,16 +230,16 @@ def initial_gap(model: Quality) -> Iterator[Check]:
 def load_resolution(model: Quality) -> Iterator[Check]:
     """Errors of linear interpolation of varying loads between the nodes."""
     for load in model.case.load:
-        if not isinstance(load, Temperature | BodyForce | Pressure | Traction):
+        if not isinstance(load, Temperature | BodyForce | Centrifugal | Pressure | Traction):
             continue
         body, cloud = load.owner, model.clouds[load.owner]
         if isinstance(load, Temperature):
             amounts: Sequence[Any] = [load.temperature]
-        elif isinstance(load, BodyForce):
+        elif isinstance(load, BodyForce | Centrifugal):
             amounts = load.body_force
         else:
             amounts = [load.pressure] if isinstance(load, Pressure) else load.traction or ()
-        if isinstance(load, Temperature | BodyForce):
+        if isinstance(load, Temperature | BodyForce | Centrifugal):
             spans = [cloud.triangles]
         else:
             names = model.prepared.boundaries.names(load.place)
