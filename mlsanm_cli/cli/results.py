@@ -163,5 +163,5 @@ def _quality(summary: Mapping[str, Any], width: int) -> list[tuple[str, str]]:
     split = ", ".join(f"{key} {value:.2f}" for key, value in phases.items())
     whole = f"{seconds['total']:.2f}" + (f" ({split})" if split else "")
     indent = max((len(name) for name, _ in rows), default=0) + 4
-    first, *more = textwrap.wrap(whole, max(width - indent - 1, 20))
-    return [*rows, ("CPU seconds", first), *(("", line) for line in more)]
+    first, *lines = textwrap.wrap(whole, max(width - indent - 1, 20))
+    return [*rows, ("CPU seconds", first), *(("", line) for line in lines)]
