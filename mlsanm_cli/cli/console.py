@@ -12,7 +12,7 @@ from typing import Any, TextIO
 
 from mlsanm_cli.cli.settings import Settings, is_terminal, of_app
 from mlsanm_cli.cli.text import BOLD, DIM, RED, YELLOW, paint, printable
-from mlsanm_cli.closing import Closing
+from mlsanm_cli.records import Closing
 from mlsanm_cli.stopping import Stopper
 
 INTERVAL = 0.5

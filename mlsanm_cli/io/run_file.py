@@ -32,10 +32,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli import __version__
-from mlsanm_cli.closing import Closing
 from mlsanm_cli.errors import RunError, WriteError
 from mlsanm_cli.io.columns import path_table
 from mlsanm_cli.io.files import cannot_write, replacing, sealed, unsealed
+from mlsanm_cli.records import Closing
 
 FORMAT = 1
 SAVE_INTERVAL = 30.0

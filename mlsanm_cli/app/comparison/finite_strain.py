@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.app.checks.check import Verdicts
-from mlsanm_cli.app.comparison.measure import (
+from mlsanm_cli.app.comparison.compare import (
     ANM,
     NEWTON,
     SAME_LAW_FACTOR,

@@ -17,7 +17,7 @@ from mlsanm_cli.app.checks.energy import energy_error
 from mlsanm_cli.app.checks.quality import announce, factor_notes
 from mlsanm_cli.app.checks.references import reference_profile
 from mlsanm_cli.app.checks.states import STATE
-from mlsanm_cli.app.comparison.measure import (
+from mlsanm_cli.app.comparison.compare import (
     ACTIVE_SET,
     ANM,
     NEWTON,
