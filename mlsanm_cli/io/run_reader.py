@@ -205,7 +205,9 @@ def _completed(members: dict[str, Any]) -> dict[str, Any]:
         sizes = {"step": 0, "contact_node": len(contact["points"])}
         for entry in schema.CONTACT_HISTORY:
             contact.setdefault(entry.name, np.empty(entry.shape(sizes), entry.dtype))
-    for entry in (*schema.BODIES, *schema.CONTACT_GEOMETRY, *schema.PROBES):
+    # The hoop stress is that of bodies of revolution only.
+    probes = [entry for entry in schema.PROBES if entry.name != "stress_zz"]
+    for entry in (*schema.BODIES, *schema.CONTACT_GEOMETRY, *probes):
         kind, _, name = re.split(r"/(\{\w+\})/", entry.path)
         for group in members.get(kind, {}).values():
             Dataset(group)[name]

@@ -20,11 +20,13 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.app.scene.assemble import single_nodes
-from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray, runs_of
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.corners import reentrant_corners, thickness
 from mlsanm_cli.mechanics.elasticity import traction_of
+from mlsanm_cli.mechanics.near_field import as_real
 from mlsanm_cli.mechanics.springs import FREE, NO_SPRING
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
@@ -186,16 +188,27 @@ def _left_out(
         if all(axes):
             touching[NEIGHBORHOOD].append(cloud.points[cloud.surfaces[surface].index])
     for pairing in built.condensed.reported:
-        for owner, places in ((pairing.slave_body, pairing.points), (pairing.master_body, pairing.partner)):
-            if owner == name:
-                there = places[pairing.candidate]
-                if pairing.bonded:
-                    unbounded.append(there[[0, -1]])
-                else:
-                    there = there[state.closed[built.condensed.spans[pairing.name]]]
-                known = pairing.grid is not None and not pairing.bonded
-                touching[BESIDE_GRID if known else NEIGHBORHOOD].append(there)
+        closed = state.closed[built.condensed.spans[pairing.name]] if not pairing.bonded else None
+        for body_name, slave, _ in pairing.sides:
+            if body_name != name:
+                continue
+            there = (pairing.points if slave else pairing.partner)[pairing.candidate]
+            if closed is None:
+                unbounded.append(there[[0, -1]])
+                touching[NEIGHBORHOOD].append(there)
+            elif pairing.grid is None:
+                touching[NEIGHBORHOOD].append(there[closed])
+            else:
+                touching[BESIDE_GRID] += _pressed(pairing.grid, closed, slave, float(cloud.spacing.min()))
     return np.concatenate(unbounded), {key: np.concatenate(listed) for key, listed in touching.items()}
+
+
+def _pressed(grid: ContactGrid, closed: BoolArray, slave: bool, spacing: float) -> Iterator[FloatArray]:
+    """Points (t, 2) at most a ``spacing`` apart of one side of the patches of a grid with ``closed`` hats."""
+    # A hat ends at the node beyond the one after it.
+    for first, last in grid.hats.nodes[runs_of(closed) + np.array([0, 1])].tolist():
+        s = np.linspace(first, last, 2 + int((last - first) / spacing))
+        yield as_real(grid.facing.side(s, slave)[0])
 
 
 def _singular(body: ElasticBody) -> Iterator[int]:
