@@ -14,6 +14,7 @@ from mlsanm_cli.case import (
     Case,
     Displacement,
     ExpressionError,
+    Force,
     ObstacleMotion,
     Platen,
     Pressure,
@@ -61,6 +62,7 @@ def acting(case: Case, boundaries: Boundaries, clouds: Mapping[str, Cloud]) -> A
     for number, load in enumerate(case.load):
         if isinstance(load, Platen | ObstacleMotion):
             continue
+        assert not isinstance(load, Force)  # spread by Boundaries
         cloud = clouds[load.owner]
         key = f"load.{load.name}.{load.kind}"
         try:

@@ -10,6 +10,7 @@ from mlsanm_cli.case.model.contacts import AnyObstacle, DiskObstacle
 from mlsanm_cli.case.model.loads import (
     BodyForce,
     Displacement,
+    Force,
     Load,
     OnBoundary,
     Pressure,
@@ -188,4 +189,4 @@ class ObstacleMotion(_RigidMotion):
                 yield Fault(("pivot",), message, "one pivot for all")
 
 
-AnyLoad = Traction | Pressure | Displacement | Platen | BodyForce | Temperature | ObstacleMotion
+AnyLoad = Traction | Pressure | Displacement | Platen | Force | BodyForce | Temperature | ObstacleMotion
