@@ -21,6 +21,7 @@ from mlsanm_cli.case import (
     AnyLoad,
     BodyForce,
     Case,
+    Centrifugal,
     Displacement,
     Force,
     ObstacleMotion,
@@ -141,7 +142,7 @@ def _described(load: AnyLoad) -> tuple[str, str]:
         x = y = load.temperature
     elif isinstance(load, Force):
         x, y = (part or "" for part in load.total)
-    elif isinstance(load, BodyForce):
+    elif isinstance(load, BodyForce | Centrifugal):
         x, y = load.body_force
     elif isinstance(load, Displacement):
         x, y = (part if part is not None else "" for part in load.components)

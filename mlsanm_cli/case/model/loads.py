@@ -18,8 +18,10 @@ from mlsanm_cli.case.model.section import (
     AmountVector,
     Name,
     Point,
+    Positive,
     Scope,
     Section,
+    Unit,
     Vector,
     split_boundary,
 )
@@ -169,8 +171,8 @@ class BodyForce(_InBody):
 
 
 class Force(BoundaryPart, Load):
-    """Force and moment, per unit thickness, on a body or on a boundary: spread evenly over its area or length,
-    the moment in proportion to the distance from the centroid of this area or length."""
+    """Force and moment, per unit thickness, on a body or a boundary. The force is spread evenly over the area
+    or length, the moment in proportion to the distance from its centroid."""
 
     kind: Literal["force"]
     body: str | None = None
@@ -202,8 +204,8 @@ class Force(BoundaryPart, Load):
     def spread(self, size: float, centre: Point, polar: float) -> Traction | BodyForce:
         """The equivalent body force or traction.
 
-        ``size`` is the area of the body or the length of the boundary, ``centre`` its centroid, and
-        ``polar`` the integral of the squared distance from it.
+        ``size`` is the area of the body or the length of the boundary (volume and area in bodies of
+        revolution), ``centre`` its centroid, and ``polar`` the integral of the squared distance from it.
         """
         (x, y), (fx, fy), turn = centre, self.total, (self.moment or 0.0) / polar
         density: AmountVector = (fx / size, fy / size)
@@ -225,6 +227,29 @@ class Force(BoundaryPart, Load):
             yield Fault((), 'needs a "force", "fx", "fy" or "moment"')
         if self.boundary is None and self.given("start", "to"):
             yield Fault(("from",), "a body has no parts", "give a boundary")
+        if scope.case.model.revolved and (self.total[0] or self.moment):
+            yield Fault((), "forces on bodies of revolution have no component in x and no moment", "give fy")
+
+
+class Centrifugal(_InBody):
+    """Body force of a body that turns about the line x = 0: density times omega^2 x, outwards. With `plane =
+    "axisymmetric"` the axis is that of revolution."""
+
+    kind: Literal["centrifugal"]
+    omega: Annotated[float, Unit("radian per time")]
+    """Angular velocity in radian per time."""
+    density: Annotated[Positive, Unit("mass per volume")]
+    """Mass per volume, in units in which mass times length per time squared is a force."""
+
+    @property
+    def body_force(self) -> tuple[Amount, Amount]:
+        """Force per volume in x and y."""
+        return f"{self.density * self.omega**2!r}*x", 0.0
+
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        if not scope.case.model.revolved:
+            hint = 'plane = "axisymmetric", or the force as a load of kind "body-force"'
+            yield Fault((), "bodies of revolution only turn about their axis", hint)
 
 
 class Temperature(_InBody):

@@ -9,6 +9,7 @@ from mlsanm_cli.case.model.conditions import Kind
 from mlsanm_cli.case.model.contacts import AnyObstacle, DiskObstacle
 from mlsanm_cli.case.model.loads import (
     BodyForce,
+    Centrifugal,
     Displacement,
     Force,
     Load,
@@ -189,4 +190,14 @@ class ObstacleMotion(_RigidMotion):
                 yield Fault(("pivot",), message, "one pivot for all")
 
 
-AnyLoad = Traction | Pressure | Displacement | Platen | Force | BodyForce | Temperature | ObstacleMotion
+AnyLoad = (
+    Traction
+    | Pressure
+    | Displacement
+    | Platen
+    | Force
+    | BodyForce
+    | Centrifugal
+    | Temperature
+    | ObstacleMotion
+)
