@@ -168,7 +168,7 @@ class FiniteScene:
         equations do not move the body."""
         body = self.bodies[name]
         if body.pins:
-            body = replace(body, angle=body.turn(displacement))
+            body = body.rotated(body.turn(displacement))
         args = (body, self.weights[name], displacement, factors, self.solver)
         return Projector.at(*args, keeps=keeps or name in self.upright)
 
