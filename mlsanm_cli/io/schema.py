@@ -99,8 +99,9 @@ PROBES: Table = _table(
     ("displacement", "step xy", "length", "displacement"),
     ("stress", "step tensor", "stress", "stress"),
     ("von_mises", "step", "stress", "von Mises stress"),
-    ("stress_zz", "step", "stress", "hoop stress"),
 )
+HOOP_PROBES: Table = _table("probes/{probe}/", ("stress_zz", "step", "stress", "hoop stress"))
+"""In bodies of revolution only."""
 
 PATH: Table = _table(
     "path/",
@@ -151,7 +152,8 @@ RUN_FILE: Table = (
         ("resolved", "", "", "the case with all defaults", "text"),
     ),
     *_table("bodies/{body}/", ("degree", "", "", "degree of the local polynomials", "int64")),
-    *(*BODIES, *PATH, *NAMED_PATH, *CONTACT_GEOMETRY, *CONTACT_HISTORY, *PROBES, *SERIES, *MAPS),
+    *(*BODIES, *PATH, *NAMED_PATH, *CONTACT_GEOMETRY, *CONTACT_HISTORY, *PROBES, *HOOP_PROBES),
+    *(*SERIES, *MAPS),
     *_table("", ("fields/position", "state", "", "positions of the saved states")),
     *FIELDS,
     *_table(
