@@ -264,6 +264,7 @@ SUMMARY: Table = (
         ("peak_stress.{body}.stress", "", "stress", "largest von Mises stress on the boundary"),
         ("peak_stress.{body}.place", "xy", "length", "its place"),
         ("peak_stress.{body}.error", "", "", "its estimated relative error"),
+        ("peak_stress.{body}.at_contact", "", "stress", "largest von Mises stress at contacts, if larger"),
         ("finite_strain.law", "", "", "law", "text"),
         ("finite_strain.least_stretch", "", "", "least stretch"),
         ("finite_strain.largest_stretch", "", "", "largest stretch"),
