@@ -104,6 +104,19 @@ def estimates(end: FiniteEnd) -> Iterator[Check]:
         yield from pressure_estimate("rough_pressure_error", end.case, name, bodies, pressures.get(name))
 
 
+def located(end: FiniteEnd) -> Iterator[Check]:
+    """Whether knots were placed for the whole path."""
+    beyond = end.last.position - end.scene.located
+    if beyond > 0.0:
+        yield Check(
+            "located_contacts",
+            beyond,
+            f"contacts were located up to position {end.scene.located:.6g} only, where a path with coarse "
+            "pressures stopped: patches of contact that come later are as coarse as the nodes",
+            "use finer nodes where bodies touch, which are the first knots of pressures",
+        )
+
+
 def pointed(scene: FiniteScene, state: State) -> dict[str, float]:
     """Increase of the displacements of bodies held at single nodes when the spacing is halved, relative to
     the deformation."""
@@ -126,7 +139,7 @@ def pointed(scene: FiniteScene, state: State) -> dict[str, float]:
 
 
 END: Sequence[Callable[[FiniteEnd], Iterator[Check]]] = (
-    *(energy_estimate, estimates),
+    *(energy_estimate, estimates, located),
     *COMMON,
 )
 """Checks of a completed path at finite strain."""
