@@ -68,9 +68,10 @@ def searched_ends(
     if rubbing and which == "ends" and not known:
         check_resisted(scene, condensed, stages)
     if rubbing:
-        passed = list(range(1, len(stages)) if len(known) == len(stages) - 1 else positions[1:])
-        if len(known) == len(passed) and (not every or passed == positions[1:]):
-            return tuple(one for at, one in zip(passed, known, strict=True) if every or at == int(at))
+        if which == "ends" and known:
+            return tuple(one for one in known if _among(one, stages)) or tuple(known)
+        if every and len(known) == len(positions) - 1 and all(_among(one, factors) for one in known):
+            return tuple(known)
         # After a separation at the end of a stage all guesses are needed again.
         followed = factors[: len(starts) + 1] if which == "known" else factors
         try:
@@ -104,6 +105,11 @@ def searched_ends(
     if lost is None or (every and ends):
         return tuple(ends)
     raise beyond_limit(scene, condensed, stages, lost) if isinstance(lost, UnbalancedError) else lost
+
+
+def _among(state: ExactState, factors: FloatArray) -> bool:
+    """Whether the load factors of a state are among some (s, L)."""
+    return bool((factors == state.factors).all(axis=1).any())
 
 
 def _in_line(stages: FloatArray) -> IntArray:
