@@ -1,8 +1,11 @@
-"""What pyproject.toml cannot say: the commit that is built goes into wheels and source distributions."""
+"""What pyproject.toml cannot say: the commit that is built goes into wheels and source distributions, and
+relative links of README.md lead to the repository on a package index."""
 
 from __future__ import annotations
 
 import importlib.util
+import re
+import tomllib
 from pathlib import Path
 
 from setuptools import setup
@@ -26,6 +29,16 @@ def write_commit(package: Path) -> None:
         (package / module.FILE).write_text(f"{commit}\n", encoding="utf-8")
 
 
+def readme() -> str:
+    """README.md, its relative links and pictures by the address of the repository."""
+    source = Path(__file__).resolve().parent
+    project = tomllib.loads((source / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    text = (source / "README.md").read_text(encoding="utf-8")
+    address = project["urls"]["Repository"]
+    text = re.sub(r"(!\[[^\]]*\]\()(?![a-z]+:|#)", rf"\g<1>{address}/raw/main/", text)
+    return re.sub(r"((?<!!)\[[^\]]*\]\()(?![a-z]+:|#)", rf"\g<1>{address}/blob/main/", text)
+
+
 class BuildWithCommit(build_py):
     """Wheels."""
 
@@ -43,4 +56,8 @@ class SdistWithCommit(sdist):
         write_commit(Path(base_dir) / PACKAGE)
 
 
-setup(cmdclass={"build_py": BuildWithCommit, "sdist": SdistWithCommit})
+setup(
+    cmdclass={"build_py": BuildWithCommit, "sdist": SdistWithCommit},
+    long_description=readme(),
+    long_description_content_type="text/markdown",
+)

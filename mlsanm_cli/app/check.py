@@ -21,6 +21,7 @@ from mlsanm_cli.case import (
     AnyLoad,
     BodyForce,
     Case,
+    Centrifugal,
     Displacement,
     ObstacleMotion,
     Platen,
@@ -123,7 +124,9 @@ def _conditions(case: Case) -> dict[str, dict[str, str]]:
         if isinstance(load, ObstacleMotion):
             place = f"obstacle of {load.obstacle}"
         else:
-            place = load.owner if isinstance(load, BodyForce | Temperature) else load.place.label
+            place = (
+                load.owner if isinstance(load, BodyForce | Centrifugal | Temperature) else load.place.label
+            )
             if isinstance(load, Platen):
                 place = load.label
         add(place, *(f"{text} ({load.name})" if text else "" for text in _described(load)))
@@ -140,7 +143,7 @@ def _described(load: AnyLoad) -> tuple[str, str]:
         return moved.get("x", ""), moved.get("y", "")
     if isinstance(load, Temperature):
         x = y = load.temperature
-    elif isinstance(load, BodyForce):
+    elif isinstance(load, BodyForce | Centrifugal):
         x, y = load.body_force
     elif isinstance(load, Displacement):
         x, y = (part if part is not None else "" for part in load.components)

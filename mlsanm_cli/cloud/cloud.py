@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -16,6 +17,7 @@ from mlsanm_cli.cloud.front import fill_region, halved, relax, with_line_nodes
 from mlsanm_cli.cloud.joined import SMOOTH_ANGLE
 from mlsanm_cli.cloud.membership import boundary_chords, inside_body, joints, twice_area
 from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
+from mlsanm_cli.cloud.revolution import imaged, radius_of, with_images
 from mlsanm_cli.cloud.sight import VisibilityCriterion, separation, triangulate, visibility_criterion, widths
 from mlsanm_cli.cloud.spacing import MIN_DISTANCE, Spacing
 from mlsanm_cli.cloud.surface import Surface, boundary_of
@@ -36,18 +38,47 @@ MAX_ACUTE_ANGLE = math.pi / 3.0
 @dataclass(frozen=True)
 class Cloud:
     """Nodes of one body: ``points`` (n, 2), target ``spacing`` (n,), its surfaces by name, and its symmetry
-    if it was built with one."""
+    if it was built with one. A ``revolved`` body is one of revolution about x = 0, and its nodes are
+    circles."""
 
     points: FloatArray
     spacing: FloatArray
     surfaces: dict[str, Surface]
     mirror: Mirror | None = None
+    revolved: bool = False
 
     @cached_property
     def content(self) -> str:
         """Digest of the nodes and surfaces."""
         surfaces = {s.name: [s.index, s.arc_length, s.normal] for s in self.surfaces.values()}
-        return digest(self.points, self.spacing, surfaces, self.mirror)
+        return digest(self.points, self.spacing, surfaces, self.mirror, self.revolved)
+
+    def around(self, points: FloatArray) -> FloatArray:
+        """Circumference (...) of the circles of ``points`` (..., 2) of a body of revolution; 1, per unit
+        thickness, of a plane one."""
+        return 2.0 * np.pi * points[..., 0] if self.revolved else np.ones(points.shape[:-1])
+
+    def radius(self, points: FloatArray) -> FloatArray | None:
+        """Distances (e,) of ``points`` (e, 2) from the axis of revolution; None in plane bodies."""
+        return radius_of(points, self.points) if self.revolved else None
+
+    def on_axis(self, surface: Surface) -> bool:
+        """Whether a surface is part of the axis of revolution."""
+        radius = self.radius(self.points[surface.index])
+        return radius is not None and not radius.any()
+
+    @cached_property
+    def images(self) -> IntArray | None:
+        """Nodes (g,) with images behind the axis of revolution; None in plane bodies."""
+        return imaged(self.points, self.edges) if self.revolved else None
+
+    @cached_property
+    def fitted(self) -> tuple[FloatArray, cKDTree, VisibilityCriterion | None]:
+        """Nodes (n + g, 2) that stencils may use, images included, their search tree, and visibility."""
+        if self.images is None or not len(self.images):
+            return self.points, self.tree, self.sight
+        points = with_images(self.points, self.images)
+        return points, cKDTree(points), None if self.sight is None else replace(self.sight, points=points)
 
     @cached_property
     def boundary_nodes(self) -> IntArray:
@@ -163,6 +194,11 @@ class Cloud:
         areas: FloatArray = np.bincount(self.triangles.ravel(), shares, len(self.points)).astype(np.float64)
         # Four nodes on a circle have two triangulations, and the mirror image may have the other.
         return areas if self.mirror is None else 0.5 * (areas + areas[self.mirror.image])
+
+    @cached_property
+    def volumes(self) -> FloatArray:
+        """Volume (n,) of a node: its area times its circumference, per unit thickness of a plane body."""
+        return self.areas * self.around(self.points)
 
 
 def build_cloud(

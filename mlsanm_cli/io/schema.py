@@ -68,11 +68,13 @@ FIELDS: Table = _table(
     ("displacement", "node xy", "length", "displacement"),
     ("stress", "node tensor", "stress", "stress"),
     ("von_mises", "node", "stress", "von Mises stress"),
+    ("stress_zz", "node", "stress", "hoop stress"),
     ("strain", "node tensor", "", "strain"),
     ("stretch", "node principal", "", "principal stretch", "float64", 1.0),
     ("volume_ratio", "node", "", "volume ratio", "float64", 1.0),
 )
-"""Saved fields; stresses are Cauchy stresses. The last two at finite strain only."""
+"""Saved fields; stresses are Cauchy stresses. The hoop stress in bodies of revolution only, the last two at
+finite strain only."""
 
 CONTACT_GEOMETRY: Table = _table(
     "contacts/{contact}/",
@@ -97,6 +99,7 @@ PROBES: Table = _table(
     ("displacement", "step xy", "length", "displacement"),
     ("stress", "step tensor", "stress", "stress"),
     ("von_mises", "step", "stress", "von Mises stress"),
+    ("stress_zz", "step", "stress", "hoop stress"),
 )
 
 PATH: Table = _table(
@@ -179,7 +182,7 @@ PATH_COLUMNS: Table = _table(
 INTERFACE_COLUMNS = ("x", "y", "arc_length", "gap", "pressure", "traction", "slip", "status")
 """The columns of interface.csv, quantities of the contact in its last row; x and y are its points."""
 BODY_ARRAYS = (
-    *("displacement", "stress", "von_mises", "strain", "stretch_1", "stretch_2", "volume_ratio"),
+    *("displacement", "stress", "von_mises", "strain", "stress_zz", "stretch_1", "stretch_2", "volume_ratio"),
     "boundary_tag",
 )
 CONTACT_ARRAYS = (
@@ -247,6 +250,7 @@ SUMMARY: Table = (
         ("probes.{probe}.displacement", "xy", "length", "displacement"),
         ("probes.{probe}.stress", "tensor", "stress", "stress"),
         ("probes.{probe}.von_mises", "", "stress", "von Mises stress"),
+        ("probes.{probe}.stress_zz", "", "stress", "hoop stress"),
         ("forces.{force}", "xy", "force", "final force of a load or support"),
         ("residual", "", "", "residual"),
         ("linear_residual", "", "", "linear residual"),

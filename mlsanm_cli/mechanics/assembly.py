@@ -23,7 +23,7 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.body import BodyEquations, ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.corners import corner_weight, one_sided_weight, reentrant_corners, reentrant_weight
-from mlsanm_cli.mechanics.elasticity import FIRST, moduli_of, operator_rows, traction_moduli
+from mlsanm_cli.mechanics.elasticity import first_order_rows, moduli_of, traction_moduli
 from mlsanm_cli.mechanics.pieces import Pieces
 from mlsanm_cli.mechanics.rigid import FreeSystem, free_motions, pins
 from mlsanm_cli.mechanics.springs import FREE, NO_SPRING, Held, Springs, restrained
@@ -173,11 +173,12 @@ def _rows(
     model: BodyModel, held: Mapping[str, tuple[bool, bool]], single: Sequence[tuple[int, int]]
 ) -> sparse.csr_array:
     """All rows (r, 2N), without springs."""
-    moduli = moduli_of(model.material.stiffness)[..., None]
     equilibrium = [model.equilibrium(component) for component in (0, 1)]
 
     def traction(name: str, component: int) -> FloatArray:
-        return traction_moduli(moduli, model.cloud.surfaces[name].normal, component)
+        surface, cloud = model.cloud.surfaces[name], model.cloud
+        moduli = moduli_of(model.material.stiffness, cloud.radius(cloud.points[surface.index]))
+        return traction_moduli(moduli, surface.normal, component)
 
     return rows_of_nodes(model, held, equilibrium, traction, single_rows(single, len(model.cloud.points)))
 
@@ -203,8 +204,9 @@ def rows_of_nodes(
     single: sparse.csr_array,
 ) -> sparse.csr_array:
     """Rows (r, 2N) of nodes: ``equilibrium`` in x and y, conditions of all surfaces, and those of ``single``
-    nodes. Components that are not ``held`` have the ``traction`` of a surface and component, coefficients (2,
-    2, b) of the first derivatives. At finite strain these are those of a state."""
+    nodes. Components that are not ``held`` have the ``traction`` of a surface and component, coefficients (m,
+    2, b) of first derivatives, in bodies of revolution of the value, too. At finite strain these are those of
+    a state."""
     blocks, count = list(equilibrium), len(model.cloud.points)
     for name, surface in model.cloud.surfaces.items():
         stencils = model.stencils.take(surface.index)
@@ -212,7 +214,7 @@ def rows_of_nodes(
             if held.get(name, FREE)[component]:
                 blocks.append(nodal_rows(surface.index, component, count))
             else:
-                blocks.append(operator_rows(stencils, FIRST, traction(name, component)))
+                blocks.append(first_order_rows(stencils, traction(name, component)))
     return sparse.csr_array(sparse.vstack([*blocks, single], format="csr"))
 
 
@@ -232,7 +234,7 @@ def _without_pins(body: ElasticBody, pinned: Sequence[tuple[int, int]]) -> FreeS
     """The body's system without the effect of its pins."""
     model = body.model
     patterns = body.free.patterns(model.cloud.points)
-    share = np.repeat(model.cloud.areas, 2)
+    share = np.repeat(model.cloud.volumes, 2)
     mean = np.asarray(np.linalg.solve(patterns.T @ (share[:, None] * patterns), patterns.T * share))
     work = body.resultants(body.free.center)[list(body.free.components)].toarray()
     balance = np.stack([body.force_source(one.reshape(-1, 2)) for one in patterns.T], axis=1)
@@ -253,6 +255,7 @@ def row_weights(
     next to surfaces ``touching``."""
     cloud = model.cloud
     corners = _unenriched_corners(model, restraints)
+    restraints = {name: axes for name, axes in restraints.items() if not cloud.on_axis(cloud.surfaces[name])}
     corner = corner_weight(cloud, restraints, table.springs, touching)
     factor = corner * reentrant_weight(cloud, corners)
     inside = one_sided_weight(cloud, corner, model.settings)

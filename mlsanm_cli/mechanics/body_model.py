@@ -14,6 +14,7 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.elasticity import (
+    HOOP,
     divergence_of,
     divergence_of_stress,
     equilibrium_rows,
@@ -73,12 +74,13 @@ class BodyModel:
         too thin for the degree."""
         _refuse_coincident(name, cloud)
         settings = enough_neighbors(settings, material)
-        nodes, tree, mirror = cloud.points, cloud.tree, cloud.mirror
-        points = nodes if mirror is None else nodes[mirror.own]
+        nodes, tree, sight = cloud.fitted
+        points, mirror = cloud.points, cloud.mirror
+        points = points if mirror is None else points[mirror.own]
         near = nearest_nodes(tree, points, max(settings.stencil_size, foresight))
         tips = enriched_tips(cloud.tips, material, settings)
         try:
-            stencils = build_stencils(nodes, tree, points, 2, settings, cloud.sight, near, tips)
+            stencils = build_stencils(nodes, tree, points, 2, settings, sight, near, tips, cloud.images)
         except NumericalError as error:
             raise _at_a_tip(name, cloud, error) from error
         if not foresight:
@@ -115,8 +117,17 @@ class BodyModel:
 
     def stencils_at(self, points: FloatArray, order: int) -> Stencils:
         """Stencils at ``points`` (e, 2) with derivatives up to ``order``."""
-        return build_stencils(
-            self.cloud.points, self.cloud.tree, points, order, self.settings, self.cloud.sight, tips=self.tips
+        nodes, tree, sight = self.cloud.fitted
+        own = self.cloud.images
+        return build_stencils(nodes, tree, points, order, self.settings, sight, tips=self.tips, own=own)
+
+    def gradients_around(self, centers: FloatArray, points: FloatArray) -> Stencils:
+        """Stencils at ``centers`` (e, 2) with the weights of d/dx and d/dy at ``points`` (e, t, 2), in bodies
+        of revolution also of the value, first."""
+        nodes, tree, sight = self.cloud.fitted
+        values, own = self.cloud.revolved, self.cloud.images
+        return build_gradients(
+            nodes, tree, centers, points, self.settings, sight, values, tips=self.tips, own=own
         )
 
     def values_along(self, points: FloatArray, directions: FloatArray) -> sparse.csr_array:
@@ -135,15 +146,7 @@ class BodyModel:
         """Rows (3e, 2N) of the forces x, forces y and moments about ``centers`` (e, 2) of sigma n, summed
         over the t ``points`` (e, t, 2) of each centre; ``normals`` (e, t, 2) include the quadrature
         weights."""
-        stencils = build_gradients(
-            self.cloud.points,
-            self.cloud.tree,
-            centers,
-            points,
-            self.settings,
-            self.cloud.sight,
-            tips=self.tips,
-        )
+        stencils = self.gradients_around(centers, points)
         arm, c = points - centers[:, None], self.material.stiffness
         if not self.material.nearly_incompressible:
             return force_rows(stencils, c, arm, normals)
@@ -156,6 +159,19 @@ class BodyModel:
             (part @ values) @ stress_rows(self.stencils, even, which) for which, part in enumerate(parts)
         ]
         return sparse.csr_array(sum(nested, force_rows(stencils, c - even, arm, normals)))
+
+    def hoop_stress(self, centers: FloatArray, points: FloatArray) -> sparse.csr_array:
+        """Rows (e t, 2N) of the hoop stress at the t ``points`` (e, t, 2) of each of the ``centers`` (e,
+        2)."""
+        stencils, times = self.gradients_around(centers, points), points.shape[1]
+        c, even = self.material.stiffness, self.material.bulk_part
+        nested = self.material.nearly_incompressible
+        each = stencils.of_each(times)
+        rows = stress_rows(each, c - even if nested else c, HOOP)
+        if nested:
+            there = self.stencils_at(points.reshape(-1, 2), 0)
+            rows = rows + scalar_rows(there, there.weights[:, 0]) @ stress_rows(self.stencils, even, HOOP)
+        return sparse.csr_array(rows)
 
     def equilibrium(self, component: int) -> sparse.csr_array:
         """Rows (n, 2N) of div sigma in x (0) or y (1) at the cloud's points.
@@ -175,34 +191,35 @@ class BodyModel:
         return sparse.csr_array(equilibrium_rows(self.stencils, c - even, component) + rows)
 
     def stress(self, displacement: FloatArray) -> FloatArray:
-        """Stress (n, 3) at the cloud's points, in the order xx, yy, xy, for nodal ``displacement`` (N, 2).
-        The mean pressure of nearly incompressible materials is fitted to its nodal values: equilibrium
-        controls only the fit, and the node-to-node oscillation is many times its error."""
+        """Stress (n, 3 | 4) at the cloud's points, in the order xx, yy, xy, hoop, for nodal ``displacement``
+        (N, 2). The mean pressure of nearly incompressible materials is fitted to its nodal values:
+        equilibrium controls only the fit, and the node-to-node oscillation is many times its error."""
         c, derivatives = self.material.stiffness, self.stencils.derivatives(displacement)
+        radius = self.stencils.radius
         if not self.material.nearly_incompressible:
-            return stress_of(derivatives, c)
-        return np.asarray(
-            stress_of(derivatives, c - self.material.bulk_part) + self.mean_stress(displacement)
-        )
+            return stress_of(derivatives, c, radius)
+        fitted = stress_of(derivatives, c - self.material.bulk_part, radius)
+        return np.asarray(fitted + self.mean_stress(displacement))
 
     def mean_stress(self, displacement: FloatArray) -> FloatArray:
         """The part (n, 3) of :meth:`stress` that is fitted to nodal values."""
-        nodal = stress_of(self.stencils.derivatives(displacement), self.material.bulk_part)
+        derivatives, radius = self.stencils.derivatives(displacement), self.stencils.radius
+        nodal = stress_of(derivatives, self.material.bulk_part, radius)
         return np.asarray(self.stencils.derivatives(nodal)[:, 0])
 
     def divergence_of(self, derivatives: FloatArray) -> FloatArray:
         """div sigma (n, 2) from ``derivatives`` (n, 6, 2) of a displacement, as by :meth:`equilibrium`."""
-        c = self.material.stiffness
+        c, radius = self.material.stiffness, self.stencils.radius
         nested = self.settings.degree == 1
         if not nested and not self.material.nearly_incompressible:
-            return divergence_of(derivatives, c)
+            return divergence_of(derivatives, c, radius)
         even = c if nested else self.material.bulk_part
-        rest = 0.0 if nested else divergence_of(derivatives, c - even)
-        return np.asarray(self.stress_divergence(stress_of(derivatives, even)) + rest)
+        rest = 0.0 if nested else divergence_of(derivatives, c - even, radius)
+        return np.asarray(self.stress_divergence(stress_of(derivatives, even, radius)) + rest)
 
     def stress_divergence(self, stress: FloatArray) -> FloatArray:
         """Divergence (n, 2) of nodal ``stress`` (n, 3) at the cloud's points."""
-        return divergence_of_stress(self.stencils.derivatives(stress))
+        return divergence_of_stress(self.stencils.derivatives(stress), self.stencils.radius)
 
 
 def enriched_tips(tips: Tips | None, material: PlaneMaterial, settings: MlsSettings) -> Tips | None:

@@ -157,13 +157,14 @@ def defect_of(
     better = better or NextDegree(model)
     derivatives = better.at_nodes(displacement)
     less = model.stencils.derivatives(displacement) - derivatives
-    lost, divergence, mean = stress_of(less, stiffness), model.divergence_of(less), None
+    radius = model.stencils.radius
+    lost, divergence, mean = stress_of(less, stiffness, radius), model.divergence_of(less), None
     if model.material.nearly_incompressible:
         # The defect of the area change times the bulk modulus is large and not smooth. It enters by the
         # body's own fits, as in its rows; the next degree is compared on the mean stress, which is smooth.
         smooth = model.mean_stress(displacement)
-        divergence += model.stress_divergence(smooth) - divergence_of_stress(better.at_nodes(smooth))
-        mean = stress_of(less, model.material.bulk_part) + smooth, smooth
+        divergence += model.stress_divergence(smooth) - divergence_of_stress(better.at_nodes(smooth), radius)
+        mean = stress_of(less, model.material.bulk_part, radius) + smooth, smooth
     source = np.zeros(body.rows)
     source[: 2 * len(less)] = divergence.T.ravel()
     for name, surface in model.cloud.surfaces.items():
@@ -183,7 +184,7 @@ def defect_of(
         for name, axes in body.restrained.items()
         if any(axes)
     }
-    stress = stress_of(derivatives, stiffness) - model.stress(displacement)
+    stress = stress_of(derivatives, stiffness, radius) - model.stress(displacement)
     return Defect(source, np.where(_near_singular(body, plates), source, 0.0), stress, reactions)
 
 
@@ -234,14 +235,15 @@ class NextDegree:
         own, better = (self._derivatives(displacement, places, some) for some in fits)
         value, d_x, d_y, d_xx, d_xy, d_yy = np.moveaxis((own - better)[:, None], 2, 0)
         x, y = np.moveaxis(points - places[:, None], 2, 0)[..., None]
-        near = value, d_x + x * d_xx + y * d_xy, d_y + x * d_xy + y * d_yy
+        near = value + x * d_x + y * d_y, d_x + x * d_xx + y * d_xy, d_y + x * d_xy + y * d_yy
         whole = np.stack(np.broadcast_arrays(*near), axis=2).reshape(-1, 3, 2)
+        shape, radius = (*points.shape[:2], len(c)), model.cloud.radius(points.reshape(-1, 2))
         if mean is None:
-            return stress_of(whole, c).reshape(*points.shape[:2], 3)
+            return stress_of(whole, c, radius).reshape(shape)
         flat, pairs = points.reshape(-1, 2), zip(mean, fits, strict=True)
         first, second = (self._derivatives(values, flat, some)[:, 0] for values, some in pairs)
-        stress = stress_of(whole, c - model.material.bulk_part) + first - second
-        return stress.reshape(*points.shape[:2], 3)
+        stress = stress_of(whole, c - model.material.bulk_part, radius) + first - second
+        return stress.reshape(shape)
 
     def _derivatives(self, values: FloatArray, places: FloatArray, settings: MlsSettings) -> FloatArray:
         """Value and derivatives (e, 6, c) at ``places`` (e, 2) of nodal displacements (N, 2), or of stresses
@@ -251,9 +253,8 @@ class NextDegree:
 
         def fits(some: IntArray) -> Stencils:
             near = model.near[some] if places is cloud.points else None
-            return build_stencils(
-                cloud.points, cloud.tree, places[some], 2, settings, cloud.sight, near, tips
-            )
+            nodes, tree, sight = cloud.fitted
+            return build_stencils(nodes, tree, places[some], 2, settings, sight, near, tips, cloud.images)
 
         numbers = np.arange(len(places))
         if len(cloud.points) > MAX_KEPT_NODES:

@@ -1,10 +1,19 @@
-"""Rows of plane elasticity: stress, traction and equilibrium as sparse functionals of nodal displacements.
+"""Rows of elasticity: stress, traction and equilibrium as sparse functionals of nodal displacements.
 
 With C the plane stiffness (order xx, yy, xy)::
 
     sigma_a = C_a0 u_x,x + C_a1 u_y,y + C_a2 (u_x,y + u_y,x)
     t_x = sigma_xx n_x + sigma_xy n_y            t_y = sigma_xy n_x + sigma_yy n_y
     f_x = sigma_xx,x + sigma_xy,y                f_y = sigma_xy,x + sigma_yy,y
+
+In bodies of revolution about x = 0, with points of a ``radius`` r = x, strains and stresses have the hoop
+component as fourth (C is 4 x 4), and equilibrium two more terms (Timoshenko and Goodier, Theory of
+Elasticity, chapter 12)::
+
+    e_hoop = u_x / r        f_x += (sigma_xx - sigma_hoop) / r        f_y += sigma_xy / r
+
+On the axis quotients by r are derivatives by x, and f_x vanishes by symmetry. Equation (4a) of
+docs/method.md.
 """
 
 from __future__ import annotations
@@ -17,11 +26,13 @@ from mlsanm_cli.kernels.forces import add_forces
 from mlsanm_cli.operators.rows import pair_rows, scalar_rows
 from mlsanm_cli.operators.stencil_weights import Stencils
 
-XX, YY, XY = 0, 1, 2
+XX, YY, XY, HOOP = 0, 1, 2, 3
 
 
 FIRST, SECOND, ALL = slice(1, 3), slice(3, 6), slice(1, 6)
 """Derivatives among the weights of a stencil: x, y; xx, xy, yy."""
+WITH_X, WITH_Y = (1, 3, 4), (2, 4, 5)
+"""Derivatives by x and y of value, x and y among the weights of a stencil."""
 
 
 def operator_rows(stencils: Stencils, kinds: slice, coefficients: FloatArray) -> sparse.csr_array:
@@ -37,35 +48,82 @@ def operator_rows(stencils: Stencils, kinds: slice, coefficients: FloatArray) ->
     return pair_rows(stencils, values)
 
 
-def moduli_of(c: FloatArray) -> FloatArray:
-    """Derivatives (4, 2, 2) of the stresses xx, xy, yx, yy by the derivatives x, y of u_x and u_y."""
-    by_strain = np.stack([[[xx, xy], [xy, yy]] for xx, yy, xy in c])
-    return by_strain[[XX, XY, XY, YY]]
+def over_radius(values: FloatArray, slopes: FloatArray, radius: FloatArray) -> FloatArray:
+    """``values`` (e,) over the ``radius`` (e,), on the axis their ``slopes`` (e,) by x."""
+    return np.divide(values, radius, out=slopes + 0.0 * values, where=radius > 0.0)
+
+
+def strain_operator(radius: FloatArray) -> FloatArray:
+    """Strains xx, yy, 2 xy and hoop at points of ``radius`` (e,), by value, d/dx and d/dy of u_x and u_y: (4,
+    3, 2, e)."""
+    found = np.zeros((4, 3, 2, len(radius)))
+    found[XX, 1, 0] = found[XY, 2, 0] = found[XY, 1, 1] = found[YY, 2, 1] = 1.0
+    one, none = np.ones(len(radius)), np.zeros(len(radius))
+    found[HOOP, 0, 0], found[HOOP, 1, 0] = over_radius(one, none, radius), over_radius(none, one, radius)
+    return found
+
+
+def moduli_of(c: FloatArray, radius: FloatArray | None = None) -> FloatArray:
+    """Derivatives (4, 2, 2, 1) of the stresses xx, xy, yx, yy by the derivatives x, y of u_x and u_y; (4, 3,
+    2, e) by value, x and y at points of a ``radius`` (e,)."""
+    return _stress_operator(c, radius)[[XX, XY, XY, YY]]
+
+
+def _stress_operator(c: FloatArray, radius: FloatArray | None) -> FloatArray:
+    """The same for the stresses xx, yy, xy and, at points of a ``radius``, hoop."""
+    if radius is not None:
+        return np.asarray(np.einsum("as,skie->akie", c, strain_operator(radius)))
+    return np.stack([[[xx, xy], [xy, yy]] for xx, yy, xy in c])[..., None]
+
+
+def _of_order(coefficients: FloatArray) -> slice:
+    """The weights of a stencil that coefficients (m, ...) of value (if m = 3) and first derivatives
+    multiply."""
+    return slice(3 - len(coefficients), 3)
+
+
+def first_order_rows(stencils: Stencils, coefficients: FloatArray) -> sparse.csr_array:
+    """Rows (e, 2n) with ``coefficients`` (2 | 3, 2, e | 1) of value (if three) and first derivatives."""
+    if coefficients.shape[-1] == 1:
+        coefficients = coefficients[..., 0]
+    return operator_rows(stencils, _of_order(coefficients), coefficients)
 
 
 def stress_rows(stencils: Stencils, c: FloatArray, component: int) -> sparse.csr_array:
-    """Rows (e, 2n) of the stress ``component`` XX, YY or XY at the stencils' points."""
-    return operator_rows(stencils, FIRST, moduli_of(c)[(0, 3, 1)[component]])
+    """Rows (e, 2n) of the stress ``component`` XX, YY, XY or HOOP at the stencils' points."""
+    return first_order_rows(stencils, _stress_operator(c, stencils.radius)[component])
 
 
 def traction_moduli(moduli: FloatArray, normal: FloatArray, component: int) -> FloatArray:
-    """Coefficients (2, 2, b) of the traction x (0) or y (1) on surfaces with ``normal`` (b, 2), by ``moduli``
-    (4, 2, 2, b or 1)."""
+    """Coefficients (m, 2, b) of the traction x (0) or y (1) on surfaces with ``normal`` (b, 2), by ``moduli``
+    (4, m, 2, b or 1)."""
     on_x, on_y = moduli[2 * component : 2 * component + 2]
     return np.asarray(on_x * normal[:, 0] + on_y * normal[:, 1])
 
 
 def traction_rows(stencils: Stencils, c: FloatArray, normal: FloatArray, component: int) -> sparse.csr_array:
     """Rows (e, 2n) of the traction component x (0) or y (1) on surfaces with ``normal`` (e, 2)."""
-    return operator_rows(stencils, FIRST, traction_moduli(moduli_of(c)[..., None], normal, component))
+    return first_order_rows(stencils, traction_moduli(moduli_of(c, stencils.radius), normal, component))
 
 
 def force_rows(stencils: Stencils, c: FloatArray, arm: FloatArray, normal: FloatArray) -> sparse.csr_array:
     """Rows (3e, 2n) of the forces x, forces y and moments with ``arm`` (e, t, 2) of sigma n, summed over the
     t quadrature points of each stencil. The stencils have the weights (nnz, 2t) of d/dx and d/dy at these
-    points; ``normal`` (e, t, 2) includes the quadrature weights."""
+    points, of a body of revolution (nnz, 3t) of the value, too; ``normal`` (e, t, 2) includes the quadrature
+    weights."""
     values = np.zeros((3, len(stencils.indices), 2))
-    add_forces(stencils.indptr, stencils.weights, c, arm, normal, values)
+    weights, radius = stencils.weights, stencils.radius
+    if radius is not None:
+        whole = weights.reshape(len(weights), -1, 3)
+        weights = np.ascontiguousarray(whole[:, :, 1:]).reshape(len(weights), -1)
+        entry = np.repeat(np.arange(len(normal)), np.diff(stencils.indptr))
+        hoop = over_radius(whole[:, :, 0], whole[:, :, 1], radius.reshape(normal.shape[:2])[entry])
+        pull = traction_of(c[:3, HOOP], normal.reshape(-1, 2)).reshape(normal.shape)
+        turn = arm[..., 0] * pull[..., 1] - arm[..., 1] * pull[..., 0]
+        for row, force in enumerate((pull[..., 0], pull[..., 1], turn)):
+            values[row, :, 0] = (hoop * force[entry]).sum(axis=1)
+    add_forces(stencils.indptr, weights, np.ascontiguousarray(c[:3, :3]), arm, normal, values)
+    values = stencils.signed(values)
     rows = pair_rows(stencils, values[0])
     begin, (count, width) = rows.indptr[:-1], rows.shape
     indptr = np.concatenate([begin, begin + rows.nnz, begin + 2 * rows.nnz, [3 * rows.nnz]])
@@ -90,8 +148,25 @@ def force_sums(arm: FloatArray, normal: FloatArray) -> list[sparse.csr_array]:
 
 def equilibrium_rows(stencils: Stencils, c: FloatArray, component: int) -> sparse.csr_array:
     """Rows (e, 2n) of div sigma in x (0) or y (1) for uniform stiffness, by second derivatives."""
-    on_x, on_y = moduli_of(c)[2 * component : 2 * component + 2]
+    if stencils.radius is not None:
+        return operator_rows(stencils, slice(0, 6), _equilibrium_operator(c, stencils.radius)[component])
+    on_x, on_y = moduli_of(c)[2 * component : 2 * component + 2, ..., 0]
     return operator_rows(stencils, SECOND, np.stack([on_x[0], on_x[1] + on_y[0], on_y[1]]))
+
+
+def _equilibrium_operator(c: FloatArray, radius: FloatArray) -> FloatArray:
+    """div sigma in x and y at points of a ``radius`` (e,) by value, first and second derivatives of u_x and
+    u_y: (2, 6, 2, e)."""
+    strain = strain_operator(radius)
+    value, by_x, by_y = np.zeros((3, 4, 6, 2, len(radius)))
+    value[:, :3] = by_x[:, WITH_X] = by_y[:, WITH_Y] = strain
+    inverse = strain[HOOP, 0, 0]
+    by_x[HOOP, 0, 0] = -(inverse**2)
+    around = np.where(inverse > 0.0, inverse * value, by_x)
+    terms = np.stack([by_x, by_y, around])
+    along = np.stack([c[XX], c[XY], c[XX] - c[HOOP]]), np.stack([c[XY], c[YY], c[XY]])
+    x, y = (np.einsum("ts,tskie->kie", moduli, terms) for moduli in along)
+    return np.stack([np.where(inverse > 0.0, x, 0.0), y])
 
 
 def nested_equilibrium_rows(
@@ -100,38 +175,63 @@ def nested_equilibrium_rows(
     """Rows (e, 2n) of div sigma in x (0) or y (1), by first derivatives of nodal stresses. ``outer`` are
     stencils of the e points on each other."""
     first, second = ((XX, XY), (XY, YY))[component]
-    d_x, d_y = (scalar_rows(outer, outer.weights[:, kind]) for kind in (1, 2))
-    return sparse.csr_array(d_x @ stress_rows(stencils, c, first) + d_y @ stress_rows(stencils, c, second))
+    of_x, of_y = (stress_rows(stencils, c, one) for one in (first, second))
+    # The shear stress is odd about an axis of revolution.
+    d_x = scalar_rows(outer, outer.weights[:, 1], odd=first == XY)
+    rows = d_x @ of_x + scalar_rows(outer, outer.weights[:, 2], odd=second == XY) @ of_y
+    if outer.radius is not None:
+        one, none = np.ones(len(outer.radius)), np.zeros(len(outer.radius))
+        around = sparse.diags_array(over_radius(one, none, outer.radius))
+        if component == 0:
+            of_x = of_x - stress_rows(stencils, c, HOOP)
+        rows = rows + around @ (scalar_rows(outer, outer.weights[:, 0], odd=first == XY) @ of_x)
+        off_axis = sparse.diags_array(over_radius(none, one, outer.radius) * component)
+        rows = rows + off_axis @ (d_x @ of_x)
+    return sparse.csr_array(rows)
 
 
-def stress_of(derivatives: FloatArray, c: FloatArray) -> FloatArray:
-    """Stress (e, 3) from ``derivatives`` (e, 3 | 6, 2) of the displacement, value first."""
+def strain_of(derivatives: FloatArray, radius: FloatArray | None = None) -> FloatArray:
+    """Strains xx, yy, 2 xy and, at points of a ``radius`` (e,), hoop (e, 3 | 4), from ``derivatives`` (e, 3 |
+    6, 2) of the displacement, value first."""
     by_x, by_y = derivatives[:, 1], derivatives[:, 2]
-    strain = np.stack([by_x[:, 0], by_y[:, 1], by_x[:, 1] + by_y[:, 0]], axis=1)
-    return np.asarray(strain @ c.T)
+    strain = [by_x[:, 0], by_y[:, 1], by_x[:, 1] + by_y[:, 0]]
+    if radius is not None:
+        strain.append(over_radius(derivatives[:, 0, 0], by_x[:, 0], radius))
+    return np.stack(strain, axis=1)
 
 
-def divergence_of(derivatives: FloatArray, c: FloatArray) -> FloatArray:
+def stress_of(derivatives: FloatArray, c: FloatArray, radius: FloatArray | None = None) -> FloatArray:
+    """Stress (e, 3 | 4) from ``derivatives`` (e, 3 | 6, 2) of the displacement, as in :func:`strain_of`."""
+    return np.asarray(strain_of(derivatives, radius) @ c.T)
+
+
+def divergence_of(derivatives: FloatArray, c: FloatArray, radius: FloatArray | None = None) -> FloatArray:
     """div sigma (e, 2) from ``derivatives`` (e, 6, 2) of the displacement."""
-    # Derivatives by x and y of value, d/dx and d/dy.
-    by_x, by_y = (stress_of(derivatives[:, kinds], c) for kinds in ((1, 3, 4), (2, 4, 5)))
+    if radius is not None:
+        return np.asarray(np.einsum("fkie,eki->ef", _equilibrium_operator(c, radius), derivatives))
+    by_x, by_y = (stress_of(derivatives[:, kinds], c) for kinds in (WITH_X, WITH_Y))
     return np.stack([by_x[:, XX] + by_y[:, XY], by_x[:, XY] + by_y[:, YY]], axis=1)
 
 
-def divergence_of_stress(derivatives: FloatArray) -> FloatArray:
-    """div sigma (e, 2) from ``derivatives`` (e, 3 | 6, 3) of the stress."""
-    by_x, by_y = derivatives[:, 1], derivatives[:, 2]
-    return np.stack([by_x[:, XX] + by_y[:, XY], by_x[:, XY] + by_y[:, YY]], axis=1)
+def divergence_of_stress(derivatives: FloatArray, radius: FloatArray | None = None) -> FloatArray:
+    """div sigma (e, 2) from ``derivatives`` (e, 3 | 6, 3 | 4) of the stress, value first."""
+    value, by_x, by_y = np.moveaxis(derivatives[:, :3], 1, 0)
+    found = np.stack([by_x[:, XX] + by_y[:, XY], by_x[:, XY] + by_y[:, YY]], axis=1)
+    if radius is not None:
+        found[:, 0] += over_radius(value[:, XX] - value[:, HOOP], 0.0 * radius, radius)
+        found[:, 1] += over_radius(value[:, XY], by_x[:, XY], radius)
+    return found
 
 
 def traction_of(stress: FloatArray, normal: FloatArray) -> FloatArray:
-    """Tractions (b, 2) of ``stress`` (b, 3), or (3,) if uniform, on surfaces with ``normal`` (b, 2)."""
-    xx, yy, xy = stress.T
+    """Tractions (b, 2) of ``stress`` (b, 3 | 4), or (3 | 4,) if uniform, on surfaces with ``normal`` (b,
+    2)."""
+    xx, yy, xy = stress.T[:3]
     x, y = normal.T
     return np.stack([xx * x + xy * y, xy * x + yy * y], axis=1)
 
 
 def von_mises(stress: FloatArray, across: FloatArray) -> FloatArray:
     """Von Mises stress (n,) of plane ``stress`` (n, 3) and out-of-plane stress ``across`` (n,)."""
-    (xx, yy, xy), zz = stress.T, across
+    (xx, yy, xy), zz = stress.T[:3], across
     return np.asarray(np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * xy**2))

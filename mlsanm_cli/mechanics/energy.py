@@ -20,9 +20,9 @@ from mlsanm_cli.cloud.cells import GAUSS, TRIANGLE_POINTS
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.mechanics.body_model import BodyModel
-from mlsanm_cli.mechanics.elasticity import stress_of
+from mlsanm_cli.mechanics.elasticity import strain_of, stress_of
 from mlsanm_cli.mechanics.material import PlaneMaterial
-from mlsanm_cli.mechanics.rigid import ROTATION, RigidBodyModes
+from mlsanm_cli.mechanics.rigid import ROTATION, RigidBodyModes, motions_of
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 
 MAX_STEPS = 500
@@ -38,16 +38,23 @@ MIN_THERMAL_SHARE = 0.1
 def least_thermal_energy(model: BodyModel, degrees: FloatArray) -> float:
     """Energy of a body with temperature changes ``degrees`` (n,) below which its energy is not checked."""
     free, stiffness = model.material.expansion, model.material.stiffness
-    blocked = float(model.cloud.areas @ degrees**2) * float(free @ stiffness @ free)
+    blocked = float(model.cloud.volumes @ degrees**2) * float(free @ stiffness @ free)
     return MIN_THERMAL_SHARE * blocked
 
 
 def over_body(cloud: Cloud, first: FloatArray, second: FloatArray) -> float:
-    """Integral of the product of two nodal fields (n, c), summed over components. On a triangle of area A: A
-    / 12 (sum_i a_i b_i + (sum_i a_i) (sum_i b_i))."""
-    a, b = first[cloud.triangles], second[cloud.triangles]
-    products = (a * b).sum(axis=(1, 2)) + (a.sum(axis=1) * b.sum(axis=1)).sum(axis=1)
-    return float(_areas(cloud, cloud.triangles) @ products) / 12.0
+    """Integral of the product of two nodal fields (n, c), summed over components, and of the circumference of
+    circles in bodies of revolution."""
+    a, b, around = (one[cloud.triangles] for one in (first, second, cloud.around(cloud.points)))
+    products = np.einsum("ijk,ti,tjc,tkc->t", _TRIPLE, around, a, b, optimize=True)
+    return float(_areas(cloud, cloud.triangles) @ products)
+
+
+_TRIPLE = np.array(
+    [[[(6.0, 2.0, 1.0)[len({i, j, k}) - 1] for k in range(3)] for j in range(3)] for i in range(3)]
+)
+_TRIPLE /= 60.0
+"""Means of products of three of a triangle's linear shape functions."""
 
 
 def _areas(cloud: Cloud, triangles: IntArray) -> FloatArray:
@@ -81,9 +88,11 @@ def inner_work(cloud: Cloud, stress: FloatArray, virtual: FloatArray) -> float:
     """Integral of nodal ``stress`` (n, 3) times the strain of a ``virtual`` displacement (n, 2), both linear
     on the triangles."""
     areas, slopes = gradients(cloud)
-    by = np.einsum("tki,tkc->tic", slopes, virtual[cloud.triangles])
-    strain = np.stack([by[:, 0, 0], by[:, 1, 1], by[:, 0, 1] + by[:, 1, 0]], axis=1)
-    return float(areas @ (stress[cloud.triangles].mean(axis=1) * strain).sum(axis=1))
+    by, middle = np.einsum("tki,tkc->tic", slopes, virtual[cloud.triangles]), cloud.points[cloud.triangles]
+    derivatives = np.concatenate([virtual[cloud.triangles].mean(axis=1)[:, None], by], axis=1)
+    strain = strain_of(derivatives, cloud.radius(middle.mean(axis=1)))
+    product = (stress[cloud.triangles].mean(axis=1) * strain).sum(axis=1)
+    return float(areas @ (cloud.around(middle.mean(axis=1)) * product))
 
 
 def extended(cloud: Cloud, values: FloatArray, known: BoolArray) -> FloatArray:
@@ -164,16 +173,16 @@ def _beyond_linear(
     if model.material.nearly_incompressible:
         c = c - model.material.bulk_part
     compliance = np.linalg.inv(model.material.stiffness)
-    linear = stress - stress_of(model.stencils.derivatives(displacement), c)
+    linear = stress - stress_of(model.stencils.derivatives(displacement), c, model.stencils.radius)
     total, areas = 0.0, _areas(cloud, own)
     for share, weight in zip(shares, weights, strict=True):
         points = np.einsum("k,tkc->tc", share, cloud.points[own])
-        fitted = stress_of(model.stencils_at(points, 1).derivatives(displacement), c)
+        fitted = stress_of(model.stencils_at(points, 1).derivatives(displacement), c, cloud.radius(points))
         here = fitted + np.einsum("k,tkc->tc", share, linear[own])
-        total += weight * float(areas @ ((here @ compliance) * here).sum(axis=1))
-    values = stress[own]
-    products, sums = (values @ compliance * values).sum(axis=(1, 2)), values.sum(axis=1)
-    return total - float(areas @ (products + (sums @ compliance * sums).sum(axis=1))) / 12.0
+        total += weight * float((areas * cloud.around(points)) @ ((here @ compliance) * here).sum(axis=1))
+    values, around = stress[own], cloud.around(cloud.points[own])
+    products = np.einsum("ijk,ti,tjc,tkc->t", _TRIPLE, around, values @ compliance, values, optimize=True)
+    return total - float(areas @ products)
 
 
 def rigid_part(cloud: Cloud, displacement: FloatArray, levels: Sequence[FloatArray]) -> FloatArray:
@@ -181,17 +190,16 @@ def rigid_part(cloud: Cloud, displacement: FloatArray, levels: Sequence[FloatArr
     order of priority: each decides what earlier ones leave undetermined. The mean over the body decides the
     rest."""
     size = float(np.ptp(cloud.points, axis=0).max())
-    middle = cloud.areas @ cloud.points / cloud.areas.sum()
-    center = (float(middle[0]), float(middle[1]))
-    patterns = RigidBodyModes(center, (0, 1, ROTATION)).patterns(cloud.points)
-    patterns[:, ROTATION] /= size
-    chosen, free = np.zeros(3), np.eye(3)
-    for one in [*levels, np.repeat(cloud.areas[:, None], 2, axis=1)]:
+    middle, motions = cloud.areas @ cloud.points / cloud.areas.sum(), motions_of(cloud)
+    patterns = RigidBodyModes((float(middle[0]), float(middle[1])), motions).patterns(cloud.points)
+    patterns[:, [motion == ROTATION for motion in motions]] /= size
+    chosen, free = np.zeros(len(motions)), np.eye(len(motions))
+    for one in [*levels, np.repeat(cloud.volumes[:, None], 2, axis=1)]:
         weight = one.ravel() / max(float(one.sum()), np.finfo(float).tiny)
-        motions, missing = patterns @ free, displacement.ravel() - patterns @ chosen
-        size_of, axes = np.linalg.eigh(motions.T @ (weight[:, None] * motions))
+        moving, missing = patterns @ free, displacement.ravel() - patterns @ chosen
+        size_of, axes = np.linalg.eigh(moving.T @ (weight[:, None] * moving))
         decided = size_of > FINE_ROUND_OFF
-        found = (axes.T @ (motions.T @ (weight * missing)))[decided] / size_of[decided]
+        found = (axes.T @ (moving.T @ (weight * missing)))[decided] / size_of[decided]
         chosen = chosen + free @ (axes[:, decided] @ found)
         free = free @ axes[:, ~decided]
     return np.asarray((patterns @ chosen).reshape(-1, 2))

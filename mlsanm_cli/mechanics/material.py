@@ -1,10 +1,11 @@
 """Plane elasticity of a material, with thermal expansion. Isotropic and orthotropic materials are reduced
 from three dimensions to the plane; a plane stiffness given directly leaves the out-of-plane stress unknown,
-nan in plane strain."""
+nan in plane strain. Bodies of revolution have the hoop stress as a fourth component."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -29,7 +30,8 @@ class PlaneMaterial:
 
     Stress across the plane is ``across`` (3,) times the stress in the plane, plus ``across_modulus`` times
     the mechanical strain zz; both vanish in plane stress, where that strain is ``contraction`` (3,) times the
-    stress in the plane. Unknown constants are nan."""
+    stress in the plane. Unknown constants are nan. In bodies of revolution ``stiffness`` is (4, 4), with the
+    hoop stress and strain last, and strains per degree are those of a free body."""
 
     stiffness: FloatArray
     across: FloatArray
@@ -39,9 +41,22 @@ class PlaneMaterial:
 
     @cached_property
     def expansion(self) -> FloatArray:
-        """Strains (3,) xx, yy, 2 xy per degree of a body that is free in the plane."""
+        """Strains (3,) xx, yy, 2 xy per degree of a body that is free in the plane, of a body of revolution
+        (4,) with the hoop strain."""
+        if self.revolved:
+            return self.free_expansion
         own, thickening = self.free_expansion[:3], float(self.free_expansion[3])
         return own + self.across * thickening if thickening else own
+
+    @property
+    def revolved(self) -> bool:
+        """Whether stresses have a hoop component."""
+        return len(self.stiffness) == 4
+
+    @property
+    def in_plane(self) -> FloatArray:
+        """Stiffness (3, 3) of xx, yy and xy without strain across the plane."""
+        return self.stiffness[:3, :3]
 
     @property
     def across_heat(self) -> float:
@@ -51,7 +66,7 @@ class PlaneMaterial:
     @property
     def coupling(self) -> FloatArray:
         """Stress (3,) in the plane by a unit strain across it."""
-        return np.asarray(self.stiffness @ self.across)
+        return np.asarray(self.in_plane @ self.across)
 
     @cached_property
     def modulus(self) -> float:
@@ -63,18 +78,18 @@ class PlaneMaterial:
     def shear(self) -> float:
         """Lame's mu; for an anisotropic material half the second of the three principal stiffnesses."""
         root = np.array([1.0, 1.0, np.sqrt(2.0)])
-        return 0.5 * float(np.linalg.eigvalsh(self.stiffness * np.outer(root, root))[1])
+        return 0.5 * float(np.linalg.eigvalsh(self.in_plane * np.outer(root, root))[1])
 
     @cached_property
     def _first(self) -> float:
         """Lame's lambda: stiffness against uniform area change minus ``shear``."""
         area = np.array([1.0, 1.0, 0.0])
-        return float(1.0 / (area @ np.linalg.solve(self.stiffness, area))) - self.shear
+        return float(1.0 / (area @ np.linalg.solve(self.in_plane, area))) - self.shear
 
     @property
     def roots(self) -> NDArray[np.complex128]:
         """The two characteristic roots with positive imaginary parts."""
-        a = np.linalg.inv(self.stiffness)
+        a = np.linalg.inv(self.in_plane)
         found = np.roots([a[0, 0], -2.0 * a[0, 2], 2.0 * a[0, 1] + a[2, 2], -2.0 * a[1, 2], a[1, 1]])
         return np.asarray(found[found.imag > 0.0], dtype=np.complex128)
 
@@ -96,14 +111,13 @@ class PlaneMaterial:
 
     @property
     def bulk_part(self) -> FloatArray:
-        """Part (3, 3) of the stiffness that relates area change to equal direct stresses."""
-        part = np.zeros((3, 3))
-        part[:2, :2] = self._first
-        return part
+        """Part of the stiffness that relates the change of area, or of volume, to equal direct stresses."""
+        direct = np.array([1.0, 1.0, 0.0, 1.0])[: len(self.stiffness)]
+        return self._first * np.outer(direct, direct)
 
     @cached_property
     def _surface(self) -> FloatArray:
-        return surface_compliance(self.stiffness)
+        return surface_compliance(self.in_plane)
 
     def contact_compliance(self, direction: FloatArray, force: FloatArray | None = None) -> FloatArray:
         """1/E' (m,) of a half-plane's surface along unit vectors ``direction`` (m, 2) due to forces along
@@ -112,17 +126,28 @@ class PlaneMaterial:
         return np.asarray(0.5 * np.einsum("mi,ij,mj->m", direction, self._surface, by))
 
     def out_of_plane_stress(self, stress: FloatArray, temperature: FloatArray | float = 0.0) -> FloatArray:
-        """sigma_zz (n,) for plane ``stress`` (n, 3) and a ``temperature`` change, scalar or (n,)."""
+        """sigma_zz (n,) for plane ``stress`` (n, 3) and a ``temperature`` change, scalar or (n,); the hoop
+        stress of bodies of revolution, the fourth component."""
+        if self.revolved:
+            return stress[:, 3]
         # An unknown (nan) expansion does not matter where nothing is heated.
         heat = np.where(temperature, self.across_heat * np.asarray(temperature), 0.0)
         return np.asarray(stress @ self.across + heat)
 
     def strain(self, stress: FloatArray, temperature: float | FloatArray = 0.0) -> FloatArray:
-        """Plane strains xx, yy, xy (n, 3) for ``stress`` (n, 3) and a ``temperature`` change, scalar or
+        """Plane strains xx, yy, xy (n, 3) for ``stress`` (n, 3 | 4) and a ``temperature`` change, scalar or
         (n,)."""
         found = np.linalg.solve(self.stiffness, stress.T).T + np.multiply.outer(temperature, self.expansion)
         # Stiffness and expansion use the engineering shear strain.
-        return np.asarray(found * np.array([1.0, 1.0, 0.5]), dtype=np.float64)
+        return np.asarray(found[:, :3] * np.array([1.0, 1.0, 0.5]), dtype=np.float64)
+
+    @property
+    def of_revolution(self) -> PlaneMaterial:
+        """The material, that of plane strain, in bodies of revolution: the strain across is the hoop
+        strain."""
+        hoop = self.coupling
+        across = self.across @ hoop + self.across_modulus
+        return replace(self, stiffness=np.block([[self.stiffness, hoop[:, None]], [hoop, across]]))
 
 
 def isotropic(modulus: float, poisson: float, plane: str, expansion: float = 0.0) -> PlaneMaterial:

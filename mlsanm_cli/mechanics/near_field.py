@@ -135,7 +135,7 @@ class Anisotropic:
 
 def kernel_of(material: PlaneMaterial) -> PointForceField:
     """The near field of a material."""
-    c = material.stiffness
+    c = material.in_plane
     shear, first = c[2, 2], c[0, 1]
     even = np.array([[first + 2.0 * shear, first, 0.0], [first, first + 2.0 * shear, 0.0], [0.0, 0.0, shear]])
     # Characteristic roots of nearly isotropic materials almost coincide, their fields are differences.

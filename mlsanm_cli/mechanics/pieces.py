@@ -11,7 +11,11 @@ and the same with arms about the centroid of the piece. Stresses at the Gauss po
 of local fits: sums of nodal residuals lose as much force as no sums. Fluxes through inner faces cancel, so
 that what holds for each piece holds for the whole body, where it is enforced exactly.
 
-Equation (3) of docs/method.md.
+Pieces of bodies of revolution are rings: fluxes and loads are those around the circumference, and the hoop
+stress in the piece resists its radial displacement and its turning in the meridian plane. Only axial forces
+of rings add up to one of the body.
+
+Equations (3) and (3a) of docs/method.md.
 """
 
 from __future__ import annotations
@@ -23,17 +27,18 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.cloud.cells import FINE, GAUSS, Halves, Rule, corner_moments, measure
+from mlsanm_cli.cloud.cells import FINE, GAUSS, Halves, Rule, cell_quadrature, corner_moments, measure
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.cloud.pieces import divide, pair_up
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.corners import WEIGHT_REACH, thickness
-from mlsanm_cli.mechanics.elasticity import traction_of
+from mlsanm_cli.mechanics.elasticity import HOOP, traction_of
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.springs import FREE, Held
 from mlsanm_cli.records import dataclass
+from mlsanm_cli.roundoff import ROUND_OFF
 
 BOUNDARY_NODES = 16
 """Nodes of a piece at the outline."""
@@ -101,28 +106,72 @@ class Pieces:
         return len(self.size)
 
     def strengths_of(self, material: PlaneMaterial) -> FloatArray:
-        """Strengths (k,) in a body of a ``material``."""
-        return min(1.0, MAX_MODULUS_RATIO * material.shear / material.modulus) * self.strength
+        """Strengths (k,) in a body of a ``material``, per force on a circle of unit length."""
+        strength = min(1.0, MAX_MODULUS_RATIO * material.shear / material.modulus) * self.strength
+        return strength / self.cloud.around(self.middle)
 
     def fluxes(self, model: BodyModel, held: Held, wanted: BoolArray) -> sparse.csr_array:
         """Rows (3k, 2N) of minus the force and moment that leave every piece through inner faces and through
         ``held`` components of the outline; at least those of ``wanted`` pieces (k,) are filled."""
-        parts = (
+        parts = [
             matrix @ model.forces_through(*places)
             for matrix, *places in self._faces(held, wanted, rule_of(model))
-        )
+        ]
+        if self.cloud.revolved:
+            parts += [
+                self._hoop(owner, points, weight) @ model.hoop_stress(centers, points)
+                for owner, centers, points, weight in self._rings(rule_of(model))
+            ]
         return sparse.csr_array(sum(parts, sparse.csr_array((3 * self.count, model.unknowns))))
 
     def flux_of(self, stress: Callable[[FloatArray, FloatArray], FloatArray], held: Held) -> FloatArray:
-        """The same (3k,) for a ``stress`` function of points (e, t, 2) around centres (e, 2), values (e, t,
-        3)."""
+        """The same (3k,) for a ``stress`` function of points (e, t, 2) around centres (e, 2), values (e, t, 3
+        | 4)."""
         total = np.zeros(3 * self.count)
         for matrix, middle, points, normals in self._faces(held, np.ones(self.count, dtype=bool), GAUSS[2]):
-            force = traction_of(stress(middle, points).reshape(-1, 3), normals.reshape(-1, 2))
+            force = traction_of(
+                stress(middle, points).reshape(normals[..., 0].size, -1), normals.reshape(-1, 2)
+            )
             x, y = force.T.reshape(2, *points.shape[:2])
             a, b = np.moveaxis(points - middle[:, None], 2, 0)
             total += matrix @ np.concatenate([x.sum(axis=1), y.sum(axis=1), (a * y - b * x).sum(axis=1)])
+        if self.cloud.revolved:
+            for owner, centers, points, weight in self._rings(GAUSS[2]):
+                total += self._hoop(owner, points, weight) @ stress(centers, points)[..., HOOP].ravel()
         return total
+
+    def _rings(self, rule: Rule) -> Iterator[tuple[IntArray, FloatArray, FloatArray, FloatArray]]:
+        """Quadrature over the cells of the nodes, about triangles and between chords and outline: the nodes
+        (e, t), centres (e, 2), points (e, t, 2), and areas (e, t)."""
+        cloud = self.cloud
+        node, points, area, _ = cell_quadrature(cloud.points, cloud.triangles)
+        # Point by point of every triangle: the parts of all triangles have three points each, part by part.
+        parts = np.arange(len(node)).reshape(-1, len(cloud.triangles), 3).swapaxes(0, 1)
+        order = parts.reshape(len(cloud.triangles), -1)
+        yield node[order, 0], cloud.points[cloud.triangles].mean(axis=1), points[order], area[order]
+        for surface in cloud.surfaces.values():
+            halves = Halves.of(surface, rule)
+            own, other = surface.index[halves.own], surface.index[halves.other]
+            chord = cloud.points[other] + halves.share[:, None] * (cloud.points[own] - cloud.points[other])
+            bulge = surface.curve.points(halves.arc) - chord
+            ahead = np.where(np.arange(len(own)) // len(np.diff(surface.ends)) % 2 == 0, 1.0, -1.0)
+            along = ahead[:, None] * (cloud.points[other] - cloud.points[own])
+            step = np.diff(surface.ends)
+            share = halves.length / np.tile(step, len(halves.length) // len(step))
+            weight = cross(bulge, along) * share
+            if (np.abs(weight) > ROUND_OFF * cloud.spacing[own] ** 2).any():
+                middle = chord + 0.5 * bulge
+                yield own[:, None], middle, middle[:, None], weight[:, None]
+
+    def _hoop(self, owner: IntArray, points: FloatArray, weight: FloatArray) -> sparse.csr_array:
+        """Matrix (3k, e t) from the hoop stress at ``points`` (e, t, 2) of areas ``weight`` (e, t) in the
+        cells of nodes ``owner`` (e, t) to the forces and moments on pieces that resist it."""
+        at, nodes = points.reshape(-1, 2), owner.ravel()
+        # A turn displaces a circle by minus its height, which strains it by that over the radius.
+        around, none = 2.0 * np.pi * weight.ravel(), np.zeros(len(nodes))
+        column = np.arange(len(nodes))
+        forces = np.stack([around, none], axis=1)
+        return self.per_column(nodes, at, forces, column, len(nodes))
 
     def _faces(
         self, held: Held, wanted: BoolArray, rule: Rule
@@ -134,6 +183,7 @@ class Pieces:
             faces, chosen = self.cloud.faces.between(level), np.append(wanted, False)
             faces = faces.select(chosen[level[faces.one]] | chosen[level[faces.other]])
             *ends, points, normals = faces.edges(rule)
+            normals = self.cloud.around(points)[..., None] * normals
             middle = points.mean(axis=1)
             out, into = (self._spread(level[at], middle) for at in ends)
             yield sparse.csr_array(into - out), middle, points, normals
@@ -141,7 +191,7 @@ class Pieces:
             if any(components):
                 surface = self.cloud.surfaces[name]
                 halves = Halves.of(surface, rule)
-                points, normals = _along(surface, halves)
+                points, normals = _along(self.cloud, surface, halves)
                 kept = sparse.diags_array(np.repeat([*components, False], len(points)).astype(float))
                 parts = (self._spread(level[surface.index[halves.own]], points) for level in self.levels)
                 spread = sum(parts, sparse.csr_array((3 * self.count, 3 * len(points))))
@@ -170,11 +220,12 @@ class Pieces:
             axes = np.flatnonzero(~np.array(held.get(name, FREE)))
             halves, size = Halves.of(surface), len(surface.index)
             points, normal = surface.curve.points(halves.arc), surface.curve.normals(halves.arc)
+            length = halves.length * self.cloud.around(points)
             straight = np.broadcast_to(np.eye(2), (len(halves.own), 2, 2))
             for who, share in ((halves.own, halves.share), (halves.other, 1.0 - halves.share)):
                 turn = turned_along(surface.normal[who], normal) if len(axes) == 2 else straight
                 for axis in axes.tolist():
-                    force = (halves.length * share)[:, None] * turn[:, :, axis]
+                    force = (length * share)[:, None] * turn[:, :, axis]
                     column = first_row[name] + axis * size + who
                     total = total + self.per_column(surface.index[halves.own], points, force, column, rows)
         return sparse.csr_array(total)
@@ -193,13 +244,16 @@ class Pieces:
     def of_traction(self, surface: Surface, traction: FloatArray) -> FloatArray:
         """Force and moment (3k,) on the pieces by a ``traction`` (g, 2) at the FINE points of a surface."""
         halves = Halves.of(surface, FINE)
-        points, force = surface.curve.points(halves.arc), halves.length[:, None] * traction
+        points = surface.curve.points(halves.arc)
+        force = (halves.length * self.cloud.around(points))[:, None] * traction
         owners = [level[surface.index[halves.own]] for level in self.levels]
         return np.asarray(sum(self.gathered(owner, points, force) for owner in owners))
 
     def of_force(self, force: FloatArray) -> FloatArray:
         """Force and moment (3k,) on the pieces by a body force, linear between nodal values ``force`` (n,
         2)."""
+        if self.cloud.revolved:
+            return self._of_ring_force(force)
         total, mean = np.zeros(3 * self.count), np.zeros((self.count + 1, 2))
         for level in self.levels:
             nodes = np.bincount(level[level >= 0], minlength=self.count)
@@ -211,6 +265,19 @@ class Pieces:
         if np.ptp(force, axis=0).any():
             for level in self.levels:
                 total += self._of_linear_force(level, force, mean)
+        return total
+
+    def _of_ring_force(self, force: FloatArray) -> FloatArray:
+        """The same in a body of revolution."""
+        points, total = self.cloud.points, np.zeros(3 * self.count)
+        node, at, area, share = cell_quadrature(points, self.cloud.triangles)
+        parts = [(node[:, 0], at, area, (share[:, :, None] * force[node]).sum(axis=1))]
+        for own, _, middle, weight in list(self._rings(GAUSS[2]))[1:]:
+            parts.append((own[:, 0], middle[:, 0], weight[:, 0], force[own[:, 0]]))
+        for own, at, area, values in parts:
+            acting = (area * self.cloud.around(at))[:, None] * values
+            for level in self.levels:
+                total += self.gathered(level[own], at, acting)
         return total
 
     def _of_linear_force(self, level: IntArray, force: FloatArray, mean: FloatArray) -> FloatArray:
@@ -255,6 +322,8 @@ class Pieces:
         middle = self.cloud.points.mean(axis=0)
         closed: BoolArray = np.array([(one | ~self.main).all() for one in known.reshape(3, -1)])
         closed[2] = closed.all()
+        if self.cloud.revolved:
+            closed[[0, 2]] = False
         return sparse.csr_array(self.totals((float(middle[0]), float(middle[1])))[np.flatnonzero(closed)])
 
     def rows_known(self, hidden: list[tuple[int, int]]) -> BoolArray:
@@ -287,9 +356,11 @@ def rule_of(model: BodyModel) -> Rule:
     return GAUSS[model.settings.degree // 2 + 1]
 
 
-def _along(surface: Surface, halves: Halves) -> tuple[FloatArray, FloatArray]:
+def _along(cloud: Cloud, surface: Surface, halves: Halves) -> tuple[FloatArray, FloatArray]:
     """Quadrature points (g, 2) of a surface, and normals times weights (g, 2)."""
-    return surface.curve.points(halves.arc), halves.length[:, None] * surface.curve.normals(halves.arc)
+    points = surface.curve.points(halves.arc)
+    length = halves.length * cloud.around(points)
+    return points, length[:, None] * surface.curve.normals(halves.arc)
 
 
 def turned_along(start: FloatArray, end: FloatArray) -> FloatArray:
@@ -304,7 +375,7 @@ def reaction_rows(
 ) -> sparse.csr_array:
     """Rows (3, 2N) of force x, y and moment about ``center`` of a held surface on its body, in ``held``
     components, as in the rows of the pieces."""
-    points, normals = _along(surface, Halves.of(surface, rule_of(model)))
+    points, normals = _along(model.cloud, surface, Halves.of(surface, rule_of(model)))
     forces, count = model.forces_through(points, points[:, None], normals[:, None]), len(points)
     x, y = (points - np.array(center)).T
     along, one, none = np.array(held, dtype=float), np.ones(count), np.zeros(count)
@@ -321,7 +392,7 @@ def reaction_of(
     stress: Callable[[FloatArray], FloatArray],
 ) -> FloatArray:
     """The same force and moment (3,) for a ``stress`` function of points (g, 2), values (g, 3)."""
-    points, normals = _along(surface, Halves.of(surface, rule_of(model)))
+    points, normals = _along(model.cloud, surface, Halves.of(surface, rule_of(model)))
     x, y = (traction_of(stress(points), normals) * np.array(held)).T
     arm = points - np.array(center)
     return np.array([x.sum(), y.sum(), arm[:, 0] @ y - arm[:, 1] @ x])

@@ -39,8 +39,8 @@ def remainder_sources(
 ) -> FloatArray:
     """Right-hand sides (r, 2k) of the remainders for unit forces: x at all k places, then y. If ``centred``,
     field and remainder together have zero mean free motion, as needed where that motion is no unknown of the
-    scene. ``pins`` are held nodes next to forces with the smooth part of the fields' displacements there (2,
-    2k): for the other part these nodes are displaced."""
+    scene. ``pins`` are held nodes next to forces with the smooth part of the fields' displacements there (k,
+    2, 2): for the other part these nodes are displaced."""
     cloud, pieces = body.model.cloud, body.pieces
     count = len(forces.place)
     source = np.zeros((body.rows, count, 2))
@@ -61,10 +61,7 @@ def remainder_sources(
             source[body.condition_rows(name, component)] = values[:, :, component]
         loads += _on_pieces(body, name, surface, forces, sent.get(name))
     for node in dict.fromkeys(node for node, _ in body.held_nodes):
-        if node in pins:
-            felt = pins[node].reshape(2, 2, count).transpose(2, 0, 1)
-        else:
-            felt = _felt(body, forces, node)
+        felt = pins[node] if node in pins else _felt(body, forces, node)
         for component, row in body.pin_rows(node):
             source[row] = -felt[:, component]
     if centred:

@@ -80,6 +80,11 @@ def left_free(rows: FloatArray, center: tuple[float, float], size: float) -> Rig
     return RigidBodyModes((center[0] - float(y / turn), center[1] + float(x / turn)), (*along, ROTATION))
 
 
+def motions_of(cloud: Cloud) -> tuple[int, ...]:
+    """The rigid motions of a body: x, y and rotation, of a body of revolution y."""
+    return (1,) if cloud.revolved else (0, 1, ROTATION)
+
+
 def free_motions(
     cloud: Cloud,
     held: Mapping[str, tuple[bool, bool]],
@@ -88,6 +93,8 @@ def free_motions(
 ) -> RigidBodyModes:
     """Rigid motions of a body that its held surfaces, held nodes and springs leave free."""
     mask = np.zeros((len(cloud.points), 2), dtype=bool)
+    # Hoop stresses resist all motions of a body of revolution but that along its axis.
+    mask[:, 0] = cloud.revolved
     for name, components in held.items():
         mask[cloud.surfaces[name].index] |= np.array(components)
     for name, stiffness in springs.items():

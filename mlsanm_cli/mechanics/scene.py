@@ -46,9 +46,10 @@ class SurfaceLoad:
         )
         if self.held or self.between is None or not stiff.any():
             return np.zeros(2)
-        return np.asarray(
-            Halves.of(body.model.cloud.surfaces[self.surface], FINE).length @ self.between * stiff
-        )
+        surface = body.model.cloud.surfaces[self.surface]
+        halves = Halves.of(surface, FINE)
+        around = body.model.cloud.around(surface.curve.points(halves.arc))
+        return np.asarray((halves.length * around) @ self.between * stiff)
 
 
 @dataclass(frozen=True)
@@ -204,10 +205,11 @@ class Scene:
         model, degrees = self.bodies[body].model, np.abs(self.degrees(body, factors))
         even = model.material.stiffness @ model.material.expansion
         area = model.cloud.areas
-        forces = [np.abs(even).max() * (area @ degrees) / np.sqrt(area.sum())]
+        forces = [np.abs(even).max() * (model.cloud.volumes @ degrees) / np.sqrt(area.sum())]
         for surface in model.cloud.surfaces.values():
             traction = np.hypot(*traction_of(even, surface.normal).T)
-            forces.append((surface.weight * degrees[surface.index]) @ traction)
+            length = surface.weight * model.cloud.around(model.cloud.points[surface.index])
+            forces.append((length * degrees[surface.index]) @ traction)
         return float(max(forces))
 
     @property
@@ -248,7 +250,7 @@ class Scene:
         weighted = {}
         for name in names:
             model = self.bodies[name].model
-            weighted[name] = np.repeat(model.cloud.areas, 2)[:, None] * free[name]
+            weighted[name] = np.repeat(model.cloud.volumes, 2)[:, None] * free[name]
         gram = sum(weighted[name].T @ free[name] for name in names)
         mean = sum(weighted[name].T @ self._patterns(name) for name in names)
         return patterns - self._loose_patterns(body) @ np.linalg.solve(gram, mean)

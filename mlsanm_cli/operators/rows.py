@@ -17,6 +17,8 @@ def vector_rows(stencils: Stencils, on_x: FloatArray | None, on_y: FloatArray | 
         return pair_rows(stencils, np.stack([on_x, on_y], axis=1))
     component, alone = (1, on_y) if on_x is None else (0, on_x)
     assert alone is not None
+    if component == 0:
+        alone = stencils.signed(np.stack([alone, alone], axis=1))[:, 0]
     shape = (len(stencils.indptr) - 1, 2 * stencils.nodes)
     indptr, indices = _entries(stencils)
     return sparse.csr_array((alone, 2 * indices + component, indptr), shape=shape)
@@ -27,7 +29,7 @@ def pair_rows(stencils: Stencils, values: FloatArray) -> sparse.csr_array:
     shape = (len(stencils.indptr) - 1, 2 * stencils.nodes)
     indptr, indices = _entries(stencils)
     columns = np.stack([2 * indices, 2 * indices + 1], axis=1).ravel()
-    return sparse.csr_array((values.ravel(), columns, 2 * indptr), shape=shape)
+    return sparse.csr_array((stencils.signed(values).ravel(), columns, 2 * indptr), shape=shape)
 
 
 def _entries(stencils: Stencils) -> tuple[IndexArray | IntArray, IndexArray | IntArray]:
@@ -38,9 +40,11 @@ def _entries(stencils: Stencils) -> tuple[IndexArray | IntArray, IndexArray | In
     return stencils.indptr.astype(np.int32), stencils.indices.astype(np.int32)
 
 
-def scalar_rows(stencils: Stencils, weights: FloatArray) -> sparse.csr_array:
-    """One row per stencil (e, n) for a scalar nodal field; ``weights`` (nnz,) follow the stencils'
-    entries."""
+def scalar_rows(stencils: Stencils, weights: FloatArray, odd: bool = False) -> sparse.csr_array:
+    """One row per stencil (e, n) for a scalar nodal field; ``weights`` (nnz,) follow the stencils' entries.
+    An ``odd`` field changes its sign behind an axis of revolution."""
+    if odd:
+        weights = stencils.signed(np.stack([weights, weights], axis=1))[:, 0]
     shape = (len(stencils.indptr) - 1, stencils.nodes)
     indptr, indices = _entries(stencils)
     return sparse.csr_array((weights, indices, indptr), shape=shape)

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.kernels.stencils import apply_weights
 from mlsanm_cli.records import dataclass
+
+PARITY = {1: (1.0,), 2: (-1.0, 1.0), 3: (1.0, 1.0, -1.0), 4: (1.0, 1.0, -1.0, 1.0)}
+"""Signs of a field at the image of a node behind an axis of revolution over those at the node, by its number
+of components: scalars, displacements x and y, stresses xx, yy and xy, and these with the hoop stress."""
 
 
 @dataclass(frozen=True)
@@ -16,6 +22,9 @@ class Stencils:
     ``indptr`` (e + 1,), node ``indices`` (nnz,), ``weights`` (nnz, 1 | 3 | 6) of value, d/dx, d/dy, d2/dx2,
     d2/dxdy, d2/dy2 unless stated otherwise. ``enlarged`` counts stencils with more neighbours than requested,
     ``worst_ratio`` is the smallest accepted ratio of diagonal entries of R.
+
+    In bodies of revolution ``radius`` (e t,) are the distances of the t targets of each point from the axis,
+    and entries that are an ``image`` (nnz,) belong to the image of their node behind it.
     """
 
     indptr: IntArray
@@ -24,21 +33,55 @@ class Stencils:
     nodes: int
     enlarged: int
     worst_ratio: float
+    radius: FloatArray | None = None
+    image: BoolArray | None = None
 
     def take(self, rows: IntArray) -> Stencils:
         """The stencils of the points ``rows``, in that order."""
         count = np.diff(self.indptr)[rows]
         indptr = np.concatenate([[0], np.cumsum(count)])
         entry = np.repeat(self.indptr[rows] - indptr[:-1], count) + np.arange(indptr[-1])
-        return Stencils(
-            indptr, self.indices[entry], self.weights[entry], self.nodes, self.enlarged, self.worst_ratio
-        )
+        found = replace(self, indptr=indptr, indices=self.indices[entry], weights=self.weights[entry])
+        if self.image is None or self.radius is None:
+            return found
+        return replace(found, radius=self.radius[rows], image=self.image[entry])
+
+    def of_revolution(self, own: IntArray, radius: FloatArray) -> Stencils:
+        """The stencils in a body of revolution, whose last nodes are images of its nodes ``own`` (g,) behind
+        the axis; ``radius`` (e t,) are the distances of the targets from it."""
+        count = self.nodes - len(own)
+        image = self.indices >= count
+        numbers = np.concatenate([np.arange(count), own])
+        return replace(self, indices=numbers[self.indices], nodes=count, radius=radius, image=image)
+
+    def of_each(self, times: int) -> Stencils:
+        """The stencils (e t,) of each of the ``times`` targets of every point (e,)."""
+        length = np.repeat(np.diff(self.indptr), times)
+        indptr = np.concatenate([[0], np.cumsum(length)])
+        first = np.repeat(self.indptr[:-1], times) - indptr[:-1]
+        entry = np.repeat(first, length) + np.arange(indptr[-1])
+        target = np.repeat(np.arange(len(length)) % times, length)
+        weights = self.weights.reshape(len(self.weights), times, -1)[entry, target]
+        image = None if self.image is None else self.image[entry]
+        return replace(self, indptr=indptr, indices=self.indices[entry], weights=weights, image=image)
+
+    def signed(self, values: FloatArray) -> FloatArray:
+        """``values`` (..., nnz, 2) of entries, on u_x and u_y, with the signs of images."""
+        if self.image is None:
+            return values
+        return np.where(self.image[:, None], np.array(PARITY[2]), 1.0) * values
 
     def derivatives(self, field: FloatArray) -> FloatArray:
         """Value and derivatives (e, kinds, c), in the order of the weights, of a nodal ``field`` (n, c).
         Raises ValueError for a field of another number of nodes."""
         if len(field) != self.nodes:
             raise ValueError(f"a field of {len(field)} nodes for stencils of {self.nodes}")
-        result = np.zeros((len(self.indptr) - 1, self.weights.shape[1], field.shape[1]))
-        apply_weights(self.indptr, self.indices, self.weights, np.ascontiguousarray(field), result)
+        result, indices = (
+            np.zeros((len(self.indptr) - 1, self.weights.shape[1], field.shape[1])),
+            self.indices,
+        )
+        if self.image is not None:
+            indices = indices + len(field) * self.image
+            field = np.concatenate([field, field * np.array(PARITY[field.shape[1]])])
+        apply_weights(self.indptr, indices, self.weights, np.ascontiguousarray(field), result)
         return result

@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from mlsanm_cli.cloud.mirror import Mirror
+from mlsanm_cli.cloud.revolution import radius_of
 from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.errors import NumericalError
@@ -38,19 +39,21 @@ def build_stencils(
     sight: VisibilityCriterion | None = None,
     known: IndexArray | None = None,
     tips: Tips | None = None,
+    own: IntArray | None = None,
 ) -> Stencils:
     """Moving least-squares stencils of the nodes ``points`` (n, 2), each centred at its own target (e, 2).
 
     ``sight`` removes neighbours across slits, ``known`` (e, k) are the targets' nearest nodes by
     :func:`nearest_nodes` if available; near ``tips`` fits are enriched by singular functions
-    (:mod:`mlsanm_cli.operators.singular_functions`).
+    (:mod:`mlsanm_cli.operators.singular_functions`). In bodies of revolution the last ``points`` are images
+    of the nodes ``own`` (g,) behind the axis.
 
     Lancaster and Salkauskas 1981, doi:10.1090/S0025-5718-1981-0616367-1; derivatives are those of the local
     polynomial ("diffuse", Nayroles, Touzot and Villon 1992, doi:10.1007/BF00364252). A stencil whose weighted
     QR is rank-deficient gets more neighbours. Raises NumericalError, naming the place, where that does not
     help.
     """
-    return _built(points, tree, targets, targets[:, None], (0, order), settings, sight, known, tips)
+    return _built(points, tree, targets, targets[:, None], (0, order), settings, sight, known, tips, own)
 
 
 def build_gradients(
@@ -62,12 +65,13 @@ def build_gradients(
     sight: VisibilityCriterion | None = None,
     values: bool = False,
     tips: Tips | None = None,
+    own: IntArray | None = None,
 ) -> Stencils:
     """Stencils at ``centers`` (e, 2) with the weights (nnz, 2 t) of d/dx and d/dy at each of their t
     ``targets`` (e, t, 2), from one polynomial per centre; with ``values`` also of the value, first: (nnz, 3
     t). Their weights are not narrower where they are one-sided."""
     orders, even = (0 if values else 1, 1), replace(settings, narrow=False)
-    return _built(points, tree, centers, targets, orders, even, sight, None, tips)
+    return _built(points, tree, centers, targets, orders, even, sight, None, tips, own)
 
 
 def _built(
@@ -80,6 +84,7 @@ def _built(
     sight: VisibilityCriterion | None,
     known: IndexArray | None,
     tips: Tips | None,
+    own: IntArray | None,
 ) -> Stencils:
     """Stencils at ``centers`` (e, 2) with the derivatives of ``orders[0]`` to ``orders[1]`` at their
     ``targets`` (e, t, 2)."""
@@ -87,7 +92,8 @@ def _built(
     kinds = targets.shape[1] * sum(order + 1 for order in range(orders[0], orders[1] + 1))
     if not len(centers):
         none = np.zeros(0, dtype=np.int64)
-        return Stencils(np.zeros(1, dtype=np.int64), none, np.zeros((0, kinds)), len(points), 0, 1.0)
+        empty = Stencils(np.zeros(1, dtype=np.int64), none, np.zeros((0, kinds)), len(points), 0, 1.0)
+        return empty if own is None else empty.of_revolution(own, np.zeros(0))
     if len(points) < settings.coefficients:
         raise NumericalError(
             f"a body of {len(points)} nodes has too few of them for polynomials of degree {settings.degree}",
@@ -120,7 +126,8 @@ def _built(
         size = int(np.ceil(ENLARGEMENT * size))
     whole = parts[0] if len(parts) == 1 else _joined(parts).take(np.argsort(np.concatenate(numbers)))
     corners = singular_corners(points, tree, settings, sight, tips)
-    return enriched(whole, corners, points, centers, targets, orders)
+    whole = enriched(whole, corners, points, centers, targets, orders)
+    return whole if own is None else whole.of_revolution(own, radius_of(targets.reshape(-1, 2), points))
 
 
 def _weights(

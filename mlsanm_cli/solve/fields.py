@@ -46,7 +46,8 @@ def _fields(built: CondensedScene, name: str, state: State, displacement: FloatA
     """Fields of a body from the ``displacement`` (n, 2) of its elastic system."""
     model = built.scene.bodies[name].model
     moved, stressed = built.condensed.contact_fields(built.scene, name, state.unknowns)
-    sigma, degrees, near = np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3))
+    none = np.zeros((0, len(model.material.stiffness)))
+    sigma, degrees, near = none, np.zeros(0), none
     if stress:
         degrees = built.scene.degrees(name, state.factors)
         near = stressed
@@ -59,11 +60,11 @@ def _fields(built: CondensedScene, name: str, state: State, displacement: FloatA
 def named_fields(
     material: PlaneMaterial, displacement: FloatArray, stress: FloatArray, degrees: FloatArray
 ) -> dict[str, FloatArray]:
-    """Fields at n points from displacement (n, 2), stress (n, 3) and temperature (n,), or no stress."""
+    """Fields at n points from displacement (n, 2), stress (n, 3 | 4) and temperature (n,), or no stress."""
     across = material.out_of_plane_stress(stress, degrees)
     return {
         "displacement": displacement,
-        "stress": stress,
+        "stress": stress[:, :3],
         "stress_zz": across,
         "von_mises": von_mises(stress, across),
         "strain": material.strain(stress, degrees),

@@ -103,10 +103,12 @@ def _motions(built: CondensedScene, state: State) -> Iterator[tuple[RigidConstra
 
 
 def probe_values(built: CondensedScene, name: str, state: State) -> dict[str, Any]:
-    """Displacement (2,), stress xx, yy, xy (3,) and von Mises stress at a probe."""
+    """Displacement (2,), stress xx, yy, xy (3,) and von Mises stress at a probe, in bodies of revolution
+    the hoop stress, too."""
     values = built.condensed.probes[name](*state.unknowns)
     body, point = next((probe.body, probe.point) for probe in built.scene.probes if probe.name == name)
     stress, material = values[2:], built.scene.bodies[body].model.material
     across = material.out_of_plane_stress(stress[None], built.scene.degrees(body, state.factors, point))
     mises = float(von_mises(stress[None], across)[0])
-    return {"displacement": values[:2], "stress": stress, "von_mises": mises}
+    found = {"displacement": values[:2], "stress": stress[:3], "von_mises": mises}
+    return found | {"stress_zz": float(across[0])} if material.revolved else found

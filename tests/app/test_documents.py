@@ -196,3 +196,16 @@ def test_every_starter_runs(kind: str, tmp_path: Path) -> None:
     for contact in summary["contacts"].values():
         if "reference" in contact:
             assert contact["reference"]["pressure_error_l2"] <= 0.05
+
+
+def test_the_site_has_every_page_and_its_notebooks_run(
+    tmp_path: Path, afterwards: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    site = (ROOT / "mkdocs.yml").read_text()
+    for page in (ROOT / "docs").glob("*.md"):
+        assert f" {page.name}\n" in site, page.name
+    (tmp_path / "cases").symlink_to(ROOT / "cases")
+    afterwards.chdir(tmp_path)
+    runpy.run_path(str(ROOT / "docs" / "notebooks" / "hertz.py"))
+    assert "half-width by Hertz 0.0" in capsys.readouterr().out
+    assert "notebooks/hertz.py" in site

@@ -21,10 +21,10 @@ def side(body: str, arc: FloatArray, places: FloatArray, outward: FloatArray) ->
     steps = np.diff(arc)
     weight = 0.5 * (np.append(steps, 0.0) + np.append(0.0, steps))
     free = np.zeros(len(arc), dtype=bool)
-    points = (body, places, outward, weight, arc, None, free, (0, len(arc) - 1), NO_PLANE, NO_PLANE)
-    numbers = np.arange(len(arc))
     straight = Segment(tuple(places[0].tolist()), tuple(places[-1].tolist()))
-    return ContactSide(*points, SideNodes(*points, straight, numbers, (("side", numbers),), (None,)))
+    points = (body, places, outward, weight, arc, None, free, (0, len(arc) - 1), NO_PLANE, NO_PLANE, straight)
+    numbers = np.arange(len(arc))
+    return ContactSide(*points, SideNodes(*points, numbers, (("side", numbers),), (None,)))
 
 
 def test_a_curve_with_corners_is_exact_for_parabolas_between_them() -> None:

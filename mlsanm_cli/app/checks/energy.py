@@ -93,7 +93,10 @@ def energy_error(built: CondensedScene, state: State, fields: Mapping[str, Field
     for name, body in built.scene.bodies.items():
         cloud, material, found = body.model.cloud, body.model.material, fields[name]
         single = single_nodes(built.case, name, cloud)
-        rests[name] = rest = found["rest"][: len(cloud.points)], found["stress"] - found["near"]
+        stress = found["stress"]
+        if material.revolved:
+            stress = np.column_stack([stress, found["stress_zz"]])
+        rests[name] = rest = found["rest"][: len(cloud.points)], stress - found["near"]
         moved = found["displacement"] - rest[0]
         strains[name] = strain_of(cloud.points, found["displacement"], found["von_mises"], material.modulus)
         energies[name] = twice_strain_energy(cloud, material, rest[1])
@@ -101,7 +104,7 @@ def energy_error(built: CondensedScene, state: State, fields: Mapping[str, Field
         works[name] = work_on(built.scene, built.condensed, name, state.unknowns, *rest, moved, single)
         thin[name] = thin_part(cloud)
         strain = COARSE_ROUND_OFF * np.abs(found["displacement"]).max() / np.ptp(cloud.points, axis=0).max()
-        least[name] = near[name] + cloud.areas.sum() * material.modulus * strain**2
+        least[name] = near[name] + cloud.volumes.sum() * material.modulus * strain**2
         least[name] += least_thermal_energy(body.model, built.scene.degrees(name, state.factors))
     # An energy that is nan must not affect other bodies.
     total = float(np.nansum([energies[name] + abs(works[name]) for name in works]))

@@ -10,14 +10,14 @@ from mlsanm_cli.app.checks.check import Check
 from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.load_profiles import amounts_at, runs_of
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.case import BodyForce, Case, ExpressionError, Pressure, Temperature, Traction
+from mlsanm_cli.case import BodyForce, Case, Centrifugal, ExpressionError, Pressure, Temperature, Traction
 from mlsanm_cli.cloud.cloud import Cloud
 
 
 def load_resolution(case: Case, boundaries: Boundaries, clouds: Mapping[str, Cloud]) -> Iterator[Check]:
     """Errors of linear interpolation of varying loads between the nodes."""
     for load in case.load:
-        if isinstance(load, Temperature | BodyForce):
+        if isinstance(load, Temperature | BodyForce | Centrifugal):
             amounts = [load.temperature] if isinstance(load, Temperature) else list(load.body_force)
             body, cloud = load.body, clouds[load.body]
             spans = [cloud.triangles]

@@ -108,7 +108,7 @@ def _given(body: ElasticBody, displacement: FloatArray, source: FloatArray) -> d
 def along_over_across(body: ElasticBody) -> FloatArray:
     """How much stiffer a body is along its boundary than across, at least 1 (n,): strains that are off change
     the stress along it by so many times what they change the traction by."""
-    stiffness = body.model.material.stiffness
+    stiffness = body.model.material.in_plane
     compliance, ratio = np.linalg.inv(stiffness), np.ones(len(body.model.cloud.points))
     for surface in body.model.cloud.surfaces.values():
         x, y = surface.normal.T

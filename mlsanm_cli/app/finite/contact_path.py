@@ -278,7 +278,7 @@ class _Path:
             # A fixed node in contact would be pressed in the next increment.
             touching = self.now.gap[here] <= TOUCH_TOLERANCE * slave.spacing(slave.arc)
             clamped = slave.held & (touching | self.now.sets.closed[here])
-            if clamped.any() and not any(axis is not None for axis in slave.mirrors):
+            if clamped.any() and slave.planes == (None, None):
                 x, y = slave.places[int(np.argmax(clamped))]
                 raise NumericalError(
                     f"{where}: in contact {contact.name} the node of {slave.body} at ({x:.6g}, {y:.6g}) is "

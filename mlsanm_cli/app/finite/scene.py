@@ -166,7 +166,7 @@ class FiniteScene:
         equations do not move the body."""
         body = self.bodies[name]
         if body.pins:
-            body = replace(body, angle=body.turn(displacement))
+            body = body.rotated(body.turn(displacement))
         args = (body, self.weights[name], displacement, factors, self.solver)
         return Projector.at(*args, keeps=keeps or name in self.upright)
 
@@ -245,10 +245,10 @@ def _side(prepared: SceneModel, body: str, surface: Surface) -> ContactSide:
     """A side, with its knots at the nodes."""
     fixed = [node for node, _ in prepared.held_nodes[body]]
     model, held = prepared.models[body], prepared.held[body]
-    wedges = ends_of(model, surface, {**held, **dict.fromkeys(prepared.acting.springs[body])})
+    planes, wedges = ends_of(model, surface, {**held, **dict.fromkeys(prepared.acting.springs[body])})
     places, inward = as_complex(model.cloud.points[surface.index]), -as_complex(surface.normal)
     centers = void_center(model.cloud, places, inward)
-    nodes = SideNodes.of(body, model.cloud, surface, held, fixed, wedges, centers)
+    nodes = SideNodes.of(body, model.cloud, surface, held, fixed, planes, wedges, centers)
     return ContactSide.on(nodes, nodes.arc)
 
 

@@ -161,8 +161,9 @@ class Analysis(ABC):
 
     @property
     def fields_written(self) -> Sequence[str]:
-        """Names of the fields of saved states."""
-        return tuple(dict.fromkeys(self.case.output.fields))
+        """Names of the fields of saved states: in bodies of revolution stresses and the hoop stress."""
+        names = tuple(dict.fromkeys(self.case.output.fields))
+        return (*names, "stress_zz") if self.case.model.revolved and "stress" in names else names
 
     @abstractmethod
     def fields(self, states: Sequence[State]) -> Iterator[tuple[BodyFields, Mapping[str, float]]]:

@@ -103,8 +103,8 @@ def shown_fields(
 def _shown(built: CondensedScene, view: View, state: State, fields: Fields, stress: bool) -> Fields:
     name, material = view.model.name, view.model.material
     moved, stressed = built.condensed.contact_fields(built.scene, name, state.unknowns, view.cloud.points)
-    seen = (view.rows @ fields["rest"].ravel()).reshape(5, -1).T
-    sigma, degrees = np.zeros((0, 3)), np.zeros(0)
+    seen = (view.rows @ fields["rest"].ravel()).reshape(-1, len(view.cloud.points)).T
+    sigma, degrees = np.zeros((0, len(material.stiffness))), np.zeros(0)
     if stress:
         degrees = built.scene.degrees(name, state.factors, view.cloud.points)
         sigma = seen[:, 2:] + stressed - degrees[:, None] * stress_of_expansion(material)

@@ -16,6 +16,7 @@ from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case, Temperature
 from mlsanm_cli.cloud.membership import boundary_chords, inside_body
+from mlsanm_cli.cloud.revolution import imaged, with_images
 from mlsanm_cli.cloud.sight import triangulate, visibility_criterion
 from mlsanm_cli.cloud.tips import tips_of
 from mlsanm_cli.errors import RunError
@@ -52,8 +53,10 @@ def nodal(run: RunData, case: Case, state: SavedState, body: str) -> Quantities:
     displacement of zero if that was not saved."""
     fields = dict(state.bodies[body])
     if "von_mises" not in fields and "stress" in fields and not (_heated(case, body) or run.is_finite):
-        stress = fields["stress"]
-        fields["von_mises"] = von_mises(stress, _material(case, body).out_of_plane_stress(stress))
+        stress, material = fields["stress"], _material(case, body)
+        if material.revolved:
+            stress = np.column_stack([stress, fields["stress_zz"]])
+        fields["von_mises"] = von_mises(stress, material.out_of_plane_stress(stress))
     if np.isnan(fields.get("von_mises", 0.0)).any():
         # For a plane stiffness the out-of-plane stress is unknown.
         del fields["von_mises"]
@@ -103,7 +106,7 @@ def fields_at(
     rows = point_rows(stencils, _material(case, body), of_nodes)
     free = stress_of_expansion(_material(case, body))
     for level, (displacement, how) in zip(levels, saved, strict=True):
-        values = (rows @ displacement.ravel()).reshape(5, -1).T
+        values = (rows @ displacement.ravel()).reshape(-1, len(points)).T
         stress = values[:, 2:] - _degrees(case, body, level, points)[:, None] * free
         yield with_mises(case, body, level, points, values[:, :2], stress), how
 
@@ -111,9 +114,10 @@ def fields_at(
 def with_mises(
     case: Case, body: str, level: Level, points: FloatArray, displacement: FloatArray, stress: FloatArray
 ) -> Quantities:
-    """Displacement (e, 2) and stress (e, 3) at ``points`` (e, 2) at small strain, with von Mises stress."""
+    """Displacement (e, 2), stress (e, 3 | 4) and von Mises stress at ``points`` (e, 2) at small strain."""
     across = _material(case, body).out_of_plane_stress(stress, _degrees(case, body, level, points))
-    return {"displacement": displacement, "stress": stress, "von_mises": von_mises(stress, across)}
+    found = {"displacement": displacement, "stress": stress[:, :3], "von_mises": von_mises(stress, across)}
+    return found | {"stress_zz": across} if case.model.revolved else found
 
 
 def inside(body: Dataset, points: FloatArray) -> BoolArray:
@@ -150,7 +154,11 @@ def _stencils_at(run: RunData, case: Case, body: str, points: FloatArray) -> Ste
     edges = boundary_edges(data)
     corners = tips_of(data.points, data.boundary.index, data.boundary.normal, data.boundary.name)
     tips, sight = enriched_tips(corners, material, settings), visibility_criterion(data.points, edges)
-    return build_stencils(data.points, cKDTree(data.points), points, 1, settings, sight, tips=tips)
+    nodes, own = data.points, imaged(data.points, edges) if case.model.revolved else None
+    if own is not None:
+        nodes = with_images(nodes, own)
+        sight = None if sight is None else replace(sight, points=nodes)
+    return build_stencils(nodes, cKDTree(nodes), points, 1, settings, sight, tips=tips, own=own)
 
 
 def _material(case: Case, body: str) -> PlaneMaterial:

@@ -15,6 +15,7 @@ from mlsanm_cli.case import (
     AnyLoad,
     BodyForce,
     Case,
+    Centrifugal,
     Displacement,
     ExpressionError,
     ObstacleMotion,
@@ -140,7 +141,7 @@ def _acting(
 ) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
     """Points (2,) where a load is drawn, its vectors (2,) and outward normals (2,) there; ``shift`` is the
     displacement of its obstacle."""
-    if isinstance(load, BodyForce):
+    if isinstance(load, BodyForce | Centrifugal):
         middle = shown[load.owner].mean(axis=0)
         yield middle, _numbers(load.body_force, middle), np.zeros(2)
     elif isinstance(load, ObstacleMotion):

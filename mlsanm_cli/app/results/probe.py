@@ -118,6 +118,9 @@ def probe_named(
         if run.is_finite:
             seen["von_mises"] = level[f"probes/{name}/von_mises"][None]
         else:
+            if case.model.revolved:
+                hoop = level[f"probes/{name}/stress_zz"][None, None]
+                seen["stress"] = np.concatenate([seen["stress"], hoop], axis=1)
             seen = dict(with_mises(case, body, level, point, **seen))
         rows.append(_origin(run, level, "displacements", run.probes[name].displacement) | _row(seen, field))
     return rows
@@ -176,5 +179,5 @@ def _row(seen: Quantities, field: str | None) -> Row:
     return {
         name: float(scalar(seen, name)[0])
         for name, component in SCALARS.items()
-        if component.quantity in ([field] if field else POINT_FIELDS) and name != "displacement"
+        if component.quantity in ([field] if field else seen.keys() & POINT_FIELDS) and name != "displacement"
     }

@@ -78,8 +78,8 @@ def mls_settings(case: Case, low: bool = False) -> MlsSettings:
     if degree == "auto":
         few = asked is not None and asked < MIN_HIGH_NEIGHBORS
         degree = LOW_DEGREE if low or few else HIGH_DEGREE
-    # Corner singularities are known for small strains only.
-    return MlsSettings(degree, asked, corners=small, narrow=small)
+    # Corner singularities are known for small strains of plane bodies only.
+    return MlsSettings(degree, asked, corners=small and not case.model.revolved, narrow=small)
 
 
 def prepare(
@@ -100,7 +100,7 @@ def prepare(
     refuse_conflicts(boundaries)
     stiffness = materials(case)
     loads = acting(case, boundaries, clouds)
-    held = {body.name: _held_surfaces(case, boundaries, body.name) for body in case.body}
+    held = {body.name: _held_surfaces(case, boundaries, body.name, clouds[body.name]) for body in case.body}
 
     def modelled(body: Body, low: bool) -> BodyModel:
         known, material = before.get(body.name), stiffness[body.material]
@@ -256,9 +256,11 @@ def assemble_bodies(
     )
 
 
-def _held_surfaces(case: Case, boundaries: Boundaries, body: str) -> dict[str, tuple[bool, bool]]:
-    """The fixed components of the surfaces of a body."""
-    held: dict[str, tuple[bool, bool]] = {}
+def _held_surfaces(
+    case: Case, boundaries: Boundaries, body: str, cloud: Cloud
+) -> dict[str, tuple[bool, bool]]:
+    """The fixed components of the surfaces of a body; those on the axis of revolution stay there."""
+    held = {name: (True, False) for name, surface in cloud.surfaces.items() if cloud.on_axis(surface)}
     for _, condition, place in conditions(case):
         x, y = prescribes(condition)
         if place.body == body and (x or y):

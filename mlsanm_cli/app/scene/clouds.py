@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -135,7 +136,7 @@ def _finer(case: Case, body: Body) -> float:
 def clouds(boundaries: Boundaries, zones: tuple[Zone, ...] = (), memo: Memo = NO_CACHE) -> dict[str, Cloud]:
     """Node clouds of all bodies of a case, refined in ``zones`` in addition to it, and symmetric about its
     line of symmetry where outline and spacing are."""
-    placed, case, line = {}, boundaries.case, line_of(boundaries)
+    placed, case, line = dict[str, Cloud](), boundaries.case, line_of(boundaries)
     for body in case.body:
         if isinstance(body.shape, Mesh | Points) and body.shape.has_nodes:
             cloud = boundaries.split(body.name, imported_geometry(body.shape).cloud)
@@ -146,14 +147,16 @@ def clouds(boundaries: Boundaries, zones: tuple[Zone, ...] = (), memo: Memo = NO
             placed[body.name] = build_cloud(
                 boundaries.outline(body.name), spacing, body.seed, memo=memo, line=line, wanted=wanted
             )
+    if case.model.revolved:
+        return {name: replace(cloud, revolved=True) for name, cloud in placed.items()}
     return placed
 
 
 def line_of(boundaries: Boundaries) -> SymmetryLine | None:
-    """The symmetry line of all bodies, None if there is none. Not used with friction: there asymmetric
-    errors cancel in part, and results are better."""
+    """The symmetry line of all bodies, None if there is none or if they are bodies of revolution. Not used
+    with friction: there asymmetric errors cancel in part, and results are better."""
     case = boundaries.case
-    if any(contact.friction for contact in case.contact):
+    if case.model.revolved or any(contact.friction for contact in case.contact):
         return None
     if any(isinstance(body.shape, Mesh | Points) and not body.has_nodes for body in case.body):
         return None

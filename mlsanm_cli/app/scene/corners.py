@@ -131,12 +131,22 @@ def shared_planes(stretches: Sequence[tuple[SmoothPart, ...]], slack: float) -> 
     return found
 
 
-def ends_of(model: BodyModel, surface: Surface, held: Restraints) -> tuple[Corner | None, Corner | None]:
-    """The corners at both ends of a surface, None if their fields are not known or the surface is closed."""
+def ends_of(
+    model: BodyModel, surface: Surface, held: Restraints
+) -> tuple[Planes, tuple[Corner | None, Corner | None]]:
+    """The planes of symmetry, and the corners, at both ends of a surface; None if there is none, its fields
+    are not known, or the surface is closed."""
     if surface.curve.closed:
-        return None, None
+        return (None, None), (None, None)
     own = {part.name for part, _ in surface.members}
-    return _corner(model, surface, own, False, held), _corner(model, surface, own, True, held)
+    first, last = (symmetry_plane(model, surface, own, at_end, held, held) for at_end in (False, True))
+    if first is not None and last is not None and copies_around(first, last) is None:
+        last = None
+    corners = [
+        _corner(model, surface, own, at_end, held) if plane is None else None
+        for at_end, plane in ((False, first), (True, last))
+    ]
+    return (first, last), (corners[0], corners[1])
 
 
 def _between_corners(surface: Surface) -> Iterator[tuple[list[Surface], float]]:

@@ -22,6 +22,7 @@ from mlsanm_cli.case import (
     Body,
     BodyForce,
     Case,
+    Centrifugal,
     Displacement,
     ExpressionError,
     Pressure,
@@ -130,7 +131,7 @@ def resolved_sizes(values: FloatArray, length: float, far: float) -> FloatArray:
 def field_zones(case: Case, body: Body, far: float) -> Iterator[Zone]:
     """Zones of all fields over a body for which the spacing ``far`` is too coarse."""
     for load in case.load:
-        if isinstance(load, Temperature | BodyForce) and load.body == body.name:
+        if isinstance(load, Temperature | BodyForce | Centrifugal) and load.body == body.name:
             given = [load.temperature] if isinstance(load, Temperature) else load.body_force
             for expression in given:
                 if isinstance(expression, str):

@@ -12,6 +12,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import (
     BodyForce,
     Case,
+    Centrifugal,
     Displacement,
     ExpressionError,
     ObstacleMotion,
@@ -64,7 +65,7 @@ def acting(case: Case, boundaries: Boundaries, clouds: Mapping[str, Cloud]) -> A
         cloud = clouds[load.owner]
         key = f"load.{load.name}.{load.kind}"
         try:
-            if isinstance(load, BodyForce):
+            if isinstance(load, BodyForce | Centrifugal):
                 values = amounts_at(load.body_force, cloud.points)
                 body_forces.append(mechanics.BodyForce(number, load.body, values))
             elif isinstance(load, Temperature):

@@ -14,12 +14,14 @@ from mlsanm_cli.mechanics.material import PlaneMaterial, anisotropic, isotropic,
 
 
 def materials(case: Case) -> dict[str, PlaneMaterial]:
-    """Plane elasticity of every material at small strain."""
-    plane = case.model.plane
-    return {
+    """Elasticity of every material at small strain."""
+    revolved = case.model.revolved
+    plane = "strain" if revolved else case.model.plane
+    found = {
         name: _in_plane(material, plane) if material.elastic else _hyperelastic(material, plane).linear
         for name, material in case.material.items()
     }
+    return {name: one.of_revolution for name, one in found.items()} if revolved else found
 
 
 def laws_of(case: Case) -> dict[str, Law]:

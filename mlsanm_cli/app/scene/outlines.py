@@ -160,4 +160,4 @@ def geometry_of(shape: AnyShape) -> Geometry:
     names = tuple(dict.fromkeys(name.partition("/")[0] for name in outline.names))
     low, high = points.min(axis=0), points.max(axis=0)
     x, y = (0.5 * (low + high)).tolist()
-    return Geometry(names, (x, y), float((high - low).max()), digest)
+    return Geometry(names, (x, y), float((high - low).max()), float(low[0]), digest)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import AnyLoad, BodyForce, Case, Platen, Traction
+from mlsanm_cli.case import AnyLoad, BodyForce, Case, Centrifugal, Platen, Traction
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.solve.stages import stage_factors
 
@@ -68,6 +68,6 @@ def _force(load: AnyLoad) -> FloatArray | None:
         held = [moved.get(axis, ("force", 0.0)) for axis in "xy"]
         return np.array([value if how == "force" else 0.0 for how, value in held])
     given = load.traction or ("",) if isinstance(load, Traction) else ()
-    given = load.body_force if isinstance(load, BodyForce) else given
+    given = load.body_force if isinstance(load, BodyForce | Centrifugal) else given
     numbers = [part for part in given if isinstance(part, int | float)]
     return np.array(numbers) if len(numbers) == 2 else None

@@ -100,10 +100,11 @@ def _forces(
             assert load.between is not None  # tractions have it
             surface = cloud.surfaces[load.surface]
             halves = Halves.of(surface, FINE)
-            yield load.number, halves.length[:, None] * load.between, surface.curve.points(halves.arc)
+            points = surface.curve.points(halves.arc)
+            yield load.number, (halves.length * cloud.around(points))[:, None] * load.between, points
     for force in loads.body_forces:
         if force.body == body:
-            yield force.number, cloud.areas[:, None] * force.values, cloud.points
+            yield force.number, cloud.volumes[:, None] * force.values, cloud.points
 
 
 def sliding_resistance(

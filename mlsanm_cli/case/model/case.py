@@ -12,6 +12,7 @@ from mlsanm_cli.case.model.conditions import Stop, Support
 from mlsanm_cli.case.model.contacts import Contact
 from mlsanm_cli.case.model.materials import Material
 from mlsanm_cli.case.model.motions import AnyLoad
+from mlsanm_cli.case.model.revolution import refused_of_revolution
 from mlsanm_cli.case.model.section import Name, Scope, Section
 from mlsanm_cli.case.model.settings import Adapt, Mls, Output, Probe, Reference, Solver, Units, with_defaults
 from mlsanm_cli.case.report import suggestion
@@ -26,10 +27,12 @@ def _no_bool(value: Any) -> Any:
 
 
 class Model(Section):
-    """Plane strain or plane stress, small or finite strain."""
+    """Plane strain, plane stress or bodies of revolution; small or finite strain."""
 
-    plane: Literal["strain", "stress"]
-    """Plane strain (no displacement out of the plane) or plane stress (thin sheet)."""
+    plane: Literal["strain", "stress", "axisymmetric"]
+    """Plane strain (no displacement out of the plane), plane stress (thin sheet), or bodies of revolution
+    about the line x = 0, drawn in the half-plane x >= 0 (axisymmetric): x is the radius, y the height, and
+    forces are those of the full turn."""
     strain: Literal["small", "finite"] = "small"
     """Linear elasticity (small strains and rotations), or equilibrium of the deformed body (finite), which
     needs a hyperelastic `law` of the material."""
@@ -38,6 +41,11 @@ class Model(Section):
     def confined(self) -> bool:
         """Whether strains out of the plane are prescribed, so that constants in that direction count."""
         return self.plane != "stress"
+
+    @property
+    def revolved(self) -> bool:
+        """Whether bodies are those of revolution about x = 0."""
+        return self.plane == "axisymmetric"
 
 
 class Case(Section):
@@ -87,6 +95,8 @@ class Case(Section):
         if not self.moved:
             yield Fault(("load",), "no loads", "add [[load]], or interference in a contact")
         yield from self._stage_faults()
+        if self.model.revolved:
+            yield from refused_of_revolution(self, scope)
 
     def _stage_faults(self) -> Iterator[Fault]:
         """Stages without loads or with unknown ones, and loads in no stage."""

@@ -16,8 +16,10 @@ from mlsanm_cli.case.model.section import (
     AmountVector,
     Name,
     Point,
+    Positive,
     Scope,
     Section,
+    Unit,
     split_boundary,
 )
 from mlsanm_cli.case.model.tables import INCREASING, OrFile
@@ -163,6 +165,27 @@ class BodyForce(_InBody):
     kind: Literal["body-force"]
     body_force: Annotated[AmountVector, DENSITY] = Field(alias="body-force")
     """Components in x and y: numbers or expressions in x and y."""
+
+
+class Centrifugal(_InBody):
+    """Body force of a body that turns about the line x = 0: density times omega^2 x, outwards. With `plane =
+    "axisymmetric"` the axis is that of revolution."""
+
+    kind: Literal["centrifugal"]
+    omega: Annotated[float, Unit("radian per time")]
+    """Angular velocity in radian per time."""
+    density: Annotated[Positive, Unit("mass per volume")]
+    """Mass per volume, in units in which mass times length per time squared is a force."""
+
+    @property
+    def body_force(self) -> tuple[Amount, Amount]:
+        """Force per volume in x and y."""
+        return f"{self.density * self.omega**2!r}*x", 0.0
+
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        if not scope.case.model.revolved:
+            hint = 'plane = "axisymmetric", or the force as a load of kind "body-force"'
+            yield Fault((), "bodies of revolution only turn about their axis", hint)
 
 
 class Temperature(_InBody):

@@ -9,6 +9,7 @@ from mlsanm_cli.case.model.conditions import Kind
 from mlsanm_cli.case.model.contacts import AnyObstacle, DiskObstacle
 from mlsanm_cli.case.model.loads import (
     BodyForce,
+    Centrifugal,
     Displacement,
     Load,
     OnBoundary,
@@ -188,4 +189,4 @@ class ObstacleMotion(_RigidMotion):
                 yield Fault(("pivot",), message, "one pivot for all")
 
 
-AnyLoad = Traction | Pressure | Displacement | Platen | BodyForce | Temperature | ObstacleMotion
+AnyLoad = Traction | Pressure | Displacement | Platen | BodyForce | Centrifugal | Temperature | ObstacleMotion

@@ -44,12 +44,13 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True)
 class Geometry:
-    """The geometry of a shape: the names of its ``boundaries``, the centre and the larger side of its
-    bounding box, and the SHA-256 of its file, if any."""
+    """The geometry of a shape: the names of its ``boundaries``, the centre, the larger side and the ``left``
+    end of its bounding box, and the SHA-256 of its file, if any."""
 
     boundaries: tuple[str, ...]
     centre: Point
     size: float
+    left: float
     digest: str = ""
 
 

@@ -1,17 +1,24 @@
 """The linear equations of one contact status.
 
-Active are the pressures of closed nodes, the tractions of sticking ones and the motions, with their rows.
-With the slip sign d of the last slip, kept while a node sticks, tractions are t = tau + d mu p: every change
-of status is then the entry or exit of one unknown with its row, a rank-one change of the inverse.
+Active are the pressures of closed nodes, the tractions of sticking ones and the motions, with their rows; the
+pressure of a slipping node acts with its friction d mu p. The factors of one status serve others that differ
+by a few changes, with borders of the matrix (Bisschop and Meeraus 1977, doi:10.1007/BF01584313)::
+
+    [ M  U ] [ x ]   [ a ]
+    [ V  C ] [ y ] = [ b ]
+
+y are unknowns that enter with their rows, the residuals of rows whose unknowns leave, and pressures of nodes
+that slip to the other side.
 """
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import numpy as np
-from scipy.linalg.blas import dger
 from scipy.linalg.lapack import dgecon, dgetrf, dgetrs
 
-from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.complementarity.problem import (
     DOUBTFUL,
     FEASIBLE,
@@ -20,14 +27,20 @@ from mlsanm_cli.contact.complementarity.problem import (
     ContactStatus,
     Problem,
 )
+from mlsanm_cli.records import dataclass
 
-ROOM, MAX_UPDATES = 64, 60
-"""Unknowns that a stored inverse can take up before it is copied; updates after which it is computed anew."""
+MAX_BORDERS, BORDER_SHARE = 64, 1 / 16
+"""Largest number of borders, and part of the unknowns: more cost more than new factors."""
 MIN_RCOND, NULL = 1e-12, 1e-7
 """Reciprocal condition number of a singular equilibrated matrix, and relative singular values of motions that
 nothing resists: its root, as both motions and balances are small there."""
 EXACT = 1e-14
 """Relative residual above which a solution is refined."""
+ENTERS, LEAVES, TURNS = range(3)
+"""Kinds of borders: an unknown enters or leaves; a node slips to the other side."""
+
+Key: TypeAlias = tuple[int, int, float]
+"""Kind and index of a border, and the side of its node's slip."""
 
 
 class Ray(ArithmeticError):
@@ -46,61 +59,76 @@ class SingularError(Ray):
         super().__init__(np.zeros(0))
 
 
+@dataclass(frozen=True, eq=False)
+class _Borders:
+    """Borders with ``keys`` (b): the ``columns`` (N, b) of their unknowns and the ``responses`` (r, b) of the
+    factors to them, the coefficients ``rows`` (b, r) of their equations, the ``schur`` complement (b, b), the
+    ``scales`` (2, b) of its rows and columns, and the ``size`` (b,) of what cancels in a scaled pivot."""
+
+    keys: list[Key]
+    columns: FloatArray
+    responses: FloatArray
+    rows: FloatArray
+    schur: FloatArray
+    scales: FloatArray
+    size: FloatArray
+
+    @classmethod
+    def none(cls, total: int, count: int) -> _Borders:
+        """No borders of ``count`` of the ``total`` unknowns."""
+        empty = np.zeros(0)
+        columns, rows = np.zeros((total, 0)), np.zeros((0, count))
+        return cls([], columns, rows.T, rows, np.zeros((0, 0)), np.zeros((2, 0)), empty)
+
+    def kept(self, keys: list[Key]) -> _Borders:
+        """Those with some of the ``keys``."""
+        k = [number for number, key in enumerate(self.keys) if key in keys]
+        if len(k) == len(self.keys):
+            return self
+        left, schur = [self.keys[number] for number in k], self.schur[np.ix_(k, k)]
+        columns, responses, rows = self.columns[:, k], self.responses[:, k], self.rows[k]
+        return _Borders(left, columns, responses, rows, schur, self.scales[:, k], self.size[k])
+
+    def of_kind(self, kind: int) -> tuple[IntArray, IntArray]:
+        """Positions among the borders, and indices of unknowns, of one kind."""
+        found = [(number, key[1]) for number, key in enumerate(self.keys) if key[0] == kind]
+        at, indices = np.array(found, dtype=np.int64).reshape(-1, 2).T
+        return at, indices
+
+
 class Basis:
-    """The equations of a ``status``: factors, and from the first update on their inverse. Motions that no
-    active row resists and no load drives are held. ``missed`` is the residual of the last solution over
-    ``grain``. Raises SingularError."""
+    """The equations of a ``status``: factors of this or an earlier one, with borders. Motions that no active
+    row resists and no load drives are held. ``missed`` is the residual of the last solution over ``grain``.
+    Raises SingularError."""
 
     def __init__(self, problem: Problem, status: ContactStatus) -> None:
-        self.problem, self.status, self.updates, self.missed = problem, status, 0, 0.0
-        self.side = np.zeros(problem.n)
-        self.active: IntArray = np.zeros(0, dtype=np.int64)
-        self.held: FloatArray = np.zeros((problem.k, 0))
+        self.problem, self.missed = problem, 0.0
         self._factorise(status)
 
+    @property
+    def updates(self) -> int:
+        """Number of borders."""
+        return len(self._borders.keys)
+
     def to(self, status: ContactStatus) -> Basis:
-        """The basis of another status, by updates if these are few."""
-        k, slides = self.problem.k, status.slip_sign != 0.0
-        old, new = self.status.active(k), status.active(k)
-        turned = np.flatnonzero(slides & (self.status.slip_sign != 0.0) & (self.side != status.slip_sign))
-        changed = np.flatnonzero(old != new)
-        cost = len(changed) + 2 * len(turned)
-        if cost:
-            few = cost <= max(2, len(self.active) // 16) and self.updates + cost <= MAX_UPDATES
-            if not (few and self._updated(status, changed, turned, new)):
-                self._factorise(status)
-        self.status = status
+        """The basis of another status, by borders if these are few."""
+        keys = self._keys(status)
+        few = len(keys) <= min(MAX_BORDERS, max(2, int(BORDER_SHARE * len(self._base))))
+        if not few or self._touches_held(keys) or not self._bordered(status, keys, DOUBTFUL):
+            self._factorise(status)
         return self
 
-    def _updated(self, status: ContactStatus, changed: IntArray, turned: IntArray, new: BoolArray) -> bool:
-        """Whether single updates have led to the status. A node that changes the side of its slip sticks
-        meanwhile."""
-        m = self.problem.m
-        entering, leaving = changed[new[changed]], changed[~new[changed]]
-        if self._touches_held(entering):
-            return False
-        try:
-            for index in [*(turned + m), *entering[entering < m], *entering[entering >= m]]:
-                self.enter(index, status)
-            for index in [*(turned + m), *leaving[leaving >= m], *leaving[leaving < m]]:
-                self.leave(index, status)
-        except SingularError:
-            return False
-        return True
-
-    def _touches_held(self, entering: IntArray) -> bool:
-        """Whether unknowns that enter resist held motions, or act on the balances that nothing changes."""
-        p = self.problem
-        if not (self.held.shape[1] and len(entering)):
-            return False
-        own = p.owner[entering]
-        acting = np.append(entering, p.m + own[own >= 0])
-        resisted = p.matrix[entering][:, p.contacts :] @ self.held
-        caused = self.left.T @ p.matrix[p.contacts :][:, acting]
-        return bool(max(np.abs(resisted).max(), np.abs(caused).max()) > NULL)
+    def pivot(self, status: ContactStatus) -> None:
+        """The basis of a status that differs by one change. Raises SingularError and remains as it is if that
+        is singular."""
+        if self._bordered(status, self._keys(status), DOUBTFUL):
+            return
+        self.anew()
+        if not self._bordered(status, self._keys(status), SINGULAR):
+            raise SingularError
 
     def anew(self) -> bool:
-        """Factorise the same status if the inverse has been updated; whether that was done."""
+        """Factorise the same status if there are borders; whether that was done."""
         if not self.updates:
             return False
         self._factorise(self.status)
@@ -108,13 +136,14 @@ class Basis:
 
     def _factorise(self, status: ContactStatus) -> None:
         p = self.problem
-        self.status, self.updates, self._store = status, 0, np.zeros((0, 0))
-        self.side = np.where(status.slip_sign != 0.0, status.slip_sign, self.side)
-        self.active = np.flatnonzero(status.active(p.k))
-        self.place = np.full(len(p.rows), -1)
-        self.place[self.active] = np.arange(len(self.active))
+        self.status, self._side, self._active = status, status.slip_sign, status.active(p.k)
+        self._based, self._base = self._active, np.flatnonzero(self._active)
+        self._borders, self._inverse = _Borders.none(len(p.rows), len(self._base)), np.zeros((0, 0))
         self.held = self.left = np.zeros((p.k, 0))
-        matrix = self._entries(self.active, self.active)
+        matrix, own = p.matrix[np.ix_(self._base, self._base)], p.owner[self._base]
+        slides = np.flatnonzero((own >= 0) & (self._side[own] != 0.0)) if p.n else own[:0]
+        own = own[slides]
+        matrix[:, slides] += self._side[own] * p.friction[own] * p.matrix[np.ix_(self._base, p.m + own)]
         self._factor = _Factor(matrix)
         if self._factor.rcond < MIN_RCOND:
             self._hold(matrix)
@@ -132,179 +161,172 @@ class Basis:
         if self._factor.rcond < MIN_RCOND:
             raise SingularError
 
-    def _entries(self, rows: IntArray, columns: IntArray) -> FloatArray:
-        """Part of the matrix with the friction d mu p in the columns of pressures."""
-        p = self.problem
-        found = p.matrix[np.ix_(rows, columns)]
-        own = p.owner[columns]
-        rubbing = np.flatnonzero(own >= 0)
-        own = own[rubbing]
-        found[:, rubbing] += self.side[own] * p.friction[own] * p.matrix[np.ix_(rows, p.m + own)]
-        return found
+    def _keys(self, status: ContactStatus) -> list[Key]:
+        """Borders of a status."""
+        p, active, sign = self.problem, status.active(self.problem.k), status.slip_sign
+        tangential, sides = slice(p.m, p.contacts), np.zeros(len(p.rows))
+        sides[p.nodes] = sides[tangential] = np.where(active[p.nodes], sign, 0.0)
+        slid = ~(self._based | active)[tangential]
+        turned = (self._based & active)[p.nodes] & slid & (sign != self._side)
+        kinds = (
+            (ENTERS, np.flatnonzero(active & ~self._based)),
+            (LEAVES, np.flatnonzero(self._based & ~active)),
+            (TURNS, p.nodes[turned]),
+        )
+        return [(kind, int(index), float(sides[index])) for kind, found in kinds for index in found]
 
-    def column(self, index: int) -> tuple[FloatArray, float]:
-        """Response (r,) of the active unknowns to an ``index`` that may enter, or to a residual in the row of
-        one that may leave, and its pivot. Raises SingularError if that is zero."""
-        at, each = int(self.place[index]), np.array([index])
-        if at >= 0:
-            rhs = np.zeros(len(self.active))
-            rhs[at] = 1.0
-            column = self.inverse[:, at].copy()
+    def _touches_held(self, keys: list[Key]) -> bool:
+        """Whether unknowns that enter resist held motions, or act on the balances that nothing changes."""
+        p, entering = self.problem, [index for kind, index, _ in keys if kind == ENTERS]
+        if not (self.held.shape[1] and entering):
+            return False
+        own = p.owner[entering]
+        acting = np.append(entering, p.m + own[own >= 0])
+        resisted = p.matrix[entering][:, p.contacts :] @ self.held
+        caused = self.left.T @ p.matrix[p.contacts :][:, acting]
+        return bool(max(np.abs(resisted).max(), np.abs(caused).max()) > NULL)
+
+    def _bordered(self, status: ContactStatus, keys: list[Key], least: float) -> bool:
+        """Make the borders those with ``keys`` if all their pivots exceed the part ``least`` of the terms
+        that cancel in them."""
+        borders = self._borders.kept(keys)
+        for key in keys:
+            if key not in borders.keys:
+                borders = self._with(borders, key)
+        across, along = borders.scales
+        try:
+            inverse = np.linalg.inv(across[:, None] * borders.schur * along)
+        except np.linalg.LinAlgError:
+            return False
+        pivots = 1.0 / _positive(np.abs(inverse.diagonal()))
+        terms = borders.size.copy()
+        enter = borders.of_kind(ENTERS)[0]
+        terms[enter] += pivots[enter]
+        if not (pivots > least * terms).all():
+            return False
+        self.status, self._active = status, status.active(self.problem.k)
+        self._borders, self._inverse = borders, along[:, None] * inverse * across
+        return True
+
+    def _with(self, borders: _Borders, key: Key) -> _Borders:
+        """The borders and one more."""
+        p, (kind, index, side), (rows, columns) = self.problem, key, self.problem.levels
+        row, column, corner = np.zeros(len(p.rows)), np.zeros(len(p.rows)), 0.0
+        enter, entered = borders.of_kind(ENTERS)
+        beside = np.zeros(len(borders.keys))
+        if kind == ENTERS:
+            row, column = p.matrix[index].copy(), p.matrix[:, index].copy()
+            row[p.nodes] += self._side * p.friction * row[p.m : p.contacts]
+            own = int(p.owner[index])
+            if own >= 0 and side:
+                column += side * p.friction[own] * p.matrix[:, p.m + own]
+            beside, corner = borders.columns[index].copy(), float(column[index])
+            scales = np.array([rows[index], columns[index]])
+        elif kind == LEAVES:
+            row[index] = column[index] = 1.0
+            if index >= p.m:
+                own = index - p.m
+                row[p.nodes[own]] = -side * p.friction[own]
+            scales = 1.0 / np.array([columns[index], rows[index]])
         else:
-            rhs = self._entries(self.active, each)[:, 0]
-            column = self.inverse @ rhs
-        pivot, size = self._pivot(index, column)
-        if abs(pivot) <= DOUBTFUL * size and self.updates:
-            column = self._refined(rhs, column)
-            pivot, size = self._pivot(index, column)
-        if abs(pivot) <= SINGULAR * size:
-            raise SingularError
-        return column, pivot
+            own = int(p.owner[index])
+            row[index], corner = 1.0, -1.0
+            column = (side - self._side[own]) * p.friction[own] * p.matrix[:, p.m + own]
+            scales = np.array([1.0 / columns[index], columns[index]])
+        response, row = self._factor.solve(column[self._base]), row[self._base]
+        above = -borders.rows @ response
+        above[enter] += column[entered]
+        beside -= row @ borders.responses
+        size = abs(corner) * scales[0] * scales[1]
+        if kind == LEAVES:
+            size = float(np.abs(response / columns[self._base]).max()) * scales[1]
+        return _Borders(
+            [*borders.keys, key],
+            np.column_stack([borders.columns, column]),
+            np.column_stack([borders.responses, response]),
+            np.vstack([borders.rows, row]),
+            np.block([[borders.schur, above[:, None]], [beside, corner - row @ response]]),
+            np.column_stack([borders.scales, scales]),
+            np.append(borders.size, size),
+        )
 
-    def _pivot(self, index: int, column: FloatArray) -> tuple[float, float]:
-        """The pivot of an index, and the size of the terms that cancel in it."""
-        at, each = int(self.place[index]), np.array([index])
-        if at < 0:
-            own = float(self._entries(each, each)[0, 0])
-            caused = float(self._entries(each, self.active)[0] @ column)
-            return own - caused, abs(own) + abs(caused)
-        rows, columns = (level[self.active] for level in self.problem.levels)
-        across = np.abs(self.inverse[at] / rows).max() * rows[at]
-        along = np.abs(column / columns).max() * columns[at]
-        return float(column[at]), float(np.sqrt(across * along))
-
-    def mechanism(self, index: int) -> tuple[FloatArray, FloatArray]:
-        """Unknowns and rows (N,) that change, while no other active row does, with an index of zero pivot: by
-        1 the unknown of one that may enter, or the row of one that may leave."""
-        at, p = int(self.place[index]), self.problem
-        rhs = np.zeros(len(self.active))
-        if at < 0:
-            rhs = -self._entries(self.active, np.array([index]))[:, 0]
-        else:
-            rhs[at] = 1.0
-        column = self._refined(rhs, self._applied(rhs))
-        x = np.zeros(len(p.rows))
-        x[self.active] = column
-        if at < 0:
-            x[index] = 1.0
-        x[p.m : p.contacts] += self.side * p.friction * x[p.nodes]
-        w = p.product(x)
-        w[self.active] = rhs if at >= 0 else 0.0
-        return x, w
-
-    def _refined(self, rhs: FloatArray, values: FloatArray) -> FloatArray:
-        """A solution (r,) of the equations after one step of iterative refinement."""
-        moves = self.place[self.problem.contacts :]
-        missed = rhs - self.problem.product(self.spread(values))[self.active]
-        missed[moves] -= self.left @ (self.held.T @ values[moves])
-        return values + self._applied(missed)
-
-    def enter(self, index: int, status: ContactStatus) -> None:
-        """Activate an unknown with its row; nodes that close slip as in ``status``. Raises SingularError."""
-        own = int(self.problem.owner[index])
-        if own >= 0 and status.slip_sign[own]:
-            self.side[own] = status.slip_sign[own]
-        column, pivot = self.column(index)
-        row = self._entries(np.array([index]), self.active)[0] @ self.inverse
-        count = len(self.active)
-        if count == len(self._store):
-            self._keep(self.inverse)
-        self._rank_one(1.0 / pivot, column, row)
-        self._store[:count, count], self._store[count, :count] = -column / pivot, -row / pivot
-        self._store[count, count] = 1.0 / pivot
-        self.place[index], self.active = count, np.append(self.active, index)
-        self.updates += 1
-
-    def leave(self, index: int, status: ContactStatus) -> None:
-        """Deactivate an unknown with its row; nodes that cease to stick slip as in ``status``. Raises
-        SingularError."""
-        if index >= self.problem.m:
-            self._turn(index - self.problem.m, status)
-        self.column(index)
-        inverse, at, last = self.inverse, int(self.place[index]), len(self.active) - 1
-        pivot = float(inverse[at, at])
-        if at != last:
-            inverse[[at, last]] = inverse[[last, at]]
-            inverse[:, [at, last]] = inverse[:, [last, at]]
-            self.active[at] = self.active[last]
-            self.place[self.active[at]] = at
-        self._rank_one(-1.0 / pivot, inverse[:last, last].copy(), inverse[last, :last].copy())
-        self._store[last], self._store[:, last] = 0.0, 0.0
-        self.place[index], self.active = -1, self.active[:last]
-        self.updates += 1
-
-    def _turn(self, own: int, status: ContactStatus) -> None:
-        """Change the part d mu p of the traction of a sticking node, a change of its unknown tau."""
-        p, side = self.problem, float(status.slip_sign[own])
-        change = (side - self.side[own]) * p.friction[own] if side else 0.0
-        if change:
-            inverse = self.inverse
-            inverse[self.place[p.m + own]] -= change * inverse[self.place[p.nodes[own]]]
-            self.side[own] = side
-
-    @property
-    def inverse(self) -> FloatArray:
-        """The inverse of the active rows, with unknowns in the order of ``active``."""
-        count = len(self.active)
-        if not len(self._store):
-            self._keep(self._factor.solve(np.eye(count)))
-        return self._store[:count, :count]
-
-    def _keep(self, inverse: FloatArray) -> None:
-        """Store the inverse with room for more unknowns."""
-        size = len(inverse)
-        store = np.zeros((size + ROOM, size + ROOM), order="F")
-        store[:size, :size] = inverse
-        self._store = store
-
-    def _rank_one(self, factor: float, column: FloatArray, row: FloatArray) -> None:
-        u, v = np.zeros(len(self._store)), np.zeros(len(self._store))
-        u[: len(column)], v[: len(row)] = column, row
-        self._store = dger(factor, u, v, a=self._store, overwrite_a=1)
-
-    def spread(self, values: FloatArray) -> FloatArray:
-        """All unknowns (N,) for those that are active."""
-        p, x = self.problem, np.zeros(len(self.place))
-        x[self.active] = values
-        x[p.m : p.contacts] += self.side * p.friction * x[p.nodes]
+    def _response(self, values: FloatArray) -> FloatArray:
+        """Unknowns (N,) for ``values`` (N,) of the active rows."""
+        p, borders, x = self.problem, self._borders, np.zeros(len(values))
+        solution = self._factor.solve(values[self._base])
+        if borders.keys:
+            right = -borders.rows @ solution
+            enter, entered = borders.of_kind(ENTERS)
+            right[enter] += values[entered]
+            more = self._inverse @ right
+            solution -= borders.responses @ more
+            x[entered] = more[enter]
+        x[self._base] = solution
+        x[: p.m][~self._active[: p.m]] = 0.0
+        pressed, slips = p.friction * x[p.nodes], slice(p.m, p.contacts)
+        sticks = self._active[slips]
+        x[slips] = np.where(sticks, x[slips] + self._side * pressed, self.status.slip_sign * pressed)
         return x
+
+    def _residual(self, values: FloatArray, x: FloatArray, w: FloatArray) -> FloatArray:
+        """What active rows (N,) miss of their ``values``, including those of held motions."""
+        count = self.problem.contacts
+        missed = np.where(self._active, values - w, 0.0)
+        missed[count:] -= self.left @ (self.held.T @ x[count:])
+        return missed
+
+    def mechanism(self, status: ContactStatus) -> tuple[FloatArray, FloatArray]:
+        """Unknowns and rows (N,) that change, while no other active row does, with the one change to a
+        singular ``status``: by 1 the unknown that enters, or the row of one that leaves."""
+        p, active = self.problem, status.active(self.problem.k)
+        index = int(np.flatnonzero(active != self._active)[0])
+        unit = np.zeros(len(p.rows))
+        unit[index], values = 1.0, unit
+        if active[index]:
+            own = int(p.owner[index])
+            if own >= 0:
+                unit[p.m + own] = status.slip_sign[own] * p.friction[own]
+            values = np.where(self._active, -p.product(unit), 0.0)
+        x = self._response(values)
+        x += self._response(self._residual(values, x, p.product(x)))
+        if active[index]:
+            x, values = x + unit, np.zeros(len(unit))
+        return x, np.where(self._active, values, p.product(x))
 
     def solve(
         self, free: FloatArray, aim: FloatArray, near: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Unknowns and rows (N,) for ``free`` rows with active ones at their ``aim``; held motions are those
         of the unknowns ``near``."""
-        p, active, moves = self.problem, self.active, self.place[self.problem.contacts :]
-        rhs, pull = (aim - free)[active], np.zeros(p.k)
+        p, count = self.problem, self.problem.contacts
+        values = np.where(self._active, aim - free, 0.0)
+        size = np.abs(values).max(initial=0.0)
         if self.held.shape[1]:
-            if np.abs(self.left.T @ rhs[moves]).max() > GRAZING * float(np.abs(rhs).max()):
+            if np.abs(self.left.T @ values[count:]).max() > GRAZING * size:
                 raise SingularError
             if near is not None:
-                pull = self.left @ (self.held.T @ near[p.contacts :])
-            rhs[moves] += pull
-        x = self.spread(self._applied(rhs))
-        # Equilibrated factors, and updates of an inverse, do not show motions that only round-off resists.
-        if MIN_RCOND * np.abs(x).max(initial=0.0) > np.abs(rhs).max(initial=0.0):
+                values[count:] += self.left @ (self.held.T @ near[count:])
+                size = np.abs(values).max()
+        x = self._response(values)
+        # Equilibrated factors do not show motions that only round-off resists.
+        if MIN_RCOND * np.abs(x).max(initial=0.0) > size:
             return self._solved_anew(free, aim, near)
-        w = free + p.product(x)
-        missed = (aim - w)[active]
-        missed[moves] += pull - self.left @ (self.held.T @ x[p.contacts :])
-        if np.abs(missed).max(initial=0.0) > EXACT * np.abs(rhs).max(initial=0.0):
-            x += self.spread(self._applied(missed))
-            w = free + p.product(x)
-            size = max(np.abs(rhs).max(), np.abs(x).max())
-            missed = (aim - w)[active]
-            missed[moves] += pull - self.left @ (self.held.T @ x[p.contacts :])
-            if (np.abs(missed) > 100.0 * FEASIBLE * size * p.grain[active]).any():
+        w = p.product(x)
+        missed = self._residual(values, x, w)
+        if np.abs(missed).max(initial=0.0) > EXACT * size:
+            x += self._response(missed)
+            w = p.product(x)
+            missed = self._residual(values, x, w)
+            limit = 100.0 * FEASIBLE * max(size, np.abs(x).max())
+            if (np.abs(missed) > limit * p.grain).any():
                 return self._solved_anew(free, aim, near)
-        w[active] = aim[active]
-        self.missed = float((np.abs(missed) / p.grain[active]).max(initial=0.0))
-        return x, w
+        self.missed = float((np.abs(missed) / p.grain).max(initial=0.0))
+        return x, np.where(self._active, aim, free + w)
 
     def _solved_anew(
         self, free: FloatArray, aim: FloatArray, near: FloatArray | None
     ) -> tuple[FloatArray, FloatArray]:
-        """The same by new factors in place of an updated inverse. Raises SingularError if there is none."""
+        """The same by new factors. Raises SingularError if these are new."""
         if not self.anew():
             raise SingularError
         return self.solve(free, aim, near)
@@ -314,9 +336,6 @@ class Basis:
         found, count = rows.copy(), self.problem.contacts
         found[count:] -= self.left @ (self.left.T @ rows[count:])
         return found
-
-    def _applied(self, rhs: FloatArray) -> FloatArray:
-        return self.inverse @ rhs if len(self._store) else self._factor.solve(rhs)
 
 
 class _Factor:

@@ -252,10 +252,12 @@ def _jumped(
         return increment(p, state, constant + ahead * load, ahead, point.status)
     except Ray:
         pass
-    for part in INCREMENTS[jumps:]:
-        lam = min(state.lam + part * span, most)
-        try:
-            return increment(p, state, constant + lam * load, lam)
-        except Ray:
-            continue
+    # Any small increment finds the first touch of loose bodies; one that takes pivots is no better.
+    for pivoting in (True,) if status.closed.any() else (False, True):
+        for part in INCREMENTS[jumps:]:
+            lam = min(state.lam + part * span, most)
+            try:
+                return increment(p, state, constant + lam * load, lam, pivoting=pivoting)
+            except Ray:
+                continue
     raise Ray(ray.direction, state.lam) from ray

@@ -32,7 +32,7 @@ GRAZING = 10.0 * FEASIBLE
 SINGULAR = 10.0 * FEASIBLE
 """Pivot, relative to the terms that cancel in it, that is zero."""
 DOUBTFUL = SINGULAR**0.5
-"""Pivot below which it is computed with a residual, which squares the error of earlier updates."""
+"""Pivot below which it is computed with new factors: borders of old ones may have lost its digits."""
 GRAIN = 100.0 * float(np.finfo(float).eps)
 """Round-off of a row relative to its largest coefficient."""
 WEAK = 1e-6
@@ -180,23 +180,30 @@ class Problem:
         return _inverse(np.abs(self.matrix[:count, :count]).max(axis=1, initial=0.0))
 
     @cached_property
+    def largest(self) -> FloatArray:
+        """Largest coefficient of each row (N,)."""
+        return np.asarray(
+            np.maximum(self.matrix.max(axis=1, initial=0.0), -self.matrix.min(axis=1, initial=0.0))
+        )
+
+    @cached_property
     def grain(self) -> FloatArray:
         """Round-off of rows (N,) over FEASIBLE, at least 1, where rows are small differences of what
         pressures cause."""
-        largest = np.abs(self.matrix).max(axis=1, initial=0.0)
-        return np.asarray(np.maximum(1.0, GRAIN / FEASIBLE * largest))
+        return np.asarray(np.maximum(1.0, GRAIN / FEASIBLE * self.largest))
 
     @cached_property
     def spread(self) -> float:
         """Largest residual over ``grain`` that a unit error of a pressure or traction causes."""
-        return float((np.abs(self.matrix).max(axis=1, initial=0.0) / self.grain).max(initial=0.0))
+        return float((self.largest / self.grain).max(initial=0.0))
 
     @cached_property
     def levels(self) -> tuple[FloatArray, FloatArray]:
         """Factors (N,) of rows and columns after which their largest coefficients are 1, as own compliances
         differ by several orders of magnitude."""
-        rows = _inverse(np.abs(self.matrix).max(axis=1, initial=0.0))
-        return rows, _inverse((rows[:, None] * np.abs(self.matrix)).max(axis=0, initial=0.0))
+        rows = _inverse(self.largest)
+        scaled = rows[:, None] * self.matrix
+        return rows, _inverse(np.abs(scaled, out=scaled).max(axis=0, initial=0.0))
 
     @cached_property
     def everything(self) -> Changes:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.complementarity.basis import MAX_UPDATES, Basis, Ray, SingularError
+from mlsanm_cli.contact.complementarity.basis import MAX_BORDERS, Basis, Ray, SingularError
 from mlsanm_cli.contact.complementarity.problem import (
     BACKWARD,
     CLOSES,
@@ -103,7 +103,7 @@ def trace(
                 if loose is not None:
                     basis = loose
                     break
-        if basis.updates > MAX_UPDATES:
+        if basis.updates > MAX_BORDERS:
             basis.anew()
     raise Ray(dx, lam)
 
@@ -171,15 +171,14 @@ def _pivoted(basis: Basis, change: _Change, after: ContactStatus) -> tuple[Float
     """Update the basis by a change of status; if the new one is singular, the mechanism (dx, dw), in which
     the new variable of the node increases, and the basis is that before."""
     p = basis.problem
+    try:
+        basis.pivot(after)
+    except SingularError:
+        x, w = basis.mechanism(after)
+    else:
+        return None
     old, new = change.before.active(p.k), after.active(p.k)
     index, enters = int(np.flatnonzero(old != new)[0]), bool((new & ~old).any())
-    try:
-        (basis.enter if enters else basis.leave)(index, after)
-    except SingularError:
-        x, w = basis.mechanism(index)
-    else:
-        basis.status = after
-        return None
     own = index - p.m
     if own >= 0 and (change.before if enters else after).slip_sign[own] > 0.0:
         # Friction falls below its limit mu p; slip opposes friction.

@@ -18,7 +18,7 @@ from mlsanm_cli.contact.finite.side_response import SideResponse
 from mlsanm_cli.contact.finite.update import ContactSystem, IterationResult, Responses
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.projector import Factorised
-from mlsanm_cli.mechanics.finite.tangent import derivative_pieces, load_columns
+from mlsanm_cli.mechanics.finite.tangent import load_columns, tangent_rows
 from mlsanm_cli.records import dataclass
 
 ADJACENT_NODES = 3
@@ -142,7 +142,7 @@ class Iteration:
             whole = np.concatenate([self.factors, system.spread[one.body] @ applied])
             series = BodySeries.at(body, u[here], whole)
             sums, moving = one.sums(body, series, u[here])
-            moved = sums @ derivative_pieces(body, u[here], whole) + moving
+            moved = sums @ tangent_rows(body, u[here], whole)[1] + moving
             missing[rows] = sums @ series.rows(0)[-3 * body.count :]
             by_displacement[rows, here] = moved.toarray()
             direct = (sums @ responses.pieces[one.body]).toarray()

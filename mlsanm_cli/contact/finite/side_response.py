@@ -31,7 +31,7 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.projector import Projector
 from mlsanm_cli.mechanics.finite.tangent import load_columns
-from mlsanm_cli.mechanics.near_field import ComplexArray, as_complex
+from mlsanm_cli.mechanics.near_field import ComplexArray
 from mlsanm_cli.mechanics.remainder import remainder_sources
 from mlsanm_cli.mechanics.rigid import free_motions
 from mlsanm_cli.operators.refinement import BLOCK_COLUMNS
@@ -82,7 +82,7 @@ class Compliance:
         others = np.setdiff1d(np.arange(len(points)), side.nodes.index)
         found = np.zeros_like(moved)
         rows = (2 * others[:, None] + np.arange(2)).ravel()
-        found[rows] = moved[rows] + self._field(near, points[others])
+        found[rows] = moved[rows] + near.displaced(points[others])
         return _uneven(side, found * np.repeat(side.share, 2), own=False)
 
     def _near(self, side: ContactSide) -> NearField:
@@ -92,11 +92,6 @@ class Compliance:
         """Forces (2c, 2g) at the nodes for unit tractions at the knots."""
         return np.asarray(side.rows.T.toarray() * np.repeat(side.weight, 2))
 
-    def _field(self, near: NearField, places: FloatArray) -> FloatArray:
-        """Near fields (2n, 2g) of unit tractions at ``places`` (n, 2) off the side."""
-        side = near.side
-        return near.displaced(np.arange(side.count), as_complex(places)) * np.repeat(side.weight, 2)
-
     def _offset(self, near: NearField, places: FloatArray) -> FloatArray | float:
         """Motion (2n, 2g) of a loose body on the whole, which is that of the cloud, at ``places`` (n, 2)."""
         if not len(self.deep):
@@ -105,7 +100,7 @@ class Compliance:
         side = near.side
         assert isinstance(side, ContactSide)
         moved = self.remainder[seen.ravel()] @ self._forces(side) - self.cloud[seen.ravel()] @ side.spread
-        apart = moved + self._field(near, points)
+        apart = moved + near.displaced(points)
         return np.asarray(self.patterns(places) @ np.linalg.lstsq(self.patterns(points), apart)[0])
 
 
@@ -131,8 +126,8 @@ def _remainder(nodes: SideNodes, body: ElasticBody) -> FloatArray:
     near, moved = NearField(nodes, body, nodes.centers[0]), []
     for first in range(0, len(chosen), BLOCK_COLUMNS):
         some = chosen[first : first + BLOCK_COLUMNS]
-        sources = near.summed(some, lambda forces: remainder_sources(body, forces), body.rows)
-        moved.append(body.system.solve(sparse.csc_array(sources)))
+        sources = remainder_sources(body, near.forces(some)).reshape(body.rows, 2, -1).transpose(0, 2, 1)
+        moved.append(body.system.solve(sparse.csc_array(sources.reshape(body.rows, -1))))
     beside = np.abs(chosen - np.arange(nodes.count)[:, None]).argmin(axis=1)
     found = np.concatenate(moved, axis=1)[:, (2 * beside[:, None] + np.arange(2)).ravel()]
     found[nodes.unknowns] = found[(2 * nodes.index[chosen[beside]][:, None] + np.arange(2)).ravel()]

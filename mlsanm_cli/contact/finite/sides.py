@@ -24,6 +24,7 @@ from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.finite.meeting import by_component
 from mlsanm_cli.contact.finite.node_curve import NodeCurve
+from mlsanm_cli.contact.geometry.unfolding import Planes
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.corner import Corner
 from mlsanm_cli.mechanics.finite.loads import Loads
@@ -48,8 +49,8 @@ class Points:
     In the reference configuration: ``places`` (c, 2), outward normals ``outward`` (c, 2), ``arc`` (c,)
     lengths along the side, ``weight`` (c,) lengths of the points. ``around`` is the length of a closed side,
     else None. ``held`` (c,) marks points with a prescribed displacement component. ``corners`` are the
-    indices of points at corners and ends; at either end ``mirrors`` has the axis normal to a plane of
-    symmetry, if any, and ``wedges`` a corner with known near field.
+    indices of points at corners and ends; either end may be at one of the ``planes`` of symmetry or at one of
+    the ``wedges``, corners with known near field. All are on the ``geometry`` of a boundary.
     """
 
     body: str
@@ -60,8 +61,9 @@ class Points:
     around: float | None
     held: BoolArray
     corners: tuple[int, ...]
-    mirrors: tuple[int | None, int | None]
+    planes: Planes
     wedges: Wedges
+    geometry: Curve
 
     @property
     def count(self) -> int:
@@ -91,11 +93,10 @@ class Points:
 
 @dataclass(frozen=True)
 class SideNodes(Points):
-    """The nodes of a side, with the numbers ``index`` (c,), on the ``geometry`` of a boundary. ``members``
-    are the names of the surfaces with the indices of their nodes among these. Near fields end at the one of
-    ``centers``, None for infinity; there are none without one."""
+    """The nodes of a side, with the numbers ``index`` (c,). ``members`` are the names of the surfaces with
+    the indices of their nodes among these. Near fields end at the one of ``centers``, None for infinity;
+    there are none without one."""
 
-    geometry: Curve
     index: IntArray
     members: tuple[tuple[str, IntArray], ...]
     centers: Sequence[complex | None]
@@ -108,11 +109,12 @@ class SideNodes(Points):
         surface: Surface,
         held: Restraints,
         nodes: Sequence[int] = (),
+        planes: Planes = (None, None),
         wedges: Wedges = (None, None),
         centers: Sequence[complex | None] = (None,),
     ) -> SideNodes:
         """The side on a ``surface`` of a body's ``cloud`` with ``held`` components of surfaces and held
-        ``nodes``, with ``wedges`` at its ends."""
+        ``nodes``, with ``planes`` of symmetry or ``wedges`` at its ends."""
         around = surface.curve.length if surface.curve.closed else None
         found = np.zeros(len(cloud.points), dtype=bool)
         for name, components in held.items():
@@ -120,7 +122,6 @@ class SideNodes(Points):
         found[list(nodes)] = True
         ends = (0, len(surface.index) - 1)
         known = {int(np.argmin(np.abs(surface.arc_length - one))) for one in surface.curve.corners}
-        mirrors = (_mirror(cloud, surface, ends[0], held), _mirror(cloud, surface, ends[1], held))
         return cls(
             body=body,
             places=cloud.points[surface.index],
@@ -130,8 +131,8 @@ class SideNodes(Points):
             around=around,
             held=found[surface.index],
             corners=tuple(sorted(known if around is not None else known.union(ends))),
-            mirrors=mirrors,
-            wedges=(wedges[0] if mirrors[0] is None else None, wedges[1] if mirrors[1] is None else None),
+            planes=planes,
+            wedges=wedges,
             geometry=surface.curve,
             index=surface.index,
             members=tuple((part.name, numbers) for part, numbers in surface.members),
@@ -175,8 +176,8 @@ class SideNodes(Points):
     @property
     def _mirrored(self) -> set[int]:
         """Nodes at planes of symmetry."""
-        ends = zip((0, self.count - 1), self.mirrors, strict=True)
-        return {end for end, axis in ends if axis is not None}
+        ends = zip((0, self.count - 1), self.planes, strict=True)
+        return {end for end, plane in ends if plane is not None}
 
     def _away(self, ignored: set[int]) -> FloatArray:
         """Numbers (c,) of nodes to the nearest corner that is neither ``ignored`` nor at a plane of
@@ -221,7 +222,7 @@ class ContactSide(Points):
         outward[list(corners)] = nodes.outward[list(nodes.corners)]
         held = np.interp(arc, nodes.arc, nodes.held.astype(float)) > 1.0 - COARSE_ROUND_OFF
         kept = (nodes.body, geometry.points(arc), outward, weight, arc, nodes.around, held, corners)
-        return cls(*kept, nodes.mirrors, nodes.wedges, nodes)
+        return cls(*kept, nodes.planes, nodes.wedges, geometry, nodes)
 
     @property
     def name(self) -> str:
@@ -296,18 +297,18 @@ def _hats(points: Points, places: FloatArray) -> sparse.csr_array:
 def _fit(side: Points) -> FloatArray:
     """Local cubic fits along the side at its nodes (2c, 2c), continued behind planes of symmetry."""
     count, number = side.count, np.arange(side.count)
-    copies = [(side.arc, number, np.ones(2))]
+    copies = [(side.arc, number, np.eye(2))]
     if side.around is not None:
-        copies += [(side.arc + turn, number, np.ones(2)) for turn in (-side.around, side.around)]
-    for end, axis in enumerate(side.mirrors):
-        if axis is not None:
+        copies += [(side.arc + turn, number, np.eye(2)) for turn in (-side.around, side.around)]
+    for end, plane in enumerate(side.planes):
+        if plane is not None:
             behind = np.delete(number, -end)
-            copies.append((2.0 * side.arc[-end] - side.arc[behind], behind, 1.0 - 2.0 * np.eye(2)[axis]))
+            copies.append((2.0 * side.arc[-end] - side.arc[behind], behind, plane.image.matrix))
     arc, node = (np.concatenate(one) for one in list(zip(*copies, strict=True))[:2])
-    sign = np.concatenate([np.tile(one, (len(nodes), 1)) for _, nodes, one in copies])
+    turned = np.concatenate([np.tile(one, (len(nodes), 1, 1)) for _, nodes, one in copies])
     order = np.argsort(arc)
-    arc, node, sign, own = arc[order], node[order], sign[order], np.argsort(order)
-    fit = np.zeros((count, 2, count, 2))
+    arc, node, turned, own = arc[order], node[order], turned[order], np.argsort(order)
+    fit = np.zeros((count, count, 2, 2))
     for i in number:
         here = int(own[i])
         low, high = max(0, here - 3 * HALF_WINDOW), min(len(arc), here + 3 * HALF_WINDOW + 1)
@@ -315,26 +316,8 @@ def _fit(side: Points) -> FloatArray:
         weight = np.exp(-((away / HALF_WINDOW) ** 2.0))
         basis = (x / np.abs(x).max())[:, None] ** np.arange(min(4, len(x)))
         values = np.linalg.solve(basis.T @ (weight[:, None] * basis), basis.T * weight)[0]
-        for c in (0, 1):
-            np.add.at(fit[i, c, :, c], node[low:high], values * sign[low:high, c])
-    return fit.reshape(2 * count, 2 * count)
-
-
-def _mirror(cloud: Cloud, surface: Surface, end: int, held: Restraints) -> int | None:
-    """Axis normal to a straight symmetry plane (a surface held in that component only) that a side meets at
-    its ``end`` at a right angle; None without."""
-    if surface.curve.closed:
-        return None
-    normal, own = surface.normal[end], [part.name for part, _ in surface.members]
-    for name, components in held.items():
-        adjacent = cloud.surfaces[name]
-        if name in own or surface.index[end] not in adjacent.index or sum(components) != 1:
-            continue
-        axis = components.index(True)
-        flat = float(np.ptp(cloud.points[adjacent.index, axis])) <= COARSE_ROUND_OFF * adjacent.curve.length
-        if flat and abs(normal[axis]) <= COARSE_ROUND_OFF:
-            return axis
-    return None
+        np.add.at(fit[i], node[low:high], values[:, None, None] * turned[low:high])
+    return fit.transpose(0, 2, 1, 3).reshape(2 * count, 2 * count)
 
 
 def with_sides(loads: Loads, body: ElasticBody, sides: Sequence[SideNodes]) -> Loads:

@@ -84,13 +84,9 @@ class Hats:
     def towards_ends(self) -> tuple[FloatArray, sparse.csr_array]:
         """Points (e,) graded towards the ends, for kernels of the logarithm of the distance from them, and
         the integration matrix (m, e) with the hats."""
-        return self.towards(float(self.nodes[0]), float(self.nodes[-1]))
-
-    def towards(self, *places: float) -> tuple[FloatArray, sparse.csr_array]:
-        """The same graded towards some ``places``, on both sides."""
         parts = np.append(0.0, 0.5 ** np.arange(END_HALVINGS, -1, -1))
         ends, interval = [self.nodes[:-1]], [np.arange(len(self.steps))]
-        for place in places:
+        for place in self.nodes[[0, -1]].tolist():
             for number in np.flatnonzero((self.nodes[:-1] <= place) & (place <= self.nodes[1:])).tolist():
                 first, last = self.nodes[number], self.nodes[number + 1]
                 inner = np.concatenate([place + (last - place) * parts, place + (first - place) * parts])

@@ -30,12 +30,12 @@ THREE = np.arange(3)
 @dataclass(frozen=True)
 class Distance:
     """A kernel of the distance along a contact: its ``values``, with all its ``images`` on a ring of a given
-    circumference, its fourth, third and second repeated ``integrals``, and the ``reach`` in widths up to
-    which pairs are integrated by these."""
+    circumference, its fourth to first repeated ``integrals``, and the ``reach`` in widths up to which pairs
+    are integrated by these."""
 
     values: Table
     images: Callable[[FloatArray, float], FloatArray]
-    integrals: tuple[Table, Table, Table]
+    integrals: tuple[Table, Table, Table, Table]
     reach: float
 
 
@@ -107,7 +107,7 @@ class HatPairs:
         pairs = number[first, beside]
         t = nodes[rows] + shift - nodes[rows + columns + lowest]
         impulses, doublets = self.second_derivatives
-        fourth, third, second = function.integrals
+        fourth, third, second, _ = function.integrals
         exact = np.einsum("ea,eab,eb->e", impulses[one], fourth(t)[pairs], impulses[other])
         if doublets.any():
             rise = third(t)[pairs]
@@ -132,6 +132,25 @@ class HatPairs:
         values = function.values(at[one][:, :, None] + shift - at[other][:, None, :])
         left, right = (weights[:, :, None] * side[points] for side in (seen, by))
         return np.asarray(np.einsum("epc,epq,eqc->e", left[one], values, right[other]))
+
+    def at(self, function: Distance, places: FloatArray) -> FloatArray:
+        """Integrals (e, m) of a kernel of the distance from ``places`` (e,) with the hats, with its images on
+        a ring."""
+        hats, (impulses, doublets) = self.hats, self.second_derivatives
+        *_, second, first = function.integrals
+        values = np.asarray((hats.integrals @ self.kernel(function, places[:, None] - hats.points).T).T)
+        points, weights = hats.own_points
+        for shift in hats.shifts if function is LOGARITHM else (0.0,):
+            apart = places[:, None] + shift - hats.place
+            row, column = np.nonzero(np.abs(apart) <= 2.0 * function.reach * self.widths)
+            nodes: Any = hats.nodes.astype(np.longdouble)[column[:, None] + THREE]
+            away = places[row, None] + shift
+            exact = (impulses[column] * second(away - nodes) + doublets[column] * first(away - nodes)).sum(
+                axis=1
+            )
+            rough = weights[column] * function.values(away - hats.points[points[column]])
+            values[row, column] += np.asarray(exact, dtype=np.float64) - rough.sum(axis=1)
+        return values
 
     def correction(self, near: NearPairs, seen: FloatArray, by: FloatArray) -> FloatArray:
         """Correction (e,) of quadrature for near pairs with directions ``seen`` and ``by`` (g, 2): for the
@@ -207,7 +226,12 @@ def _sign_around(t: FloatArray, period: float) -> FloatArray:
 LOGARITHM = Distance(
     logarithm,
     _logarithm_around,
-    (_logarithmic(4, 24, (25, 12)), _logarithmic(3, 6, (11, 6)), _logarithmic(2, 2, (3, 2))),
+    (
+        _logarithmic(4, 24, (25, 12)),
+        _logarithmic(3, 6, (11, 6)),
+        _logarithmic(2, 2, (3, 2)),
+        _logarithmic(1, 1, (1, 1)),
+    ),
     NEAR_WIDTHS,
 )
-SIGN = Distance(np.sign, _sign_around, (_signed(4, 24), _signed(3, 6), _signed(2, 2)), 1.0)
+SIGN = Distance(np.sign, _sign_around, (_signed(4, 24), _signed(3, 6), _signed(2, 2), np.abs), 1.0)

@@ -14,7 +14,7 @@ from mlsanm_cli.contact.geometry.contact_grid import ContactGrid, Pin
 from mlsanm_cli.contact.geometry.hat_pairs import LOGARITHM, SIGN
 from mlsanm_cli.contact.geometry.panels import on_panels
 from mlsanm_cli.mechanics.corner import Corner
-from mlsanm_cli.mechanics.near_field import ComplexArray, PointForceField, SurfaceForces, by_component
+from mlsanm_cli.mechanics.near_field import ComplexArray, PointForceField, SurfaceForces
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 
@@ -62,17 +62,17 @@ class SurfaceResponse:
         ahead, behind = (self.grid.facing.side(s + sign * step, self.slave)[0] for sign in (1.0, -1.0))
         return np.asarray((ahead - behind) / (2.0 * step))
 
-    def smooth(self, at: FloatArray | None = None) -> FloatArray:
-        """Near-field part of S (2a, 2k) at coordinates ``at`` (a,), by default the samples, due to forces at
-        the samples: rows x of all, then y; columns by forces x of all, then y."""
+    def smooth(self, at: FloatArray | None = None, by: FloatArray | None = None) -> FloatArray:
+        """Near-field part of S (a, k, 2, 2) at coordinates ``at`` (a,) due to forces at coordinates ``by``
+        (k,); both by default the samples."""
         grid, kernel, center = self.grid, self.kernel, self._center
-        at = grid.samples if at is None else at
-        z, inward = grid.facing.side(grid.samples, self.slave)
+        at, by = (grid.samples if one is None else one for one in (at, by))
+        z, inward = grid.facing.side(by, self.slave)
         seen = grid.facing.side(at, self.slave)[0]
         w = seen[:, None] - z
-        same = at[:, None] == grid.samples
+        same = at[:, None] == by
         base = np.broadcast_to(inward if center is None else (seen - center)[:, None], w.shape)
-        found = kernel.displacement(np.where(same, 1.0, w), base) - self._folded(at)
+        found = kernel.displacement(np.where(same, 1.0, w), base) - self._folded(at, by)
         row, column = np.nonzero(same)
         if len(row):
             way = self._way(at[row])
@@ -90,18 +90,37 @@ class SurfaceResponse:
         for corner in grid.corners_of(self.slave):
             if corner.curved is not None:
                 found += corner.beyond_wedge(z, images, seen)
-        return by_component(found)
+        return np.asarray(found)
 
-    def _folded(self, at: FloatArray) -> FloatArray:
-        """The kernel L ln|s - s'| + T sgn(s - s') (a, k, 2, 2) at coordinates ``at`` (a,) of the samples and
-        all their images, zero of each sample to itself."""
+    def _folded(self, at: FloatArray, by: FloatArray) -> FloatArray:
+        """The kernel L ln|s - s'| + T sgn(s - s') (a, k, 2, 2) at coordinates ``at`` (a,) of places ``by``
+        (k,) and all their images, zero of each to itself."""
         grid, (log, turn) = self.grid, self.tensors
-        total = np.zeros((len(at), grid.count, 2, 2))
+        total = np.zeros((len(at), len(by), 2, 2))
         for sign, offset, matrix in grid.unfolding.copies:
-            apart = at[:, None] - (sign * grid.samples + offset)
+            apart = at[:, None] - (sign * by + offset)
             values = [grid.pairs.kernel(one, apart)[..., None, None] for one in (LOGARITHM, SIGN)]
             total += (values[0] * log + values[1] * turn) @ matrix
         return total
+
+    def singular(self, at: FloatArray) -> FloatArray:
+        """Displacements (a, m, 2, 2) at coordinates ``at`` (a,) due to hats of unit tractions x and y, in
+        addition to S: integrals of L ln|s - s'| + T sgn(s - s') and of the terms of corners."""
+        grid, (log, turn) = self.grid, self.tensors
+        by_log, by_turn = (grid.pairs.at(one, at)[..., None, None] for one in (LOGARITHM, SIGN))
+        values = by_log * log + by_turn * turn
+        points, integrals = grid.unfolded[0].towards_ends
+        for corner in grid.corners_of(self.slave):
+            x, here = self._away(corner, points), self._away(corner, at)
+            for image in (None, *grid.images_of(self.slave)):
+                seen = here if image is None else corner.reflected(here, image)
+                moved = np.empty_like(values)
+                for c, d in product((0, 1), repeat=2):
+                    moved[:, :, c, d] = (integrals @ corner.wedge.compliance(seen, x, c, d).T).T
+                values += moved if image is None else image.matrix.T @ moved
+        copies = np.split(values, len(grid.unfolding.copies), axis=1)
+        each = zip(copies, grid.unfolding.copies, strict=True)
+        return np.asarray(sum(part[:, :: int(sign)] @ matrix for part, (sign, _, matrix) in each))
 
     def cornered(self, which: int, by: int) -> FloatArray:
         """Double integrals (m, m) with the hats of the corner terms of displacements along pressures
@@ -162,21 +181,8 @@ class SurfaceResponse:
     def at_pin(self, place: float, which: int) -> FloatArray:
         """Displacements x and y (2, m) at one coordinate ``place`` due to hats of pressures (``which`` 0) or
         tractions (1), in addition to S."""
-        grid, (log, turn) = self.grid, self.tensors
-        hats, fold = grid.unfolded
-        points, integrals = hats.towards(place)
-        acting = self._directions(points)[which]
-        values = np.zeros((2, len(points)))
-        for function, table in ((LOGARITHM, log), (SIGN, turn)):
-            values += grid.pairs.kernel(function, place - points) * (table @ acting.T)
-        for corner in grid.corners_of(self.slave):
-            x, here = self._away(corner, points), self._away(corner, np.array([place]))
-            seen, forces = corner.with_images(here, np.eye(2)[None], grid.images_of(self.slave))
-            for c, d in product((0, 1), repeat=2):
-                moved = corner.wedge.compliance(seen, x, c, d) * acting[:, d]
-                values += np.einsum("sf,se->fe", forces[:, c], moved)
-        whole = integrals @ values.T
-        return np.asarray(fold.T @ whole).T
+        acting = self.grid.hats.at_places(self.grid.directions[which])
+        return np.asarray(np.einsum("mcd,md->cm", self.singular(np.array([place]))[0], acting))
 
 
 def pin_displacements(grid: ContactGrid, which: int) -> FloatArray:

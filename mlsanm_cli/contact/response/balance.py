@@ -12,7 +12,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.linear_map import Columns, LinearMap, stack
-from mlsanm_cli.mechanics.rigid import ROTATION
+from mlsanm_cli.mechanics.rigid import ROTATION, motions_of
 from mlsanm_cli.mechanics.scene import RigidConstraint, RigidMotion, Scene
 from mlsanm_cli.records import dataclass
 
@@ -233,9 +233,11 @@ def body_imbalance(forces: CondensedForces) -> LinearMap:
     and those on masters from the slaves; components held at single nodes are zero. Least squares keep it at
     round-off."""
     rows, sums = [], body_sums(forces)
-    for number, name in enumerate(forces.scene.bodies):
+    for number, (name, body) in enumerate(forces.scene.bodies.items()):
         for component in (0, 1):
-            hidden = forces.scene.held_nodes.get(name, (False, False))[component]
+            # Hoop stresses balance radial forces.
+            hidden = component not in motions_of(body.model.cloud)
+            hidden |= forces.scene.held_nodes.get(name, (False, False))[component]
             row = slice(2 * number + component, 2 * number + component + 1)
             rows.append(forces.columns.zeros(1) if hidden else sums.take(row))
     return stack(rows, forces.columns)

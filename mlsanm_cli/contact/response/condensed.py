@@ -243,12 +243,12 @@ class Condensed:
     def contact_fields(
         self, scene: Scene, body: str, unknowns: Sequence[FloatArray], points: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        """Displacements (e, 2) and stresses (e, 3) of the near fields at ``points`` (e, 2) of a body, or at
-        its nodes, in a state f, q, p, t. The elastic system gives the rest of both. What depends on the
+        """Displacements (e, 2) and stresses (e, 3 | 4) of the near fields at ``points`` (e, 2) of a body, or
+        at its nodes, in a state f, q, p, t. The elastic system gives the rest of both. What depends on the
         points alone is kept for other states."""
         model = scene.bodies[body].model
         seen = model.cloud.points if points is None else points
-        displacement, stress = np.zeros((len(seen), 2)), np.zeros((len(seen), 3))
+        displacement, stress = np.zeros((len(seen), 2)), np.zeros((len(seen), len(model.material.stiffness)))
         for pairing in self.reported:
             if pairing.grid is None or body not in pairing.bodies:
                 continue

@@ -67,7 +67,7 @@ def _sample_sources(body: ElasticBody, name: str, pairing: Pairing, centred: boo
             continue
         pins, first = pins_of(grid, slave), grid.count + grid.covers
         response = SurfaceResponse.of(grid, body.model.kernel, slave)
-        held = {pin.node: response.smooth(np.array([pin.place])) for _, pin in pins}
+        held = {pin.node: response.smooth(np.array([pin.place]))[0] for _, pin in pins}
         sources = remainder_sources(body, grid.forces(body.model.kernel, slave), centred, held)
         total[:, :, : grid.count] += sign * sources.reshape(body.rows, 2, grid.count)
         for number, pin in pins:

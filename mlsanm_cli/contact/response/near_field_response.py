@@ -67,7 +67,7 @@ def _on_contact(
             continue
         if seen.name == by.name and is_slave == slave:
             kernel = scene.bodies[body].model.kernel
-            total += sign * SurfaceResponse.of(seen.grid, kernel, slave).smooth()
+            total += sign * by_component(SurfaceResponse.of(seen.grid, kernel, slave).smooth())
         else:
             place = seen.grid.facing.side(seen.grid.samples, is_slave)[0]
             total += sign * by_component(forces.displacement(place))

@@ -14,7 +14,7 @@ from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.drivers import Drivers, spans
 from mlsanm_cli.contact.response.functionals import relative_rows, sampled_rows, spring_rows
 from mlsanm_cli.mechanics.body import ElasticBody
-from mlsanm_cli.mechanics.probes import ROWS, probe_rows
+from mlsanm_cli.mechanics.probes import probe_rows
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import Arrays, Memo, digest
 from mlsanm_cli.records import dataclass
@@ -49,7 +49,9 @@ class ResponseFunctionals:
         bodies = self.scene.bodies.items()
         counts |= {("slip", pairing.name): len(pairing.position) for pairing in self.frictional}
         counts |= {("held", (name, surface)): 3 for name, body in bodies for surface in body.restrained}
-        counts |= {("probe", probe.name): ROWS for probe in self.scene.probes}
+        for probe in self.scene.probes:
+            # Displacement and stress.
+            counts["probe", probe.name] = 2 + len(self.scene.bodies[probe.body].model.material.stiffness)
         counts |= {("spring", (name, surface)): 3 for name, body in bodies for surface in body.soft_springs}
         return spans(counts, counts.values())
 

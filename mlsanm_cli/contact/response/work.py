@@ -9,6 +9,8 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cells import FINE, Halves
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.geometry.pairing import Pairing, facing_parts, opposed
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.contact_fields import adjacent_traction
@@ -50,7 +52,7 @@ def work_on(
         # The force on held components is the traction of the stress beneath.
         inner = traction_of(stress[surface.index], surface.normal)
         traction = np.where(elastic.restrained.get(name, FREE), inner, pulled)
-        total += along_surface(surface, traction, path[surface.index])
+        total += along_surface(surface, _around(cloud, surface) * traction, path[surface.index])
     for load in scene.surface_loads:
         if load.body == body and not load.held:
             total += factors[load.number] * _beyond_nodes(elastic, load, path)
@@ -178,8 +180,16 @@ def _beyond_nodes(body: ElasticBody, load: SurfaceLoad, path: FloatArray) -> flo
     taken = ~np.array(body.restrained.get(load.surface, FREE))
     own, other, share = surface.index[halves.own], surface.index[halves.other], halves.share[:, None]
     moved = share * path[own] + (1.0 - share) * path[other]
-    whole = float((halves.length[:, None] * taken * load.between * moved).sum())
-    return whole - along_surface(surface, taken * load.values, path[surface.index])
+    cloud = body.model.cloud
+    length = halves.length * cloud.around(surface.curve.points(halves.arc))
+    whole = float((length[:, None] * taken * load.between * moved).sum())
+    nodal = _around(cloud, surface) * taken * load.values
+    return whole - along_surface(surface, nodal, path[surface.index])
+
+
+def _around(cloud: Cloud, surface: Surface) -> FloatArray:
+    """Circumferences (b, 1) of a surface's nodes in bodies of revolution."""
+    return cloud.around(cloud.points[surface.index])[:, None]
 
 
 def _on_slave(pairing: Pairing, pressure: FloatArray, traction: FloatArray) -> FloatArray:

@@ -100,6 +100,42 @@ def test_a_half_is_half_of_the_whole(half: Scene, whole: Scene, tmp_path: Path) 
         )
 
 
+def plug(quarter: bool) -> Scene:
+    """A quarter, or the upper half, of a disk under a rigid plate, with friction."""
+    if quarter:
+        corners, names = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]], ["below", "side", "top", "middle"]
+        shape = {"kind": "polygon", "points": corners, "names": names, "rounding": [0.0, 0.0, 1.0, 0.0]}
+        text = SOFT.body("plug", "soft", shape=shape | {"corners": ["", "", "arc", ""]})
+        text = text.support("plug.below", uy=0.0).support("plug.middle", ux=0.0)
+    else:
+        text = SOFT.body("plug", "soft", half_disk=([0.0, 0.0], 1.0, "upper"))
+        text = text.support("plug.flat", uy=0.0).pin("plug", [0.0, 0.0], ux=0.0)
+    plate = Scene().contact("c", "plug.arc", plane=([0.0, 1.0], [0.0, -1.0]), friction=0.3)
+    return text + pushed("press", "c", uy=-0.02) + plate
+
+
+@pytest.mark.parametrize(
+    ("body", "half", "whole"),
+    [
+        ("block", indented(0.0).support("block.left", ux=0.0), indented(-1.0)),
+        ("plug", plug(True), plug(False)),
+    ],
+    ids=["round obstacle", "quarter"],
+)
+def test_a_half_is_half_of_the_whole_at_finite_strain(
+    body: str, half: Scene, whole: Scene, tmp_path: Path
+) -> None:
+    finite = ("model.strain=finite", "material.soft.law=neo-hookean", f"body.{body}.spacing=0.1")
+    one, other = (
+        solve(text.replace("uy = -0.02", "uy = -0.005"), tmp_path / str(n), *finite)
+        for n, text in enumerate((half, whole))
+    )
+    found, expected = (summary["contacts"]["c"] for summary in (one, other))
+    assert 2.0 * found["force"][1] == pytest.approx(expected["force"][1], rel=2e-3)
+    assert found["peak_pressure"] == pytest.approx(expected["peak_pressure"], rel=4e-3)
+    assert 2.0 * found["half_width"] == pytest.approx(expected["half_width"], rel=0.01)
+
+
 def test_a_contact_beside_the_plane(tmp_path: Path) -> None:
     """A disk pressed next to a wall, without touching it, is one of two on a whole block."""
 
