@@ -61,7 +61,8 @@ def branching(
         except SingularTangentError:
             continue
         if point.residual <= options.tolerance:
-            counts = {key: effort[key] for key in ("updates", "factorizations", "solves")}
             way = np.array([x, point.x - x]), np.array([lam, point.lam - lam])
-            return Branch(*way, 1.0), replace(point, **counts)
+            updates, factorizations = effort["updates"], effort["factorizations"]
+            counted = replace(point, updates=updates, factorizations=factorizations, solves=effort["solves"])
+            return Branch(*way, 1.0), counted
     return None

@@ -157,15 +157,14 @@ class _Path:
             reached = end if position + INCREMENT_SLACK * size >= end else position + size
             reached = min(reached, float(stage + 1))
             size, found = reached - position, self._solved(reached)
-            lost = found is not None and self.now.soft.stable and not found.soft.stable
             shorter, bracket = 0.5 * size, BRACKET * (reached - stage)
-            if lost:
-                if size > bracket:
-                    shorter = min(max(BELOW * size * self._stable_part(found), 0.5 * bracket), shorter)
-                else:
+            if found is not None and self.now.soft.stable and not found.soft.stable:
+                if size <= bracket:
                     found = self._branched(position, reached, found)
-                    lost, whole = False, bracket
-            if found is not None and not lost:
+                else:
+                    shorter = min(max(BELOW * size * self._stable_part(found), 0.5 * bracket), shorter)
+                    found = None
+            if found is not None:
                 far = self._excess(found, position, reached)
                 if self.bifurcations or (far <= 1.0 and self._stretched(found)[0] <= MAX_STRETCH):
                     self._add_slip(found)

@@ -70,9 +70,9 @@ class Iteration:
         chosen, touched = self._chosen(z, p, met)
         if not len(chosen) and not contacts.free:
             none, nothing = np.zeros(len(p)), np.zeros((0, 0))
-            sets, responses = NodeSets(none.astype(np.int8), none), Responses(factorised, touched, 0)
-            state = self._linearised(u, applied, p, q, met, chosen, responses)
-            args = (chosen, nothing, nothing, len(factorised), responses, state)
+            sets, alone = NodeSets(none.astype(np.int8), none), Responses(factorised, touched, 0)
+            state = self._linearised(u, applied, p, q, met, chosen, alone)
+            args = (chosen, nothing, nothing, len(factorised), alone, state)
             return IterationResult(z, -p, -q, np.zeros(0), -traction, sets, *args)
         responses = self.known
         if responses is None or not responses.moved or not np.array_equal(responses.touched, touched):

@@ -6,12 +6,13 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 import scipy.sparse as sparse
+from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.complementarity.problem import OPEN, SLIP, STICK
 from mlsanm_cli.contact.finite.side_response import SideResponse
 from mlsanm_cli.contact.finite.update import ContactSystem, Responses
-from mlsanm_cli.mechanics.finite.stability import SoftMotion, largest_stress, rows_of_force, softest_motion
+from mlsanm_cli.mechanics.finite.stability import SoftMotion, Stressed, rows_of_force, softest_motion
 from mlsanm_cli.records import dataclass
 
 
@@ -76,7 +77,7 @@ class Linearised:
         return tractions, found
 
     def held(
-        self, pressure: FloatArray, shear: FloatArray, status: FloatArray
+        self, pressure: FloatArray, shear: FloatArray, status: NDArray[np.int8]
     ) -> Callable[[FloatArray, FloatArray], FloatArray]:
         """With the ``pressure``, ``shear`` and ``status`` of all knots (c,): the displacements (2N,) that
         follow those (2N,) of the clouds, and forces missing (d,) on motions. Gaps of closed knots, and slips
@@ -99,14 +100,13 @@ class Linearised:
         return displaced
 
     def softest(
-        self, u: FloatArray, pressure: FloatArray, shear: FloatArray, status: FloatArray
+        self, u: FloatArray, pressure: FloatArray, shear: FloatArray, status: NDArray[np.int8]
     ) -> SoftMotion:
         """The softest motion, with displacements ``u`` (2N,) and the contacts as for :meth:`held`."""
-        system, stress = self.system, 0.0
+        system = self.system
         follow = self.held(pressure, shear, status)
         bodies = {name: one.body for name, one in system.projectors.items()}
-        for name, body in bodies.items():
-            stress = max(stress, largest_stress(body, u[system.bodies[name]], self.factors))
+        stressed = [Stressed(body, u[system.bodies[name]], self.factors) for name, body in bodies.items()]
 
         def displaced(force: FloatArray) -> FloatArray:
             z, missing = np.zeros(len(force)), np.zeros(len(self.balance.missing))
@@ -120,4 +120,4 @@ class Linearised:
                     missing[numbers] += sums @ rows[body.node_rows :]
             return follow(z, missing)
 
-        return softest_motion(displaced, [body.elastic.model.cloud for body in bodies.values()], stress)
+        return softest_motion(displaced, stressed)

@@ -8,12 +8,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.projector import Factorised, Projector
-from mlsanm_cli.mechanics.finite.stability import (
-    SoftMotion,
-    largest_stress,
-    rows_of_force,
-    softest_motion,
-)
+from mlsanm_cli.mechanics.finite.stability import SoftMotion, Stressed, rows_of_force, softest_motion
 from mlsanm_cli.records import dataclass
 
 
@@ -104,7 +99,7 @@ class FiniteTangent:
         def displaced(force: FloatArray) -> FloatArray:
             return -self.factorised.solve_unrefined(projector.scaled(rows_of_force(body, force)))
 
-        return softest_motion(displaced, [body.elastic.model.cloud], largest_stress(body, x, factors))
+        return softest_motion(displaced, [Stressed(body, x, factors)])
 
     def orders(
         self, x: FloatArray, lam: FloatArray, slope: FloatArray, normal: FloatArray, size: float

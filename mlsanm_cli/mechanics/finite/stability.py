@@ -13,6 +13,7 @@ Equation (31) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 
 import numpy as np
 
@@ -58,12 +59,37 @@ STILL = SoftMotion(np.inf, np.zeros(0), 0)
 """Of bodies without stress."""
 
 
-def softest_motion(
-    displaced: Callable[[FloatArray], FloatArray], clouds: Sequence[Cloud], stress: float
-) -> SoftMotion:
-    """The softest motion of bodies that a body force (2N,) per undeformed area has ``displaced`` (2N,), in a
-    state with a largest ``stress``."""
-    root = np.sqrt(np.repeat(np.concatenate([cloud.areas for cloud in clouds]), 2))
+@dataclass(frozen=True, eq=False)
+class Stressed:
+    """A ``body`` at ``displacement`` (2n,) and load ``factors`` (L,)."""
+
+    body: FiniteBody
+    displacement: FloatArray
+    factors: FloatArray
+
+    @cached_property
+    def stress(self) -> FloatArray:
+        """First Piola-Kirchhoff stress (4, n) at the nodes."""
+        return self.body.stress(self.displacement, self.factors)
+
+    def energies(self, motion: FloatArray) -> FloatArray:
+        """Twice the energies (2,) of the strain of a ``motion`` (2n,), by the shear modulus alone, the least
+        there is, and of the stress on its rotations."""
+        f = self.body.gradient(self.displacement).T.reshape(-1, 2, 2) + np.eye(2)
+        slope = self.body.gradient(motion).T.reshape(-1, 2, 2)
+        strain = np.swapaxes(f, 1, 2) @ slope
+        strain = 0.5 * (strain + np.swapaxes(strain, 1, 2))
+        second = np.linalg.solve(f, self.stress.T.reshape(-1, 2, 2))
+        elastic = 2.0 * self.body.elastic.model.material.shear * (strain**2).sum(axis=(1, 2))
+        geometric = np.einsum("niJ,nJK,niK->n", slope, second, slope)
+        return np.array([elastic, geometric]) @ self.body.elastic.model.cloud.areas
+
+
+def softest_motion(displaced: Callable[[FloatArray], FloatArray], bodies: Sequence[Stressed]) -> SoftMotion:
+    """The softest motion of ``bodies``, which body forces (2N,) per undeformed area have ``displaced``."""
+    clouds = [one.body.elastic.model.cloud for one in bodies]
+    areas = np.repeat(np.concatenate([cloud.areas for cloud in clouds]), 2)
+    root = np.sqrt(areas)
     basis, upper = [root * _first_force(clouds)], np.zeros((ARNOLDI_STEPS + 1, ARNOLDI_STEPS))
     basis[0] /= np.linalg.norm(basis[0])
     for step in range(ARNOLDI_STEPS):
@@ -82,15 +108,30 @@ def softest_motion(
     values, vectors = np.linalg.eig(upper[:last])
     left = np.abs(upper[last, last - 1] * vectors[-1])
     extent = max(float(np.ptp(cloud.points, axis=0).max()) for cloud in clouds)
-    sure = np.flatnonzero((left <= CONVERGED * np.abs(values)) & (np.abs(values) > 0.0))
-    if not len(sure):
-        return STILL
-    resistance = (1.0 / values[sure]).real
-    least = int(np.argmin(resistance))
-    motion = np.array(basis[:last]).T @ vectors[:, sure[least]].real / root
-    motion = motion / motion[np.argmax(np.abs(motion))]
-    unstable = int((resistance < -NEUTRAL * stress / extent**2).sum())
-    return SoftMotion(float(resistance[least]), motion, unstable)
+    neutral = NEUTRAL * max(float(np.abs(one.stress).max()) for one in bodies) / extent**2
+    unstable, least = 0, STILL
+    sure = (left <= CONVERGED * np.abs(values)) & (np.abs(values) > 0.0)
+    for own in np.flatnonzero(sure).tolist():
+        resistance = float((1.0 / values[own]).real)
+        motion = np.array(basis[:last]).T @ vectors[:, own].real / root
+        motion = motion / motion[np.argmax(np.abs(motion))]
+        if resistance < -neutral:
+            if not _loses(bodies, motion, -resistance * float(areas @ motion**2)):
+                continue
+            unstable += 1
+        if resistance < least.resistance:
+            least = SoftMotion(resistance, motion, 0)
+    return SoftMotion(least.resistance, least.motion, unstable)
+
+
+def _loses(bodies: Sequence[Stressed], motion: FloatArray, energy: float) -> bool:
+    """Whether bodies may lose an ``energy`` in a ``motion`` (2N,): their stress gives back at least half of
+    what the strains take, or these take next to nothing. Short waves next to contacts, where the fields of
+    clouds and those of pressures differ, do not."""
+    ends = np.cumsum([one.body.unknowns for one in bodies])[:-1]
+    parts = zip(bodies, np.split(motion, ends), strict=True)
+    elastic, geometric = np.sum([one.energies(part) for one, part in parts], axis=0)
+    return bool(elastic <= max(-2.0 * geometric, 0.5 * energy))
 
 
 def rows_of_force(body: FiniteBody, force: FloatArray) -> FloatArray:
@@ -99,11 +140,6 @@ def rows_of_force(body: FiniteBody, force: FloatArray) -> FloatArray:
     found[: len(force)] = force.reshape(-1, 2).T.ravel()
     found[body.node_rows :] = -body.elastic.pieces.of_force(force.reshape(-1, 2))
     return found
-
-
-def largest_stress(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> float:
-    """Largest component of P at the nodes."""
-    return float(np.abs(body.stress(displacement, factors)).max())
 
 
 def _first_force(clouds: Sequence[Cloud]) -> FloatArray:
