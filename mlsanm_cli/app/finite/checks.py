@@ -126,6 +126,19 @@ def bifurcations(end: FiniteEnd) -> Iterator[Check]:
     yield Check("bifurcation", float(len(found)), message, hint)
 
 
+def located(end: FiniteEnd) -> Iterator[Check]:
+    """Whether knots were placed for the whole path."""
+    beyond = end.last.position - end.scene.located
+    if beyond > 0.0:
+        yield Check(
+            "located_contacts",
+            beyond,
+            f"contacts were located up to position {end.scene.located:.6g} only, where a path with coarse "
+            "pressures stopped: patches of contact that come later are as coarse as the nodes",
+            "use finer nodes where bodies touch, which are the first knots of pressures",
+        )
+
+
 def pointed(scene: FiniteScene, state: State) -> dict[str, float]:
     """Increase of the displacements of bodies held at single nodes when the spacing is halved, relative to
     the deformation."""
@@ -148,7 +161,7 @@ def pointed(scene: FiniteScene, state: State) -> dict[str, float]:
 
 
 END: Sequence[Callable[[FiniteEnd], Iterator[Check]]] = (
-    *(energy_estimate, estimates, bifurcations),
+    *(energy_estimate, estimates, located, bifurcations),
     *COMMON,
 )
 """Checks of a completed path at finite strain."""

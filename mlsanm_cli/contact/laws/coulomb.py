@@ -15,9 +15,9 @@ from mlsanm_cli.contact.complementarity.basis import Ray
 from mlsanm_cli.contact.complementarity.problem import GRAZING, ContactStatus, Problem
 from mlsanm_cli.contact.complementarity.solution import solve, touching
 from mlsanm_cli.contact.laws.failures import NoStateError, SlidingError
-from mlsanm_cli.contact.laws.limit_load import slides_freely
 from mlsanm_cli.contact.laws.linearised import ContactSolution
 from mlsanm_cli.contact.laws.residual import kkt_residual
+from mlsanm_cli.contact.laws.sliding import slides_freely
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.records import dataclass

@@ -134,6 +134,7 @@ def test_a_half_is_half_of_the_whole_at_finite_strain(
     assert 2.0 * found["force"][1] == pytest.approx(expected["force"][1], rel=2e-3)
     assert found["peak_pressure"] == pytest.approx(expected["peak_pressure"], rel=4e-3)
     assert 2.0 * found["half_width"] == pytest.approx(expected["half_width"], rel=0.01)
+    assert one["error_estimate"]["contacts"]["c"] <= 5e-3
 
 
 def test_a_contact_beside_the_plane(tmp_path: Path) -> None:
