@@ -45,6 +45,9 @@ MODEL: Mapping[str, Limit] = {
     "plane_stiffness": Limit(ANY, None, "materials whose stress out of the plane is not known"),
     "moduli": Limit(3e5, None, "largest modulus over the smallest; that of steel over soft rubber is 3e5"),
     "pulled_apart": Limit(ANY, None, "bodies that loads pull away from the only contact that holds them"),
+    "cut_body": Limit(
+        ANY, None, "bodies cut at a plane of symmetry whose edges press on bodies that are not"
+    ),
     "friction_coefficient": Limit(4.0, None, "coefficient of friction; that of rubber is up to 4"),
     "refinement_pass": Limit(ANY, None, "passes of a refinement that failed; results are those before it"),
 }

@@ -13,6 +13,7 @@ from mlsanm_cli.app.checks.limits import level
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene import pulls
 from mlsanm_cli.app.scene.assemble import SceneModel
+from mlsanm_cli.app.scene.corners import planes_of
 from mlsanm_cli.app.scene.load_profiles import amounts_at, runs_of
 from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.arrays import FloatArray, IntArray
@@ -33,10 +34,11 @@ from mlsanm_cli.contact.geometry.pairing import Pairing, spacing_ratio
 from mlsanm_cli.contact.response.coercivity import stiffness_ratio
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.corners import reentrant_corners
+from mlsanm_cli.mechanics.near_field import as_complex
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.records import dataclass
-from mlsanm_cli.roundoff import COARSE_ROUND_OFF
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
 
 @dataclass(frozen=True)
@@ -348,6 +350,32 @@ def pulled_apart(model: Quality) -> Iterator[Check]:
         yield Check("pulled_apart", 1.0, message, "change its sign", f"load {load}")
 
 
+def cut_bodies(model: Quality) -> Iterator[Check]:
+    """Bodies cut at a plane of symmetry that touch one that is not."""
+    for pairing in model.prepared.pairings:
+        for (body, slave, _), other in zip(pairing.sides, pairing.bodies[::-1], strict=True):
+            surface, models = pairing.surface_of(slave), model.prepared.models
+            ends = planes_of(models[body], surface, model.prepared.held[body])
+            near = (pairing.points if slave else pairing.partner)[np.argmin(pairing.gap)]
+            inside = as_complex(surface.curve.points(np.array([0.5 * surface.curve.length])))
+            for plane in ends if other != body else ():
+                across = as_complex(models[other].cloud.points)
+                if plane is None or abs(as_complex(near) - plane.point) > plane.reach:
+                    continue
+                behind = plane.height(across) * np.sign(plane.height(inside))
+                if behind.min() < -ROUND_OFF * np.ptp(behind):
+                    x, y = np.round(near / np.ptp(behind), 9) * np.ptp(behind) + 0.0
+                    yield Check(
+                        "cut_body",
+                        1.0,
+                        f"contact {pairing.name}: body {body} ends at a side that is held as a plane of "
+                        f"symmetry, and body {other} continues behind it, so that the edge of {body} at "
+                        f"({x:.6g}, {y:.6g}) presses on it",
+                        "cut both bodies at the plane, or neither",
+                        f"contact {pairing.name}",
+                    )
+
+
 def friction(model: Quality) -> Iterator[Check]:
     """Coefficients of friction."""
     for contact in model.case.touching:
@@ -360,6 +388,6 @@ def friction(model: Quality) -> Iterator[Check]:
 
 MODEL: Sequence[Callable[[Quality], Iterator[Check]]] = (
     *(clouds, facing_surfaces, bonded_curves, degree, initial_gap, loaded_length, load_resolution),
-    *(weak_motions, corners, materials, moduli, pulled_apart, friction),
+    *(weak_motions, corners, materials, moduli, pulled_apart, cut_bodies, friction),
 )
 """Checks of a model."""

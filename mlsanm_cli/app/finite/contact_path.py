@@ -21,7 +21,7 @@ from mlsanm_cli.contact.finite.side_response import beyond_clouds
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.body import far_from, most_stretched
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
-from mlsanm_cli.solve.stages import factors_at
+from mlsanm_cli.solve.condensed_scene import factors_at
 from mlsanm_cli.solve.state import Bifurcation, Checkpoint, PathStep, State
 
 FIRST_INCREMENT = 0.25
