@@ -25,9 +25,8 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.complementarity.basis import Ray
+from mlsanm_cli.contact.laws.contact_state import Linearised
 from mlsanm_cli.contact.laws.coulomb import CoulombState, increment, unloaded
-from mlsanm_cli.contact.laws.failures import NoStateError
-from mlsanm_cli.contact.laws.linearised import Linearised
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.laws.von_mises import HISTORY, plastic_stress
@@ -154,10 +153,9 @@ class PlasticScene:
         """The state for eigenstresses ``unknowns`` (u,), with the contact set searched from a ``guess``."""
         scene, stresses = self.built.scene, dict(self._split(unknowns))
         condensed = self._eigen.within(self.built.condensed, stresses)
-        try:
-            contact, _ = increment(condensed, before.contact, factors, guess=guess.sets)
-        except NoStateError as error:
-            raise FlowError(error.message, error.hint) from error
+        contact = increment(condensed, before.contact, factors, guess=guess.sets)
+        if contact is None:
+            raise FlowError("no contact state balances the loads")
         v = contact.values
         drive = factors, v.motion, v.pressure, v.traction
         rest, strain, stress, tangent, history, work, misfits = {}, {}, {}, {}, {}, {}, []
@@ -182,7 +180,7 @@ class PlasticScene:
         return Flow(factors, unknowns, contact, rest, strain, stress, tangent, history, work, misfit, size)
 
     def growth(self, now: Flow, change: FloatArray) -> float:
-        """Displacements per change of load factors (L,) over those of elastic bodies; without limit at a limit
+        """Displacements per change of load factors (L,) over those of elastic bodies; unbounded at a limit
         load."""
         linear, none = Linearised(self.built.condensed, now.contact.sets), np.zeros(len(now.unknowns))
         elastic, flowed = self._response(now, linear, none, change)

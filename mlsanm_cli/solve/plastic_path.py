@@ -15,15 +15,14 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import finer_nodes
 from mlsanm_cli.contact.complementarity.problem import ContactStatus
+from mlsanm_cli.contact.laws.contact_state import ContactSolution
 from mlsanm_cli.contact.laws.coulomb import CoulombState, residual
-from mlsanm_cli.contact.laws.linearised import ContactSolution
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.laws.von_mises import plastic_stress
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
-from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.condensed_scene import CondensedScene, factors_at
 from mlsanm_cli.solve.plastic_flow import Flow, FlowError, PlasticScene
-from mlsanm_cli.solve.stages import factors_at
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State, friction_history, output_positions, stops
 
 GROWTH = 2.0
