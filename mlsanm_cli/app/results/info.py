@@ -21,17 +21,8 @@ from mlsanm_cli.io.run_reader import RunData, read_origin, read_run
 from mlsanm_cli.io.summary import read_summary
 
 PROVENANCE = (
-    "mlsanm_version",
-    "git",
-    "versions",
-    "argv",
-    "host",
-    "cpu",
-    "threads",
-    "resumed",
-    "case_path",
-    "case_hash",
-    "cache_hash",
+    *("mlsanm_version", "git", "versions", "argv", "host", "cpu", "threads", "resumed"),
+    *("case_path", "case_hash", "cache_hash"),
 )
 
 
@@ -49,38 +40,27 @@ def info(rundir: Path) -> Mapping[str, Any]:
 def _unfinished(run: RunData) -> dict[str, Any]:
     """The figures in run.h5 of a run without summary.json."""
     age = time.time() - (run.directory / run_dir.RUN_FILE).stat().st_mtime
-    writer = holder(run.directory)
+    writer, path = holder(run.directory), run.path
+    known: dict[str, Any] = {"status": run.status}
     if writer:
-        ending = {"stop_reason": f"no summary: still running, {writer}; last written {age:.0f} s ago"}
+        known["stop_reason"] = f"no summary: still running, {writer}; last written {age:.0f} s ago"
     else:
-        ending = {
-            "stop_reason": f"killed or out of disk space: ended without a summary {age:.0f} s ago",
-            "hint": f"continue with: {run_dir.resume_command(run.directory)}",
-        }
-    path = run.path
-    known: dict[str, Any] = {
-        "status": run.status,
-        **ending,
-        "steps": max(run.rows - 1, 0),
-        "nodes": int(run.attributes.get("nodes", 0)),
-    }
+        known["stop_reason"] = f"killed or out of disk space: ended without a summary {age:.0f} s ago"
+        known["hint"] = f"continue with: {run_dir.resume_command(run.directory)}"
+    known |= {"steps": max(run.rows - 1, 0), "nodes": int(run.attributes.get("nodes", 0))}
     if not run.rows:
         return known
-    known |= {
-        "position": float(path.position[-1]),
-        "factorizations": int(path.factorizations.sum()),
-        "solves": int(path.solves.sum()),
-        "residual": float(path.residual.max()),
-        "contacts": {
-            name: {
-                "peak_pressure": float(contact.pressure[-1].max(initial=0.0)),
-                "half_width": half_width(contact.arc_length, contact.pressure[-1]),
-                "min_gap": float(contact.gap[-1].min()),
-            }
-            for name, contact in run.contacts.items()
-        },
+    contacts = {
+        name: {
+            "peak_pressure": float(contact.pressure[-1].max(initial=0.0)),
+            "half_width": half_width(contact.arc_length, contact.pressure[-1]),
+            "min_gap": float(contact.gap[-1].min()),
+        }
+        for name, contact in run.contacts.items()
     }
-    return known
+    counts = {name: int(path[name].sum()) for name in ("factorizations", "solves")}
+    known |= {"position": float(path.position[-1]), **counts, "residual": float(path.residual.max())}
+    return {**known, "contacts": contacts}
 
 
 def held_case(directory: Path) -> str | None:
@@ -105,10 +85,9 @@ def finished(directory: Path, case_hash: str) -> Mapping[str, Any] | None:
 
 
 FIGURES = (
-    *("position", "steps", "factorizations", "solves", "nodes", "contact_unknowns"),
-    *("contacts", "forces", "residual", "linear_residual", "force_balance"),
-    *("energy_error", "stability"),
-    *("error_estimate", "warnings", "seconds", "peak_memory_mb"),
+    *("position", "steps", "factorizations", "solves", "nodes", "contact_unknowns", "contacts", "forces"),
+    *("residual", "linear_residual", "force_balance", "energy_error", "stability", "error_estimate"),
+    *("warnings", "seconds", "peak_memory_mb"),
 )
 """Entries of a summary that become columns."""
 FORMULA_SIGNS = ("=", "+", "-", "@", "\t", "\r")
@@ -172,15 +151,11 @@ def _run(directory: Path) -> tuple[Row, dict[str, Any], dict[str, Any]]:
     row |= {"status": known.get("status"), "stop_reason": known.get("stop_reason")}
     chosen = flat({name: known[name] for name in FIGURES if name in known})
     chosen["warnings"] = chosen.get("warnings") or None
-    return row, case, _columns(chosen)
-
-
-def _columns(figures: Mapping[str, Any]) -> dict[str, Any]:
-    """Figures as single values, vectors by component."""
     columns: dict[str, Any] = {}
-    for name, value in figures.items():
+    for name, value in chosen.items():
+        # Vectors by component.
         if isinstance(value, list) and len(value) == 2 and not any(isinstance(part, str) for part in value):
             columns |= {f"{name}_x": value[0], f"{name}_y": value[1]}
         elif not isinstance(value, Mapping):
             columns[name] = value
-    return columns
+    return row, case, columns
