@@ -1,7 +1,7 @@
 """``[adapt] passes``: solve, refine at contact edges and where fits are poor, solve again.
 
-The regularised law has pressures at nodes: automatic spacings of bodies in contact are refined in the same
-way to ``NODAL_RULE``, without being asked.
+The regularised law has pressures at nodes, and plastic strains are nodal: automatic spacings of bodies in
+contact are then refined in the same way to ``NODAL_RULE``, without being asked.
 
 Pressures at nodes are as accurate as the edges of contact are known, to half a spacing, then as the spacing
 under the contact. Every pass requires ``Rule.across`` spacings over the half-width of each patch, and refines
@@ -20,7 +20,7 @@ there is a lower bound of the level, as the bulk need not be more accurate.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -36,6 +36,7 @@ from mlsanm_cli.app.scene.condense import condense_scene
 from mlsanm_cli.app.scene.refinement import Refinement, has_automatic_spacings
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Case
+from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
 from mlsanm_cli.cloud.spacing import Zone, cover
 from mlsanm_cli.contact.geometry.profile import Patch, contact_patches, half_width
@@ -208,10 +209,11 @@ def adapt(case: Case, prepared: SceneModel, context: RunContext, known: Refineme
         prepared, bulk, placed = refined, (*bulk, *more), wanted
         history.append(_figures(built, accuracy, history[-1]))
         now = history[-1]
+        moved = now["largest_displacement"]
         context.console.note(
             f"pass {number}: {now['nodes']} nodes, peak pressure {now['peak_pressure']:.6g}, "
-            f"half-width {now['half_width']:.6g}, largest displacement {now['largest_displacement']:.6g}, "
-            f"change {now['change']:.2g}"
+            f"half-width {now['half_width']:.6g}, "
+            f"{'' if moved is None else f'largest displacement {moved:.6g}, '}change {now['change']:.2g}"
         )
         if now["change"] <= CHANGE_TOLERANCE:
             break
@@ -222,7 +224,8 @@ def _required(case: Case, prepared: SceneModel) -> tuple[Rule, int]:
     """The spacings that contact patches require, and the number of passes."""
     touching = {body for pairing in prepared.pairings for body in pairing.bodies}
     smooth = any(contact.regularization.law == "hyperbolic" for contact in case.touching)
-    if smooth and has_automatic_spacings(case, touching) and not case.adapt.passes:
+    flows = any(case.material[body.material].flows for body in case.body if body.name in touching)
+    if (smooth or flows) and has_automatic_spacings(case, touching) and not case.adapt.passes:
         return NODAL_RULE, NODAL_PASSES
     degree = min(model.settings.degree for model in prepared.models.values())
     return LOW_DEGREE_RULE if degree < 4 else HIGH_DEGREE_RULE, case.adapt.passes
@@ -244,6 +247,9 @@ def found_patches(built: CondensedScene, rule: Rule) -> Iterator[Patch]:
         for pairing in built.condensed.pairings:
             span = built.condensed.spans[pairing.name]
             closed = [patch for patch in contact_patches(pairing, state.active[span]) if len(patch.edges)]
+            if flowing := built.laws.keys() & set(pairing.bodies):
+                clouds = [built.scene.bodies[name].model.cloud for name in flowing]
+                closed = [replace(patch, spacing=_spacing_at(clouds, patch.middle)) for patch in closed]
             yield from closed
             if any((patch.uncertainty > EDGE_TOLERANCE * patch.half_width).any() for patch in closed):
                 continue
@@ -252,6 +258,11 @@ def found_patches(built: CondensedScene, rule: Rule) -> Iterator[Patch]:
             for patch in contact_patches(pairing, state.stuck[span]):
                 if patch.half_width > least and len(patch.edges):
                     yield replace(patch, finest=max(rule.at_edge / STICK_REFINEMENT, 1.0))
+
+
+def _spacing_at(clouds: Sequence[Cloud], place: FloatArray) -> float:
+    """The largest spacing of the nodes next to a ``place`` (2,)."""
+    return max(float(cloud.spacing[cloud.tree.query(place)[1]]) for cloud in clouds)
 
 
 def _is_coarse(patch: Patch, rule: Rule) -> bool:
