@@ -210,7 +210,7 @@ def _effects_of(
                 effects["probe", probe.name] = float(np.hypot(*change))
     for pairing in condensed.pairings:
         force, span = condensed.contact_forces[pairing.name], condensed.spans[pairing.name]
-        size = float(condensed.weight[span] @ state.pressure[span])
+        size = float(condensed.areas[span] @ state.pressure[span])
         apart = float(np.hypot(*(force(*unknowns) - force.constant)))
         effects["force", pairing.name] = apart / size if _is_pressed(state, span) else 0.0
     return effects | {DISPLACEMENT: float(np.sqrt(total))}

@@ -1,7 +1,8 @@
 """``[adapt] passes``: solve, refine at contact edges and where fits are poor, solve again.
 
-The regularised law has pressures at nodes: automatic spacings of bodies in contact are refined in the same
-way to ``NODAL_RULE``, without being asked.
+The regularised law, and bodies of revolution, have pressures at nodes: automatic spacings of bodies in
+contact are refined in the same way to ``NODAL_RULE``, all spacings of bodies of revolution to ``RING_RULE``,
+without being asked.
 
 The accuracy of a pressure profile is limited by the position of the contact edges, known to half a spacing,
 then by the spacing under the contact. Every pass requires ``Rule.across`` spacings over the half-width of
@@ -96,7 +97,8 @@ def _residual(body: ElasticBody, defect: Defect) -> FloatArray:
     """Residual times spacing (n,), with its square averaged over the stencil of each node."""
     cloud, stencils = body.model.cloud, body.model.stencils
     scale = body.model.material.modulus
-    square = (defect.stress**2 * np.array([1.0, 1.0, 2.0])).sum(axis=1) / scale**2
+    times = np.array([1.0, 1.0, 2.0, 1.0])[: defect.stress.shape[1]]
+    square = (defect.stress**2 * times).sum(axis=1) / scale**2
     mean = np.add.reduceat(square[stencils.indices], stencils.indptr[:-1]) / np.diff(stencils.indptr)
     result: FloatArray = np.sqrt(mean) * cloud.spacing * corner_weight(cloud, body.restrained, body.springs)
     return result
@@ -155,8 +157,10 @@ HIGH_DEGREE_RULE = Rule(10.0, 0.5, 256.0, 0.14)
 """Degrees 4 to 6."""
 NODAL_RULE = Rule(10.0, 1.0, 10.0, 0.2)
 """Nodal pressures of the regularised law: even spacings under the patch, as the law smooths its edges."""
+RING_RULE = Rule(20.0, 1.0, 64.0, 0.2)
+"""Nodal pressures on bodies of revolution, at degree 4: peaks and approaches to 5e-4, radii to 5e-3."""
 NODAL_PASSES = 6
-"""Largest number of passes to `NODAL_RULE`; each halves the uncertainty of edges at least."""
+"""Largest number of passes to `NODAL_RULE` and `RING_RULE`; each halves the uncertainty of edges at least."""
 STICK_REFINEMENT = 64.0
 EDGE_TOLERANCE = 0.05
 """Accuracy of contact edges, in half-widths, required for the refinement of stick zones."""
@@ -214,9 +218,10 @@ def adapt(case: Case, prepared: SceneModel, context: RunContext, known: Refineme
         prepared, bulk, placed = refined, (*bulk, *more), wanted
         history.append(_figures(built, accuracy, history[-1]))
         now = history[-1]
+        moved = now["largest_displacement"]
         context.console.note(
             f"pass {number}: {now['nodes']} nodes, peak pressure {now['peak_pressure']:.6g}, "
-            f"half-width {now['half_width']:.6g}, largest displacement {now['largest_displacement']:.6g}, "
+            f"half-width {now['half_width']:.6g}, {f'largest displacement {moved:.6g}, ' if moved else ''}"
             f"change {now['change']:.2g}"
         )
         if now["change"] <= CHANGE_TOLERANCE:
@@ -227,6 +232,8 @@ def adapt(case: Case, prepared: SceneModel, context: RunContext, known: Refineme
 def _required(case: Case, prepared: SceneModel) -> tuple[Rule, int]:
     """The spacings that contact patches require, and the number of passes."""
     touching = {body for pairing in prepared.pairings for body in pairing.bodies}
+    if case.model.revolved and prepared.pairings and not case.adapt.passes:
+        return RING_RULE, 0 if any(body.has_nodes for body in case.body) else NODAL_PASSES
     smooth = any(contact.regularization.law == "hyperbolic" for contact in case.touching)
     if smooth and has_automatic_spacings(case, touching) and not case.adapt.passes:
         return NODAL_RULE, NODAL_PASSES
@@ -249,7 +256,8 @@ def found_patches(built: CondensedScene, rule: Rule) -> Iterator[Patch]:
     for state in built.ends:
         for pairing in built.condensed.pairings:
             span = built.condensed.spans[pairing.name]
-            closed = [patch for patch in contact_patches(pairing, state.active[span]) if len(patch.edges)]
+            patches = contact_patches(pairing, state.active[span], built.case.model.revolved)
+            closed = [patch for patch in patches if len(patch.edges)]
             yield from closed
             if any((patch.uncertainty > EDGE_TOLERANCE * patch.half_width).any() for patch in closed):
                 continue

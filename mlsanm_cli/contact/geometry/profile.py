@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray, runs_of
+from mlsanm_cli.cloud.revolution import radius_of
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.records import dataclass
 
@@ -138,10 +139,12 @@ class Patch:
     finest: float = 1.0
 
 
-def contact_patches(pairing: Pairing, closed: BoolArray) -> list[Patch]:
-    """Patches of one contact with closed candidates ``closed`` (m,)."""
+def contact_patches(pairing: Pairing, closed: BoolArray, corners: bool = False) -> list[Patch]:
+    """Patches of one contact with closed candidates ``closed`` (m,). With ``corners`` ends of the candidates
+    are edges, too, but for those on an axis of revolution."""
     arc = pairing.arc[pairing.candidate]
     spacing = pairing.spacing[pairing.candidate]
+    radius = radius_of(pairing.points[pairing.candidate], pairing.points)
     patches = []
     for first, after in runs_of(closed):
         last = after - 1
@@ -150,10 +153,16 @@ def contact_patches(pairing: Pairing, closed: BoolArray) -> list[Patch]:
             ends[0] = 0.5 * (arc[first - 1] + arc[first])
             edges.append(ends[0])
             uncertainty.append(arc[first] - arc[first - 1])
+        elif corners and after > 1 and radius[0] > 0.0:
+            edges.append(ends[0])
+            uncertainty.append(arc[1] - arc[0])
         if after < len(arc):
             ends[1] = 0.5 * (arc[last] + arc[after])
             edges.append(ends[1])
             uncertainty.append(arc[after] - arc[last])
+        elif corners and after > 1 and radius[-1] > 0.0:
+            edges.append(ends[1])
+            uncertainty.append(arc[last] - arc[last - 1])
         middle = 0.5 * (ends[0] + ends[1])
         nearest = int(np.argmin(np.abs(arc - middle)))
         patches.append(
