@@ -1,4 +1,4 @@
-"""`dataclass` with methods that all classes share.
+"""`dataclass` with methods that all classes share, and a base class of context managers.
 
 The standard one compiles six methods for every class. A run defines two hundred classes, whose methods take
 an eighth of the CPU time of a small one; here only ``__init__`` is compiled.
@@ -7,7 +7,7 @@ an eighth of the CPU time of a small one; here only ``__init__`` is compiled.
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 if TYPE_CHECKING:
     from dataclasses import dataclass as dataclass
@@ -55,3 +55,17 @@ def _set_once(self: Any, name: str, value: object) -> None:
 
 def _keep(self: Any, name: str) -> None:
     raise dataclasses.FrozenInstanceError(f"cannot delete field {name!r}")
+
+
+class Closing:
+    """Closed at the end of a ``with`` block."""
+
+    def close(self) -> None:
+        """Releases resources; may be called twice."""
+        raise NotImplementedError
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()

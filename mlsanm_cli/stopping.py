@@ -14,16 +14,18 @@ from typing import Any, ClassVar, Self
 from mlsanm_cli.system import STOPPING
 
 STOPPING_MESSAGE = "stopping after this step; Ctrl-C again stops at once"
+GRACE = 2.0
+"""Seconds that a step may still take after a signal."""
 
 
 class Stopper:
     """Raises KeyboardInterrupt at a signal or after ``max_wall`` seconds; use as a context manager.
 
     While ``gentle``, the first signal only sets ``reason``, and :meth:`check`, called between steps, raises
-    the exception; a second signal raises it at once. Otherwise the first one raises it at once and sets
-    ``reason``, as an exception in a callback of a compiled library can be lost. Outside the main thread only
-    :meth:`check` applies, to the wall time. SIGTERM ends a process of a pool at once, as the pool waits for
-    it.
+    the exception; a second signal raises it at once, and so do ``grace`` seconds without a check, unless that
+    is None. Otherwise the first one raises it at once and sets ``reason``, as an exception in a callback of a
+    compiled library can be lost. Outside the main thread only :meth:`check` applies, to the wall time.
+    SIGTERM ends a process of a pool at once, as the pool waits for it.
     """
 
     message: ClassVar[str] = ""
@@ -31,6 +33,7 @@ class Stopper:
 
     def __init__(self, max_wall: float | None = None) -> None:
         self.gentle = False
+        self.grace: float | None = GRACE
         self.reason = ""
         self._max_wall = max_wall
         self._end = time.monotonic() + max_wall if max_wall is not None else None
@@ -43,7 +46,13 @@ class Stopper:
         if self._end is not None and time.monotonic() >= self._end:
             self.reason = self.reason or self._reason_of(None)
         if self.reason:
+            self._set_alarm(0.0)
             raise KeyboardInterrupt(self.reason)
+
+    def finish(self) -> None:
+        """From now on only a second signal raises the exception."""
+        self.grace = None
+        self._set_alarm(0.0)
 
     def _reason_of(self, number: int | None) -> str:
         # Without SIGALRM, SIGINT has this meaning once the time is over.
@@ -59,6 +68,8 @@ class Stopper:
             raise KeyboardInterrupt(self.reason)
         # Not written here: a handler may interrupt the writing of another line.
         Stopper.message = STOPPING_MESSAGE
+        if self.grace is not None:
+            self._set_alarm(self.grace)
 
     def __enter__(self) -> Self:
         if threading.current_thread() is threading.main_thread():
@@ -69,9 +80,16 @@ class Stopper:
         return self
 
     def _set_alarm(self, seconds: float) -> None:
-        """Schedules a signal; on Windows by a thread."""
+        """Schedules a signal, instead of one that is due; 0 for none. On Windows by a thread."""
+        if not self._before:
+            return
         if hasattr(signal, "setitimer"):
             signal.setitimer(signal.ITIMER_REAL, seconds)
+            return
+        if self._timer is not None:
+            self._timer.cancel()
+        self._timer = None
+        if not seconds:
             return
         self._timer = threading.Timer(seconds, _thread.interrupt_main, (self._alarm,))
         self._timer.daemon = True
@@ -81,11 +99,7 @@ class Stopper:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         Stopper.message = ""
-        if self._before and self._max_wall is not None:
-            if hasattr(signal, "setitimer"):
-                signal.setitimer(signal.ITIMER_REAL, 0.0)
-            if self._timer is not None:
-                self._timer.cancel()
+        self._set_alarm(0.0)
         for number, handler in self._before.items():
             signal.signal(number, handler)
 

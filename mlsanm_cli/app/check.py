@@ -23,6 +23,7 @@ from mlsanm_cli.case import (
     Case,
     Centrifugal,
     Displacement,
+    Force,
     ObstacleMotion,
     Platen,
     Pressure,
@@ -124,11 +125,7 @@ def _conditions(case: Case) -> dict[str, dict[str, str]]:
         if isinstance(load, ObstacleMotion):
             place = f"obstacle of {load.obstacle}"
         else:
-            place = (
-                load.owner if isinstance(load, BodyForce | Centrifugal | Temperature) else load.place.label
-            )
-            if isinstance(load, Platen):
-                place = load.label
+            place = " and ".join(place.label for place in load.places) or load.owner
         add(place, *(f"{text} ({load.name})" if text else "" for text in _described(load)))
     for contact in case.contact:
         for role, label in zip(("slave", "master"), contact.names, strict=False):
@@ -143,6 +140,8 @@ def _described(load: AnyLoad) -> tuple[str, str]:
         return moved.get("x", ""), moved.get("y", "")
     if isinstance(load, Temperature):
         x = y = load.temperature
+    elif isinstance(load, Force):
+        x, y = (part or "" for part in load.total)
     elif isinstance(load, BodyForce | Centrifugal):
         x, y = load.body_force
     elif isinstance(load, Displacement):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import ClassVar, Protocol
 
@@ -29,9 +29,6 @@ class Console(Protocol):
 
     def error(self, message: str, hint: str) -> None:
         """Why a run failed, and what to do."""
-
-    def table(self, title: str, rows: Sequence[tuple[str, str]]) -> None:
-        """A small table of names and values."""
 
 
 PHASES = (
@@ -97,10 +94,15 @@ class RunContext:
             yield
 
     def stop_gently(self) -> None:
-        """From now on the command stops between steps only, where no results are lost."""
+        """From now on the command stops between steps, where no results are lost, unless one takes long."""
         if self.stopper is not None:
             self.stopper.gentle = True
         self.check_stop()
+
+    def finishing(self) -> None:
+        """From now on a signal only stops the command if it is the second one."""
+        if self.stopper is not None:
+            self.stopper.finish()
 
     def check_stop(self) -> None:
         """Raises KeyboardInterrupt if the command is to stop."""

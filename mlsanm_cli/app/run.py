@@ -96,27 +96,30 @@ def carry_out(
     provenance: Mapping[str, Attribute],
     earlier: EarlierRun | None = None,
 ) -> dict[str, Any]:
-    """Follows the path of a scene, again on finer clouds as long as its contacts require that, and writes the
-    run directory; returns the summary. Raises UnfinishedError if it cannot be written, and Interrupted if
-    stopped at once: the run can be resumed."""
+    """Follows the path of a scene and writes the run directory; returns the summary. Raises UnfinishedError
+    if it cannot be written, and Interrupted if stopped at once: the run can be resumed."""
     try:
-        while True:
-            with Recorder(directory, loaded, provenance, analysis.context, earlier) as recorder:
-                ending = ending_of(partial(follow, analysis, recorder), directory)
-                finer = None
-                if ending.status != "stopped":
-                    finer = analysis.finer(recorder.tally, ending.error)
-                if finer is None:
-                    return {**conclude(analysis, recorder, ending), "directory": str(directory)}
-            analysis, earlier = finer, None
-            run_dir.prepare(directory, force=True)
-            analysis.context.console.note("repeating the run with finer nodes in contact")
+        with Recorder(directory, loaded, provenance, analysis.context, earlier) as recorder:
+            ending = ending_of(partial(follow, analysis, recorder), directory)
+            if ending.status == "done":
+                ending = ending_of(partial(judge, analysis, recorder, ending), directory)
+            return {**conclude(analysis, recorder, ending), "directory": str(directory)}
     except WriteError as error:
         hint = f"make room, then: {run_dir.resume_command(directory)}"
         raise UnfinishedError(error.message, hint) from error
     except KeyboardInterrupt as stop:
         # A second signal, while the first is obeyed.
         raise Interrupted(str(stop), f"continue with: {run_dir.resume_command(directory)}") from stop
+
+
+def ending_of(part: Callable[[], Ending], directory: Path) -> Ending:
+    """The ending of a part of a run, also by an error or a signal."""
+    try:
+        return part()
+    except NumericalError as error:
+        return Ending("failed", error.message, error.hint, error)
+    except KeyboardInterrupt as stop:
+        return Ending("stopped", str(stop), f"continue with: {run_dir.resume_command(directory)}")
 
 
 def follow(analysis: Analysis, recorder: Recorder) -> Ending:
@@ -145,28 +148,17 @@ def judge(analysis: Analysis, recorder: Recorder, ending: Ending) -> Ending:
     return ending
 
 
-def ending_of(part: Callable[[], Ending], directory: Path) -> Ending:
-    """The ending of a part of a run, also by an error or a signal."""
-    try:
-        return part()
-    except NumericalError as error:
-        return Ending("failed", error.message, error.hint, error)
-    except KeyboardInterrupt as stop:
-        return Ending("stopped", str(stop), f"continue with: {run_dir.resume_command(directory)}")
-
-
 def conclude(analysis: Analysis, recorder: Recorder, ending: Ending) -> Mapping[str, Any]:
-    """Checks a completed path, and writes how the run ended; returns the summary."""
-    console = analysis.context.console
-    if ending.status == "done":
-        ending = ending_of(partial(judge, analysis, recorder, ending), recorder.directory)
+    """Writes how a run ended; returns the summary."""
+    context = analysis.context
+    context.finishing()
     if ending.error is not None:
         recorder.failure(analysis, ending.error)
     for note in (ending.hint if ending.status == "stopped" else "", *analysis.notes):
         if note:
-            console.note(note)
+            context.console.note(note)
     if ending.error is not None:
-        console.error(ending.error.message, ending.error.hint)
+        context.console.error(ending.error.message, ending.error.hint)
     summary = summarise(analysis, ending, recorder)
     recorder.finish(analysis, summary)
     return summary

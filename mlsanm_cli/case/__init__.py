@@ -14,6 +14,7 @@ from mlsanm_cli.case.model.expressions import value_at as value_at
 from mlsanm_cli.case.model.loads import BodyForce as BodyForce
 from mlsanm_cli.case.model.loads import Centrifugal as Centrifugal
 from mlsanm_cli.case.model.loads import Displacement as Displacement
+from mlsanm_cli.case.model.loads import Force as Force
 from mlsanm_cli.case.model.loads import Pressure as Pressure
 from mlsanm_cli.case.model.loads import Temperature as Temperature
 from mlsanm_cli.case.model.loads import Traction as Traction

@@ -14,8 +14,7 @@ from typing import Any
 import click
 
 from mlsanm_cli.cli import completion, declare
-from mlsanm_cli.cli.running import print_result
-from mlsanm_cli.cli.settings import Settings, say
+from mlsanm_cli.cli.settings import Settings, print_result, say
 from mlsanm_cli.cli.text import BOLD, grid, paint, table
 from mlsanm_cli.errors import RunError
 
@@ -128,21 +127,15 @@ def explain(settings: Settings, key: str, all_keys: bool) -> int:
         if key:
             raise RunError("--all explains every key", f"omit {key} or --all")
         explanations = all_explanations()
-        print_result(
-            settings,
-            {"explanations": [vars(entry) for entry in explanations]},
-            markdown(explanations),
-        )
+        described = [vars(entry) for entry in explanations]
+        print_result(settings, {"explanations": described}, markdown(explanations))
         return 0
     from mlsanm_cli.case.explain import explain as explain_key
 
     described = [vars(entry) for entry in explain_key(key)]
     color = settings.paints(sys.stdout)
-    print_result(
-        settings,
-        {"explanations": described},
-        "\n\n".join(_explanation(entry, color) for entry in described),
-    )
+    text = "\n\n".join(_explanation(entry, color) for entry in described)
+    print_result(settings, {"explanations": described}, text)
     return 0
 
 

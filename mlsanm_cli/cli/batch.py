@@ -9,10 +9,9 @@ from typing import Any
 import click
 
 from mlsanm_cli.cli import completion, declare
-from mlsanm_cli.cli.console import TerminalConsole
+from mlsanm_cli.cli.console import TerminalConsole, called
 from mlsanm_cli.cli.results import comparison_text
-from mlsanm_cli.cli.running import console_for, of_app, pretty_result, print_result
-from mlsanm_cli.cli.settings import Settings, say
+from mlsanm_cli.cli.settings import Settings, of_app, print_result, print_tables, say
 from mlsanm_cli.cli.text import as_json
 from mlsanm_cli.errors import RunError
 
@@ -42,11 +41,10 @@ def sweep(settings: Settings, /, case: Path, varied: tuple[str, ...], **options:
     For instance --vary contact.interface.friction=0:0.5:11 or --vary body.block.spacing=0.1,0.2,0.4.
     Completed points are skipped: the same command continues an interrupted sweep.
     """
-    with console_for(settings) as console:
-        solve = of_app("sweep.run_sweep.sweep", options["threads"])
-        result = solve(case, varied, console=console, argv=tuple(sys.argv), **options)
+    function, argv = "sweep.run_sweep.sweep", tuple(sys.argv)
+    result = called(settings, function, options["threads"], case, varied, argv=argv, **options)
     shown = {key: value for key, value in result.items() if key not in ("trouble", "directories")}
-    print_result(settings, result, pretty_result(settings, shown))
+    print_tables(settings, result, shown)
     return 3 if result["failed"] else 75 if result["stopped"] else 0
 
 
@@ -116,8 +114,7 @@ def compare(settings: Settings, /, case: Path, **options: Any) -> int:
     operators. Exit code 1 if they disagree.
     """
     methods = tuple(name for name in METHODS if options.pop(name.replace("-", "_")))
-    with console_for(settings) as console:
-        run = of_app("comparison.compare.compare", options["threads"])
-        result = run(case, methods=methods, console=console, argv=tuple(sys.argv), **options)
+    function, argv = "comparison.compare.compare", tuple(sys.argv)
+    result = called(settings, function, options["threads"], case, methods=methods, argv=argv, **options)
     print_result(settings, result, comparison_text(result, settings.paints(sys.stdout)))
     return _STATUS_CODES.get(str(result["status"]), 0)

@@ -16,18 +16,17 @@ import click
 
 from mlsanm_cli import __version__
 from mlsanm_cli.cli import declare
+from mlsanm_cli.cli.console import called
 from mlsanm_cli.cli.results import FRICTION_KEYS, has_friction, run_text
-from mlsanm_cli.cli.running import console_for, of_app, pretty_result, print_result
-from mlsanm_cli.cli.settings import Settings, say
+from mlsanm_cli.cli.settings import Settings, of_app, print_result, print_tables, say
 
-LAZY_COMMANDS = {
-    **dict.fromkeys(("explain", "new", "schema"), "authoring"),
-    **dict.fromkeys(("collect", "compare", "sweep"), "batch"),
-    **{name: name for name in ("plot", "probe")},
-    "report": "plot",
-    "fit-law": "authoring",
+MODULES = {
+    "authoring": ("explain", "new", "schema", "fit-law"),
+    "batch": ("collect", "compare", "sweep"),
+    "views": ("plot", "probe", "report"),
 }
-"""Commands defined in other modules of this package, by name."""
+"""Modules of this package that define commands, imported when these are called."""
+LAZY_COMMANDS = {name: module for module, names in MODULES.items() for name in names}
 
 SECTIONS = {
     "One scene": ("new", "check", "run", "resume", "info", "plot", "probe", "report"),
@@ -42,24 +41,15 @@ class Commands(click.Group):
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """All names, in the order of the help."""
-        known = {*self.commands, *LAZY_COMMANDS}
-        placed = [name for names in SECTIONS.values() for name in names]
-        return [name for name in placed if name in known] + sorted(known - set(placed))
+        return [name for names in SECTIONS.values() for name in names]
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """The commands by section."""
-        commands = {name: self.get_command(ctx, name) for name in self.list_commands(ctx)}
-        room = formatter.width - 6 - max(map(len, commands))
+        room = formatter.width - 6 - max(map(len, self.list_commands(ctx)))
         for title, names in SECTIONS.items():
-            shown = [(name, commands[name]) for name in names]
+            commands = [(name, self.get_command(ctx, name)) for name in names]
             with formatter.section(title):
-                formatter.write_dl(
-                    [
-                        (name, command.get_short_help_str(room))
-                        for name, command in shown
-                        if command is not None
-                    ]
-                )
+                formatter.write_dl([(name, one.get_short_help_str(room)) for name, one in commands if one])
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """The command of this name, or None."""
@@ -123,9 +113,7 @@ def cli() -> None:
 )
 def run(settings: Settings, /, case: Path, **options: Any) -> int:
     """Solve CASE and write a run directory."""
-    with console_for(settings) as console:
-        solve = of_app("run.run", options["threads"])
-        summary = solve(case, console=console, argv=tuple(sys.argv), **options)
+    summary = called(settings, "run.run", options["threads"], case, argv=tuple(sys.argv), **options)
     if summary.get("skipped"):
         print_result(settings, summary, f"{summary['directory']}: already run to completion, skipped")
         return 0
@@ -144,11 +132,9 @@ def check(settings: Settings, /, case: Path, **options: Any) -> int:
 
     Validates the case, places nodes, builds stencils and contact pairs, and estimates size and cost.
     """
-    with console_for(settings) as console:
-        result = of_app("check.check", options["threads"])(case, console=console, **options)
+    result = called(settings, "check.check", options["threads"], case, **options)
     # The warnings have been printed on stderr.
-    shown = {key: value for key, value in result.items() if key != "warnings"}
-    print_result(settings, result, pretty_result(settings, shown))
+    print_tables(settings, result, {key: value for key, value in result.items() if key != "warnings"})
     return 0
 
 
@@ -162,16 +148,14 @@ def info(settings: Settings, rundir: Path) -> int:
         }
         for name, figures in result.get("contacts", {}).items()
     }
-    print_result(settings, result, pretty_result(settings, {**result, "contacts": contacts}))
+    print_tables(settings, result, {**result, "contacts": contacts})
     return 0
 
 
 @declare.command(declare.THREADS)
 def warmup(settings: Settings, threads: int) -> int:
     """Compile the kernels before the first run."""
-    with console_for(settings) as console:
-        result = of_app("warmup.warmup", threads)(console)
-    print_result(settings, result, pretty_result(settings, result))
+    print_tables(settings, called(settings, "warmup.warmup", threads))
     return 0
 
 
@@ -187,10 +171,8 @@ def resume(settings: Settings, rundir: Path, max_wall: float | None, threads: in
 
     The result agrees with that of an uninterrupted run to the tolerance of the solver.
     """
-    with console_for(settings) as console:
-        finish = of_app("run.resume", threads or _threads_of(rundir))
-        summary = finish(rundir, max_wall=max_wall, console=console)
-    return show_run(settings, summary)
+    threads = threads or _threads_of(rundir)
+    return show_run(settings, called(settings, "run.resume", threads, rundir, max_wall=max_wall))
 
 
 for _command in (run, check, info, warmup, resume):

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import os
 import shutil
+import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
-from typing import TextIO
+from typing import Any, TextIO
 
-from mlsanm_cli.cli.settings import Settings, is_terminal
-from mlsanm_cli.cli.text import BOLD, DIM, RED, YELLOW, paint, printable, table
-from mlsanm_cli.closing import Closing
+from mlsanm_cli.cli.settings import Settings, is_terminal, of_app
+from mlsanm_cli.cli.text import BOLD, DIM, RED, YELLOW, paint, printable
+from mlsanm_cli.records import Closing
 from mlsanm_cli.stopping import Stopper
 
 INTERVAL = 0.5
@@ -27,7 +28,7 @@ _TERMINAL_INTERVAL = 0.05
 
 
 class TerminalConsole(Closing):
-    """Progress, notes, warnings and tables.
+    """Progress, notes and warnings.
 
     With ``quiet`` only warnings are shown. On a terminal, phases and steps rewrite one line, which shows the
     elapsed time while it does not change. Elsewhere a phase is a line, and steps are shown at most once a
@@ -62,11 +63,6 @@ class TerminalConsole(Closing):
         self._since = time.monotonic()
         self._over = threading.Event()
         self._thread: threading.Thread | None = None
-
-    def begin(self, text: str) -> None:
-        """Shows a text until the first phase; on a terminal only."""
-        if self._live:
-            self.phase(text)
 
     def phase(self, text: str) -> None:
         """Starts a phase."""
@@ -116,13 +112,6 @@ class TerminalConsole(Closing):
             for kind, text, color in (("error:", message, RED), ("hint:", hint, YELLOW)):
                 if text:
                     self._line(f"{paint(kind, color, self._color)} {printable(text)}")
-
-    def table(self, title: str, rows: Sequence[tuple[str, str]]) -> None:
-        """A small table of names and values."""
-        with self._lock:
-            self._finish_steps()
-            if not self._quiet:
-                self._line(table(title, rows, self._color))
 
     def close(self) -> None:
         """Cleans up the terminal: the last step remains, the phase is erased."""
@@ -184,7 +173,13 @@ class TerminalConsole(Closing):
                 self._show_elapsed(elapsed)
 
     def _columns(self) -> int:
-        return self._width or _width_of(self._stream)
+        """Width of the terminal of the stream."""
+        if self._width:
+            return self._width
+        try:
+            return os.get_terminal_size(self._stream.fileno()).columns or _COLUMNS
+        except (OSError, ValueError):
+            return shutil.get_terminal_size((_COLUMNS, 24)).columns
 
     def _erase(self) -> None:
         if self._shown:
@@ -208,6 +203,24 @@ class TerminalConsole(Closing):
             self._closed = True
 
 
+def console_for(settings: Settings, doing: str = "starting") -> TerminalConsole:
+    """The console for progress messages on stderr; a terminal shows ``doing`` until the first of them.
+
+    Opened before the numerical modules are imported, which takes a second or more.
+    """
+    console = TerminalConsole(sys.stderr, settings)
+    if is_terminal(sys.stderr):
+        console.phase(doing)
+    return console
+
+
+def called(settings: Settings, function: str, threads: int, /, *given: Any, **options: Any) -> Any:
+    """The result of a function of ``mlsanm_cli.app`` that reports its progress on stderr, imported with this
+    number of threads."""
+    with console_for(settings) as console:
+        return of_app(function, threads)(*given, console=console, **options)
+
+
 def fitting(columns: Sequence[str], width: int) -> str:
     """The columns of a step as a line of at most ``width`` characters.
 
@@ -220,11 +233,3 @@ def fitting(columns: Sequence[str], width: int) -> str:
     while len("  ".join(kept).rstrip()) > width and len(kept) > 1:
         del kept[2 if len(kept) == len(columns) > 2 else -1]
     return "  ".join(kept).rstrip()
-
-
-def _width_of(stream: TextIO) -> int:
-    """Width of the terminal of this stream."""
-    try:
-        return os.get_terminal_size(stream.fileno()).columns or _COLUMNS
-    except (OSError, ValueError):
-        return shutil.get_terminal_size((_COLUMNS, 24)).columns

@@ -21,24 +21,21 @@ MAX_WALL_SECONDS = 1e9
 
 
 class File(click.Path):
-    """A path that is valid text, as results contain file names."""
+    """A path that is valid text, as results contain file names; ``-``, the standard input, if it is
+    ``read_once``."""
+
+    def __init__(self, read_once: bool = True) -> None:
+        super().__init__(path_type=Path)
+        self._read_once = read_once
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """The path; usage error for bytes that are not UTF-8."""
+        """The path; usage error for bytes that are not UTF-8, and for the standard input of several reads."""
         path = super().convert(value, param, ctx)
         if not is_text(Path(os.fsdecode(path))):
             self.fail(f"the name {str(path)!r} is not UTF-8 text; rename it", param, ctx)
-        return path
-
-
-class CaseFile(File):
-    """A case that is read several times."""
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """The path; usage error for the standard input."""
-        if str(value) == "-":
+        if str(value) == "-" and not self._read_once:
             self.fail("the case is read several times: write it to a file", param, ctx)
-        return super().convert(value, param, ctx)
+        return path
 
 
 class Seconds(click.FloatRange):
@@ -52,7 +49,7 @@ class Seconds(click.FloatRange):
         return seconds
 
 
-FILE = File(path_type=Path)
+FILE = File()
 
 
 def _store(context: click.Context, parameter: click.Parameter, value: Any) -> None:
@@ -78,7 +75,7 @@ COMMON: tuple[Decorator[Any], ...] = (
     _common_option("--debug", is_flag=True, help="Show tracebacks of errors."),
 )
 """The options of every command, stored in the settings."""
-CASE = click.argument("case", type=CaseFile(path_type=Path))
+CASE = click.argument("case", type=File(read_once=False))
 CASE_OR_STDIN = click.argument("case", type=FILE)
 RUNDIR = click.argument("rundir", type=FILE)
 RUNDIRS = click.argument("rundirs", metavar="RUNDIR...", type=FILE, nargs=-1, required=True)
@@ -101,14 +98,24 @@ MAX_WALL = click.option(
 )
 
 
-def flag(name: str, text: str, **settings: Any) -> Decorator[Any]:
+def flag(name: str, text: str) -> Decorator[Any]:
     """An option without a value."""
-    return click.option(f"--{name}", is_flag=True, help=text, **settings)
+    return click.option(f"--{name}", is_flag=True, help=text)
 
 
 def file_option(*names: str, help: str) -> Decorator[Any]:  # noqa: A002
     """An option whose value is a file or directory."""
     return click.option(*names, type=FILE, help=help)
+
+
+def output(text: str) -> Decorator[Any]:
+    """The option of an output file."""
+    return file_option("-o", "--output", "out", help=text)
+
+
+def positions(text: str) -> Decorator[Any]:
+    """The option of positions on the load path."""
+    return click.option("--at", type=float, multiple=True, help=text)
 
 
 def name_option(name: str, text: str, *tables: str) -> Decorator[Any]:

@@ -149,7 +149,8 @@ def _quality(summary: Mapping[str, Any], width: int) -> list[tuple[str, str]]:
         body, peak = max(peaks.items(), key=lambda item: float(item[1]["error"]))
         x, y = map(number, peak["place"])
         error = _percent(peak["error"], "error")
-        rows.append(("peak stress", f"{number(peak['stress'])} on {body} at ({x}, {y}), {error}"))
+        more = f", {number(peak['at_contact'])} at its contacts" if "at_contact" in peak else ""
+        rows.append(("peak stress", f"{number(peak['stress'])} on {body} at ({x}, {y}), {error}{more}"))
     rows += [(label(key), _with_limit(key, summary)) for key in _QUALITY if key in summary]
     sizes = _listed(summary, ("nodes", "unknowns", "contact_unknowns"))
     rows += [("size", sizes)] if sizes else []
@@ -162,5 +163,5 @@ def _quality(summary: Mapping[str, Any], width: int) -> list[tuple[str, str]]:
     split = ", ".join(f"{key} {value:.2f}" for key, value in phases.items())
     whole = f"{seconds['total']:.2f}" + (f" ({split})" if split else "")
     indent = max((len(name) for name, _ in rows), default=0) + 4
-    first, *more = textwrap.wrap(whole, max(width - indent - 1, 20))
-    return [*rows, ("CPU seconds", first), *(("", line) for line in more)]
+    first, *lines = textwrap.wrap(whole, max(width - indent - 1, 20))
+    return [*rows, ("CPU seconds", first), *(("", line) for line in lines)]

@@ -1,17 +1,19 @@
-"""Settings from the options common to all commands, the number of threads, and the standard streams, which
-the caller or the reader may close at any time."""
+"""Settings from the options common to all commands, functions imported on call, the output of their results,
+and the standard streams, which the caller or the reader may close at any time."""
 
 from __future__ import annotations
 
 import contextlib
+import importlib
 import os
+import shutil
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import TextIO
+from collections.abc import Callable, Mapping
+from typing import Any, TextIO
 
 import click
 
+from mlsanm_cli.cli.text import as_json, pretty
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.system import THREAD_VARIABLES
 
@@ -39,20 +41,33 @@ def is_terminal(stream: TextIO) -> bool:
     return stream.isatty() and os.environ.get("TERM") != "dumb"
 
 
-def set_threads(threads: int) -> None:
-    """Sets the number of threads of the numerical libraries, which read it when they are imported."""
-    for variable in THREAD_VARIABLES:
-        os.environ[variable] = str(threads)
-
-
-@contextmanager
-def numerics(threads: int) -> Iterator[None]:
-    """The block in which a command imports the numerics, with this number of threads."""
+def of_app(function: str, threads: int = 1) -> Callable[..., Any]:
+    """A function of ``mlsanm_cli.app``, named by module and name, imported with this number of threads of the
+    numerical libraries, which read it when they are imported."""
     from mlsanm_cli.startup import lean_imports
 
-    set_threads(threads)
+    os.environ.update(dict.fromkeys(THREAD_VARIABLES, str(threads)))
+    module, _, name = function.rpartition(".")
     with lean_imports():
-        yield
+        loaded: Callable[..., Any] = getattr(importlib.import_module(f"mlsanm_cli.app.{module}"), name)
+    return loaded
+
+
+def print_result(settings: Settings, result: Mapping[str, Any], text: str) -> None:
+    """Prints the result on stdout: as JSON, as text, or not at all with ``quiet``."""
+    if settings.json:
+        say(settings, as_json(result))
+    elif not settings.quiet:
+        say(settings, text)
+
+
+def print_tables(
+    settings: Settings, result: Mapping[str, Any], shown: Mapping[str, Any] | None = None
+) -> None:
+    """Prints the result, or as text only what is ``shown`` of it, as tables as wide as the terminal."""
+    width = shutil.get_terminal_size((100, 24)).columns
+    shown = result if shown is None else shown
+    print_result(settings, result, pretty(shown, color=settings.paints(sys.stdout), width=width))
 
 
 def open_closed_streams() -> None:

@@ -7,6 +7,7 @@ Numbers and names are those of a part, an instance or the assembly, here a `_Sco
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator
 from copy import deepcopy
 from typing import TYPE_CHECKING, NamedTuple
@@ -67,14 +68,16 @@ class _Section(NamedTuple):
 
 
 class _Scope:
-    """Nodes (3,) and elements (kind, nodes) by number, sets of numbers by name; ``listed`` are the names of
-    sets that only name a list of elements. New nodes move by ``rotation @ x + shift``."""
+    """Nodes (3,) and elements (kind, nodes) by number, sets of numbers by name, and surfaces by name: numbers
+    or sets of elements with the number of a side, from 0. ``listed`` are the names of sets that only name a
+    list of elements. New nodes move by ``rotation @ x + shift``."""
 
     def __init__(self) -> None:
         self.nodes: dict[int, FloatArray] = {}
         self.elements: dict[int, tuple[str, list[int]]] = {}
         self.node_sets: dict[str, list[int]] = {}
         self.element_sets: dict[str, list[int]] = {}
+        self.surfaces: dict[str, list[tuple[str, int]]] = {}
         self.listed: set[str] = set()
         self.rotation, self.shift = np.eye(3), np.zeros(3)
 
@@ -138,6 +141,41 @@ class _Scope:
         if not nodes:
             self.listed.discard(section.name(name))
 
+    def add_surface(self, section: _Section) -> None:
+        """The sides of a *SURFACE section; other kinds of surfaces name no edges."""
+        if section.parameters.get("TYPE", "ELEMENT").upper() == "ELEMENT":
+            sides = [
+                (row[0], re.fullmatch(r"[SE]([1-4])", row[1].upper())) for row in section.rows if row[1:]
+            ]
+            known = self.surfaces.setdefault(section.name("NAME"), [])
+            known += [(members, int(side[1]) - 1) for members, side in sides if side]
+
+    def edges(self, sides: list[tuple[str, int]]) -> list[tuple[int, ...]]:
+        """Ends and mid-side node, if there is one, of the sides of a surface that are here."""
+        found = []
+        for members, side in sides:
+            numbers = [int(members)] if members.isdecimal() else self.element_sets.get(members, [])
+            for kind, nodes in (self.elements[number] for number in numbers if number in self.elements):
+                corners = 3 if kind.startswith("triangle") else 4
+                if not kind.startswith("line") and side < corners:
+                    middle = nodes[corners + side : corners + side + 1]
+                    found.append((nodes[side], nodes[(side + 1) % corners], *middle))
+        return found
+
+    def name_surfaces(self, surfaces: dict[str, list[tuple[str, int]]]) -> None:
+        """Adds surfaces as sets of line elements. One that shares an edge with another, with a line element
+        or with a set of nodes is left out: an edge has one name."""
+        edges = {name: self.edges(sides) for name, sides in surfaces.items()}
+        counts = Counter(frozenset(edge[:2]) for listed in edges.values() for edge in set(listed))
+        counts.update(frozenset(nodes[:2]) for kind, nodes in self.elements.values() if kind[:4] == "line")
+        for name, listed in edges.items():
+            taken = any(set(edge) <= set(nodes) for nodes in self.node_sets.values() for edge in listed)
+            if taken or any(counts[frozenset(edge[:2])] > 1 for edge in listed):
+                continue
+            for number, edge in enumerate(dict.fromkeys(listed), max(self.elements, default=0) + 1):
+                self.elements[number] = "line" if len(edge) == 2 else "line3", list(edge)
+                self.element_sets.setdefault(name, []).append(number)
+
     @staticmethod
     def _members(section: _Section, sets: dict[str, list[int]], name: str) -> list[int]:
         if name not in sets:
@@ -173,6 +211,8 @@ def read_abaqus(text: str) -> meshio.Mesh:
                 target.add_elements(section)
             else:
                 target.add_set(section)
+        elif keyword == "SURFACE":
+            scope.add_surface(section)
     return _merged({**(instances or parts), "": assembly})
 
 
@@ -201,7 +241,7 @@ def _sections(text: str) -> Iterator[_Section]:
             for name, value in re.findall(r'([^,=]+)(?:=\s*("[^"]*"|[^,]*))?', values):
                 section.parameters[name.strip().upper()] = spelt(value)
             continued = line.endswith(",")
-        elif section.keyword in ("NSET", "ELSET"):
+        elif section.keyword in ("NSET", "ELSET", "SURFACE"):
             section.rows.append([".".join(map(spelt, value.split("."))) for value in values.split(",")])
         else:
             section.rows.append([value.strip() for value in values.split(",")])
@@ -270,6 +310,7 @@ def _merged(scopes: dict[str, _Scope]) -> meshio.Mesh:
     point_sets: dict[str, list[int]] = {}
     members: dict[str, dict[int, list[int]]] = {}
     for title, scope in scopes.items():
+        scope.name_surfaces({**scopes[""].surfaces, **scope.surfaces})
         row = {number: len(points) + k for k, number in enumerate(scope.nodes)}
         points += scope.nodes.values()
         place, kinds = dict[int, tuple[int, int]](), dict[str, int]()

@@ -5,10 +5,12 @@ One process writes to a directory at a time; the system releases the lock of a p
 from __future__ import annotations
 
 import errno
+import hashlib
 import os
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import lru_cache
 from pathlib import Path
 
 from mlsanm_cli import system
@@ -52,6 +54,38 @@ def cannot_write(path: Path, error: Exception) -> WriteError:
     else:
         hint = "check the free disk space and the permissions of the directory"
     return WriteError(f"cannot write {path}: {reason}", hint=hint)
+
+
+SEAL = b"mlsanm blake2b "
+"""What precedes the digest of the content at the end of a sealed file."""
+
+
+def sealed(content: bytes) -> bytes:
+    """The content of a file, followed by its digest."""
+    return content + SEAL + hashlib.blake2b(content).digest()
+
+
+def check_seal(path: Path) -> None:
+    """Raises OSError if a sealed file is damaged; one that has not changed is read once."""
+    found = path.stat()
+    _read_once(path, found.st_mtime_ns, found.st_size)
+
+
+@lru_cache(maxsize=8)
+def _read_once(path: Path, changed: int, size: int) -> None:
+    unsealed(path)
+
+
+def unsealed(path: Path) -> bytes:
+    """The content of a sealed file, or of a file without a seal. Raises OSError if it is damaged."""
+    whole = path.read_bytes()
+    place = len(whole) - len(SEAL) - hashlib.blake2b().digest_size
+    content = whole[: max(place, 0)]
+    if whole[max(place, 0) :].startswith(SEAL):
+        if sealed(content) != whole:
+            raise OSError("its content does not agree with its digest")
+        return content
+    return whole
 
 
 LOCK_FILE = "run.lock"

@@ -11,9 +11,9 @@ from mlsanm_cli import __version__
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.files import write_text
 
-GENERATOR = f'<meta name="generator" content="mlsanm {__version__}">'
-_SIGNATURE = b'<meta name="generator" content="mlsanm '
+_SIGNATURE = '<meta name="generator" content="mlsanm '
 BAD, GOOD = "\x01", "\x02"
+"""What coloured cells of tables begin with."""
 _STYLE = """
 :root { color-scheme: light; }
 body { font: 16px/1.5 system-ui, sans-serif; color: #1c1c1c; background: #fff; margin: 0 auto;
@@ -38,7 +38,7 @@ def page(title: str, body: str) -> str:
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"{GENERATOR}\n<title>{escape(title)}</title>\n<style>{_STYLE}</style>\n</head>\n"
+        f'{_SIGNATURE}{__version__}">\n<title>{escape(title)}</title>\n<style>{_STYLE}</style>\n</head>\n'
         f"<body>\n<main>\n{body}\n</main>\n</body>\n</html>\n"
     )
 
@@ -52,63 +52,55 @@ def write_page(path: Path, text: str) -> None:
 
 def is_ours(path: Path) -> bool:
     """Whether a file is a page written by mlsanm."""
-    return path.is_file() and _SIGNATURE in path.read_bytes()[:1000]
+    return path.is_file() and _SIGNATURE.encode() in path.read_bytes()[:1000]
 
 
-def heading(level: int, text: str, name: str = "") -> str:
-    """A heading with the anchor ``name``, if given."""
-    mark = f' id="{escape(name)}"' if name else ""
-    return f"<h{level}{mark}>{escape(text)}</h{level}>"
+def element(tag: str, text: str, **attributes: str) -> str:
+    """An element with a text, and attributes that are not empty; ``kind`` is its class."""
+    return _around(tag, escape(text), **attributes)
 
 
-def paragraph(text: str, kind: str = "") -> str:
-    """A paragraph; ``kind`` "bad" or "good" sets its colour."""
-    return f"<p{_class(kind)}>{escape(text)}</p>"
+def _around(tag: str, content: str, **attributes: str) -> str:
+    """An element around others."""
+    attributes = {"class" if name == "kind" else name: value for name, value in attributes.items()}
+    listed = "".join(f' {name}="{escape(value)}"' for name, value in attributes.items() if value)
+    return f"<{tag}{listed}>{content}</{tag}>"
 
 
 def listing(texts: Sequence[str]) -> str:
     """A list of texts."""
-    return f"<ul>{''.join(f'<li>{escape(text)}</li>' for text in texts)}</ul>"
+    return _around("ul", "".join(element("li", text) for text in texts))
 
 
 def links(title: str, entries: Sequence[tuple[str, str]]) -> str:
     """A table of contents: anchors and texts of headings."""
-    items = "".join(f'<li><a href="#{escape(name)}">{escape(text)}</a></li>' for name, text in entries)
-    return f'<nav aria-label="{escape(title)}"><ul>{items}</ul></nav>'
+    items = "".join(_around("li", element("a", text, href=f"#{name}")) for name, text in entries)
+    return _around("nav", _around("ul", items), **{"aria-label": title})
 
 
 def table(caption: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """A table whose first column names its rows; cells that begin with BAD or GOOD are coloured."""
-    head = "".join(f'<th scope="col">{escape(column)}</th>' for column in columns)
-    lines = []
-    for first, *rest in rows:
-        cells = "".join(_cell(cell) for cell in rest)
-        lines.append(f'<tr><th scope="row">{escape(first)}</th>{cells}</tr>')
-    shown = f"<thead><tr>{head}</tr></thead>" if any(columns) else ""
-    return (
-        f'<div class="wide"><table><caption>{escape(caption)}</caption>{shown}'
-        f"<tbody>{''.join(lines)}</tbody></table></div>"
-    )
+    head = "".join(element("th", column, scope="col") for column in columns)
+    lines = [
+        _around("tr", element("th", first, scope="row") + "".join(map(_cell, rest))) for first, *rest in rows
+    ]
+    shown = _around("thead", _around("tr", head)) if any(columns) else ""
+    body = element("caption", caption) + shown + _around("tbody", "".join(lines))
+    return _around("div", _around("table", body), kind="wide")
 
 
 def image(png: bytes, description: str, caption: str) -> str:
     """An embedded picture; ``description`` is its alternative text."""
     data = base64.b64encode(png).decode()
-    return (
-        f'<figure><img alt="{escape(description)}" src="data:image/png;base64,{data}">'
-        f"<figcaption>{escape(caption)}</figcaption></figure>"
-    )
+    shown = f'<img alt="{escape(description)}" src="data:image/png;base64,{data}">'
+    return _around("figure", shown + element("figcaption", caption))
 
 
 def source(text: str, label: str) -> str:
     """Preformatted text, which can be scrolled with the keyboard."""
-    return f'<pre tabindex="0" role="region" aria-label="{escape(label)}">{escape(text)}</pre>'
+    return element("pre", text, tabindex="0", role="region", **{"aria-label": label})
 
 
 def _cell(text: str) -> str:
     kind = {BAD: "bad", GOOD: "good"}.get(text[:1], "")
-    return f"<td{_class(kind)}>{escape(text[1:] if kind else text)}</td>"
-
-
-def _class(kind: str) -> str:
-    return f' class="{kind}"' if kind else ""
+    return element("td", text[1:] if kind else text, kind=kind)

@@ -7,7 +7,7 @@ import contextlib
 import io
 import re
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -57,34 +57,38 @@ def read_mesh(path: Path, group: str | None = None) -> MeshFile:
     mesh = _read(path)
     if not len(mesh.points):
         raise GeometryError("there are no nodes")
-    blocks = [(block.type, np.asarray(block.data, dtype=np.int64)) for block in mesh.cells]
-    for kind, cells in blocks:
+    faces, lines, known = [], [], dict[str, None]()
+    for number, block in enumerate(mesh.cells):
+        kind, cells = block.type, np.asarray(block.data, dtype=np.int64)
         if kind not in _RINGS and kind not in _LINES and kind != "vertex":
-            raise GeometryError(
-                f'there are elements of type "{kind}"', f"triangles and quads only: {', '.join(_RINGS)}"
-            )
+            hint = f"triangles and quads only: {', '.join(_RINGS)}"
+            raise GeometryError(f'there are elements of type "{kind}"', hint)
         if len(cells) and not 0 <= cells.min() <= cells.max() < len(mesh.points):
             raise GeometryError("an element refers to a node that is not in the file")
-    chosen = [_chosen(mesh, number, kind, len(c), group) for number, (kind, c) in enumerate(blocks)]
-    faces = [
-        (kind, cells[mask]) for (kind, cells), mask in zip(blocks, chosen, strict=True) if kind in _RINGS
-    ]
-    if not any(len(cells) for _, cells in faces):
-        _refuse_empty(mesh, blocks, group)
-    used = np.unique(np.concatenate([cells.ravel() for _, cells in faces]))
-    number = np.full(len(mesh.points), -1, dtype=np.int64)
-    number[used] = np.arange(len(used))
-    lines, names = _lines(mesh, blocks, number, group)
-    sets = {_name(name): number[np.asarray(nodes, dtype=np.int64)] for name, nodes in mesh.point_sets.items()}
+        if kind in _RINGS:
+            groups = _groups(mesh, number, 2, len(cells)) if group is not None else []
+            known |= dict.fromkeys(name for names in groups for name in names)
+            chosen = np.array([group in names for names in groups], dtype=bool)
+            faces.append((cells if group is None else cells[chosen], _RINGS[kind]))
+        elif kind in _LINES:
+            lines.append((cells[:, _LINES[kind]], _groups(mesh, number, 1, len(cells))))
+    rings = tuple(cells[:, ring] for cells, ring in faces if len(cells))
+    if not rings and group is None:
+        raise GeometryError("there are no triangles or quads")
+    if not rings:
+        hint = f"groups: {', '.join(sorted(known)) or 'none'}"
+        raise GeometryError(f'there is no group of elements "{group}"', hint)
+    used = np.unique(np.concatenate([cells.ravel() for cells, _ in faces]))
+    number_of = np.full(len(mesh.points), -1, dtype=np.int64)
+    number_of[used] = np.arange(len(used))
+    sets = {_name(name): number_of[np.asarray(nodes, dtype=int)] for name, nodes in mesh.point_sets.items()}
     if len(sets) < len(mesh.point_sets):
-        raise GeometryError(
-            "the names of two node sets differ only in characters not allowed in boundary names"
-        )
+        message = "the names of two node sets differ only in characters not allowed in boundary names"
+        raise GeometryError(message)
     return MeshFile(
         _plane(mesh.points, used),
-        tuple(number[cells[:, _RINGS[kind]]] for kind, cells in faces if len(cells)),
-        lines,
-        names,
+        tuple(number_of[ring] for ring in rings),
+        *_edges([(number_of[chains], groups) for chains, groups in lines], whole=group is None),
         {name: nodes[nodes >= 0] for name, nodes in sets.items()},
     )
 
@@ -103,6 +107,7 @@ def _read(path: Path) -> meshio.Mesh:
             stack.enter_context(contextlib.redirect_stderr(output))
             stack.enter_context(warnings.catch_warnings())
             stack.enter_context(bounded_unpacking())
+            stack.enter_context(unnamed_groups())
             warnings.simplefilter("ignore")
             # numpy only warns about truncated data.
             warnings.filterwarnings("error", message="string or file could not be read")
@@ -112,9 +117,33 @@ def _read(path: Path) -> meshio.Mesh:
     except (Exception, SystemExit) as error:
         reason = " ".join(output.getvalue().split()) or str(error) or type(error).__name__
         hint = "Gmsh .msh 2.2 and 4.1, Abaqus .inp and VTU are known to work"
-        if PHYSICAL in reason:
-            hint = "it has elements without a group: write it with Mesh.SaveAll = 0 or MshFileVersion = 2.2"
         raise GeometryError(f"meshio cannot read it: {reason}", hint) from error
+
+
+@contextlib.contextmanager
+def unnamed_groups() -> Iterator[None]:
+    """A block in which meshio reads elements of Gmsh's format 4.1 that are in no physical group, and all
+    groups of those that are in several without a name, which it leaves out."""
+    from meshio.gmsh import _gmsh41
+
+    read = _gmsh41._read_elements
+
+    def read_elements(f: Any, points: Any, physical: Any, bounding: Any, *formats: Any) -> Any:
+        *flags, names = formats
+        for dimension, entities in enumerate(physical or ()):
+            for tag in {int(tag) for tags in entities.values() for tag in tags}:
+                if [tag, dimension] not in [list(map(int, known)) for known in names.values()]:
+                    names.setdefault(f"physical{tag}", np.array([tag, dimension]))
+            if any(any(map(len, parts.values())) for parts in physical):
+                # 0 is no group.
+                entities.update({number: tags or [0] for number, tags in entities.items()})
+        return read(f, points, physical, bounding, *flags, names)
+
+    _gmsh41._read_elements = read_elements
+    try:
+        yield
+    finally:
+        _gmsh41._read_elements = read
 
 
 def _plane(points: NDArray[Any], used: IntArray) -> FloatArray:
@@ -129,46 +158,21 @@ def _plane(points: NDArray[Any], used: IntArray) -> FloatArray:
     return np.ascontiguousarray(kept[:, :2])
 
 
-def _chosen(mesh: meshio.Mesh, number: int, kind: str, count: int, group: str | None) -> NDArray[np.bool_]:
-    if group is None or kind not in _RINGS:
-        return np.full(count, kind in _RINGS)
-    return np.array([group in names for names in _groups(mesh, number, 2, count)], dtype=bool)
-
-
-def _refuse_empty(mesh: meshio.Mesh, blocks: Sequence[tuple[str, IntArray]], group: str | None) -> None:
-    if group is None:
-        raise GeometryError("there are no triangles or quads")
-    known = {
-        name
-        for number, (kind, cells) in enumerate(blocks)
-        if kind in _RINGS
-        for names in _groups(mesh, number, 2, len(cells))
-        for name in names
-    }
-    raise GeometryError(
-        f'there is no group of elements "{group}"', f"groups: {', '.join(sorted(known)) or 'none'}"
-    )
-
-
-def _lines(
-    mesh: meshio.Mesh, blocks: Sequence[tuple[str, IntArray]], number: IntArray, group: str | None
+def _edges(
+    lines: Sequence[tuple[IntArray, list[tuple[str, ...]]]], whole: bool
 ) -> tuple[IntArray, tuple[str, ...]]:
-    """Edges (l, 2) of the line elements in new node numbers, with their names."""
+    """Edges (l, 2) of line elements, by blocks of their nodes (c, 2 or 3) and groups, with their names. Nodes
+    of no face are -1; there are none if the ``whole`` file is read."""
     edges, names = [np.zeros((0, 2), dtype=np.int64)], []
-    for place, (kind, cells) in enumerate(blocks):
-        if kind not in _LINES:
-            continue
-        groups = _groups(mesh, place, 1, len(cells))
-        chain = number[cells[:, _LINES[kind]]]
-        own = (chain >= 0).all(axis=1)
-        if group is None and not own.all():
+    for chains, groups in lines:
+        own = (chains >= 0).all(axis=1)
+        if whole and not own.all():
             raise GeometryError("a line element has a node that belongs to no triangle or quad")
-        for line, found in ((chain[k], groups[k]) for k in np.flatnonzero(own)):
+        for line, found in ((chains[k], groups[k]) for k in np.flatnonzero(own)):
             if len(found) > 1:
                 raise GeometryError(f"a line element is in several groups: {', '.join(found)}", "use one")
-            steps = np.stack([line[:-1], line[1:]], axis=1)
-            edges.append(steps)
-            names += [found[0] if found else ""] * len(steps)
+            edges.append(np.stack([line[:-1], line[1:]], axis=1))
+            names += [found[0] if found else ""] * len(edges[-1])
     return np.concatenate(edges), tuple(names)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import GeometryError
-from mlsanm_cli.io.self_contained import check_hdf5
+from mlsanm_cli.io.self_contained import check_hdf5, check_readable
 
 COLUMNS = ("x", "y", "tag", "nx", "ny")
 REQUIRED_COLUMNS = COLUMNS[:3]
@@ -35,20 +35,18 @@ def read_points(path: Path) -> tuple[FloatArray, tuple[str, ...], FloatArray, tu
                 f'{place}: the tag "{tag}" is not a valid name', "letters, digits, _ and - only"
             )
     points = np.stack([numbers["x"], numbers["y"]], axis=1)
-    wrong = ~np.isfinite(points).all(axis=1)
-    if wrong.any():
-        raise GeometryError(f"{places[int(np.argmax(wrong))]}: the node has no coordinates")
     missing = np.full(len(points), np.nan)
     normals = np.stack([numbers.get("nx", missing), numbers.get("ny", missing)], axis=1)
-    given = ~np.isnan(normals)
-    half = given.any(axis=1) & ~given.all(axis=1)
-    if half.any():
-        raise GeometryError(f"{places[int(np.argmax(half))]}: a normal needs both nx and ny")
-    length = np.hypot(*normals.T)
-    bad = given.all(axis=1) & (np.abs(length - 1.0) > UNIT_LENGTH_TOLERANCE)
-    if bad.any():
-        first = int(np.argmax(bad))
-        raise GeometryError(f"{places[first]}: the normal has length {length[first]:.4g}, not 1")
+    given, length = ~np.isnan(normals), np.hypot(*normals.T)
+    whole = given.all(axis=1)
+    for wrong, message in (
+        (~np.isfinite(points).all(axis=1), "the node has no coordinates"),
+        (given.any(axis=1) & ~whole, "a normal needs both nx and ny"),
+        (whole & (np.abs(length - 1.0) > UNIT_LENGTH_TOLERANCE), "the normal has length {:.4g}, not 1"),
+    ):
+        if wrong.any():
+            first = int(np.argmax(wrong))
+            raise GeometryError(f"{places[first]}: {message.format(length[first])}")
     return points, tags, normals / length[:, None], places
 
 
@@ -94,6 +92,7 @@ def _rows(lines: Any) -> Iterator[list[str]]:
 def _hdf5(path: Path) -> tuple[Table, tuple[str, ...]]:
     import h5py
 
+    check_readable(path)
     try:
         with h5py.File(path, "r") as file:
             check_hdf5(file)

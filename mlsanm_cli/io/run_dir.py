@@ -11,8 +11,9 @@ from pathlib import Path
 import h5py
 
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.files import LOCK_FILE, TEMPORARY_SUFFIX, cannot_write, refuse_held
+from mlsanm_cli.io.files import LOCK_FILE, TEMPORARY_SUFFIX, cannot_write, check_seal, refuse_held
 from mlsanm_cli.io.schema import INTERFACE_COLUMNS
+from mlsanm_cli.io.self_contained import HDF5_SIGNATURE
 
 RUN_FILE = "run.h5"
 SUMMARY_FILE = "summary.json"
@@ -26,16 +27,16 @@ FAILURE_FILE = "failure.vtu"
 COMPARISON_FILE = "comparison.json"
 
 _FIXED = frozenset(
-    {
-        *(RUN_FILE, SUMMARY_FILE, RESOLVED_FILE, EVENTS_FILE),
-        *(PATH_FILE, COLLECTION_FILE, LINES_FILE, FAILURE_FILE, LOCK_FILE),
-    }
+    (
+        *(RUN_FILE, SUMMARY_FILE, RESOLVED_FILE, EVENTS_FILE, PATH_FILE),
+        *(COLLECTION_FILE, LINES_FILE, FAILURE_FILE, LOCK_FILE),
+    )
 )
 _FIELDS = re.compile(r"(fields|contacts|obstacles)_\d{4,}\.vtu")
 _INTERFACE = re.compile(r"interface(_.+)?\.csv")
 _PICTURE = re.compile(r"plot_.+\.(png|svg|pdf|gif)")
 # In the metadata of every picture, see figures.py.
-PICTURE_SIGNATURE = b"mlsanm"
+SIGNATURE = b"mlsanm"
 _COMPARISON = frozenset({COMPARISON_FILE, "plot_comparison.png"})
 
 
@@ -73,7 +74,7 @@ def check(directory: Path, force: bool) -> None:
     """Raises RunError if `prepare` would refuse ``directory`` or a run is in progress in it. Changes no
     file."""
     refuse_held(directory)
-    _plan(directory, force)
+    _replaced(directory, force)
 
 
 def prepare(directory: Path, force: bool) -> None:
@@ -83,7 +84,7 @@ def prepare(directory: Path, force: bool) -> None:
     removed, and no others. Raises RunError if the directory holds a run or other files and ``force`` is not
     given, if another file in it has a name that the run needs, or if it is not writable.
     """
-    _remove(_plan(directory, force), directory)
+    _remove(_replaced(directory, force), directory)
 
 
 def reopen(directory: Path) -> None:
@@ -95,23 +96,17 @@ def reopen(directory: Path) -> None:
 def check_comparison(directory: Path, force: bool) -> list[Path]:
     """The files of an earlier comparison to remove. Raises RunError if `prepare_comparison` would refuse
     ``directory``. A comparison may be in the directory of a run, whose files it does not change."""
-    _check_place(directory)
     entries = _entries(directory)
     known = [path for path in entries if path.name in _COMPARISON]
     for path in known:
-        if not _is_comparison(path):
-            raise RunError(
-                f"{path} was not written by mlsanm", hint="no file was changed; use another --out, or move it"
-            )
+        mark = SIGNATURE if path.suffix == ".png" else b'"mlsanm"'
+        if not (path.is_file() and mark in path.read_bytes()):
+            hint = "no file was changed; use another --out, or move it"
+            raise RunError(f"{path} was not written by mlsanm", hint)
     if known and not force:
-        raise RunError(
-            f"{directory} already holds a comparison", hint="use --force to replace it, or another --out"
-        )
+        raise _held(directory, "already holds a comparison")
     if entries and not known and not force and not _is_run(directory / RUN_FILE):
-        raise RunError(
-            f"{directory} is not empty and holds no run of mlsanm",
-            hint="use another --out, or --force to write the comparison next to the files in it",
-        )
+        raise _not_empty(directory, "comparison")
     return known
 
 
@@ -131,59 +126,47 @@ def _remove(files: Iterable[Path], directory: Path) -> None:
 
 
 def _entries(directory: Path) -> list[Path]:
-    """The entries of a directory, empty if it does not exist."""
-    if not directory.exists():
-        return []
+    """The entries of a directory, empty if it does not exist. Raises RunError for a path that is a file, is
+    below a file, or is not writable."""
+    place = directory
+    while not place.exists() and not place.is_symlink() and place != place.parent:
+        place = place.parent
+    if not place.is_dir():
+        raise RunError(f"{place} is a file, not a directory", "use another --out")
+    if not os.access(place, os.W_OK | os.X_OK):
+        raise RunError(f"{place} cannot be written: no permission", "use another --out")
     try:
-        return sorted(directory.iterdir())
+        return sorted(directory.iterdir()) if directory.exists() else []
     except OSError as error:
-        raise RunError(f"{directory} cannot be read: {error.strerror}", hint="use another --out") from error
+        raise RunError(f"{directory} cannot be read: {error.strerror}", "use another --out") from error
 
 
-def _is_comparison(path: Path) -> bool:
-    """Whether a file of a comparison was written by mlsanm."""
-    if not path.is_file():
-        return False
-    content = path.read_bytes()
-    return PICTURE_SIGNATURE in content if path.suffix == ".png" else b'"mlsanm"' in content
-
-
-def _plan(directory: Path, force: bool) -> list[Path]:
-    """The files to remove. Raises RunError."""
-    _check_place(directory)
+def _replaced(directory: Path, force: bool) -> list[Path]:
+    """The files of an earlier run to remove. Raises RunError."""
     entries = [path for path in _entries(directory) if path.name not in {*_COMPARISON, LOCK_FILE}]
-    if not entries:
-        return []
     holds_run = _is_run(directory / RUN_FILE)
     if holds_run and not force:
-        raise RunError(f"{directory} already holds a run", hint="use --force to replace it, or another --out")
+        raise _held(directory, "already holds a run")
     if not holds_run:
         taken = [path.name for path in entries if _is_reserved(path.name)]
         if taken:
-            raise RunError(
-                f"{directory} holds {', '.join(taken)}, but no run of mlsanm",
-                hint="no file was changed; use another --out, or move these files",
-            )
-        if not force:
-            raise RunError(
-                f"{directory} is not empty and holds no run of mlsanm",
-                hint="use another --out, or --force to write the run next to the files in it",
-            )
+            hint = "no file was changed; use another --out, or move these files"
+            raise RunError(f"{directory} holds {', '.join(taken)}, but no run of mlsanm", hint)
+        if entries and not force:
+            raise _not_empty(directory, "run")
         return []
     ours = [path for path in entries if path.is_file() and _is_ours(path)]
     # run.h5 last: if the removal is interrupted, the directory still counts as a run.
     return sorted(ours, key=lambda path: path.name == RUN_FILE)
 
 
-def _check_place(directory: Path) -> None:
-    """Raises RunError for a path that is a file, is below a file, or is not writable."""
-    place = directory
-    while not place.exists() and not place.is_symlink() and place != place.parent:
-        place = place.parent
-    if not place.is_dir():
-        raise RunError(f"{place} is a file, not a directory", hint="use another --out")
-    if not os.access(place, os.W_OK | os.X_OK):
-        raise RunError(f"{place} cannot be written: no permission", hint="use another --out")
+def _held(directory: Path, words: str) -> RunError:
+    return RunError(f"{directory} {words}", "use --force to replace it, or another --out")
+
+
+def _not_empty(directory: Path, what: str) -> RunError:
+    hint = f"use another --out, or --force to write the {what} next to the files in it"
+    return RunError(f"{directory} is not empty and holds no run of mlsanm", hint)
 
 
 def _is_run(file: Path) -> bool:
@@ -191,24 +174,24 @@ def _is_run(file: Path) -> bool:
     if not file.is_file():
         return False
     try:
+        check_seal(file)
         with h5py.File(file, "r", locking=False) as root:
             return "mlsanm_version" in root.attrs
     except PermissionError as error:
-        raise RunError(f"{file} cannot be read: no permission", hint="use another --out") from error
+        raise RunError(f"{file} cannot be read: no permission", "use another --out") from error
     except (OSError, LookupError, ValueError, RuntimeError, TypeError, MemoryError):
-        return file.stat().st_size == 0 or bool(h5py.is_hdf5(file))
+        with file.open("rb") as stream:
+            return stream.read(len(HDF5_SIGNATURE)) in (b"", HDF5_SIGNATURE)
 
 
 def _is_reserved(name: str) -> bool:
     """Whether a run may write a file of this name."""
-    return any((name in _FIXED, _FIELDS.fullmatch(name), _INTERFACE.fullmatch(name)))
+    return name in _FIXED or any(pattern.fullmatch(name) for pattern in (_FIELDS, _INTERFACE))
 
 
 def _is_ours(path: Path) -> bool:
     """Whether ``path``, a file in a directory that holds a run, was written by mlsanm."""
     name = path.name.removesuffix(TEMPORARY_SUFFIX)
-    if name in _FIXED or _FIELDS.fullmatch(name):
-        return True
     if _INTERFACE.fullmatch(name):
         # A table of the user may be called interface_notes.csv: the header decides.
         with path.open("rb") as stream:
@@ -218,4 +201,4 @@ def _is_ours(path: Path) -> bool:
         from mlsanm_cli.io.html import is_ours
 
         return is_ours(path)
-    return _PICTURE.fullmatch(name) is not None and PICTURE_SIGNATURE in path.read_bytes()
+    return _is_reserved(name) or (_PICTURE.fullmatch(name) is not None and SIGNATURE in path.read_bytes())

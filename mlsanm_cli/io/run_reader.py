@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import schema
+from mlsanm_cli.io.columns import path_table
+from mlsanm_cli.io.files import check_seal
 from mlsanm_cli.io.run_dir import RUN_FILE
-from mlsanm_cli.io.run_file import FORMAT, path_table
+from mlsanm_cli.io.run_file import FORMAT
 
 MAX_LISTED = 5
 """Largest number of directories listed in a hint."""
@@ -163,6 +165,7 @@ def _reading(rundir: Path, read: Callable[[Any, Path], Read]) -> Read:
             hint = f"there are runs in it: {', '.join(map(str, inside[:MAX_LISTED]))}{more}"
         raise RunError(f"{rundir} is not a run: {what}", hint)
     try:
+        check_seal(file)
         # Needs no lock, as the writer replaces the file as a whole.
         with h5py.File(file, "r", locking=False) as root:
             return read(root, file)
@@ -202,7 +205,9 @@ def _completed(members: dict[str, Any]) -> dict[str, Any]:
         sizes = {"step": 0, "contact_node": len(contact["points"])}
         for entry in schema.CONTACT_HISTORY:
             contact.setdefault(entry.name, np.empty(entry.shape(sizes), entry.dtype))
-    for entry in (*schema.BODIES, *schema.CONTACT_GEOMETRY, *schema.PROBES):
+    # The hoop stress is that of bodies of revolution only.
+    probes = [entry for entry in schema.PROBES if entry.name != "stress_zz"]
+    for entry in (*schema.BODIES, *schema.CONTACT_GEOMETRY, *probes):
         kind, _, name = re.split(r"/(\{\w+\})/", entry.path)
         for group in members.get(kind, {}).values():
             Dataset(group)[name]

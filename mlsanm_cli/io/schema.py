@@ -99,8 +99,9 @@ PROBES: Table = _table(
     ("displacement", "step xy", "length", "displacement"),
     ("stress", "step tensor", "stress", "stress"),
     ("von_mises", "step", "stress", "von Mises stress"),
-    ("stress_zz", "step", "stress", "hoop stress"),
 )
+HOOP_PROBES: Table = _table("probes/{probe}/", ("stress_zz", "step", "stress", "hoop stress"))
+"""In bodies of revolution only."""
 
 PATH: Table = _table(
     "path/",
@@ -151,7 +152,8 @@ RUN_FILE: Table = (
         ("resolved", "", "", "the case with all defaults", "text"),
     ),
     *_table("bodies/{body}/", ("degree", "", "", "degree of the local polynomials", "int64")),
-    *(*BODIES, *PATH, *NAMED_PATH, *CONTACT_GEOMETRY, *CONTACT_HISTORY, *PROBES, *SERIES, *MAPS),
+    *(*BODIES, *PATH, *NAMED_PATH, *CONTACT_GEOMETRY, *CONTACT_HISTORY, *PROBES, *HOOP_PROBES),
+    *(*SERIES, *MAPS),
     *_table("", ("fields/position", "state", "", "positions of the saved states")),
     *FIELDS,
     *_table(
@@ -262,6 +264,7 @@ SUMMARY: Table = (
         ("peak_stress.{body}.stress", "", "stress", "largest von Mises stress on the boundary"),
         ("peak_stress.{body}.place", "xy", "length", "its place"),
         ("peak_stress.{body}.error", "", "", "its estimated relative error"),
+        ("peak_stress.{body}.at_contact", "", "stress", "largest von Mises stress at contacts, if larger"),
         ("finite_strain.law", "", "", "law", "text"),
         ("finite_strain.least_stretch", "", "", "least stretch"),
         ("finite_strain.largest_stretch", "", "", "largest stretch"),

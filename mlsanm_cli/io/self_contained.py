@@ -5,6 +5,8 @@ might never end; and a small compressed file may exceed the memory when unpacked
 from __future__ import annotations
 
 import lzma
+import subprocess
+import sys
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -18,6 +20,8 @@ MAX_BYTES = 2**28
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 MULTI_FILE_SUFFIXES = (".xdmf", ".xmf", ".xml", ".ele", ".node")
 """Formats whose readers open further files."""
+MAX_SECONDS = 20.0
+"""Time in which an HDF5 file must have been read."""
 MAX_OBJECTS = 10_000
 """Largest number of groups and datasets of an HDF5 file; programs write far fewer for a mesh."""
 
@@ -36,8 +40,31 @@ def check_self_contained(path: Path) -> None:
     if is_hdf5:
         import h5py
 
+        check_readable(path)
         with h5py.File(path, "r") as root:
             check_hdf5(root)
+
+
+READER = """
+import sys, h5py
+from mlsanm_cli.io.self_contained import check_hdf5
+with h5py.File(sys.argv[1], "r") as root:
+    check_hdf5(root)
+    root.visititems(lambda name, item: None if hasattr(item, "keys") else item[()])
+"""
+
+
+def check_readable(path: Path) -> None:
+    """Raises GeometryError for an HDF5 file that the library, in a process of its own, does not read to an
+    end: a damaged file may keep it busy for ever, or end the process. Other errors are left to the reader."""
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", READER, str(path)], capture_output=True, timeout=MAX_SECONDS
+        )
+    except subprocess.TimeoutExpired:
+        done = None
+    if done is None or done.returncode < 0:
+        raise GeometryError("the HDF5 library does not read it: it is damaged", "write the file again")
 
 
 def check_hdf5(root: Any) -> None:

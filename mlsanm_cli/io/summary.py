@@ -14,9 +14,9 @@ from typing import Any
 import tomli_w
 from numpy.typing import NDArray
 
-from mlsanm_cli.closing import Closing
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.files import cannot_write, write_text
+from mlsanm_cli.records import Closing
 from mlsanm_cli.system import open_regular
 from mlsanm_cli.toml import plain
 

@@ -10,14 +10,35 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.kernels.aot.jit import inner
 from mlsanm_cli.kernels.blas import dgemm, dgemv, dtrsm, dtrsv
 
-LOWER, RIGHT, PLAIN, TRANSPOSED = 0, 1, 2, 3
+LOWER, RIGHT, PLAIN, TRANSPOSED, UPPER, LEFT, UNIT = 0, 1, 2, 3, 4, 0, 4
 """Positions of the BLAS option letters in :func:`letters`."""
 
 
 @inner
 def letters() -> Any:
-    """L, R, N, T."""
-    return np.array([76, 82, 78, 84], dtype=np.uint8)
+    """L, R, N, T, U: lower and left are the same letter, and so are upper and unit."""
+    return np.array([76, 82, 78, 84, 85], dtype=np.uint8)
+
+
+@inner
+def solve_triangle(
+    kind: tuple[int, int, int, int],
+    sizes: tuple[int, int],
+    triangle: FloatArray,
+    height: int,
+    x: FloatArray,
+    width: int,
+) -> None:
+    """Solve in place T x = b or x T = b for x, of ``sizes`` rows and columns; ``kind`` are the options of a
+    triangular T: side, part, transposed, diagonal."""
+    side, part, trans, diagonal = kind
+    c: Any = letters()
+    i: Any = np.array([sizes[0], sizes[1], height, width], dtype=np.int32)
+    one: Any = np.ones(1)
+    dtrsm(
+        *(c[side:].ctypes, c[part:].ctypes, c[trans:].ctypes, c[diagonal:].ctypes, i.ctypes, i[1:].ctypes),
+        *(one.ctypes, triangle.ctypes, i[2:].ctypes, x.ctypes, i[3:].ctypes),
+    )
 
 
 @inner
@@ -25,13 +46,7 @@ def solve_right(
     trans: int, rows: int, columns: int, triangle: FloatArray, height: int, x: FloatArray, width: int
 ) -> None:
     """Solve x L = b or x L^T = b in place for x (rows, columns), L lower triangular."""
-    c: Any = letters()
-    i: Any = np.array([rows, columns, height, width], dtype=np.int32)
-    one: Any = np.ones(1)
-    dtrsm(
-        *(c[RIGHT:].ctypes, c[LOWER:].ctypes, c[trans:].ctypes, c[PLAIN:].ctypes, i.ctypes, i[1:].ctypes),
-        *(one.ctypes, triangle.ctypes, i[2:].ctypes, x.ctypes, i[3:].ctypes),
-    )
+    solve_triangle((RIGHT, LOWER, trans, PLAIN), (rows, columns), triangle, height, x, width)
 
 
 @inner
@@ -59,12 +74,15 @@ def multiply(
 
 
 @inner
-def solve_vector(trans: int, rows: int, triangle: FloatArray, height: int, x: FloatArray) -> None:
-    """Solve L x = b or L^T x = b in place, L lower triangular (rows, rows)."""
+def solve_vector(
+    kind: tuple[int, int, int], rows: int, triangle: FloatArray, height: int, x: FloatArray
+) -> None:
+    """Solve T x = b in place for a triangular T (rows, rows), of ``kind``: part, transposed, diagonal."""
+    part, trans, diagonal = kind
     c: Any = letters()
     i: Any = np.array([rows, height, 1], dtype=np.int32)
     dtrsv(
-        *(c[LOWER:].ctypes, c[trans:].ctypes, c[PLAIN:].ctypes, i.ctypes, triangle.ctypes, i[1:].ctypes),
+        *(c[part:].ctypes, c[trans:].ctypes, c[diagonal:].ctypes, i.ctypes, triangle.ctypes, i[1:].ctypes),
         *(x.ctypes, i[2:].ctypes),
     )
 

@@ -87,8 +87,9 @@ def count_neighbours(
 
 @kernel
 def add_blocks(
+    left: Float2,
+    right: Float2,
     indptr: Index1,
-    values: Float2,
     row: Int1,
     rows: Int1,
     begin: Index1,
@@ -101,11 +102,12 @@ def add_blocks(
     neighbour: IndexOut1,
     blocks: FloatOut3,
 ) -> None:
-    """Sum over all rows of their outer products: ``neighbour`` (m,) and ``blocks`` (m, 2, 2), zero at first.
+    """Sum over all rows of their outer products, one of ``left`` times one of ``right``: ``neighbour`` (m,)
+    and ``blocks`` (m, 2, 2), zero at first.
 
-    ``values`` (e, 2) are the coefficients of both unknowns. Group g has the rows ``row[rows[g] : rows[g +
-    1]]`` and the nodes ``members[begin[g] : begin[g + 1]]``. ``start``, ``group`` and ``entry`` are the
-    transpose by :func:`rows_of_nodes` of the groups, ``end`` comes from :func:`count_neighbours`, ``slot``
+    ``left`` and ``right`` (e, 2) are the coefficients of both unknowns. Group g has the rows ``row[rows[g] :
+    rows[g + 1]]`` and the nodes ``members[begin[g] : begin[g + 1]]``. ``start``, ``group`` and ``entry`` are
+    the transpose by :func:`rows_of_nodes` of the groups, the blocks of node i begin at ``end[i]``, ``slot``
     (n,) is -1.
     """
     for node in range(len(start) - 1):
@@ -115,12 +117,14 @@ def add_blocks(
             nodes = members[begin[g] : begin[g + 1]]
             # Two rows at a time: most groups have one for x and one for y.
             for k in range(rows[g], rows[g + 1], 2):
-                one = values[indptr[row[k]] : indptr[row[k] + 1]]
-                x, y = one[own, 0], one[own, 1]
+                at_one = indptr[row[k]]
+                one = right[at_one : indptr[row[k] + 1]]
+                x, y = left[at_one + own, 0], left[at_one + own, 1]
                 two, u, v = one, 0.0, 0.0
                 if k + 1 < rows[g + 1]:
-                    two = values[indptr[row[k + 1]] : indptr[row[k + 1] + 1]]
-                    u, v = two[own, 0], two[own, 1]
+                    at_two = indptr[row[k + 1]]
+                    two = right[at_two : indptr[row[k + 1] + 1]]
+                    u, v = left[at_two + own, 0], left[at_two + own, 1]
                 for place in range(len(nodes)):
                     target = slot[nodes[place]]
                     if target < first:

@@ -25,8 +25,8 @@ from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.rigid import ROTATION, RigidBodyModes, motions_of
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 
-MAX_STEPS = 500
-"""Step limit of the extension of boundary values, whose accuracy hardly matters."""
+MAX_STEPS, EXTENSION_TOLERANCE = 500, 1e-5
+"""Step limit and relative residual of the extension of boundary values, whose accuracy hardly matters."""
 TIP_RADIUS = 3.0
 """Triangles within this many spacings of a reentrant corner are integrated with fitted stresses."""
 
@@ -98,8 +98,6 @@ def inner_work(cloud: Cloud, stress: FloatArray, virtual: FloatArray) -> float:
 def extended(cloud: Cloud, values: FloatArray, known: BoolArray) -> FloatArray:
     """A smooth nodal field (n, 2) with the ``values`` (n, 2) where ``known`` (n, 2). Approximately harmonic
     (conjugate gradients on the triangles); 0 in a component without known values."""
-    from scipy.sparse.linalg import cg  # for few runs
-
     areas, slopes = gradients(cloud)
     entries = areas[:, None, None] * np.einsum("tki,tli->tkl", slopes, slopes)
     rows, columns = np.repeat(cloud.triangles, 3, axis=1).ravel(), np.tile(cloud.triangles, 3).ravel()
@@ -110,9 +108,25 @@ def extended(cloud: Cloud, values: FloatArray, known: BoolArray) -> FloatArray:
         free = np.flatnonzero(~known[:, component])
         if len(free) < count:
             rest = -(matrix @ result[:, component])[free]
-            found, _ = cg(matrix[free][:, free], rest, atol=0.0, maxiter=MAX_STEPS)
-            result[free, component] = found
+            result[free, component] = _by_conjugate_gradients(matrix[free][:, free], rest)
     return result
+
+
+def _by_conjugate_gradients(matrix: sparse.csr_array, rest: FloatArray) -> FloatArray:
+    """Approximate solution (m,) of equations with a positive definite ``matrix``. Importing scipy's function
+    takes longer."""
+    found, left, direction = np.zeros(len(rest)), rest.copy(), rest.copy()
+    square = first = float(left @ left)
+    for _ in range(MAX_STEPS):
+        if square <= EXTENSION_TOLERANCE**2 * first:
+            break
+        image = matrix @ direction
+        length = square / float(direction @ image)
+        found += length * direction
+        left -= length * image
+        last, square = square, float(left @ left)
+        direction = left + square / last * direction
+    return found
 
 
 def twice_strain_energy(cloud: Cloud, material: PlaneMaterial, stress: FloatArray) -> float:

@@ -129,9 +129,8 @@ class Pieces:
         | 4)."""
         total = np.zeros(3 * self.count)
         for matrix, middle, points, normals in self._faces(held, np.ones(self.count, dtype=bool), GAUSS[2]):
-            force = traction_of(
-                stress(middle, points).reshape(normals[..., 0].size, -1), normals.reshape(-1, 2)
-            )
+            values = stress(middle, points)
+            force = traction_of(values.reshape(-1, values.shape[-1]), normals.reshape(-1, 2))
             x, y = force.T.reshape(2, *points.shape[:2])
             a, b = np.moveaxis(points - middle[:, None], 2, 0)
             total += matrix @ np.concatenate([x.sum(axis=1), y.sum(axis=1), (a * y - b * x).sum(axis=1)])

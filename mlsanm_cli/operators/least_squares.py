@@ -33,9 +33,10 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.operators.compliance import corrected
 from mlsanm_cli.operators.conditions import Conditions, conditions_of, independent_sums
-from mlsanm_cli.operators.linear.cholesky import factor_definite
+from mlsanm_cli.operators.linear.cholesky import Fronts, factor_definite
 from mlsanm_cli.operators.linear.interface import Factor, LinearSolver
-from mlsanm_cli.operators.normal import bordered, normal_equations
+from mlsanm_cli.operators.linear.lu import mirrored
+from mlsanm_cli.operators.normal import NormalPattern, bordered, normal_equations
 from mlsanm_cli.operators.refinement import (
     DIRECTIONS,
     FULL_TOLERANCE,
@@ -280,15 +281,42 @@ class Eliminated:
         return self.factor.products(wide, tall)
 
 
+@dataclass(frozen=True)
+class Symbolic:
+    """Pattern of equations bordered by strong rows, ``fronts`` of their elimination, and the numbers
+    ``transposed`` of their blocks."""
+
+    normal: NormalPattern
+    fronts: Fronts
+    transposed: IntArray
+
+    @classmethod
+    def of(
+        cls,
+        rows: sparse.csr_array,
+        strong: sparse.csr_array,
+        owner: IntArray,
+        points: FloatArray,
+        places: FloatArray,
+    ) -> Symbolic:
+        """That of ``rows`` and ``strong`` rows like these (:class:`Strong`)."""
+        vertices = np.repeat(places, 2, axis=0)
+        normal = NormalPattern.of(rows, strong, owner, len(vertices))
+        graph = normal.matrix(rows, strong, rows, strong)
+        fronts = Fronts.of(np.concatenate([points, vertices]), graph, len(vertices))
+        return cls(normal, fronts, mirrored(graph))
+
+
 def factorise(
     rows: sparse.csr_array,
     weight: FloatArray,
     points: FloatArray,
     solver: LinearSolver,
     strong: Strong | None = None,
+    symbolic: Symbolic | None = None,
 ) -> LeastSquares:
     """Set up and factorise the equations of ``rows`` (e, n), already multiplied by ``weight`` (e,), and of
-    ``strong`` ones, if any."""
+    ``strong`` ones, if any, whose ``symbolic`` part may be known."""
     if strong is None:
         strong = Strong.none(rows.shape[1], rows.shape[0])
     if not len(strong.owner):
@@ -296,9 +324,12 @@ def factorise(
         return LeastSquares(rows, weight, strong, factor, Conditions.none(rows.shape[1]))
     # Two vertices of two multipliers each.
     vertices = np.repeat(strong.places, 2, axis=0)
-    whole = bordered(rows, strong.rows, strong.owner, len(vertices))
+    if symbolic is None:
+        whole, fronts = bordered(rows, strong.rows, strong.owner, len(vertices)), None
+    else:
+        whole, fronts = symbolic.normal.matrix(rows, strong.rows, rows, strong.rows), symbolic.fronts
     places = np.concatenate([points, vertices])
-    factor = factor_definite(whole, places, len(vertices), solver=solver)
+    factor = factor_definite(whole, places, len(vertices), solver=solver, fronts=fronts)
     alone = Eliminated(factor, rows.shape[1], 2 * len(vertices))
     without = LeastSquares(rows, weight, strong, alone, Conditions.none(rows.shape[1]))
     kept, numbers = independent_sums(strong.rows, strong.sums)

@@ -2,77 +2,120 @@
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
+from mlsanm_cli.arrays import IndexArray, IntArray
 from mlsanm_cli.kernels.normal import add_blocks, count_neighbours, group_rows, rows_of_nodes
 from mlsanm_cli.operators.structure import refuse_too_many, structure
+from mlsanm_cli.records import dataclass
 
 
 def normal_equations(rows: sparse.csr_array) -> sparse.bsr_array:
     """M^T M of ``rows`` M (r, 2n), in 2 x 2 blocks of a node's two unknowns; columns of a row are not sorted.
     Raises NumericalError for more blocks than 32-bit indices can count."""
-    begin, neighbour, blocks = _squares(rows, np.zeros(rows.shape[1] // 2, dtype=np.int64), 0)
-    return sparse.bsr_array((blocks, neighbour, begin.astype(np.int32)), shape=(rows.shape[1],) * 2)
+    nothing = sparse.csr_array((0, rows.shape[1]))
+    return bordered(rows, nothing, np.zeros(0, dtype=np.int64), 0)
 
 
 def bordered(
     rows: sparse.csr_array, strong: sparse.csr_array, owner: IntArray, vertices: int
 ) -> sparse.bsr_array:
-    """The matrix [M^T M, B^T; B, -1] of ``rows`` M (r, 2n) and ``strong`` rows B (g, 2n), in 2 x 2 blocks.
-    The multiplier of strong row i belongs to vertex 2 ``owner[i]`` (g,) or the next one, of ``vertices`` in
-    all; unused multipliers are zero. Raises NumericalError for more blocks than 32-bit indices can count."""
-    order = np.argsort(owner, kind="stable")
-    place = np.empty(len(owner), dtype=np.int64)
-    place[order] = np.arange(len(owner)) - np.searchsorted(owner[order], owner[order])
-    line = 4 * owner + place
-    entries = strong.tocoo()
-    of_row, column = entries.coords
-    turned = sparse.csr_array((entries.data, (line[of_row], column)), shape=(2 * vertices, rows.shape[1]))
-    down = sparse.bsr_array(turned, blocksize=(2, 2))
-    up = sparse.bsr_array(sparse.csr_array(turned.T), blocksize=(2, 2))
-    count, room, below = rows.shape[1] // 2, np.diff(up.indptr), np.diff(down.indptr)
-    # Allocated with room for the border: M^T M is by far the largest part and must not be copied.
-    begin, neighbour, blocks = _squares(rows, room, int(below.sum()) + vertices)
-    indptr = np.concatenate([begin, begin[-1] + np.cumsum(below + 1)])
-
-    def put(part: sparse.bsr_array, first: IntArray, shift: int) -> None:
-        """Set the blocks of a ``part`` whose rows start at ``first``."""
-        at = np.repeat(first - part.indptr[:-1], np.diff(part.indptr)) + np.arange(part.indptr[-1])
-        neighbour[at], blocks[at] = part.indices + shift, part.data
-
-    put(up, begin[1:] - room, count)
-    put(down, indptr[count:-1], 0)
-    neighbour[indptr[count + 1 :] - 1] = count + np.arange(vertices)
-    blocks[indptr[count + 1 :] - 1] = -np.eye(2)
-    size = 2 * (count + vertices)
-    return sparse.bsr_array((blocks, neighbour, indptr), shape=(size, size))
+    """The matrix [M^T M, B^T; B, -1] of ``rows`` M (r, 2n) and ``strong`` rows B (g, 2n)
+    (:class:`NormalPattern`)."""
+    return NormalPattern.of(rows, strong, owner, vertices).matrix(rows, strong, rows, strong)
 
 
-def _squares(rows: sparse.csr_array, room: IntArray, after: int) -> tuple[IntArray, IndexArray, FloatArray]:
-    """Offsets (n + 1,) of the block rows of M^T M, columns and blocks (m, 2, 2), with ``room`` (n,) for
-    further blocks in each row, and for ``after`` blocks at the end."""
-    pairs = _pairs(rows)
-    indptr, nodes = structure(pairs)
+Groups: TypeAlias = tuple[
+    IndexArray, IntArray, IntArray, IndexArray, IndexArray, IndexArray, IndexArray, IndexArray
+]
+"""Arguments of the kernel :func:`add_blocks` from ``indptr`` to ``entry``."""
+
+
+@dataclass(frozen=True)
+class NormalPattern:
+    """Pattern of matrices [M^T N, B^T; C, -1] in 2 x 2 blocks, for rows M and N (r, 2n) with the same
+    pattern, and strong rows B and C (g, 2n) with another one.
+
+    ``groups`` describe the rows, ``indptr`` are offsets of the block rows, of which the first n begin
+    with the blocks of M^T N; ``border`` (m,) the columns of all other blocks. The coefficients of the strong
+    rows are at ``up`` and ``down`` (e,) among those of the blocks.
+    """
+
+    groups: Groups
+    indptr: IntArray
+    border: IndexArray
+    up: IntArray
+    down: IntArray
+
+    @classmethod
+    def of(
+        cls, rows: sparse.csr_array, strong: sparse.csr_array, owner: IntArray, vertices: int
+    ) -> NormalPattern:
+        """The pattern for ``rows`` and ``strong`` rows like these. The multiplier of strong row i belongs to
+        vertex 2 ``owner[i]`` (g,) or the next one, of ``vertices`` in all; unused multipliers are zero.
+        Raises NumericalError for more blocks than 32-bit indices can count."""
+        count = rows.shape[1] // 2
+        groups, neighbours = _grouped(rows)
+        order = np.argsort(owner, kind="stable")
+        place = np.empty(len(owner), dtype=np.int64)
+        place[order] = np.arange(len(owner)) - np.searchsorted(owner[order], owner[order])
+        line = np.repeat(4 * owner + place, np.diff(strong.indptr))
+        column = strong.indices.astype(np.int64)
+        pairs, block = np.unique(line // 2 * count + column // 2, return_inverse=True)
+        vertex, node = np.divmod(pairs, count)
+        room, below = np.bincount(node, minlength=count), np.bincount(vertex, minlength=vertices)
+        indptr = np.concatenate([[0], np.cumsum(np.concatenate([neighbours + room, below + 1]))])
+        refuse_too_many(int(indptr[-1]))
+        border = np.zeros(indptr[-1], dtype=np.int32)
+        down = indptr[count + vertex] + np.arange(len(vertex)) - np.searchsorted(vertex, vertex)
+        border[down] = node
+        border[indptr[count + 1 :] - 1] = count + np.arange(vertices)
+        by_node = np.argsort(node, kind="stable")
+        up = np.empty_like(node)
+        first = indptr[node[by_node] + 1] - room[node[by_node]]
+        up[by_node] = first + np.arange(len(node)) - np.searchsorted(node[by_node], node[by_node])
+        border[up] = count + vertex
+        row, own = line % 2, column % 2
+        at_up, at_down = 4 * up[block] + 2 * own + row, 4 * down[block] + 2 * row + own
+        return cls(groups, indptr, border, at_up, at_down)
+
+    def matrix(
+        self,
+        left: sparse.csr_array,
+        left_strong: sparse.csr_array,
+        right: sparse.csr_array,
+        right_strong: sparse.csr_array,
+    ) -> sparse.bsr_array:
+        """The matrix of rows M = ``left`` and N = ``right``, B = ``left_strong`` and C = ``right_strong``."""
+        neighbour, blocks = self.border.copy(), np.zeros((self.indptr[-1], 2, 2))
+        own, other = (_pairs(one).data.reshape(-1, 2) for one in (left, right))
+        count, size = left.shape[1] // 2, 2 * (len(self.indptr) - 1)
+        slot = np.full(count, -1, dtype=np.int64)
+        add_blocks(own, other, *self.groups, slot, self.indptr, neighbour, blocks)
+        flat = blocks.reshape(-1)
+        flat[self.up], flat[self.down] = left_strong.data, right_strong.data
+        blocks[self.indptr[count + 1 :] - 1] = -np.eye(2)
+        return sparse.bsr_array((blocks, neighbour, self.indptr.astype(np.int32)), shape=(size, size))
+
+
+def _grouped(rows: sparse.csr_array) -> tuple[Groups, IntArray]:
+    """The groups of ``rows`` (r, 2n), and the numbers of neighbours (n,)."""
+    indptr, nodes = structure(_pairs(rows))
     count = rows.shape[1] // 2
     group, begin = np.empty(rows.shape[0], dtype=np.int32), np.zeros(rows.shape[0] + 1, dtype=np.int32)
     members = np.empty_like(nodes)
     groups = group_rows(indptr, nodes, np.full(count, -1, dtype=np.int32), group, begin, members)
-    begin, members = begin[: groups + 1], members[: begin[groups]]
+    begin, members = begin[: groups + 1], members[: begin[groups]].copy()
     start, end = np.zeros(count + 1, dtype=np.int32), np.zeros(count + 1, dtype=np.int64)
     of_node, entry = np.empty((2, len(members)), dtype=np.int32)
     rows_of_nodes(begin, members, start, of_node, entry)
     count_neighbours(begin, members, start, of_node, np.full(count, -1, dtype=np.int32), end)
-    end[1:] += np.cumsum(room)
-    total = int(end[-1]) + after
-    refuse_too_many(total)
-    neighbour, blocks = np.empty(total, dtype=np.int32), np.zeros((total, 2, 2))
     row = np.argsort(group, kind="stable")
-    grouped = (row, np.searchsorted(group[row], np.arange(groups + 1)), begin, members)
-    values, slot = pairs.data.reshape(-1, 2), np.full(count, -1, dtype=np.int64)
-    add_blocks(indptr, values, *grouped, start, of_node, entry, slot, end, neighbour, blocks)
-    return end, neighbour, blocks
+    first = np.searchsorted(group[row], np.arange(groups + 1))
+    return (indptr, row, first, begin, members, start, of_node, entry), np.diff(end)
 
 
 def _pairs(rows: sparse.csr_array) -> sparse.bsr_array:

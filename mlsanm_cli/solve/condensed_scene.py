@@ -48,3 +48,19 @@ class CondensedScene:
         """Whether the path uses the exact laws whatever the case says: without pressure a regularised law has
         no scales, and without friction it would follow a separating body without end."""
         return self.stays_open or (self.ends_early and not len(self.condensed.friction_nodes))
+
+
+def stage_factors(case: Case) -> FloatArray:
+    """Load factors (T + 1, L): zero initially, then the values at the end of every stage; factors not named
+    are kept."""
+    factors = [np.zeros(len(case.moved))]
+    for stage in case.stage:
+        factors.append(np.array([stage.get(n, old) for n, old in zip(case.moved, factors[-1], strict=True)]))
+    return np.array(factors)
+
+
+def factors_at(stages: FloatArray, position: float) -> FloatArray:
+    """Load factors (L,) at a path position."""
+    stage = min(int(position), len(stages) - 2)
+    fraction = position - stage
+    return np.asarray((1.0 - fraction) * stages[stage] + fraction * stages[stage + 1])

@@ -10,7 +10,7 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.complementarity.problem import STICK
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.io.run_file import Quantities
+from mlsanm_cli.io.columns import Quantities
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.rigid import ROTATION
 from mlsanm_cli.mechanics.scene import RigidConstraint, RigidMotion

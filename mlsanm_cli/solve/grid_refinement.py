@@ -60,8 +60,15 @@ def sampled(scene: Scene, answers: BodyResponses, grids: Mapping[str, ContactGri
             for body, slave, _ in pairing.sides
         )
         kernel = answers.smooth(pairing)
-        if grid.last_coefficients(kernel) > SAMPLE_TOLERANCE * float(log):
-            result[pairing.name] = replace(grids[pairing.name], count=2 * grid.count)
+        size = grid.coefficients(kernel)
+        aim, last = SAMPLE_TOLERANCE * float(log), float(size[-2:].max())
+        # Coefficients of smooth functions decay geometrically: those of as many more orders by as much again.
+        half = max(float(size[grid.count // 2 - 2 : grid.count // 2].max()), last)
+        decay, count = last / (half or 1.0), grid.count
+        while last > aim and count < MAX_SAMPLES:
+            last, decay, count = last * decay**2, decay**2, 2 * count
+        if count > grid.count:
+            result[pairing.name] = replace(grids[pairing.name], count=count)
     return result
 
 

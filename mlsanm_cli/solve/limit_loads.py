@@ -8,13 +8,14 @@ import itertools
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.contact.complementarity.equilibrium import BALANCED, equilibrium
 from mlsanm_cli.contact.laws.failures import NoStateError, SlidingError, UnbalancedError, UnresistedError
-from mlsanm_cli.contact.laws.limit_load import LimitLoad, limit_load
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.rigid import ROTATION
 from mlsanm_cli.mechanics.scene import Scene
-from mlsanm_cli.roundoff import COARSE_ROUND_OFF
+from mlsanm_cli.records import dataclass
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
 MIN_REACHED = 0.85
 """Part of a limit load at which a path that ends is reported as having reached it."""
@@ -26,6 +27,54 @@ SLIDES = "slide"
 """What messages call it."""
 MIN_FRICTION_WORK = 0.5
 """Part of the work of the loads dissipated by friction above which the mechanism is sliding."""
+
+
+@dataclass(frozen=True, eq=False)
+class LimitLoad:
+    """``part`` of a stage's load change that can be carried, collapse ``motion`` (k,) up to a factor,
+    ``friction_share`` of the loads' work in it that friction dissipates, whether any contact is ``pressed``,
+    and whether the loads themselves drive it, not their round-off."""
+
+    part: float
+    motion: FloatArray
+    friction_share: float
+    pressed: bool
+    driven: bool
+
+    @property
+    def whole(self) -> bool:
+        """Whether the whole stage can be carried, by contacts closed or still open."""
+        return self.part > 1.0 - BALANCED
+
+    @classmethod
+    def of(cls, condensed: Condensed, begin: FloatArray, change: FloatArray) -> LimitLoad | None:
+        """Largest part <= 1 for load factors ``begin`` (L,) + part ``change`` (L,); None if nothing can be
+        carried, or if no motion is unknown."""
+        balance, nodes, m = condensed.balance, condensed.friction_nodes, len(condensed.weight)
+        start, more = balance.constant + balance.load @ begin, balance.load @ change
+        if not len(start) or not m or not (start.any() or more.any()):
+            return None
+        rows = np.hstack([balance.pressure, balance.traction, balance.motion])
+        largest = np.abs(rows[:, : m + len(nodes)]).max(axis=1)
+        scale = np.where(largest > 0.0, largest, np.abs(rows).max(axis=1))
+        scale = np.where(scale > 0.0, scale, 1.0)
+        found = equilibrium(rows / scale[:, None], nodes, condensed.friction, start / scale, more / scale)
+        if found is None:
+            return None
+        pressure, traction = np.split(found.forces, [m])
+        motion = found.mechanism / scale
+        work = abs(float(more @ motion)) * found.part
+        across, along = np.abs(condensed.gap.motion @ motion), np.abs(condensed.slip.motion @ motion)
+        if work:
+            share = float(np.abs(traction * (balance.traction.T @ motion)).sum()) / work
+        else:
+            # Nothing is carried: the direction of motion decides.
+            share = float(along.max(initial=0.0) > across.max(initial=0.0))
+        moved = pressure[np.abs(balance.pressure.T @ motion) + across > 0.0]
+        pressed = moved.max(initial=0.0) > ROUND_OFF * pressure.max(initial=0.0)
+        most = float(np.abs(more / scale).max() * np.abs(motion * scale).max())
+        driven = abs(float(more @ motion)) > COARSE_ROUND_OFF * most
+        return cls(found.part, motion, min(share, 1.0), bool(pressed), driven)
 
 
 def at_limit(
@@ -56,7 +105,7 @@ def beyond_limit(
 
 def check_resisted(scene: Scene, condensed: Condensed, stages: FloatArray) -> None:
     """Raise UnresistedError if the first loads drive bodies that no pressures and tractions hold."""
-    limit = limit_load(condensed, stages[0], stages[1] - stages[0])
+    limit = LimitLoad.of(condensed, stages[0], stages[1] - stages[0])
     if limit is not None and limit.driven and limit.part <= COARSE_ROUND_OFF:
         raise UnresistedError(*_named(scene, condensed, stages, 0, limit))
 
@@ -65,7 +114,7 @@ def near_limit(condensed: Condensed, stages: FloatArray) -> tuple[FloatArray, fl
     """Load factors (L,) just below the first limit load of ``stages`` (T + 1, L), and their position; None
     without a limit load, or if loads cannot be carried at all."""
     for stage, (begin, end) in enumerate(itertools.pairwise(stages)):
-        limit = limit_load(condensed, begin, end - begin)
+        limit = LimitLoad.of(condensed, begin, end - begin)
         if limit is None or limit.part <= COARSE_ROUND_OFF:
             return None
         if not limit.whole:
@@ -78,7 +127,7 @@ def _limit(
 ) -> tuple[str, str] | None:
     """Message and hint of a limit load within a stage; None if there is none, or if a path ``came`` to
     another part of the stage."""
-    limit = limit_load(condensed, stages[stage], stages[stage + 1] - stages[stage])
+    limit = LimitLoad.of(condensed, stages[stage], stages[stage + 1] - stages[stage])
     if limit is None or limit.whole or (came is not None and not MIN_REACHED * limit.part <= came):
         return None
     return _named(scene, condensed, stages, stage, limit)

@@ -13,9 +13,8 @@ from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.laws.failures import EndlessError, UnbalancedError
 from mlsanm_cli.contact.response.compressed import compressed
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.condensed_scene import CondensedScene, factors_at
 from mlsanm_cli.solve.limit_loads import near_limit
-from mlsanm_cli.solve.stages import factors_at
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State, output_positions, stops
 
 LIMIT_LEVELS = (0.5, 0.9, 0.99, 0.999)

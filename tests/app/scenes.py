@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -166,9 +166,6 @@ class Quiet:
 
     def step(self, index: int, position: float, residual: float, text: str) -> None:
         self.steps.append(position)
-
-    def table(self, title: str, rows: Sequence[tuple[str, str]]) -> None:
-        """Tables are not looked at."""
 
 
 def solve(text: str, directory: Path, *overrides: str, console: Quiet | None = None) -> Mapping[str, Any]:

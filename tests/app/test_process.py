@@ -111,6 +111,17 @@ def test_the_first_signal_waits_and_the_second_does_not(number: signal.Signals) 
             os.kill(os.getpid(), number)
 
 
+def test_a_step_that_goes_on_is_stopped_soon() -> None:
+    with Stopper() as stopper:
+        stopper.gentle, stopper.grace = True, 0.05
+        os.kill(os.getpid(), signal.SIGINT)
+        with pytest.raises(KeyboardInterrupt, match="SIGINT"):
+            time.sleep(2.0)
+        stopper.finish()
+        # What is being written is not stopped.
+        time.sleep(0.1)
+
+
 def test_an_ungentle_one_is_raised_and_remembered() -> None:
     before = [signal.getsignal(number) for number in STOPPING]
     with Stopper() as stopper:

@@ -147,17 +147,17 @@ def install(monkeypatch: pytest.MonkeyPatch, **functions: Any) -> None:
 def test_probe_of_a_force(monkeypatch: pytest.MonkeyPatch, capsys: Capture) -> None:
     seen: list[Any] = []
 
-    def probe_force(*arguments: Any) -> Any:
+    def probe(*arguments: Any) -> Any:
         seen.append(arguments)
         return [
             {"position": at, "how": how, "fx": 0.0, "fy": -at}
             for at, how in ((0.5, "series"), (1.0, "stored"))
         ]
 
-    install(monkeypatch, probe_force=probe_force)
+    install(monkeypatch, probe=probe)
     common = ["probe", "there", "--at", "0.5", "--at", "1", "--force", "press"]
     assert main(common) == 0
-    assert seen == [(Path("there"), (0.5, 1.0), "press")]
+    assert [arguments[:4] for arguments in seen] == [(Path("there"), (0.5, 1.0), "force", "press")]
     title, _, first, second = capsys.readouterr().out.splitlines()
     assert title == "force of press"
     assert first.split()[:3] == ["0.5", "0", "-0.5"]

@@ -77,9 +77,9 @@ def test_a_terminal_keeps_steps_and_messages_and_no_phase() -> None:
     console = TerminalConsole(stream, Settings(color="never"), clock=Clock(1.0), width=120)
     console.step(1, 0.5, 1e-9)
     console.phase("fields")
-    console.table("clouds", [("block", "100 nodes")])
+    console.note("100 nodes")
     # What is done goes on below a message.
-    assert stream.screen()[-3:] == ["clouds", "  block  100 nodes", "fields ..."]
+    assert stream.screen()[-2:] == ["100 nodes", "fields ..."]
     console.close()
     assert stream.screen()[-1] == ""
 

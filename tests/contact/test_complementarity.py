@@ -56,7 +56,7 @@ def test_a_pushed_block_slides_or_tips_at_its_limit_load(friction: float, limit:
     motion = np.abs(caught.value.direction[4:] * problem.columns[4:])
     assert motion[moves] > 0.1 * motion.max()
     assert (motion[2] > 1e-9 * motion.max()) == (moves == 2)
-    static = equilibrium(problem, weight[4:], 2.0 * push[4:])
+    static = equilibrium(problem.matrix[4:], problem.nodes, problem.friction, weight[4:], 2.0 * push[4:])
     assert static is not None
     assert 2.0 * static.part == pytest.approx(limit, rel=1e-9)
 

@@ -8,7 +8,8 @@ from typing import Any
 import h5py
 import numpy as np
 
-from mlsanm_cli.io.run_file import RunFile, row
+from mlsanm_cli.io.columns import row
+from mlsanm_cli.io.run_file import RunFile
 
 M = 7  # slave nodes of the contact
 LOADS = ["squeeze", "press"]

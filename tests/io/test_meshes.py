@@ -161,6 +161,8 @@ PLACED = PART.replace(FOOT, "") + TURNED
         (f"{NODES}{FACE}*NSET, NSET=foot\n1, 2, 77\n", None, [[0, 0], [1, 0]]),
         (f"{NODES}{FACE}{FOOT}*ELSET, ELSET=part\n7, 8\n", "part", [[0, 0], [1, 0]]),
         (f"{NODES}5, 0.5, 0\n{FACE}*ELEMENT, TYPE=B21, ELSET=foot\n8, 2, 1\n", None, [[0, 0], [1, 0]]),
+        (f"{NODES}{FACE}*SURFACE, NAME=foot\nall, S1\n", "all", [[0, 0], [1, 0]]),
+        (f"{PLACED}*ELSET, ELSET=_S, INSTANCE=A\n7\n*SURFACE, NAME=foot\n_S, S4\n", "A", [[2, 0], [1, 0]]),
     ],
 )  # fmt: skip
 def test_abaqus_files_place_and_name_what_they_say(
@@ -171,6 +173,13 @@ def test_abaqus_files_place_and_name_what_they_say(
     assert mesh.points[mesh.rings[0]].shape == (1, 4, 2)
     named = mesh.points[mesh.node_sets["foot"]] if mesh.node_sets else places(mesh, "foot")
     assert sorted(named.round(12).tolist()) == sorted(foot)
+
+
+@pytest.mark.parametrize("other", ["*SURFACE, NAME=two\n7, S1\n", FOOT])
+def test_a_surface_that_shares_an_edge_with_another_group_is_left_out(other: str, tmp_path: Path) -> None:
+    surfaces = "*SURFACE, NAME=one\nall, S1\n*SURFACE, NAME=top\n7, S3\n"
+    (tmp_path / "a.inp").write_text(NODES + FACE + surfaces + other)
+    assert read_mesh(tmp_path / "a.inp").names == ("top",)
 
 
 def test_quadratic_lines_of_abaqus_have_their_middle_second(tmp_path: Path) -> None:
@@ -237,12 +246,20 @@ $EndElements
 """
 
 
-def test_an_edge_in_two_groups_of_a_gmsh_file_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "a.msh").write_text(GMSH)
-    with pytest.raises(GeometryError, match="several groups: foot, edge"):
+@pytest.mark.parametrize(("named", "groups"), [(True, "foot, edge"), (False, "physical1, physical2")])
+def test_an_edge_in_two_groups_of_a_gmsh_file_is_refused(named: bool, groups: str, tmp_path: Path) -> None:
+    head, names, rest = GMSH.partition("$PhysicalNames")[0], GMSH, GMSH.partition("$EndPhysicalNames\n")[2]
+    text = names if named else head + rest
+    (tmp_path / "a.msh").write_text(text)
+    with pytest.raises(GeometryError, match=f"several groups: {groups}"):
         read_mesh(tmp_path / "a.msh")
-    (tmp_path / "a.msh").write_text(GMSH.replace("2 1 2 0", "1 1 0"))
-    assert read_mesh(tmp_path / "a.msh", "plate").names == ("foot",)
+    (tmp_path / "a.msh").write_text(text.replace("2 1 2 0", "1 1 0"))
+    assert read_mesh(tmp_path / "a.msh").names == (groups.partition(",")[0],)
+
+
+def test_elements_of_a_gmsh_file_without_a_group(tmp_path: Path) -> None:
+    (tmp_path / "a.msh").write_text(GMSH.replace("2 1 2 0", "0 0"))
+    assert read_mesh(tmp_path / "a.msh", "plate").names == ("",)
 
 
 def test_formats_of_several_files_and_links_in_hdf5_are_refused(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from mlsanm_cli.io.plots import cloud, figures
 from mlsanm_cli.io.plots import curves as plotted
 from mlsanm_cli.io.plots.cloud import BodyPicture, CloudBody, plot_bodies
 from mlsanm_cli.io.plots.curves import Curve, Panel, Picture, cut_off_above, draw, visible_range
-from mlsanm_cli.io.run_dir import PICTURE_SIGNATURE
+from mlsanm_cli.io.run_dir import SIGNATURE
 from tests.processes import printed
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def test_files_are_valid_marked_as_ours_and_equal_for_equal_data(
     tmp_path: Path, kind: str, suffix: str
 ) -> None:
     picture = content(tmp_path, kind, suffix)
-    assert PICTURE_SIGNATURE in picture
+    assert SIGNATURE in picture
     if suffix == ".png":
         assert picture.startswith(b"\x89PNG\r\n")
     elif suffix == ".pdf":

@@ -11,7 +11,8 @@ import pytest
 
 from mlsanm_cli import __version__
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.run_file import RunFile, place
+from mlsanm_cli.io.columns import place
+from mlsanm_cli.io.run_file import RunFile
 from mlsanm_cli.io.run_reader import read_run
 from tests.io.run_files import (
     LOADS,
@@ -243,28 +244,12 @@ def test_reader_names_what_is_wrong(tmp_path: Path) -> None:
         read_run(tmp_path)
 
 
-def test_a_damaged_file_is_refused_by_name_or_read(tmp_path: Path) -> None:
+def test_a_damaged_file_is_refused_by_name(tmp_path: Path) -> None:
     """In a process of its own, which HDF5 must not bring down."""
     with start_run(tmp_path / "run.h5") as run:
         write_steps(run, range(20))
         write_fields(run, 0, 0.5, {"upper/von_mises": np.arange(5.0)})
-    refused, whole = map(int, printed("-c", DAMAGED, str(tmp_path / "run.h5")).split())
-    assert refused > 50
-    assert whole > 10
-
-
-@pytest.mark.parametrize("values", [np.arange(5.0) + 0.1, np.linspace(0.3, 0.4, 7)])
-def test_a_flipped_bit_is_no_other_value(values: np.ndarray, tmp_path: Path) -> None:
-    path = tmp_path / "run.h5"
-    with start_run(path) as run:
-        write_steps(run, range(3))
-        write_fields(run, 0, 0.5, {"upper/von_mises": values})
-    content = bytearray(path.read_bytes())
-    content[content.index(values.tobytes()) + 6] ^= 1
-    path.write_bytes(content)
-    for read in (read_run, lambda _: RunFile.reopen(path, {})):
-        with pytest.raises(RunError, match="cannot be read"):
-            read(tmp_path)
+    assert printed("-c", DAMAGED, str(tmp_path / "run.h5")) == "300"
 
 
 DAMAGED = """
@@ -285,5 +270,5 @@ for trial in range(300):
     except RunError as error:
         assert str(path) in str(error), error
         refused += 1
-print(refused, 300 - refused)
+print(refused, end="")
 """

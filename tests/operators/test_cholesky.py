@@ -20,11 +20,13 @@ from mlsanm_cli.operators.linear import cholesky
 from mlsanm_cli.operators.linear.cholesky import (
     MAX_BACKWARD_ERROR,
     CholeskyFactor,
+    Fronts,
     factor_definite,
     verified_or_superlu,
 )
 from mlsanm_cli.operators.linear.interface import Factor, backward_error
-from mlsanm_cli.operators.linear.superlu import SuperLUFactor
+from mlsanm_cli.operators.linear.lu import factor_general, mirrored
+from mlsanm_cli.operators.linear.superlu import SuperLUFactor, factor_in_order
 from mlsanm_cli.operators.normal import bordered
 
 
@@ -97,6 +99,30 @@ def test_solutions_against_dense_ones(count: int, apiece: int, definite: bool, s
         expected = np.linalg.solve(dense, rhs)
         size = np.linalg.cond(dense) * np.abs(expected).max()
         assert np.abs(factor.solve(rhs) - expected).max() <= (1e-13 if negative else 1e-14) * size
+
+
+@settings(max_examples=30)
+@given(count=st.integers(1, 120), apiece=st.integers(1, 30), seed=st.integers(0, 1000))
+def test_unsymmetric_solutions_and_signs_against_dense_ones(count: int, apiece: int, seed: int) -> None:
+    graph, points, negative = quasi_definite(count, apiece, seed)
+    rng = np.random.default_rng(seed)
+    blocks = graph.data + 0.3 * np.abs(graph.data).mean() * rng.normal(size=graph.data.shape)
+    matrix = sparse.bsr_array((blocks, graph.indices, graph.indptr), shape=graph.shape)
+    factor = factor_general(matrix, Fronts.of(points, graph, negative), mirrored(graph))
+    dense = matrix.toarray()
+    assert factor.sign == superlu_factor(matrix).sign == np.linalg.slogdet(dense)[0]
+    for shape in ((len(dense),), (len(dense), 5)):
+        rhs = rng.normal(size=shape)
+        expected = np.linalg.solve(dense, rhs)
+        size = np.linalg.cond(dense) * np.abs(expected).max()
+        assert np.abs(factor.solve(rhs) - expected).max() <= 1e-12 * size
+    with pytest.raises(NumericalError, match="singular"):
+        factor_general(0.0 * matrix, Fronts.of(points, graph, negative), mirrored(graph))
+
+
+def superlu_factor(matrix: sparse.bsr_array) -> SuperLUFactor:
+    """The factor with pivoting, in the order of the unknowns."""
+    return factor_in_order(sparse.csc_array(matrix), np.arange(matrix.shape[0]), 1.0)
 
 
 def test_definite_matrices_taken_for_quasi_definite_ones_are_left_to_superlu() -> None:

@@ -43,11 +43,11 @@ from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.io.run_file import Quantities
+from mlsanm_cli.io.columns import Quantities
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.mechanics.near_field import as_complex, as_real
 from mlsanm_cli.roundoff import ROUND_OFF
-from mlsanm_cli.solve.state import Checkpoint, PathStep, State
+from mlsanm_cli.solve.state import Bifurcation, Checkpoint, PathStep, State
 
 
 def contact_lines(scene: FiniteScene, state: State) -> dict[str, VtuPart]:
@@ -103,7 +103,6 @@ class FiniteStrain(Analysis):
         return self._scene
 
     def set_up(self, verdicts: Verdicts) -> None:
-        """Assembles the scene."""
         self.announce(verdicts)
         with self.context.phase("operators"):
             scene = finite_scene(self.case, self.prepared)
@@ -115,8 +114,6 @@ class FiniteStrain(Analysis):
         self._scene = scene
 
     def steps(self, start: Checkpoint | None, last: State | None, verdicts: Verdicts) -> Iterator[PathStep]:
-        """The path by power series, or by increments in contact, up to a stop of the case; or its part after
-        a checkpoint."""
         for step in self.stopped(self._follow, start, last, self.case.solver.tolerance):
             self._missed = step.missed
             yield step
@@ -128,30 +125,22 @@ class FiniteStrain(Analysis):
         return finite_path(self.scene, start, at=at)
 
     def forces(self, state: State) -> Mapping[str, FloatArray]:
-        """Forces of loads, supports and contacts."""
         forces = resultants(self.scene, SceneForces.of(self.scene, state))
         return forces | {name.removeprefix(CONTACT_PREFIX): force for name, force in forces.items()}
 
     def checks(self, state: State) -> Iterator[Check]:
-        """Deformations and overlaps."""
         return all_of(STATE, self.scene, state)
 
     def judge(self, last: State, tally: dict[str, Any]) -> Iterator[Check]:
-        """Checks of the last state."""
         errors = self._errors(last, tally)
         return all_of(END, FiniteEnd(self.scene, last, tally, errors))
 
-    def finer(self, tally: Mapping[str, Any], failure: NumericalError | None) -> None:
-        """No other clouds: knots of contacts are found before the path."""
-
     @property
     def refinement(self) -> Mapping[str, Any]:
-        """The knots of this run."""
         return Refinement(knots=knots_of(self._scene)).plain if self._scene is not None else {}
 
     @cached_property
     def contacts(self) -> Mapping[str, ContactNodes]:
-        """The slave nodes of all contacts."""
         contacts = {}
         for contact in self.scene.contacts.pairs:
             slave, sign = contact.slave, -1.0 if contact.exchanged else 1.0
@@ -160,30 +149,24 @@ class FiniteStrain(Analysis):
         return contacts
 
     def quantities(self, state: State) -> Quantities:
-        """Load factors, forces, platens, contacts and probes."""
         return quantities(self.scene, state)
 
     def row_states(self, step: PathStep) -> Sequence[State]:
-        """The requested states within a step have rows too."""
         return (*(state for state in step.saved if state is not step.state), step.state)
 
     @property
     def fields_written(self) -> Sequence[str]:
-        """With stresses also stretches and volume ratios."""
         names = super().fields_written
         return (*names, "stretch", "volume_ratio") if "stress" in names else names
 
     def fields(self, states: Sequence[State]) -> Iterator[tuple[BodyFields, Mapping[str, float]]]:
-        """The fields at the nodes."""
         for state in states:
             yield fields_of(self.scene, state), {}
 
     def lines(self, state: State, fields: BodyFields) -> tuple[Mapping[str, VtuPart], Mapping[str, VtuPart]]:
-        """Slave surfaces and obstacles."""
         return contact_lines(self.scene, state), obstacle_lines(self.scene, state)
 
     def tallied(self, tally: Mapping[str, Any], before: State | None, step: PathStep) -> dict[str, Any]:
-        """Balance, energies, works that are missing, and limit points."""
         scene, state = self.scene, step.state
         forces, (nodal, energy) = SceneForces.of(scene, state), energy_errors(scene, state)
         error = sum(float(each.sum()) for each in nodal.values())
@@ -199,6 +182,7 @@ class FiniteStrain(Analysis):
         return {
             "renewed": tally.get("renewed", 0) + step.renewed,
             "limit_points": [*tally.get("limit_points", ()), *step.limit_points],
+            "bifurcations": [*tally.get("bifurcations", ()), *map(self._fork, step.bifurcations)],
             "stability": min(tally.get("stability", np.inf), stability),
             "largest": largest,
             "balance": forces.rest / max(largest, tiny) if largest else 0.0,
@@ -208,20 +192,33 @@ class FiniteStrain(Analysis):
             "missing": missing,
         }
 
+    def _fork(self, at: Bifurcation) -> dict[str, Any]:
+        """A bifurcation in plain values, with the node that moves most."""
+        motions = {name: own.reshape(-1, 2) for name, own in self.scene.parts(at.motion).items() if own.any()}
+        sizes = {name: np.hypot(*own.T) for name, own in motions.items()}
+        body = max(sizes, key=lambda name: float(sizes[name].max()))
+        node = int(np.argmax(sizes[body]))
+        return {
+            "position": at.position,
+            "body": body,
+            "point": self.nodes[body].points[node].tolist(),
+            "direction": (motions[body][node] / sizes[body][node]).tolist(),
+            "followed": at.followed,
+            "decided": at.decided,
+        }
+
     def progress(self, step: PathStep) -> list[str]:
-        """Limit points and renewed equations."""
         points = [f"limit point {position:.6g}" for position, _ in step.limit_points]
+        points += [f"bifurcation {one.position:.6g}" for one in step.bifurcations]
         return [*points, "equations renewed"] if step.renewed else points
 
     def diagnosis(self, state: State | None) -> tuple[Sequence[VtuPart], Mapping[str, Any]]:
-        """The bodies in the last accepted state."""
         if self._scene is None or state is None:
             return super().diagnosis(state)
         parts = vtu_states(self.clouds, fields_of(self.scene, state), self.fields_written)
         return list(parts.values()), {}
 
     def figures(self, state: State, tally: Mapping[str, Any]) -> dict[str, Any]:
-        """Contacts, plates, balances, estimates and deformations of a state."""
         scene = self.scene
         turned, stability = plates_turned(scene, state), tally["stability"]
         return {
@@ -240,6 +237,7 @@ class FiniteStrain(Analysis):
                     {"position": position, "kind": "maximum" if highest else "minimum"}
                     for position, highest in tally["limit_points"]
                 ],
+                "bifurcations": tally["bifurcations"],
             },
         }
 
@@ -257,7 +255,6 @@ class FiniteStrain(Analysis):
         return errors
 
     def limits(self) -> dict[str, Any]:
-        """The limits of the checks."""
         names = [] if self._scene is None else [one.name for one in self._scene.contacts.pairs]
         estimates = {
             "energy": level("energy_estimate"),

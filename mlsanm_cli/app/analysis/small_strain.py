@@ -17,6 +17,7 @@ from mlsanm_cli.app.analysis.small_contacts import (
     worst_state,
 )
 from mlsanm_cli.app.checks import end, states
+from mlsanm_cli.app.checks.accuracy import with_friction
 from mlsanm_cli.app.checks.check import Check, Verdicts, all_of
 from mlsanm_cli.app.checks.end_contacts import End
 from mlsanm_cli.app.checks.ended import EnergyErrors, worst_of
@@ -37,7 +38,8 @@ from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.laws.failures import SlidingError
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.io.run_file import Quantities, Value, place
+from mlsanm_cli.io.columns import Quantities, place
+from mlsanm_cli.io.run_file import Value
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.memo import digest
@@ -94,7 +96,6 @@ class SmallStrain(Analysis):
         return {name: body.solution for name, body in self._adapted.accuracy.bodies.items()}
 
     def set_up(self, verdicts: Verdicts) -> None:
-        """Condenses and refines the scene."""
         self.announce(verdicts)
         adapted = set_up(self.case, self.prepared, self.context, verdicts, self.known)
         self._adapted, self.prepared = adapted, adapted.prepared
@@ -104,7 +105,6 @@ class SmallStrain(Analysis):
         self.quality = replace(self.quality, models=self.models)
 
     def steps(self, start: Checkpoint | None, last: State | None, verdicts: Verdicts) -> Iterator[PathStep]:
-        """The path up to a stop of the case, or its part after a checkpoint."""
         built = self._built
         steps = self.stopped(self._follow, start, last, FINE_ROUND_OFF)
         while True:
@@ -124,7 +124,6 @@ class SmallStrain(Analysis):
             yield step
 
     def checks(self, state: State) -> Iterator[Check]:
-        """Residual, friction limits and nodes left out."""
         return all_of(states.STATE, self._built, state)
 
     def _follow(self, start: Checkpoint | None, at: tuple[float, ...]) -> Iterator[PathStep]:
@@ -136,13 +135,11 @@ class SmallStrain(Analysis):
         return load_path(built, start)
 
     def forces(self, state: State) -> Mapping[str, FloatArray]:
-        """Forces of loads, supports and contacts."""
         condensed = self._built.condensed
         maps = {**condensed.contact_forces, **condensed.forces}
         return {name: force(*state.unknowns) for name, force in maps.items()}
 
     def judge(self, last: State, tally: dict[str, Any]) -> Iterator[Check]:
-        """Checks of the last state, then of the estimates of its errors."""
         built, context = self._built, self.context
         if "linear_residual" not in tally:
             with context.phase("output"):
@@ -172,24 +169,17 @@ class SmallStrain(Analysis):
         assert self._adapted is not None
         accuracy = self._adapted.accuracy
         if len(self._built.condensed.friction_nodes):
-            from mlsanm_cli.app.checks.friction_accuracy import with_friction
-
             with self.context.phase("estimate"):
                 accuracy = with_friction(self._built, accuracy, last, self.context.memo)
         return replace(self._adapted, accuracy=accuracy.with_energies(self._energies))
 
-    def finer(self, tally: Mapping[str, Any], failure: NumericalError | None) -> None:
-        """None: clouds are refined before the path is followed."""
-
     @property
     def refinement(self) -> Mapping[str, Any]:
-        """Zones and passes of refined clouds."""
         adapted = self._adapted
         return adapted.refinement.plain if adapted is not None and adapted.refined else {}
 
     @property
     def models(self) -> Mapping[str, BodyModel]:
-        """Clouds and stencils of all bodies, at the degree that suits the contacts."""
         if self._adapted is None:
             return super().models
         return {name: body.model for name, body in self._built.scene.bodies.items()}
@@ -200,12 +190,10 @@ class SmallStrain(Analysis):
 
     @property
     def clouds(self) -> Mapping[str, Cloud]:
-        """The points at which fields are written, finer than the nodes under contact grids."""
         return {**self.nodes, **{name: view.cloud for name, view in self._views.items()}}
 
     @cached_property
     def contacts(self) -> Mapping[str, ContactNodes]:
-        """The slave nodes of all contacts and bonds."""
         contacts = {}
         for pairing in self._built.condensed.reported:
             chosen = pairing.candidate
@@ -214,7 +202,6 @@ class SmallStrain(Analysis):
         return contacts
 
     def model_datasets(self) -> dict[str, Value]:
-        """Bodies and contacts before loading, and the maps of bonds."""
         datasets, bonds = super().model_datasets(), self._built.condensed.bonds
         for name, own in bonds.spans.items() if bonds.pairings else ():
             pair = (bonds.pressure.take(own), bonds.traction.take(own))
@@ -223,26 +210,21 @@ class SmallStrain(Analysis):
 
     @property
     def attributes(self) -> Mapping[str, str]:
-        """A digest of the condensed operators, which without the loads determine the path, and the number of
-        nodes."""
         condensed = self._built.condensed
         maps = (condensed.gap, condensed.slip, condensed.watched, condensed.balance)
         nodes = sum(len(cloud.points) for cloud in self.nodes.values())
         return {"cache_hash": digest(maps, condensed.weight), "nodes": str(nodes)}
 
     def series_maps(self) -> dict[str, Value]:
-        """The maps from the unknowns of the series to forces, slips and the values of probes."""
         condensed = self._built.condensed
         slips = {name: condensed.slip.take(own) for name, own in condensed.tangential.items()}
         kinds = (("forces", condensed.forces), ("slip", slips), ("probes", condensed.probes))
         return {place("maps", kind, name): one.matrix for kind, maps in kinds for name, one in maps.items()}
 
     def quantities(self, state: State) -> Quantities:
-        """Load factors, forces, platens, contacts and probes."""
         return quantities(self._built, state)
 
     def fields(self, states: Sequence[State]) -> Iterator[tuple[BodyFields, Mapping[str, float]]]:
-        """The fields of saved states, and the error of the linear solver."""
         stress = bool(WITH_STRESS & set(self.fields_written))
         known = fields_of(self._built, states, stress, self._starts)
         for state, (fields, residual) in zip(states, known, strict=True):
@@ -252,18 +234,15 @@ class SmallStrain(Analysis):
             yield shown, {"linear_residual": residual}
 
     def field_checks(self, state: State, fields: BodyFields) -> Iterator[Check]:
-        """Overlaps, and surfaces that slide far."""
         moved = displacements(fields)
         yield from overlaps(self._built, state, self.clouds, moved)
         yield from sliding_distance(self._built, state, self.clouds, moved)
 
     def lines(self, state: State, fields: BodyFields) -> tuple[Mapping[str, VtuPart], Mapping[str, VtuPart]]:
-        """Slave surfaces and obstacles."""
         contacts = contact_lines(self._built, state, self.clouds, fields)
         return contacts, obstacle_lines(self._built, state)
 
     def tallied(self, tally: Mapping[str, Any], before: State | None, step: PathStep) -> dict[str, Any]:
-        """The largest ratio of tractions to friction limits by contact."""
         cone = dict(tally.get("cone", {}))
         for name in self._built.condensed.tangential:
             ratios = [cone_ratio(self._built, name, state) for state in (step.state, *step.saved)]
@@ -271,25 +250,21 @@ class SmallStrain(Analysis):
         return {"cone": cone}
 
     def progress(self, step: PathStep) -> list[str]:
-        """Closed nodes and peak pressure."""
         state = step.state
         if not len(state.pressure):
             return []
         return [f"closed {int(state.closed.sum())}", f"peak pressure {state.pressure.max(initial=0.0):.6g}"]
 
     def diagnosis(self, state: State | None) -> tuple[Sequence[VtuPart], Mapping[str, Any]]:
-        """The bodies in the state of a failed run with residuals of contact nodes, and the worst nodes."""
         if self._adapted is None or state is None:
             return super().diagnosis(state)
         return worst_state(self._built, state, self.nodes)
 
     @property
     def notes(self) -> Iterator[str]:
-        """Notes on factorisations."""
         return factor_notes(self._built.scene) if self._adapted else iter(())
 
     def sizes(self, tally: Mapping[str, Any]) -> dict[str, Any]:
-        """Numbers of nodes, unknowns and factorisations; passes of the refinement."""
         sizes = super().sizes(tally)
         sizes |= {"linear_residual": tally.get("linear_residual"), "stability": None}
         if self._adapted is None:
@@ -308,7 +283,6 @@ class SmallStrain(Analysis):
         }
 
     def figures(self, state: State, tally: Mapping[str, Any]) -> dict[str, Any]:
-        """Contacts, plates, balances, errors and estimates of a state."""
         built, adapted = self._built, self._adapted
         assert adapted is not None
         imbalance, lost, cone = force_balance(built, state), force_mismatch(built, state), tally["cone"]
@@ -330,7 +304,6 @@ class SmallStrain(Analysis):
         }
 
     def limits(self) -> dict[str, Any]:
-        """The limits of the checks."""
         estimates = {} if self._adapted is None else end.estimate_limits(self._built.condensed)
         known = summary_limits(self.case.solver.tolerance, FAILING, "rough_pressure_error", estimates)
         return known | ({"stability": stability_limit(self._built.ends)} if self._adapted else {})

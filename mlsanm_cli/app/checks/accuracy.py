@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,11 +18,20 @@ import numpy as np
 from mlsanm_cli.app.checks.ended import EnergyErrors
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import finer_nodes
+from mlsanm_cli.contact.complementarity.problem import STICK
 from mlsanm_cli.contact.geometry.grid import l2
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.laws.accuracy import Changes, changes_of, halved_state, rough_state
+from mlsanm_cli.contact.laws.accuracy import (
+    Changes,
+    changes_of,
+    frozen_change,
+    halved_state,
+    rough_state,
+    roughness_of,
+)
 from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.response.bonds import Bonds
+from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.defect import Corrected, correct
 from mlsanm_cli.memo import NO_CACHE, Memo
@@ -116,35 +126,94 @@ def assess_accuracy(built: CondensedScene) -> Accuracy:
     """Estimate the errors of a solved scene in its last exact state."""
     condensed, scene = built.condensed, built.scene
     state = built.ends[-1] if built.ends else solve_exact(condensed, built.stages[-1])
-    unknown: dict[str, float | None] = {pairing.name: None for pairing in condensed.pairings}
+    unknown = dict.fromkeys(pairing.name for pairing in condensed.pairings)
+    without = partial(Accuracy, None, unknown, unknown, state)
     blind = len(condensed.friction_nodes) > 0  # friction depends on the path
     if blind and not built.case.adapt.passes:
-        return Accuracy(None, unknown, unknown, state)
+        return without()
     bodies, missing = dict[str, Corrected](), ""
     try:
-        bodies = bodies if blind else corrected_bodies(built, state.unknowns)
+        bodies = bodies if blind else _corrected(built, state.unknowns)
     except NumericalError as error:  # the clouds are too small for the next degree
         missing = error.advice
     if not bodies:
         whole = [condensed.displacement(scene, name, state.unknowns) for name in scene.bodies]
-        return Accuracy(None, unknown, unknown, state, _largest_of(whole), missing=missing)
+        return without(_largest_of(whole), missing=missing)
 
     def moved(by: Changes) -> Moved:
         after = by.state(condensed, state)
         return after.motion - state.motion, after.pressure - state.pressure, np.zeros_like(state.traction)
 
     try:
-        halved = halved_state(condensed, state) if has_nodal_pressures(built) else None
+        halved = halved_state(condensed, state) if _has_nodal_pressures(built) else None
         rough = rough_state(condensed, scene, state, bodies).pressure - state.pressure
-        return estimated(built, state, bodies, moved, rough, halved)
+        return _estimated(built, state, bodies, moved, rough, halved)
     except NumericalError as error:  # the corrected scene has no contact state
         hint = finer_nodes(built.case, scene.bodies)
         missing = f"with bodies corrected for their errors, {error.message}; {hint}"
-        largest = _largest_of([one.displacement for one in bodies.values()])
-        return Accuracy(None, unknown, unknown, state, largest, bodies, missing=missing)
+        return without(_largest_of([one.displacement for one in bodies.values()]), bodies, missing=missing)
 
 
-def estimated(
+def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo: Memo) -> Accuracy:
+    """Estimates of a scene with friction in its last ``state``; those of other scenes are unchanged. As
+    without friction, but with the stick and slip status of that state: the path is not followed again."""
+    condensed = built.condensed
+    if not len(condensed.friction_nodes) or not state.closed.any():
+        return accuracy
+    values = (state.factors, state.pressure, state.gap, state.motion, state.traction)
+    last = ExactState(*values, state.closed, state.status == STICK, 0, state.residual)
+    try:
+        bodies = _corrected(built, state.unknowns, memo)
+        rough = _frozen(built, last, roughness_of(condensed, built.scene, bodies))[1]
+        halved = _halved(built, last)
+        return _estimated(built, last, bodies, partial(_frozen, built, last), rough, halved)
+    except NumericalError as error:  # a cloud too small for the next degree, or a singular contact
+        return replace(accuracy, missing=error.advice)
+
+
+def _frozen(built: CondensedScene, state: ExactState, by: Changes) -> Moved:
+    """Response of the contact, with its status as it is, to changes ``by`` something else."""
+    condensed = built.condensed
+    # The residual gaps of a regularised law are no error of the bodies.
+    gaps = np.where(state.active, 0.0, state.gap)
+    stuck = state.stuck[condensed.friction_nodes]
+    change = frozen_change(condensed, state.pressure, state.traction, gaps, state.active, stuck, by)
+    return change.motion, change.pressure, change.traction
+
+
+def _halved(built: CondensedScene, state: ExactState) -> Halved | None:
+    """Motions and pressures from every second node, with the tractions of the state as loads and motions
+    along the contacts, which friction resists, as they are; None if there is no contact with nodal pressures,
+    or no solution."""
+    condensed = built.condensed
+    if not _has_nodal_pressures(built):
+        return None
+    across, along = (
+        np.abs(linear.motion).max(axis=0, initial=0.0) for linear in (condensed.gap, condensed.slip)
+    )
+    free, motion = across >= along, state.motion.copy()
+
+    def pushed(linear: LinearMap) -> LinearMap:
+        known = linear.constant + linear.traction @ state.traction + linear.motion[:, ~free] @ motion[~free]
+        return replace(linear, constant=known, motion=linear.motion[:, free], traction=linear.traction[:, :0])
+
+    frictionless = replace(
+        condensed,
+        friction_nodes=condensed.friction_nodes[:0],
+        friction=condensed.friction[:0],
+        tangential={},
+        gap=pushed(condensed.gap),
+        slip=pushed(condensed.slip.take(slice(0, 0))),
+        balance=pushed(condensed.balance.take(free)),
+    )
+    try:
+        motion[free], pressure = halved_state(frictionless, replace(state, motion=motion[free]))
+    except NumericalError:
+        return None
+    return motion, pressure
+
+
+def _estimated(
     built: CondensedScene,
     state: ExactState,
     bodies: Mapping[str, Corrected],
@@ -216,7 +285,7 @@ def _effects_of(
     return effects | {DISPLACEMENT: float(np.sqrt(total))}
 
 
-def corrected_bodies(
+def _corrected(
     built: CondensedScene, unknowns: tuple[FloatArray, ...], memo: Memo = NO_CACHE
 ) -> dict[str, Corrected]:
     """Bodies in a state f, q, p, t with the corrections of their displacements. Raises NumericalError."""
@@ -230,7 +299,7 @@ def corrected_bodies(
     return found
 
 
-def has_nodal_pressures(built: CondensedScene) -> bool:
+def _has_nodal_pressures(built: CondensedScene) -> bool:
     """Whether a contact has no contact grid."""
     return any(pairing.grid is None for pairing in built.condensed.pairings)
 

@@ -1,4 +1,4 @@
-"""Checks of a completed path: those of either strain, and those at small strain."""
+"""Checks of a completed path at small strain, those of contacts apart."""
 
 from __future__ import annotations
 
@@ -18,12 +18,7 @@ from mlsanm_cli.app.checks.end_contacts import (
     pressed_spacings,
     transfer,
 )
-from mlsanm_cli.app.checks.ended import (
-    COMMON,
-    displacement_estimate,
-    force_estimate,
-    pressure_estimate,
-)
+from mlsanm_cli.app.checks.ended import COMMON, displacement_estimate, force_estimate, pressure_estimate
 from mlsanm_cli.app.checks.limits import level
 from mlsanm_cli.app.checks.states import body_rotation
 from mlsanm_cli.case import finer_nodes
@@ -44,41 +39,36 @@ def stability(end: End) -> Iterator[Check]:
 
 def linear_residual(end: End) -> Iterator[Check]:
     """Error of the linear systems of the bodies."""
-    yield Check(
-        "linear_residual",
-        end.linear_residual,
-        f"linear-solver error {end.linear_residual:.2g} exceeds {level('linear_residual'):g}",
-        "make the spacings more equal, use a lower mls.degree, or a Poisson's ratio less close to 0.5",
-    )
+    message = f"linear-solver error {end.linear_residual:.2g} exceeds {level('linear_residual'):g}"
+    hint = "make the spacings more equal, use a lower mls.degree, or a Poisson's ratio less close to 0.5"
+    yield Check("linear_residual", end.linear_residual, message, hint)
 
 
 def strain(end: End) -> Iterator[Check]:
     """Bodies strained beyond the validity of a linear model."""
     materials = {body.name: body.material for body in end.case.body}
     for body, largest in end.energies.strains.items():
-        yield Check(
-            "strain",
-            largest,
+        message = (
             f"body {body} is strained or rotated by {100.0 * largest:.3g} %, but the linear model is valid "
-            f"for a few percent only",
-            'use model.strain = "finite" if it bends so far, '
-            f"else check the units of material.{materials[body]} against those of the loads",
-            f"body {body}",
+            f"for a few percent only"
         )
+        hint = (
+            f'use model.strain = "finite" if it bends so far, else check the units of '
+            f"material.{materials[body]} against those of the loads"
+        )
+        yield Check("strain", largest, message, hint, f"body {body}")
 
 
 def peak_stress(end: End) -> Iterator[Check]:
     """Estimated errors of the largest stresses on free boundaries."""
     for body, peak in end.peaks.items():
         (x, y), error = peak["place"], peak["error"]
-        yield Check(
-            "peak_stress",
-            error,
+        message = (
             f"body {body}: the peak stress on its boundary, {peak['stress']:.4g} (von Mises) near "
-            f"({x:.6g}, {y:.6g}), is estimated to be off by {100 * error:.2g} %",
-            f"{finer_nodes(end.case, [body], 'refine')} there",
-            f"body {body}",
+            f"({x:.6g}, {y:.6g}), is estimated to be off by {100 * error:.2g} %"
         )
+        hint = f"{finer_nodes(end.case, [body], 'refine')} there"
+        yield Check("peak_stress", error, message, hint, f"body {body}")
 
 
 def held_motion(end: End) -> Iterator[Check]:
@@ -96,66 +86,46 @@ def held_motion(end: End) -> Iterator[Check]:
     ]
     if angles:
         angle, bodies = max(angles)
-        yield Check(
-            "held_motion",
-            angle,
+        message = (
             f"the contact surfaces of {' and '.join(bodies)} have rotated so far that {100.0 * angle:.2g} % "
-            f"of the contact force acts along a motion without stiffness that is fixed at 0",
-            "add a [[support]] in that direction, or friction to the contact",
+            f"of the contact force acts along a motion without stiffness that is fixed at 0"
         )
+        hint = "add a [[support]] in that direction, or friction to the contact"
+        yield Check("held_motion", angle, message, hint)
 
 
 def no_pressure(end: End) -> Iterator[Check]:
     """Scenes whose contacts all stay open."""
-    yield Check(
-        "no_pressure",
-        float(bool(end.case.touching) and end.built.stays_open),
-        "no contact carries any pressure at the end of any stage",
-        "check the direction and size of the loads",
-    )
+    none = float(bool(end.case.touching) and end.built.stays_open)
+    message = "no contact carries any pressure at the end of any stage"
+    yield Check("no_pressure", none, message, "check the direction and size of the loads")
 
 
 # The strain comes before the checks that fail for inconsistent units, so that the warning names the cause.
 END: Sequence[Callable[[End], Iterator[Check]]] = (
-    *(
-        stability,
-        linear_residual,
-        pressed_spacings,
-        initial_overlap,
-        contact_end,
-        peak_pressure,
-        strain,
-        transfer,
-    ),
-    *COMMON,
-    *(peak_stress, law_gap, held_motion, lambda end: body_rotation(end.built, end.last)),
+    *(stability, linear_residual, pressed_spacings, initial_overlap, contact_end, peak_pressure),
+    *(strain, transfer, *COMMON, peak_stress, law_gap, held_motion),
+    lambda end: body_rotation(end.built, end.last),
     no_pressure,
 )
 """Checks of a completed path at small strain."""
-
-
-def _turned_too_far(names: str, angle: float, share: float) -> str:
-    """What the rotation (radian) of bodies does to a limit load, a relative error of ``share``."""
-    if abs(angle) > math.pi:
-        return f"{names} turns round and round: a mechanism, which limits no load at small strain"
-    return (
-        f"{names} has rotated by {np.degrees(angle):.2g} degrees without its contacts moving along its "
-        f"surface: the moment at the limit is up to {100.0 * share:.2g} % too large"
-    )
 
 
 def limit_load(built: CondensedScene, state: State) -> Iterator[Check]:
     """A limit load close to a ``state`` that is too large, as the contacts of a rotated body have not moved
     along its surface."""
     turned = moment_error(built.scene, built.condensed, *state.unknowns[1:])
-    if turned is not None:
-        yield Check(
-            "limit_load",
-            turned.share,
-            _turned_too_far(turned.names, turned.angle, turned.share),
-            'use model.strain = "finite", or stiffer materials',
-            turned.names,
+    if turned is None:
+        return
+    message = f"{turned.names} turns round and round: a mechanism, which limits no load at small strain"
+    if abs(turned.angle) <= math.pi:
+        angle, share = np.degrees(turned.angle), 100.0 * turned.share
+        message = (
+            f"{turned.names} has rotated by {angle:.2g} degrees without its contacts moving along its "
+            f"surface: the moment at the limit is up to {share:.2g} % too large"
         )
+    hint = 'use model.strain = "finite", or stiffer materials'
+    yield Check("limit_load", turned.share, message, hint, turned.names)
 
 
 def idle_note(built: CondensedScene, state: State) -> str:
@@ -167,29 +137,25 @@ def idle_note(built: CondensedScene, state: State) -> str:
         for body in pairing.bodies
         if (state.pressure[built.condensed.spans[pairing.name]] > least).any()
     }
-    free = {one.name for one, _ in built.scene.unknown_motions if one.floats}
-    idle = sorted(free - loaded)
-    if not idle:
-        return ""
-    return (
-        f"no contact loads body {', '.join(idle)} at the end: what nothing resists or drives stays in place"
-    )
+    idle = sorted({one.name for one, _ in built.scene.unknown_motions if one.floats} - loaded)
+    stays = "at the end: what nothing resists or drives stays in place"
+    return f"no contact loads body {', '.join(idle)} {stays}" if idle else ""
 
 
 def estimates(built: CondensedScene, figures: Mapping[str, Any], missing: str) -> Iterator[Check]:
     """Estimated errors at small strain, or why they are ``missing``."""
+    case = built.case
     if figures["displacement"] is None and missing:
         yield Check("missing_estimates", 1.0, f"errors are not estimated: {missing}")
         return
-    yield from displacement_estimate(built.case, figures)
+    yield from displacement_estimate(case, figures)
     for pairing in built.condensed.pairings:
-        name = pairing.name
+        name, bodies = pairing.name, pairing.bodies
         if name in figures.get("force", {}):
-            yield force_estimate("force_error", built.case, name, built.scene.bodies, figures["force"][name])
+            yield force_estimate("force_error", case, name, built.scene.bodies, figures["force"][name])
         finer = f" and a smaller contact.{name}.accuracy" if pairing.grid and pairing.friction else ""
-        yield from pressure_estimate(
-            pressure_limit(pairing), built.case, name, pairing.bodies, figures["pressure"].get(name), finer
-        )
+        error = figures["pressure"].get(name)
+        yield from pressure_estimate(pressure_limit(pairing), case, name, bodies, error, finer)
 
 
 def pressure_limit(pairing: Pairing) -> str:

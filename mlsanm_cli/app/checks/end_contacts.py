@@ -10,9 +10,7 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.app.checks.check import Check
-from mlsanm_cli.app.checks.ended import (
-    EnergyErrors,
-)
+from mlsanm_cli.app.checks.ended import EnergyErrors
 from mlsanm_cli.app.checks.energy import force_balance, force_mismatch
 from mlsanm_cli.app.scene.contact_pairs import shape_of
 from mlsanm_cli.arrays import FloatArray
@@ -60,16 +58,12 @@ def pressed_spacings(end: End) -> Iterator[Check]:
     for pairing in end.built.condensed.pairings:
         if pairing.grid is not None:
             continue
-        closed = np.zeros_like(pairing.candidate)
+        closed, place = np.zeros_like(pairing.candidate), f"contact {pairing.name}"
         closed[pairing.candidate] = end.last.closed[end.built.condensed.spans[pairing.name]]
         ratio = spacing_ratio(replace(pairing, candidate=closed), clouds)
-        yield Check(
-            "pressed_spacings",
-            ratio,
-            f"contact {pairing.name}: spacings of the surfaces in contact differ by a factor of {ratio:.3g}",
-            f"bring the spacings of {' and '.join(pairing.names)} closer together where they touch",
-            f"contact {pairing.name}",
-        )
+        message = f"{place}: spacings of the surfaces in contact differ by a factor of {ratio:.3g}"
+        hint = f"bring the spacings of {' and '.join(pairing.names)} closer together where they touch"
+        yield Check("pressed_spacings", ratio, message, hint, place)
 
 
 def initial_overlap(end: End) -> Iterator[Check]:
@@ -78,22 +72,20 @@ def initial_overlap(end: End) -> Iterator[Check]:
     if end.first is None or end.first.position > 0.0:
         return
     for pairing in end.built.condensed.pairings:
-        span = end.built.condensed.spans[pairing.name]
+        span, name = end.built.condensed.spans[pairing.name], pairing.name
         before, after = (float(state.pressure[span].max(initial=0.0)) for state in (end.first, end.last))
         gap, partner = pairing.gap[pairing.candidate], pairing.partner[pairing.candidate]
         overlaps = (gap < -ROUND_OFF * np.abs(partner).max(initial=0.0)).any()
-        if pairing.name in given or not before > 0.0 or not overlaps:
+        if name in given or not before > 0.0 or not overlaps:
             continue
-        deepest = int(np.argmin(gap))
-        x, y = partner[deepest]
-        yield Check(
-            "initial_overlap",
-            before / after if after > 0.0 else np.inf,
-            f"contact {pairing.name}: the surfaces overlap as drawn, by {-gap[deepest]:.3g} near "
-            f"({x:.6g}, {y:.6g}), and press on each other with up to {before:.4g} before any load",
-            f"draw them touching, or give contact.{pairing.name}.interference if they are a press fit",
-            f"contact {pairing.name}",
+        x, y = partner[int(np.argmin(gap))]
+        message = (
+            f"contact {name}: the surfaces overlap as drawn, by {-gap.min():.3g} near "
+            f"({x:.6g}, {y:.6g}), and press on each other with up to {before:.4g} before any load"
         )
+        hint = f"draw them touching, or give contact.{name}.interference if they are a press fit"
+        share = before / after if after > 0.0 else np.inf
+        yield Check("initial_overlap", share, message, hint, f"contact {name}")
 
 
 def contact_end(end: End) -> Iterator[Check]:
@@ -107,29 +99,27 @@ def contact_end(end: End) -> Iterator[Check]:
             continue
         mean = float(weight @ pressure) / float(weight[closed].sum())
         for (body, slave, _), side in zip(pairing.sides, contact.sides, strict=True):
-            elastic = built.scene.bodies[body]
+            elastic, surface = built.scene.bodies[body], pairing.surface_of(slave)
             cloud = elastic.model.cloud
             places = (pairing.points if slave else pairing.partner)[pairing.candidate]
-            surface = pairing.surface_of(slave)
-            for place, name in continuations(cloud, surface):
-                node, beyond = surface.index[place], name.partition("/")[0]
+            known = np.concatenate([_bonded_nodes(built, body), _obstacle_corners(contact)])
+            for end_node, name in continuations(cloud, surface):
+                node, beyond = surface.index[end_node], name.partition("/")[0]
                 tip, close = cloud.points[node], END_DISTANCE * cloud.spacing[node]
-                known = np.concatenate([_bonded_nodes(built, body), _obstacle_corners(contact)])
                 held = elastic.held.get(name) == (True, True)
                 if held or (np.hypot(*(known - tip).T) <= close).any():
                     continue
                 near = closed & (np.hypot(*(places - tip).T) <= close)
+                share = float(pressure[near].max(initial=0.0)) / mean if mean > 0.0 else 0.0
+                place = f"({tip[0]:.6g}, {tip[1]:.6g})"
+                message = (
+                    f"contact {pairing.name} is pressed up to the end of {side.label} near {place}, where "
+                    f"{body}.{beyond} continues without a corner and should carry a part of the pressure"
+                )
                 listed = ", ".join(f'"{one}"' for one in (*side.boundaries, f"{body}.{beyond}"))
                 role = "slave" if slave else "master"
-                yield Check(
-                    "contact_end",
-                    float(pressure[near].max(initial=0.0)) / mean if mean > 0.0 else 0.0,
-                    f"contact {pairing.name} is pressed up to the end of {side.label} near "
-                    f"({tip[0]:.6g}, {tip[1]:.6g}), where {body}.{beyond} continues without a corner and "
-                    f"should carry a part of the pressure",
-                    f"add it to the contact, as in contact.{pairing.name}.{role} = [{listed}]",
-                    f"contact {pairing.name} at ({tip[0]:.6g}, {tip[1]:.6g})",
-                )
+                hint = f"add it to the contact, as in contact.{pairing.name}.{role} = [{listed}]"
+                yield Check("contact_end", share, message, hint, f"contact {pairing.name} at {place}")
 
 
 def _bonded_nodes(built: CondensedScene, body: str) -> FloatArray:
@@ -150,7 +140,7 @@ def peak_pressure(end: End) -> Iterator[Check]:
     """Peak pressures off the ends of contacts that no material carries, as at a rigid tip."""
     built = end.built
     for pairing in built.condensed.pairings:
-        chosen = np.flatnonzero(pairing.candidate)
+        chosen, place = np.flatnonzero(pairing.candidate), f"contact {pairing.name}"
         if not len(chosen):
             continue
         pressure = end.last.pressure[built.condensed.spans[pairing.name]]
@@ -159,30 +149,27 @@ def peak_pressure(end: End) -> Iterator[Check]:
         compliance = sum(float(one.contact_compliance(pairing.normal[at]).sum()) for one in materials)
         peak = regular_peak(pairing.arc[chosen], pressure)
         x, y = pairing.points[at[0]].tolist()
-        yield Check(
-            "peak_pressure",
-            peak * compliance,
-            f"contact {pairing.name}: the peak pressure {peak:.3g} near ({x:.6g}, {y:.6g}) is "
-            f"{peak * compliance:.3g} times the contact modulus, which no material carries",
-            "at a sharp tip or edge it is unbounded and depends on the grid: judge by forces, or round the "
-            "tip; elsewhere check the units of the moduli against those of the loads",
-            f"contact {pairing.name}",
+        message = (
+            f"{place}: the peak pressure {peak:.3g} near ({x:.6g}, {y:.6g}) is {peak * compliance:.3g} "
+            f"times the contact modulus, which no material carries"
         )
+        hint = (
+            "at a sharp tip or edge it is unbounded and depends on the grid: judge by forces, or round the "
+            "tip; elsewhere check the units of the moduli against those of the loads"
+        )
+        yield Check("peak_pressure", peak * compliance, message, hint, place)
 
 
 def transfer(end: End) -> Iterator[Check]:
     """Different forces on slave and master."""
     mismatches = force_mismatch(end.built, end.last)
     for pairing in end.built.condensed.pairings:
-        lost = mismatches[pairing.name]
+        lost, place = mismatches[pairing.name], f"contact {pairing.name}"
         keys = " and ".join(f"body.{body}.spacing" for body in pairing.bodies)
-        yield Check(
-            "force_mismatch",
-            lost,
-            f"contact {pairing.name}: the forces on slave and master differ by {100.0 * lost:.2g} %",
-            f"bring {keys} closer together where they touch, or {finer_nodes(end.case, pairing.bodies)}",
-            f"contact {pairing.name}",
-        )
+        message = f"{place}: the forces on slave and master differ by {100.0 * lost:.2g} %"
+        finer = finer_nodes(end.case, pairing.bodies)
+        hint = f"bring {keys} closer together where they touch, or {finer}"
+        yield Check("force_mismatch", lost, message, hint, place)
 
 
 def law_gap(end: End) -> Iterator[Check]:
@@ -192,17 +179,15 @@ def law_gap(end: End) -> Iterator[Check]:
         return
     fields, _ = fields_of(built, [last], stress=False)[0]
     for pairing in built.condensed.pairings:
-        span = built.condensed.spans[pairing.name]
+        span, place = built.condensed.spans[pairing.name], f"contact {pairing.name}"
         force = built.condensed.weight[span] * last.pressure[span]
         largest = max(float(np.abs(fields[body]["displacement"]).max()) for body in pairing.bodies)
         if not force.any() or largest == 0.0:
             continue
         part = float(force @ last.gap[span] / force.sum()) / largest
-        yield Check(
-            "law_gap",
-            part,
-            f"contact {pairing.name}: its surfaces press on each other across a gap of {100 * part:.2g} % of "
-            f"their bodies' largest displacement, which the regularised law leaves between them",
-            'use contact.regularization.law = "exact", or a lower contact.regularization.eta',
-            f"contact {pairing.name}",
+        message = (
+            f"{place}: its surfaces press on each other across a gap of {100 * part:.2g} % of their bodies' "
+            f"largest displacement, which the regularised law leaves between them"
         )
+        hint = 'use contact.regularization.law = "exact", or a lower contact.regularization.eta'
+        yield Check("law_gap", part, message, hint, place)

@@ -54,13 +54,13 @@ def worst_of(errors: Mapping[str, float]) -> str:
 
 def balance(end: Ended) -> Iterator[Check]:
     """The body whose forces are farthest from adding up to zero."""
-    if not end.imbalance:
-        return
-    name = worst_of(end.imbalance)
-    error = end.imbalance[name]
-    message = f"force imbalance on body {name}: {100 * error:.2g} % of the largest force"
-    hint = f"{finer_nodes(end.case, [name])} where it is held and around its notches, or use mls.degree = 4"
-    yield Check("force_balance", error, message, hint, f"body {name}")
+    if end.imbalance:
+        name = worst_of(end.imbalance)
+        error = end.imbalance[name]
+        message = f"force imbalance on body {name}: {100 * error:.2g} % of the largest force"
+        finer = finer_nodes(end.case, [name])
+        hint = f"{finer} where it is held and around its notches, or use mls.degree = 4"
+        yield Check("force_balance", error, message, hint, f"body {name}")
 
 
 def work(end: Ended) -> Iterator[Check]:
@@ -77,15 +77,12 @@ def work(end: Ended) -> Iterator[Check]:
 def single_nodes(end: Ended) -> Iterator[Check]:
     """Bodies held at single nodes, whose displacements depend on the spacing."""
     for name, part in end.energies.pointed.items():
-        yield Check(
-            "single_nodes",
-            part,
+        message = (
             f"body {name} is held at single nodes: displacements next to a point force are unbounded, and "
-            f"grow by about {100 * part:.2g} % when its spacing is halved",
-            "support a part of a boundary (from, to), or measure displacements relative to another point "
-            "than the fixed one",
-            f"body {name}",
+            f"grow by about {100 * part:.2g} % when its spacing is halved"
         )
+        hint = "support a part of a boundary (from, to), or measure displacements relative to another point"
+        yield Check("single_nodes", part, message, hint, f"body {name}")
 
 
 def thin_part(cloud: Cloud) -> str:
@@ -95,10 +92,9 @@ def thin_part(cloud: Cloud) -> str:
         return ""
     node = (cloud.widths / cloud.spacing).argmin()
     x, y = cloud.points[node]
-    size = cloud.widths[node] / (BENDING_NODES - 1)
     return (
-        f"near ({x:.6g}, {y:.6g}), where it has {round(across) + 1} nodes across: parts in "
-        f"bending need {BENDING_NODES} or more, a spacing of {size:.3g}"
+        f"near ({x:.6g}, {y:.6g}), where it has {round(across) + 1} nodes across: parts in bending need "
+        f"{BENDING_NODES} or more, a spacing of {cloud.widths[node] / (BENDING_NODES - 1):.3g}"
     )
 
 
@@ -109,24 +105,17 @@ def displacement_estimate(case: Case, figures: Mapping[str, Any]) -> Iterator[Ch
     if figures["displacement"] is not None:
         errors["displacements are"] = figures["displacement"]
     if errors:
-        worst, names = worst_of(errors), [body.name for body in case.body]
-        yield Check(
-            "displacement_error",
-            errors[worst],
-            f"{worst} estimated to be off by {100 * errors[worst]:.2g} %",
-            f"{finer_nodes(case, names)}, above all where bodies are held, loaded or bent",
-        )
+        worst, finer = worst_of(errors), finer_nodes(case, [body.name for body in case.body])
+        message = f"{worst} estimated to be off by {100 * errors[worst]:.2g} %"
+        hint = f"{finer}, above all where bodies are held, loaded or bent"
+        yield Check("displacement_error", errors[worst], message, hint)
 
 
 def force_estimate(limit: str, case: Case, contact: str, bodies: Collection[str], error: float) -> Check:
     """Estimated error of the force of a contact that finer nodes in ``bodies`` reduce."""
-    return Check(
-        limit,
-        error,
-        f"contact {contact}: its force is estimated to be off by {100 * error:.2g} %",
-        f"{finer_nodes(case, bodies)}, above all where bodies are held or touch",
-        f"contact {contact}",
-    )
+    message = f"contact {contact}: its force is estimated to be off by {100 * error:.2g} %"
+    hint = f"{finer_nodes(case, bodies)}, above all where bodies are held or touch"
+    return Check(limit, error, message, hint, f"contact {contact}")
 
 
 def pressure_estimate(

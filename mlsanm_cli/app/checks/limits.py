@@ -45,6 +45,9 @@ MODEL: Mapping[str, Limit] = {
     "plane_stiffness": Limit(ANY, None, "materials whose stress out of the plane is not known"),
     "moduli": Limit(3e5, None, "largest modulus over the smallest; that of steel over soft rubber is 3e5"),
     "pulled_apart": Limit(ANY, None, "bodies that loads pull away from the only contact that holds them"),
+    "cut_body": Limit(
+        ANY, None, "bodies cut at a plane of symmetry whose edges press on bodies that are not"
+    ),
     "friction_coefficient": Limit(4.0, None, "coefficient of friction; that of rubber is up to 4"),
     "refinement_pass": Limit(ANY, None, "passes of a refinement that failed; results are those before it"),
 }
@@ -66,6 +69,7 @@ STATE: Mapping[str, Limit] = {
     "stability": Limit(
         None, CONTACT_LIMIT, "stiffness against pressures that alternate from node to node", lower=True
     ),
+    "equilibrium": Limit(ANY, None, "motions of a state in equilibrium that lower its energy"),
     "volume_ratio": Limit(None, 0.0, "least determinant of the deformation gradient", lower=True),
     "ellipticity": Limit(
         0.1, 0.0, "least eigenvalue of the acoustic tensor over the shear modulus", lower=True
@@ -74,6 +78,7 @@ STATE: Mapping[str, Limit] = {
 """Checks of every state of the path."""
 
 END: Mapping[str, Limit] = {
+    "bifurcation": Limit(ANY, None, "bifurcations of the path where no asymmetry of the scene decides"),
     "linear_residual": Limit(None, 1e-6, "change of an elastic solution by one more iterative refinement"),
     "pressed_spacings": Limit(None, 4.0, "ratio of the spacings of surfaces pressed on each other by nodes"),
     "initial_overlap": Limit(0.01, None, "pressures before any load over those at the end of the path"),
@@ -95,6 +100,7 @@ END: Mapping[str, Limit] = {
     "force_error": Limit(0.005, None, "estimated error of a contact force over the sum of its pressures"),
     "pressure_error": Limit(0.02, None, "estimated error of frictionless pressures on contact grids (L2)"),
     "rough_pressure_error": Limit(0.05, None, "estimated error of pressures with friction or on nodes (L2)"),
+    "located_contacts": Limit(ANY, None, "path beyond the position up to which its contacts were located"),
     "energy_estimate": Limit(0.015, None, "estimated error of the energy at finite strain"),
     "finite_force_error": Limit(0.015, None, "estimated error of a contact force over the largest force"),
 }

@@ -6,7 +6,9 @@ along a fibre have errors as large as those across, and stresses accordingly lar
 
 Omitted are places with unbounded stress or another check: surfaces in contact, ends of held and bonded
 surfaces, single nodes, re-entrant corners, and nodes with tractions larger than the stress. Only local maxima
-along the boundary count, so that stresses that grow towards these places are no peaks.
+along the boundary count, so that stresses that grow towards these places are no peaks. The near field of
+contact grids is known in closed form: beside them stresses are accurate from the next node on, and a larger
+stress at the contact itself is told. Pressures at nodes spoil stresses of a whole neighbourhood.
 """
 
 from __future__ import annotations
@@ -18,11 +20,13 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.app.scene.assemble import single_nodes
-from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray, runs_of
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.corners import reentrant_corners, thickness
 from mlsanm_cli.mechanics.elasticity import traction_of
+from mlsanm_cli.mechanics.near_field import as_real
 from mlsanm_cli.mechanics.springs import FREE, NO_SPRING
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
@@ -30,6 +34,8 @@ from mlsanm_cli.solve.state import Fields, State
 
 NEIGHBORHOOD = 3.2
 """Nodes within so many spacings are in the neighbourhood of a node."""
+BESIDE_GRID = 1.0
+"""The same beside contacts with contact grids, which end between two nodes."""
 SINGULAR_DISTANCE = 0.25
 """Distance from singular stresses, relative to a body's thickness, within which peaks are not evaluated."""
 MIN_PEAK_SHARE = 0.2
@@ -44,8 +50,9 @@ Peak = dict[str, Any]
 
 
 def boundary_peaks(built: CondensedScene, state: State, fields: Mapping[str, Fields]) -> dict[str, Peak]:
-    """Largest von Mises ``stress`` on the free boundary of every body that has one, its ``place`` and its
-    estimated relative ``error``, from the ``fields`` of a state."""
+    """Largest von Mises ``stress`` on the free boundary of every body that has one, its ``place``, its
+    estimated relative ``error``, and the stress ``at_contact`` where that is larger, from the ``fields`` of a
+    state."""
     found = {}
     bodies = built.scene.bodies
     largest = max(  # stress scale of the displacements over the sizes of the bodies
@@ -124,16 +131,17 @@ def _peak(
     missing: FloatArray,
     loaded: BoolArray,
     unbounded: FloatArray,
-    touching: FloatArray,
+    touching: Mapping[float, FloatArray],
 ) -> Peak | None:
     """Peak of the von Mises ``stress`` (n,) with traction errors ``missing`` (n,), away from ``loaded`` nodes
-    (n,), from singular places ``unbounded`` (s, 2) and from places in contact ``touching`` (t, 2); None if
-    there is none."""
+    (n,), from singular places ``unbounded`` (s, 2) and from places in contact (t, 2), ``touching`` by the
+    number of spacings around them; None if there is none."""
     bounded = np.ones(len(stress), dtype=bool)
-    bounded[_near(cloud, unbounded, SINGULAR_DISTANCE * thickness(cloud))] = False
-    free = bounded & ~loaded
-    free[_near(cloud, touching, 0.0)] = False
-    nodes = cloud.boundary_nodes
+    bounded[_near(cloud, unbounded, SINGULAR_DISTANCE * thickness(cloud), NEIGHBORHOOD)] = False
+    free, nodes = bounded & ~loaded, cloud.boundary_nodes
+    near = {reach: _near(cloud, places, 0.0, reach) for reach, places in touching.items()}
+    for spoiled in near.values():
+        free[spoiled] = False
     around = cKDTree(cloud.points[nodes]).query_ball_point(
         cloud.points[nodes], NEIGHBORHOOD * cloud.spacing[nodes]
     )
@@ -150,35 +158,57 @@ def _peak(
         for value in cloud.points[worst]
     )
     error = tops[worst] / float(stress[list(tops)].max()) - 1.0
-    return {"stress": float(stress[worst]), "place": (x, y), "error": error}
+    at_contact = np.intersect1d(near[BESIDE_GRID], nodes[bounded[nodes]])
+    largest = float(stress[at_contact].max(initial=0.0))
+    more = {"at_contact": largest} if largest > stress[worst] else {}
+    return {"stress": float(stress[worst]), "place": (x, y), "error": error, **more}
 
 
-def _near(cloud: Cloud, places: FloatArray, radius: float) -> IntArray:
-    """Nodes within a ``radius`` of the ``places`` (s, 2), but at least ``NEIGHBORHOOD`` spacings."""
+def _near(cloud: Cloud, places: FloatArray, radius: float, spacings: float) -> IntArray:
+    """Nodes within a ``radius`` of the ``places`` (s, 2), but at least so many ``spacings``."""
     if not len(places):
         return np.zeros(0, dtype=np.int64)
-    reach = np.maximum(radius, NEIGHBORHOOD * cloud.spacing[cloud.tree.query(places)[1]])
+    reach = np.maximum(radius, spacings * cloud.spacing[cloud.tree.query(places)[1]])
     return np.unique(np.concatenate(cloud.tree.query_ball_point(places, reach))).astype(np.int64)
 
 
-def _left_out(built: CondensedScene, state: State, name: str) -> tuple[FloatArray, FloatArray]:
-    """Places of a body with unbounded stress (s, 2), and those clamped, in contact or bonded (t, 2)."""
+def _left_out(
+    built: CondensedScene, state: State, name: str
+) -> tuple[FloatArray, Mapping[float, FloatArray]]:
+    """Places of a body with unbounded stress (s, 2), and those clamped, in contact or bonded (t, 2), by the
+    number of spacings around them in which stresses are spoiled."""
     body = built.scene.bodies[name]
-    cloud = body.model.cloud
+    cloud, none = body.model.cloud, np.zeros((0, 2))
     single = [node for node, _ in single_nodes(built.case, name, cloud)]
-    unbounded, touching = [cloud.points[[*_singular(body), *single]]], [np.zeros((0, 2))]
-    clamped = [surface for surface, axes in body.restrained.items() if all(axes)]
-    touching += [cloud.points[cloud.surfaces[surface].index] for surface in clamped]
+    unbounded, touching = (
+        [cloud.points[[*_singular(body), *single]]],
+        {NEIGHBORHOOD: [none], BESIDE_GRID: [none]},
+    )
+    for surface, axes in body.restrained.items():
+        if all(axes):
+            touching[NEIGHBORHOOD].append(cloud.points[cloud.surfaces[surface].index])
     for pairing in built.condensed.reported:
-        for owner, places in ((pairing.slave_body, pairing.points), (pairing.master_body, pairing.partner)):
-            if owner == name:
-                there = places[pairing.candidate]
-                if pairing.bonded:
-                    unbounded.append(there[[0, -1]])
-                else:
-                    there = there[state.closed[built.condensed.spans[pairing.name]]]
-                touching.append(there)
-    return np.concatenate(unbounded), np.concatenate(touching)
+        closed = state.closed[built.condensed.spans[pairing.name]] if not pairing.bonded else None
+        for body_name, slave, _ in pairing.sides:
+            if body_name != name:
+                continue
+            there = (pairing.points if slave else pairing.partner)[pairing.candidate]
+            if closed is None:
+                unbounded.append(there[[0, -1]])
+                touching[NEIGHBORHOOD].append(there)
+            elif pairing.grid is None:
+                touching[NEIGHBORHOOD].append(there[closed])
+            else:
+                touching[BESIDE_GRID] += _pressed(pairing.grid, closed, slave, float(cloud.spacing.min()))
+    return np.concatenate(unbounded), {key: np.concatenate(listed) for key, listed in touching.items()}
+
+
+def _pressed(grid: ContactGrid, closed: BoolArray, slave: bool, spacing: float) -> Iterator[FloatArray]:
+    """Points (t, 2) at most a ``spacing`` apart of one side of the patches of a grid with ``closed`` hats."""
+    # A hat ends at the node beyond the one after it.
+    for first, last in grid.hats.nodes[runs_of(closed) + np.array([0, 1])].tolist():
+        s = np.linspace(first, last, 2 + int((last - first) / spacing))
+        yield as_real(grid.facing.side(s, slave)[0])
 
 
 def _singular(body: ElasticBody) -> Iterator[int]:

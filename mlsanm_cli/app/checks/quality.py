@@ -10,21 +10,35 @@ import numpy as np
 
 from mlsanm_cli.app.checks.check import Check, Verdicts, all_of
 from mlsanm_cli.app.checks.limits import level
-from mlsanm_cli.app.checks.load_checks import load_resolution, loaded_length
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene import pulls
 from mlsanm_cli.app.scene.assemble import SceneModel
+from mlsanm_cli.app.scene.corners import planes_of
+from mlsanm_cli.app.scene.load_profiles import amounts_at, runs_of
 from mlsanm_cli.app.scene.refinement import Refinement
-from mlsanm_cli.case import Case, finer_nodes, rounded
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.case import (
+    BodyForce,
+    Case,
+    Centrifugal,
+    ExpressionError,
+    Pressure,
+    Temperature,
+    Traction,
+    finer_nodes,
+    rounded,
+)
+from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.quality import measure
 from mlsanm_cli.contact.geometry.pairing import Pairing, spacing_ratio
 from mlsanm_cli.contact.response.coercivity import stiffness_ratio
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.corners import reentrant_corners
+from mlsanm_cli.mechanics.near_field import as_complex
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.records import dataclass
-from mlsanm_cli.roundoff import COARSE_ROUND_OFF
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
 
 @dataclass(frozen=True)
@@ -41,18 +55,21 @@ class Quality:
     @property
     def figures(self) -> dict[str, Any]:
         """Quality measures as plain values."""
-        return {
-            "bodies": {
-                name: {
-                    **cloud,
-                    "degree": self.models[name].settings.degree,
-                    "stencils_enlarged": self.models[name].stencils.enlarged,
-                    "worst_ratio": self.models[name].stencils.worst_ratio,
-                }
-                for name, cloud in self.bodies.items()
-            },
-            "spacing_ratio": dict(self.spacing_ratio),
-        }
+        bodies = {}
+        for name, cloud in self.bodies.items():
+            model = self.models[name]
+            bodies[name] = {
+                **cloud,
+                "degree": model.settings.degree,
+                "stencils_enlarged": model.stencils.enlarged,
+                "worst_ratio": model.stencils.worst_ratio,
+            }
+        return {"bodies": bodies, "spacing_ratio": dict(self.spacing_ratio)}
+
+    @property
+    def clouds(self) -> Mapping[str, Cloud]:
+        """The nodes of all bodies."""
+        return {name: model.cloud for name, model in self.prepared.models.items()}
 
     @property
     def checks(self) -> Iterator[Check]:
@@ -72,11 +89,10 @@ def announce(case: Case, prepared: SceneModel, context: RunContext, verdicts: Ve
 
 def assess(case: Case, prepared: SceneModel, memo: Memo = NO_CACHE) -> Quality:
     """Measure the clouds of all bodies and the facing spacings of every contact."""
-    bodies = {
-        name: memo.value("quality", model.cloud.content, partial(measure, model.cloud))
-        for name, model in prepared.models.items()
-    }
     clouds = {name: model.cloud for name, model in prepared.models.items()}
+    bodies = {
+        name: memo.value("quality", cloud.content, partial(measure, cloud)) for name, cloud in clouds.items()
+    }
     ratios = {pairing.name: spacing_ratio(pairing, clouds) for pairing in prepared.pairings}
     return Quality(case, prepared, bodies, prepared.models, ratios)
 
@@ -91,32 +107,18 @@ def factor_notes(scene: Scene) -> Iterator[str]:
 def clouds(model: Quality) -> Iterator[Check]:
     """Distances, holes and growth of the nodes of bodies."""
     for body in model.case.body:
-        name, cloud = body.name, model.bodies[body.name]
+        name, place = body.name, f"body {body.name}"
+        closest, hole, growth = (model.bodies[name][key] for key in ("closest", "hole", "growth"))
         grade = f"body.{name}.refine growth"
         lower = f"lower {grade}, or " if body.refine else ""
         even = f"make the nodes in body.{name}.shape.file more even" if body.has_nodes else ""
-        place = f"body {name}"
-        yield Check(
-            "node_distance",
-            cloud["closest"],
-            f"{place}: two nodes are only {cloud['closest']:.2g} of the local spacing apart",
-            even or f"{lower}try another body.{name}.seed",
-            place,
-        )
-        yield Check(
-            "node_hole",
-            cloud["hole"],
-            f"{place}: the largest gap between nodes has a radius of {cloud['hole']:.3g} spacings",
-            even or f"{lower}make body.{name}.spacing smaller",
-            place,
-        )
-        yield Check(
-            "mesh_growth" if body.has_nodes else "spacing_growth",
-            cloud["growth"],
-            f"{place}: the spacing grows by {cloud['growth']:.3g} per unit length",
-            even or f"lower {grade} to {level('spacing_growth'):g} or less",
-            place,
-        )
+        message = f"{place}: two nodes are only {closest:.2g} of the local spacing apart"
+        yield Check("node_distance", closest, message, even or f"{lower}try another body.{name}.seed", place)
+        message = f"{place}: the largest gap between nodes has a radius of {hole:.3g} spacings"
+        yield Check("node_hole", hole, message, even or f"{lower}make body.{name}.spacing smaller", place)
+        message = f"{place}: the spacing grows by {growth:.3g} per unit length"
+        hint = even or f"lower {grade} to {level('spacing_growth'):g} or less"
+        yield Check("mesh_growth" if body.has_nodes else "spacing_growth", growth, message, hint, place)
 
 
 def facing_surfaces(model: Quality) -> Iterator[Check]:
@@ -143,21 +145,17 @@ def nodal_contacts(
         yield from _corners_inside(one)
         yield from _crack_tip(one, prepared.pairings)
         stiffer = stiffness_ratio(one, prepared.models)
-        yield Check(
-            "slave_stiffness",
-            stiffer,
-            f"{place}: the slave is {stiffer:.3g} times stiffer than the master",
-            "swap them, `from` and `to` too: pressures are more accurate with the softer body as slave",
-            place,
-        )
+        message = f"{place}: the slave is {stiffer:.3g} times stiffer than the master"
+        hint = "swap them, `from` and `to` too: pressures are more accurate with the softer body as slave"
+        yield Check("slave_stiffness", stiffer, message, hint, place)
 
 
 def ratio_message(pairing: Pairing, ratio: float) -> tuple[str, str]:
     """Message and hint of unequal facing spacings."""
+    keys = ", ".join(f"body.{body}.spacing" for body in pairing.bodies)
     return (
         f"contact {pairing.name}: spacings that face each other differ by a factor of {ratio:.3g}",
-        f"bring the spacings of {' and '.join(pairing.names)} closer together "
-        f"({', '.join(f'body.{body}.spacing' for body in pairing.bodies)}, or their refinements)",
+        f"bring the spacings of {' and '.join(pairing.names)} closer together ({keys}, or their refinements)",
     )
 
 
@@ -171,13 +169,11 @@ def _crack_tip(pairing: Pairing, pairings: Sequence[Pairing]) -> Iterator[Check]
     ends = curve.points(np.array([0.0, curve.length]))
     tips = [end for end in ends if np.hypot(*(held - end).T).min() <= COARSE_ROUND_OFF * curve.length]
     for x, y in tips[:1]:
-        yield Check(
-            "crack_tip",
-            len(tips),
+        message = (
             f"contact {pairing.name} ends where a bond begins, near ({x:.6g}, {y:.6g}), as at the tip of a "
-            f"crack: the pressures of some nodes next to it, and so the peak, depend on the spacing",
-            place=f"contact {pairing.name}",
+            f"crack: the pressures of some nodes next to it, and so the peak, depend on the spacing"
         )
+        yield Check("crack_tip", len(tips), message, place=f"contact {pairing.name}")
 
 
 def _corners_inside(pairing: Pairing) -> Iterator[Check]:
@@ -191,14 +187,12 @@ def _corners_inside(pairing: Pairing) -> Iterator[Check]:
         arcs = surface.curve.closest(points[pairing.candidate])
         inside = surface.curve.points(corners[(corners > arcs.min()) & (corners < arcs.max())])
         for x, y in inside[:1]:
-            yield Check(
-                "contact_corner",
-                len(inside),
+            message = (
                 f"contact {pairing.name}: {name} has a corner at ({x:.6g}, {y:.6g}), where contact grids "
-                f"end: pressures are those at nodes",
-                "define a contact for each of both sides, with names of their own",
-                f"contact {pairing.name}, {name}",
+                f"end: pressures are those at nodes"
             )
+            hint = "define a contact for each of both sides, with names of their own"
+            yield Check("contact_corner", len(inside), message, hint, f"contact {pairing.name}, {name}")
 
 
 def bonded_curves(model: Quality) -> Iterator[Check]:
@@ -207,15 +201,13 @@ def bonded_curves(model: Quality) -> Iterator[Check]:
     for pairing, body, slave in [(one, body, slave) for one in bonds for body, slave, _ in one.sides]:
         surface = pairing.surface_of(slave)
         bend = np.abs(surface.curve.curvature(surface.arc_length))
-        turn = float((bend * model.prepared.models[body].cloud.spacing[surface.index]).max())
-        yield Check(
-            "bonded_curve",
-            turn,
+        turn = float((bend * model.clouds[body].spacing[surface.index]).max())
+        message = (
             f"contact {pairing.name}: the bonded surface of body {body} turns by {np.degrees(turn):.2g} "
-            f"degrees from node to node, too far for its stresses",
-            f"{finer_nodes(model.case, [body])} there",
-            f"contact {pairing.name}, body {body}",
+            f"degrees from node to node, too far for its stresses"
         )
+        hint = f"{finer_nodes(model.case, [body])} there"
+        yield Check("bonded_curve", turn, message, hint, f"contact {pairing.name}, body {body}")
 
 
 def degree(model: Quality) -> Iterator[Check]:
@@ -228,24 +220,79 @@ def degree(model: Quality) -> Iterator[Check]:
 def initial_gap(model: Quality) -> Iterator[Check]:
     """Initial gaps of contacts, relative to the smaller body."""
     for pairing in model.prepared.pairings:
-        points = [model.prepared.models[body].cloud.points for body in pairing.bodies]
-        size = min(float(np.ptp(one, axis=0).max()) for one in points)
-        gap = float(pairing.gap.min()) + pairing.closed_by
-        yield Check(
-            "initial_gap",
-            gap / size,
-            f"contact {pairing.name}: the initial gap of {gap:.3g} is {gap / size:.2g} times the size of the "
-            "smaller body",
-            "move the bodies together, unless they are meant to move so far",
-            f"contact {pairing.name}",
+        size = min(float(np.ptp(model.clouds[body].points, axis=0).max()) for body in pairing.bodies)
+        gap, place = float(pairing.gap.min()) + pairing.closed_by, f"contact {pairing.name}"
+        message = (
+            f"{place}: the initial gap of {gap:.3g} is {gap / size:.2g} times the size of the smaller body"
         )
+        hint = "move the bodies together, unless they are meant to move so far"
+        yield Check("initial_gap", gap / size, message, hint, place)
 
 
-def loads(model: Quality) -> Iterator[Check]:
-    """Loads as the nodes represent them."""
-    clouds = {name: one.cloud for name, one in model.prepared.models.items()}
-    yield from loaded_length(model.case, model.prepared.boundaries, clouds)
-    yield from load_resolution(model.case, model.prepared.boundaries, clouds)
+def load_resolution(model: Quality) -> Iterator[Check]:
+    """Errors of linear interpolation of varying loads between the nodes."""
+    for load in model.case.load:
+        if not isinstance(load, Temperature | BodyForce | Centrifugal | Pressure | Traction):
+            continue
+        body, cloud = load.owner, model.clouds[load.owner]
+        if isinstance(load, Temperature):
+            amounts: Sequence[Any] = [load.temperature]
+        elif isinstance(load, BodyForce | Centrifugal):
+            amounts = load.body_force
+        else:
+            amounts = [load.pressure] if isinstance(load, Pressure) else load.traction or ()
+        if isinstance(load, Temperature | BodyForce | Centrifugal):
+            spans = [cloud.triangles]
+        else:
+            names = model.prepared.boundaries.names(load.place)
+            indices = [cloud.surfaces[name].index for name in names]
+            # Only inside of surfaces: tractions may be discontinuous at their ends.
+            spans = [np.stack([index[1:-2], index[2:-1]], axis=1) for index in indices if len(index) > 3]
+        varying = [one for one in amounts if isinstance(one, str)]
+        error, (x, y) = _interpolation(varying, cloud, np.concatenate(spans)) if varying and spans else NONE
+        message = (
+            f"load.{load.name} varies faster than the nodes of body {body} resolve near ({x:.4g}, {y:.4g}): "
+            f"interpolation between them is off by {100 * error:.2g} % of its largest value"
+        )
+        hint = f"refine there with body.{body}.refine, or use a smoother expression"
+        yield Check("load_resolution", error, message, hint, f"load {load.name}")
+
+
+NONE = 0.0, (0.0, 0.0)
+
+
+def _interpolation(varying: list[str], cloud: Cloud, spans: IntArray) -> tuple[float, tuple[float, float]]:
+    """Largest difference of the mean over a span (s, 2 or 3) of nodes from the value at its centre, over the
+    largest value, and its place."""
+    middles: FloatArray = cloud.points[spans].mean(axis=1)
+    nodes, place = np.unique(spans, return_inverse=True)
+    try:
+        at_nodes, between = amounts_at(varying, cloud.points[nodes]), amounts_at(varying, middles)
+    except ExpressionError:  # reported when loads are evaluated at the nodes
+        return NONE
+    # A peak at a single node is seen at the nodes only.
+    scale = float(max(np.abs(between).max(initial=0.0), np.abs(at_nodes).max(initial=0.0)))
+    missed = np.abs(at_nodes[place.reshape(spans.shape)].mean(axis=1) - between).max(axis=1)
+    worst = int(missed.argmax())
+    x, y = middles[worst].tolist()
+    return (float(missed[worst] / scale), (x, y)) if scale > 0.0 else NONE
+
+
+def loaded_length(model: Quality) -> Iterator[Check]:
+    """Loaded parts with another length than given, as the nodes are from a file."""
+    for load in model.case.load:
+        if not isinstance(load, Pressure | Traction) or load.ends is None:
+            continue
+        surfaces, names = model.clouds[load.owner].surfaces, model.prepared.boundaries.names(load.place)
+        found = sum(surfaces[name].curve.length for name in names)
+        body = next(one for one in model.case.body if one.name == load.owner)
+        wanted = sum(run.part.length for run in runs_of(body.shape, load.place))
+        message = (
+            f"load.{load.name} acts on a length of {found:.4g} instead of {wanted:.4g}, as parts of body "
+            f"{load.owner} end at nodes"
+        )
+        hint = "put nodes of the file at from and to, or use an expression"
+        yield Check("loaded_length", abs(found - wanted) / wanted, message, hint, f"load {load.name}")
 
 
 def refinement_pass(found: Refinement) -> Iterator[Check]:
@@ -268,27 +315,21 @@ def corners(model: Quality) -> Iterator[Check]:
         for x, y in sharp[:1]:
             more = f" and {len(sharp) - 1} more" if len(sharp) > 1 else ""
             slow = "" if one.tips is not None else ", and stiffness converges slowly"
-            yield Check(
-                "reentrant_corners",
-                len(sharp),
+            message = (
                 f"body {name}: a sharp corner points into the material at ({x:.6g}, {y:.6g}){more}; the "
-                f"stress there is singular{slow}: {rounded(model.case, name)}",
-                place=f"body {name}",
+                f"stress there is singular{slow}: {rounded(model.case, name)}"
             )
+            yield Check("reentrant_corners", len(sharp), message, place=f"body {name}")
 
 
 def materials(model: Quality) -> Iterator[Check]:
     """Materials whose stress out of the plane is not known."""
     for name, material in model.case.material.items():
         if model.case.model.plane == "strain" and material.form == "stiffness":
-            yield Check(
-                "plane_stiffness",
-                1.0,
-                f"material {name}: a plane stiffness does not determine the out-of-plane stress, so that von "
-                f"Mises stresses are nan",
-                "give E1, E2, G12, nu12 and the constants of the third axis",
-                f"material {name}",
-            )
+            place = f"material {name}"
+            message = f"{place}: a plane stiffness does not give stresses out of the plane: von Mises is nan"
+            hint = "give E1, E2, G12, nu12 and the constants of the third axis"
+            yield Check("plane_stiffness", 1.0, message, hint, place)
 
 
 def moduli(model: Quality) -> Iterator[Check]:
@@ -296,45 +337,57 @@ def moduli(model: Quality) -> Iterator[Check]:
     for pairing in model.prepared.pairings:
         ratio = stiffness_ratio(pairing, model.prepared.models)
         if ratio > 0.0:
-            stiffer = max(ratio, 1.0 / ratio)
-            place = f"contact {pairing.name}"
-            yield Check(
-                "moduli",
-                stiffer,
-                f"{place}: one body is {stiffer:.2g} times as stiff as the other",
-                "check that the moduli of all materials have the same unit",
-                place,
-            )
+            stiffer, place = max(ratio, 1.0 / ratio), f"contact {pairing.name}"
+            message = f"{place}: one body is {stiffer:.2g} times as stiff as the other"
+            hint = "check that the moduli of all materials have the same unit"
+            yield Check("moduli", stiffer, message, hint, place)
 
 
 def pulled_apart(model: Quality) -> Iterator[Check]:
     """Loads of the wrong sign."""
     for load, body, contact in pulls.pulled_apart(model.case, model.prepared.pairings):
-        yield Check(
-            "pulled_apart",
-            1.0,
-            f"load {load} pulls {body} away from contact {contact}, which alone holds it",
-            "change its sign",
-            f"load {load}",
-        )
+        message = f"load {load} pulls {body} away from contact {contact}, which alone holds it"
+        yield Check("pulled_apart", 1.0, message, "change its sign", f"load {load}")
+
+
+def cut_bodies(model: Quality) -> Iterator[Check]:
+    """Bodies cut at a plane of symmetry that touch one that is not."""
+    for pairing in model.prepared.pairings:
+        for (body, slave, _), other in zip(pairing.sides, pairing.bodies[::-1], strict=True):
+            surface, models = pairing.surface_of(slave), model.prepared.models
+            ends = planes_of(models[body], surface, model.prepared.held[body])
+            near = (pairing.points if slave else pairing.partner)[np.argmin(pairing.gap)]
+            inside = as_complex(surface.curve.points(np.array([0.5 * surface.curve.length])))
+            for plane in ends if other != body else ():
+                across = as_complex(models[other].cloud.points)
+                if plane is None or abs(as_complex(near) - plane.point) > plane.reach:
+                    continue
+                behind = plane.height(across) * np.sign(plane.height(inside))
+                if behind.min() < -ROUND_OFF * np.ptp(behind):
+                    x, y = np.round(near / np.ptp(behind), 9) * np.ptp(behind) + 0.0
+                    yield Check(
+                        "cut_body",
+                        1.0,
+                        f"contact {pairing.name}: body {body} ends at a side that is held as a plane of "
+                        f"symmetry, and body {other} continues behind it, so that the edge of {body} at "
+                        f"({x:.6g}, {y:.6g}) presses on it",
+                        "cut both bodies at the plane, or neither",
+                        f"contact {pairing.name}",
+                    )
 
 
 def friction(model: Quality) -> Iterator[Check]:
     """Coefficients of friction."""
     for contact in model.case.touching:
-        place = f"contact {contact.name}"
-        if isinstance(contact.friction, float):
-            yield Check(
-                "friction_coefficient",
-                contact.friction,
-                f"{place}: friction = {contact.friction:g} is above all known coefficients",
-                f"if it is a percentage, use {contact.friction / 100.0:g}",
-                place,
-            )
+        place, value = f"contact {contact.name}", contact.friction
+        if isinstance(value, float):
+            message = f"{place}: friction = {value:g} is above all known coefficients"
+            hint = f"if it is a percentage, use {value / 100.0:g}"
+            yield Check("friction_coefficient", value, message, hint, place)
 
 
 MODEL: Sequence[Callable[[Quality], Iterator[Check]]] = (
-    *(clouds, facing_surfaces, bonded_curves, degree, initial_gap, loads, weak_motions, corners),
-    *(materials, moduli, pulled_apart, friction),
+    *(clouds, facing_surfaces, bonded_curves, degree, initial_gap, loaded_length, load_resolution),
+    *(weak_motions, corners, materials, moduli, pulled_apart, cut_bodies, friction),
 )
 """Checks of a model."""

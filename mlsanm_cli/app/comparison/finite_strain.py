@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.app.checks.check import Verdicts
-from mlsanm_cli.app.comparison.measure import (
+from mlsanm_cli.app.comparison.compare import (
     ANM,
     NEWTON,
     SAME_LAW_FACTOR,
@@ -49,7 +49,6 @@ class FiniteComparison(Comparison):
 
     @classmethod
     def refuse(cls, case: Case, methods: Sequence[str], analytic: bool) -> None:
-        """Raises RunError for methods not available at finite strain, and if there is only one."""
         if case.contact or len(case.body) > 1:
             raise RunError(
                 "finite strain with contact or several bodies has a single method: there is nothing to "
@@ -67,11 +66,9 @@ class FiniteComparison(Comparison):
 
     @property
     def sizes(self) -> dict[str, Any]:
-        """Numbers of nodes and unknowns."""
         return {"nodes": self._scene.unknowns // 2, "contact_unknowns": 0}
 
     def measure(self, name: str, repeat: int = 1) -> Measured:
-        """Follows the path by a method, Newton's with the equations of the series."""
         case = self._scene.case
         solver = case.solver.model_copy(update={"method": name})
         chosen = replace(self._scene, case=case.model_copy(update={"solver": solver}))
@@ -93,13 +90,11 @@ class FiniteComparison(Comparison):
         return found
 
     def limits(self, tolerance: float | None) -> dict[str, float]:
-        """The largest difference of displacements."""
         shared = len(self._renewals[NEWTON]) == len(self._renewals[ANM])
         limit = SAME_LAW_FACTOR * self._scene.case.solver.tolerance if shared else OTHER_EQUATIONS_LIMIT
         return {"displacement": limit if tolerance is None else tolerance}
 
     def difference(self, found: States, reference: States) -> dict[str, float]:
-        """Largest difference of displacements relative to the largest one."""
         shared = found.keys() & reference.keys()
         largest = max((float(np.abs(reference[at].displacement).max()) for at in shared), default=0.0)
         apart = [float(np.abs(found[at].displacement - reference[at].displacement).max()) for at in shared]

@@ -17,7 +17,7 @@ from mlsanm_cli.app.checks.energy import energy_error
 from mlsanm_cli.app.checks.quality import announce, factor_notes
 from mlsanm_cli.app.checks.references import reference_profile
 from mlsanm_cli.app.checks.states import STATE
-from mlsanm_cli.app.comparison.measure import (
+from mlsanm_cli.app.comparison.compare import (
     ACTIVE_SET,
     ANM,
     NEWTON,
@@ -105,7 +105,6 @@ class SmallComparison(Comparison):
 
     @classmethod
     def refuse(cls, case: Case, methods: Sequence[str], analytic: bool) -> None:
-        """Raises RunError if there is nothing to compare."""
         if not case.touching:
             raise RunError(
                 "the case has no unilateral [[contact]]: it is linear, and all methods are the same",
@@ -118,7 +117,6 @@ class SmallComparison(Comparison):
 
     @property
     def sizes(self) -> dict[str, Any]:
-        """Numbers of nodes and contact unknowns, and eta by contact."""
         condensed = self._built.condensed
         return {
             "nodes": sum(len(body.model.cloud.points) for body in self._built.scene.bodies.values()),
@@ -127,15 +125,12 @@ class SmallComparison(Comparison):
         }
 
     def setup(self, name: str) -> tuple[Sequence[str], tuple[int, int] | None]:
-        """The phases and sparse solutions before a path; those of the exact law are on the condensed
-        system."""
         if name != ACTIVE_SET:
             return super().setup(name)
         counts = len(self._built.scene.bodies), self._built.condensed.solves
         return (*self.phases, *CONDENSED_PHASES), counts
 
     def measure(self, name: str, repeat: int = 1, softer: float = 1.0) -> Measured:
-        """Follows the path by a method, with ``softer`` times eta and stick."""
         case, verdicts = self._changed_case(name, softer), Verdicts(lambda check: None)
         chosen = replace(self._built, case=case)
 
@@ -147,7 +142,6 @@ class SmallComparison(Comparison):
         return followed(name, law, lambda: load_path(chosen), repeat, check)
 
     def judge(self, series: Measured) -> None:
-        """Checks the last state of ANM."""
         self.warnings += factor_notes(self._built.scene)
         if series.done:
             built, last = self._built, series.states[max(series.states)]
@@ -157,7 +151,6 @@ class SmallComparison(Comparison):
                 self._verdicts.judge(check(end))
 
     def limits(self, tolerance: float | None) -> dict[str, float]:
-        """The largest differences of methods with the same law and with another one."""
         same = SAME_LAW_FACTOR * self._built.case.solver.tolerance
         return {
             "same_law": same if tolerance is None else tolerance,
@@ -165,8 +158,6 @@ class SmallComparison(Comparison):
         }
 
     def difference(self, found: States, reference: States) -> dict[str, float]:
-        """Differences over all nodes: pressures and tractions relative to the peak pressure, displacements
-        relative to the largest one."""
         pressure = traction = displacement = peak = largest = 0.0
         for position in found.keys() & reference.keys():
             one, other = found[position], reference[position]
@@ -204,8 +195,6 @@ class SmallComparison(Comparison):
         return worst / max(norm(state.pressure, state.traction) for state in exact.values())
 
     def convergence(self, row: Measured, against: Measured) -> dict[str, Any]:
-        """L2 errors of the regularised law with larger parameters (0 if that fails) and with those of the
-        case, and whether they fall."""
         smooth, exact = (against, row) if row.law == "exact" else (row, against)
         softer = self.measure(smooth.name, softer=SOFTER)
         before = self.surface_error(softer.states, exact.states) if softer.done else 0.0
@@ -213,15 +202,11 @@ class SmallComparison(Comparison):
         return {"convergence": (before, now), "agrees": now <= CONVERGENCE_RATIO * before}
 
     def reference_error(self, row: Measured) -> dict[str, float | None]:
-        """L2 error of the pressure of every contact at the end of the path."""
         last, built = row.states[max(row.states)], self._built
         profiles = {one.name: reference_profile(built, one, last) for one in built.condensed.pairings}
         return {name: None if profile is None else profile.error_l2 for name, profile in profiles.items()}
 
     def curves(self, rows: Sequence[Measured]) -> Mapping[str, Any]:
-        """L2 error against the exact law, CPU seconds and factorisations, of the regularised (``smooth``)
-        methods by name and eta, and cost of the ``exact`` method, if measured. A method that fails at some
-        eta has no point there; there are no points if the exact law has no states."""
         self._context.console.phase("following the paths at larger eta, for the picture")
         exact = next((row for row in rows if row.done and row.name == ACTIVE_SET), None)
         reference = self.measure(ACTIVE_SET) if exact is None else exact

@@ -28,6 +28,7 @@ from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.projector import Projector
 from mlsanm_cli.mechanics.finite.tangent import load_columns
 from mlsanm_cli.mechanics.near_field import as_complex, as_real
+from mlsanm_cli.mechanics.springs import FREE
 from mlsanm_cli.records import dataclass
 
 PRESSED_MISFIT = 0.1
@@ -112,11 +113,13 @@ def _of_tractions(projector: Projector, better: FiniteBody, traction: FloatArray
 
 
 def _rotated(body: FiniteBody, rows: FloatArray, angle: float) -> FloatArray:
-    """``rows`` (r,) of a body that has turned by an ``angle``."""
+    """``rows`` (r,) of a body that has turned by an ``angle``; those of held surfaces, which do not turn and
+    may be displacements across and tractions along them, stay."""
     found, count = rows.copy(), len(body.elastic.model.cloud.points)
     both: list[tuple[IntArray, IntArray]] = [(np.arange(count), count + np.arange(count))]
     for name, *_ in body.conditions:
-        both.append((body.elastic.condition_rows(name, 0), body.elastic.condition_rows(name, 1)))
+        if not any(body.elastic.held.get(name, FREE)):
+            both.append((body.elastic.condition_rows(name, 0), body.elastic.condition_rows(name, 1)))
     first = body.elastic.rows - 3 * body.count
     both.append((first + np.arange(body.count), first + body.count + np.arange(body.count)))
     for x, y in both:

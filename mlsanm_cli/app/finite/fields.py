@@ -16,7 +16,7 @@ from mlsanm_cli.contact.finite.meeting import NO_GAP
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.geometry.profile import unrolled
-from mlsanm_cli.io.run_file import Quantities
+from mlsanm_cli.io.columns import Quantities
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.finite.forces import Forces
 from mlsanm_cli.mechanics.laws.law import Law, gradient_of, stretches

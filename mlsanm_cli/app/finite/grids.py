@@ -130,10 +130,10 @@ def located(scene: FiniteScene, context: RunContext) -> FiniteScene:
     sizes = [_first_sizes(scene, contact) for contact in scene.contacts.pairs]
     for _ in range(MAX_PASSES):
         scene = with_knots(scene, _arcs(scene, sizes))
-        sizes, closed = _touched(scene, context)
-        if closed >= FEW:
+        sizes, closed, reached = _touched(scene, context)
+        if closed >= FEW and reached == np.inf:
             break
-    return with_knots(scene, _arcs(scene, sizes))
+    return replace(with_knots(scene, _arcs(scene, sizes)), located=reached)
 
 
 def _arcs(scene: FiniteScene, sizes: Sequence[Sequence[Sizes]]) -> Knots:
@@ -191,20 +191,21 @@ def _both(contact: AnyContact, place: FloatArray, sizes: Sizes) -> list[Sizes]:
     return [sizes, Sizes(marks, patches)]
 
 
-def _touched(scene: FiniteScene, context: RunContext) -> tuple[list[list[Sizes]], float]:
-    """Sizes for the patches on a coarse path, and the fewest closed knots of a patch."""
+def _touched(scene: FiniteScene, context: RunContext) -> tuple[list[list[Sizes]], float, float]:
+    """Sizes for the patches on a coarse path, the fewest closed knots of a patch, and the position up to
+    which the path could be followed, infinity for its end."""
     sizes = [[Sizes.of(()) for _ in contact.sides] for contact in scene.contacts.pairs]
     fewest, wanted = np.inf, {*scene.case.output.at, *np.arange(1.0, len(scene.stages)).tolist()}
-    steps = contact_path(scene, coarse=True)
+    steps, reached = contact_path(scene, coarse=True), 0.0
     while True:
         context.check_stop()
         try:
-            step = next(steps, None)
+            state = next(steps).state
+        except StopIteration:
+            return sizes, fewest, np.inf
         except NumericalError:
-            break
-        if step is None:
-            break
-        state = step.state
+            return sizes, fewest, reached
+        reached = state.position
         for number, (contact, here, _) in enumerate(scene.contacts.each):
             accuracy = next(one.accuracy for one in scene.case.contact if one.name == contact.name)
             for numbers, own in _patches(contact, state, here, state.position in wanted, accuracy):
@@ -212,7 +213,6 @@ def _touched(scene: FiniteScene, context: RunContext) -> tuple[list[list[Sizes]]
                     fewest = min(fewest, len(numbers))
                 more = _both(contact, state.solver["place"][here], own)
                 sizes[number] = [one.plus(other) for one, other in zip(sizes[number], more, strict=True)]
-    return sizes, fewest
 
 
 def _patches(

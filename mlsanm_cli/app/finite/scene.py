@@ -33,7 +33,7 @@ from mlsanm_cli.mechanics.near_field import as_complex
 from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.operators.linear.interface import LinearSolver
 from mlsanm_cli.records import dataclass
-from mlsanm_cli.solve.stages import stage_factors
+from mlsanm_cli.solve.condensed_scene import stage_factors
 from mlsanm_cli.solve.state import State
 
 TOUCH_TOLERANCE = 0.01
@@ -51,7 +51,8 @@ class FiniteScene:
 
     ``supports`` names bodies and surfaces of every support and of every load that prescribes displacements.
     ``undeformed`` are the equations of the bodies before loading if the path is followed by increments, and
-    ``compliances`` what they answer on the sides in contact.
+    ``compliances`` what they answer on the sides in contact. Up to the position ``located`` of the path the
+    knots are as fine as its contacts need.
     """
 
     case: Case
@@ -63,6 +64,7 @@ class FiniteScene:
     contacts: Contacts
     undeformed: Mapping[str, Projector] = field(default_factory=dict)
     compliances: Sequence[Compliance] = ()
+    located: float = np.inf
 
     @property
     def in_increments(self) -> bool:
@@ -166,7 +168,7 @@ class FiniteScene:
         equations do not move the body."""
         body = self.bodies[name]
         if body.pins:
-            body = replace(body, angle=body.turn(displacement))
+            body = body.rotated(body.turn(displacement))
         args = (body, self.weights[name], displacement, factors, self.solver)
         return Projector.at(*args, keeps=keeps or name in self.upright)
 

@@ -16,7 +16,8 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Stop
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.errors import NumericalError, RunError
-from mlsanm_cli.io.run_file import Quantities, Value, place
+from mlsanm_cli.io.columns import Quantities, place
+from mlsanm_cli.io.run_file import Value
 from mlsanm_cli.io.schema import INTERFACE_COLUMNS
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.mechanics.body_model import BodyModel
@@ -123,10 +124,6 @@ class Analysis(ABC):
     @abstractmethod
     def judge(self, last: State, tally: dict[str, Any]) -> Iterator[Check]:
         """Checks of a completed path by its last state."""
-
-    @abstractmethod
-    def finer(self, tally: Mapping[str, Any], failure: NumericalError | None) -> Analysis | None:
-        """The analysis on finer clouds by which the run is repeated; None if its results are final."""
 
     @property
     @abstractmethod

@@ -16,7 +16,8 @@ from mlsanm_cli.case import AnyObstacle, Case, DiskObstacle, ObstacleMotion, Pla
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.complementarity.problem import OPEN, SLIP, STICK
 from mlsanm_cli.contact.geometry.profile import half_width, is_singular
-from mlsanm_cli.io.run_file import Value, place
+from mlsanm_cli.io.columns import place
+from mlsanm_cli.io.run_file import Value
 from mlsanm_cli.io.schema import COMPONENTS, CONTACT_ARRAYS, FIELDS, members
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.solve.state import Fields

@@ -23,6 +23,7 @@ from mlsanm_cli.case.model.motions import ObstacleMotion
 from mlsanm_cli.contact.complementarity.problem import SLIP, STICK
 from mlsanm_cli.contact.geometry.profile import regular_peak
 from mlsanm_cli.errors import RunError
+from mlsanm_cli.io.columns import force_on_slave
 from mlsanm_cli.io.plots.curves import (
     OUTSIDE,
     Curve,
@@ -34,7 +35,6 @@ from mlsanm_cli.io.plots.curves import (
     visible_range,
 )
 from mlsanm_cli.io.plots.figures import COLOURS, REFERENCE_LINE
-from mlsanm_cli.io.run_file import force_on_slave
 from mlsanm_cli.io.run_reader import Dataset, RunData
 from mlsanm_cli.roundoff import ROUND_OFF
 
@@ -65,74 +65,51 @@ def position_words(run: RunData, case: Case, position: float) -> str:
     return ", ".join(filter(None, (f"position {position:.4g}", load_words(run, case, position))))
 
 
-def pressure_levels(
-    run: RunData, case: Case, name: str, choice: Choice
-) -> tuple[list[float], FloatArray, ReferenceProfile | None]:
-    """Positions, pressures (k, m) of a contact there, and the closed formula at the end of the path."""
-    end = float(run.path.position[-1])
+def pressure_picture(run: RunData, case: Case, name: str, choice: Choice) -> Picture:
+    """Pressures along a contact at several positions; the last one, if it is the end of the path, with the
+    closed formula, if the case names one, and the difference from it in percent of its peak. Markers show the
+    nodes, and thereby oscillations from node to node; values far above the largest regular one are cut
+    off."""
+    contact, end = run.contacts[name], float(run.path.position[-1])
     levels = list(choice.at)
     if not levels:
         saved = sorted({state.position for state in run.states if 0.0 < state.position < end})
         if len(saved) >= MAX_LEVELS:
             saved = [saved[i] for i in np.linspace(0, len(saved) - 1, MAX_LEVELS - 1).round().astype(int)]
         levels = [*saved, end]
-    profile = reference_profile(run, case, name) if levels[-1] == end else None
-    return levels, np.stack([pressures_at(run, level)[name] for level in levels]), profile
-
-
-def pressure_picture(run: RunData, case: Case, name: str, choice: Choice) -> Picture:
-    """Pressures along a contact at several positions, with the difference of the last one to the closed
-    formula in percent of its peak. Markers show the nodes, and thereby oscillations from node to node; values
-    far above the largest regular one are cut off."""
-    levels, pressure, profile = pressure_levels(run, case, name, choice)
-    highest = max(regular_peak(run.contacts[name].arc_length, values) for values in pressure)
-    words = load_words(run, case, levels[-1]) if len(levels) == 1 else ""
+    pressure = np.stack([pressures_at(run, level)[name] for level in levels])
+    high = max(regular_peak(contact.arc_length, values) for values in pressure)
+    profile, formula, loaded = reference_profile(run, case, name) if levels[-1] == end else None, None, None
     if profile is None:
-        order, arc = along_surface(run.contacts[name], pressure.max(axis=0))
-        return profile_picture(name, arc, pressure[:, order], levels, highest, words, case=case)
-    x = np.linspace(profile.coordinate[0], profile.coordinate[-1], 801)
-    # The curve includes the ends of the loaded part, however far the candidates extend.
-    edges = np.array([-profile.half_width, profile.half_width])
-    x = np.union1d(x, edges[(edges > x[0]) & (edges < x[-1])])
-    formula = Curve(x, profile.curve(x), REFERENCE_NAMES.get(profile.label, profile.label), REFERENCE_LINE)
-    return profile_picture(name, profile.coordinate, pressure, levels, highest, words, formula, case=case)
-
-
-def profile_picture(
-    name: str,
-    arc: FloatArray,
-    pressure: FloatArray,
-    levels: Sequence[float],
-    highest: float,
-    words: str = "",
-    formula: Curve | None = None,
-    *,
-    case: Case,
-) -> Picture:
-    """Pressures (k, m) at the nodes ``arc`` (m,) of a contact, and the closed ``formula`` of the last
-    level."""
-    limits = visible_range(arc, pressure, None if formula is None else formula.x[formula.y > 0.0])
-    left, right = limits
-    shown = (arc >= left) & (arc <= right)
+        order, arc = along_surface(contact, pressure.max(axis=0))
+        pressure = pressure[:, order]
+    else:
+        arc, half = profile.coordinate, profile.half_width
+        # The curve includes the ends of the loaded part, however far the candidates extend.
+        ends = [end for end in (-half, half) if arc[0] < end < arc[-1]]
+        x = np.union1d(np.linspace(arc[0], arc[-1], 801), ends)
+        label = REFERENCE_NAMES.get(profile.label, profile.label)
+        formula = Curve(x, profile.curve(x), label, REFERENCE_LINE)
+        loaded = x[formula.y > 0.0]
+    limits = visible_range(arc, pressure, loaded)
+    shown = (arc >= limits[0]) & (arc <= limits[1])
     look = {"marker": "o", **node_marks(int(shown.sum()))}
-    colours = shades(len(levels))
     curves = [
         Curve(arc[shown], values[shown], f"position {level:.4g}", {"color": colour, **look})
-        for colour, level, values in zip(colours, levels, pressure, strict=True)
+        for colour, level, values in zip(shades(len(levels)), levels, pressure, strict=True)
     ]
-    low, peak = (float(extreme(initial=0.0)) for extreme in (pressure[:, shown].min, pressure.max))
-    high, cut_off = cut_off_above(peak, highest)
+    low = float(pressure[:, shown].min(initial=0.0))
+    high, cut_off = cut_off_above(float(pressure.max(initial=0.0)), high)
     y_limits = min(0.0, 1.05 * low), 1.05 * high if high > 0.0 else None
-    along = "arc length" if formula is None else "distance from the middle"
-    x_label, y_label = case.units.label(along, "length"), case.units.label("pressure", "stress")
+    x_label = case.units.label("arc length" if formula is None else "distance from the middle", "length")
+    panel = Panel(curves, x_label, case.units.label("pressure", "stress"), limits, y_limits, cut_off=cut_off)
     alone = len(levels) == 1 and formula is None
+    words = load_words(run, case, levels[-1]) if len(levels) == 1 else ""
     title = ", ".join(filter(None, ("Contact pressure", name, curves[0].label if alone else "", words)))
-    panel = Panel(curves, x_label, y_label, limits, y_limits, cut_off=cut_off)
     if formula is None:
         return Picture([panel], title, "" if alone else OUTSIDE)
     expected = np.interp(arc[shown], formula.x, formula.y, left=0.0, right=0.0)
-    largest = float(np.abs(formula.y).max())
-    difference = 100.0 * (curves[-1].y - expected) / largest if largest > 0.0 else curves[-1].y - expected
+    difference = 100.0 * (curves[-1].y - expected) / (float(np.abs(formula.y).max()) or 100.0)
     zero = Curve(np.array(limits), np.zeros(2), look=REFERENCE_LINE)
     lower = [zero, Curve(arc[shown], difference, look=curves[-1].look)]
     below = Panel(lower, x_label, "difference\n[% of peak]", limits)
@@ -143,12 +120,8 @@ def reference_profile(run: RunData, case: Case, name: str) -> ReferenceProfile |
     """The closed formula at the end of the path; None where the case names none or nothing is pressed."""
     contact, described = run.contacts[name], next(c for c in case.contact if c.name == name)
     # That of the pressures: Hertz' formula knows no tractions.
-    pressing = (
-        contact_force(run, name)[-1]
-        if run.is_finite
-        else force_on_slave(contact.weight, contact.normal, contact.pressure[-1])
-    )
-    force = float(np.hypot(*pressing))
+    pressing = force_on_slave(contact.weight, contact.normal, contact.pressure[-1])
+    force = float(np.hypot(*(contact_force(run, name)[-1] if run.is_finite else pressing)))
     if case.reference is None or force == 0.0:
         return None
     return profile_on(case, described, contact.points, contact.normal, contact.pressure[-1], force)
@@ -169,21 +142,12 @@ def traction_picture(run: RunData, case: Case, name: str, choice: Choice) -> Pic
     limit, traction = coefficient * pressure[order], values["traction"][order]
     status = level_at(run, position)[f"contacts/{name}/status"][order]
     high, cut_off = cut_off_above(float(most.max(initial=0.0)), regular_peak(contact.arc_length, most))
-    high = 1.05 * high
-    look = {"color": COLOURS[0], "marker": "o", "markersize": 2.5}
-    panel = Panel(
-        [
-            Curve(arc, limit, "friction limit", REFERENCE_LINE),
-            Curve(arc, -limit, "", REFERENCE_LINE),
-            Curve(arc, traction, "traction", look),
-        ],
-        case.units.label("arc length", "length"),
-        case.units.label("traction on the slave", "stress"),
-        visible_range(arc, limit[None, :]),
-        (-high, high) if high else (None, None),
-        list(_zones(arc, status)),
-        cut_off,
-    )
+    limits = (-1.05 * high, 1.05 * high) if high else (None, None)
+    upper = Curve(arc, limit, "friction limit", REFERENCE_LINE)
+    own = Curve(arc, traction, "traction", {"color": COLOURS[0], "marker": "o", "markersize": 2.5})
+    labels = case.units.label("arc length", "length"), case.units.label("traction on the slave", "stress")
+    seen, zones = visible_range(arc, limit[None, :]), list(_zones(arc, status))
+    panel = Panel([upper, Curve(arc, -limit, "", REFERENCE_LINE), own], *labels, seen, limits, zones, cut_off)
     return Picture([panel], f"Tangential traction, {name}, {position_words(run, case, position)}", OUTSIDE)
 
 
@@ -208,13 +172,9 @@ def loop_picture(run: RunData, case: Case, name: str, choice: Choice, over_slip:
     load = _mover(case, along, tangent)
     if load and not over_slip and float(np.ptp(along[load])) > MIN_TANGENTIAL_MOTION * float(np.ptp(moved)):
         moved, label = along[load], f"displacement along the contact, by {load}"
-    ends = [
-        Curve(moved[at], force[at], word, {"color": colour, "marker": marker, "linestyle": "none"})
-        for at, word, colour, marker in (
-            (slice(0, 1), "start", COLOURS[1], "s"),
-            (slice(-1, None), "end", COLOURS[2], "^"),
-        )
-    ]
+    start = {"color": COLOURS[1], "marker": "s", "linestyle": "none"}
+    end = {"color": COLOURS[2], "marker": "^", "linestyle": "none"}
+    ends = Curve(moved[:1], force[:1], "start", start), Curve(moved[-1:], force[-1:], "end", end)
     look = {"color": COLOURS[0], "marker": "o", "markersize": 2.0}
     labels = case.units.label(label, "length"), case.units.label(TANGENTIAL, "force")
     panel = Panel([Curve(moved, force, look=look), *ends], *labels)
@@ -246,29 +206,22 @@ def path_picture(runs: Sequence[RunData], cases: Sequence[Case], kind: str, choi
         curve for run, name in zip(runs, names, strict=True) for curve in _of_run(run, name, kind, choice)
     ]
     if not curves:
-        raise RunError(
-            f"the runs have no data for {kind}", "pressures and peaks need a contact, loops need friction"
-        )
+        hint = "pressures and peaks need a contact, loops need friction"
+        raise RunError(f"the runs have no data for {kind}", hint)
     force = "contact force" if any(run.contacts for run in runs) else "force of loads and supports"
+    arc, peak = units.label("arc length", "length"), "peak contact pressure"
     x_label, y_label, title = {
-        "pressure": (
-            units.label("arc length", "length"),
-            units.label("contact pressure", "stress"),
-            "Contact pressure",
-        ),
+        "pressure": (arc, units.label("contact pressure", "stress"), "Contact pressure"),
         "force": (POSITION, units.label(f"{force} per unit thickness", "force"), force.capitalize()),
-        "peak": (POSITION, units.label("peak contact pressure", "stress"), "Peak contact pressure"),
+        "peak": (POSITION, units.label(peak, "stress"), peak.capitalize()),
     }.get(kind, (units.label(SLIP_LABEL, "length"), units.label(TANGENTIAL, "force"), "Tangential force"))
-    return curves_picture(curves, x_label, y_label, title + _alone(curves))
+    alone = f", {curves[0].label}" if len(curves) == 1 else ""
+    return curves_picture(curves, x_label, y_label, title + alone)
 
 
 def curves_picture(curves: Sequence[Curve], x_label: str, y_label: str, title: str) -> Picture:
     """Curves distinguished by colours, then by line styles."""
     return Picture([Panel(curves, x_label, y_label)], title, "best" if len(curves) > 1 else "")
-
-
-def _alone(curves: Sequence[Curve]) -> str:
-    return f", {curves[0].label}" if len(curves) == 1 else ""
 
 
 def _of_run(run: RunData, name: str, kind: str, choice: Choice) -> Iterator[Curve]:

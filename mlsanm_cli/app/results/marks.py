@@ -18,6 +18,7 @@ from mlsanm_cli.case import (
     Centrifugal,
     Displacement,
     ExpressionError,
+    Force,
     ObstacleMotion,
     Place,
     Platen,
@@ -141,9 +142,17 @@ def _acting(
 ) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
     """Points (2,) where a load is drawn, its vectors (2,) and outward normals (2,) there; ``shift`` is the
     displacement of its obstacle."""
-    if isinstance(load, BodyForce | Centrifugal):
+    if isinstance(load, Force | BodyForce | Centrifugal):
+        place = next(iter(load.places), None)
         middle = shown[load.owner].mean(axis=0)
-        yield middle, _numbers(load.body_force, middle), np.zeros(2)
+        if place is not None:
+            index, _ = _along(bodies[load.owner], place, 3)
+            middle = shown[load.owner][index[len(index) // 2]]
+        yield (
+            middle,
+            _numbers(load.total if isinstance(load, Force) else load.body_force, middle),
+            np.zeros(2),
+        )
     elif isinstance(load, ObstacleMotion):
         if load.obstacle in touching:
             # An obstacle pushes: its arrow ends at the contact.

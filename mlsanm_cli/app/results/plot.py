@@ -9,10 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from mlsanm_cli.app.results import curves
-from mlsanm_cli.app.results.bodies import bodies_picture
 from mlsanm_cli.app.results.choice import KINDS, Choice
+from mlsanm_cli.app.results.field_pictures import bodies_picture, line_picture
 from mlsanm_cli.app.results.fields import saved_state
-from mlsanm_cli.app.results.lines import line_picture
 from mlsanm_cli.app.results.marks import marks_at
 from mlsanm_cli.app.results.path_lookup import along_surface, pressures_at, refuse_unknown, tangential_force
 from mlsanm_cli.case import Case, stored_case

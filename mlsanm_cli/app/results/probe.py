@@ -22,7 +22,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, stored_case
 from mlsanm_cli.contact.geometry.profile import half_width
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.run_file import force_on_slave
+from mlsanm_cli.io.columns import force_on_slave
 from mlsanm_cli.io.run_reader import RunData, read_run
 
 TANGENTIAL = ("traction", "slip")
@@ -40,6 +40,26 @@ def contents(rundir: Path) -> Mapping[str, Any]:
         "probes": list(run.probes),
         "fields_at": [state.position for state in run.states],
     }
+
+
+def probe(
+    rundir: Path,
+    at: Sequence[float],
+    kind: str = "contacts",
+    name: str = "",
+    quantities: Sequence[str] = (),
+    point: tuple[float, float] | None = None,
+    field: str | None = None,
+) -> list[Row]:
+    """Results of a "contact", "force", "probe", or of a "body" at a ``point``, by its name, or the figures of
+    all "contacts", at every position of ``at``."""
+    if kind == "contact":
+        return probe_contact(rundir, at, name, quantities)
+    if kind == "force":
+        return probe_force(rundir, at, name)
+    if kind == "probe":
+        return probe_named(rundir, at, name, field)
+    return probe_everything(rundir, at) if point is None else probe_point(rundir, at, name, point, field)
 
 
 def probe_contact(

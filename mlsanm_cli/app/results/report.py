@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from mlsanm_cli.app.results.plot import pictures, write
 from mlsanm_cli.case import Case, Displacement, stored_case
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import html, run_dir, schema
+from mlsanm_cli.io.html import element
 from mlsanm_cli.io.plots.figures import resolution
 from mlsanm_cli.io.run_reader import RunData, read_run
 from mlsanm_cli.roundoff import ROUND_OFF
@@ -20,7 +22,10 @@ from mlsanm_cli.roundoff import ROUND_OFF
 MAX_CONTACTS = 4
 """Largest number of contacts that are drawn, those with the largest pressures."""
 COMPARED = ("status", "position", "steps", "nodes", "warnings")
-OF_CONTACTS = ("peak_pressure", "half_width", "force", "closed_nodes")
+MAIN = ("peak_pressure", "half_width")
+OF_CONTACTS = (*MAIN, "force", "closed_nodes")
+MAX_VARIED = 15
+"""Largest number of different keys of several cases that are listed."""
 SIZES = ("position", "steps", "nodes", "contact_unknowns", "wall_seconds", "peak_memory_mb")
 OUTCOMES = {"passed": html.GOOD + "passes", "warned": html.BAD + "warns", "failed": html.BAD + "fails"}
 ORIGINS = {"git": "commit", "argv": "command", "cpu": "processor"}
@@ -45,12 +50,12 @@ def report(rundirs: Sequence[Path], out: Path | None = None) -> Path:
         raise RunError(f"{path}: a report ends in .html", "as in -o report.html")
     cases = [stored_case(run.case_resolved) for run in runs]
     titles = [case.title or run.directory.name for run, case in zip(runs, cases, strict=True)]
-    parts = [html.heading(1, titles[0] if len(runs) == 1 else f"{len(runs)} runs")]
+    parts = [element("h1", titles[0] if len(runs) == 1 else f"{len(runs)} runs")]
     if len(runs) > 1:
         names = [(f"run-{number}", title) for number, title in enumerate(titles, start=1)]
         parts += [html.links("Runs", names), _compared(runs, titles)]
     for number, (run, case, title) in enumerate(zip(runs, cases, titles, strict=True), start=1):
-        parts += [html.heading(2, title if len(runs) > 1 else "Result", f"run-{number}")]
+        parts += [element("h2", title if len(runs) > 1 else "Result", id=f"run-{number}")]
         parts += _one(run, case)
     html.write_page(path, html.page("mlsanm: " + ", ".join(titles), "\n".join(parts)))
     return path
@@ -58,38 +63,36 @@ def report(rundirs: Sequence[Path], out: Path | None = None) -> Path:
 
 def _one(run: RunData, case: Case) -> Iterator[str]:
     summary = info(run.directory)
-    good = summary["status"] == "done"
-    reason = summary.get("stop_reason")
-    verdict = f"{summary['status']}: {reason}" if reason else str(summary["status"])
-    yield html.paragraph(verdict, "good" if good else "bad")
+    status, reason = str(summary["status"]), summary.get("stop_reason")
+    kind = "good" if status == "done" else "bad"
+    yield element("p", f"{status}: {reason}" if reason else status, kind=kind)
     if summary.get("hint"):
-        yield html.paragraph(f"Hint: {summary['hint']}")
+        yield element("p", f"Hint: {summary['hint']}")
     warnings = [str(text) for text in summary.get("warnings", [])]
     if warnings:
-        yield html.heading(3, f"Warnings ({len(warnings)})")
+        yield element("h3", f"Warnings ({len(warnings)})")
         yield html.listing(warnings)
-    yield html.heading(3, "Figures")
+    yield element("h3", "Figures")
     yield from _figures(summary, case)
     if summary.get("checks"):
-        yield html.heading(3, "Error estimates and checks")
+        yield element("h3", "Error estimates and checks")
         yield _checks(summary["checks"])
     if run.rows:
-        yield html.heading(3, "Pictures")
+        yield element("h3", "Pictures")
         yield from _pictures(run, case)
-    yield html.heading(3, "The case")
+    yield element("h3", "The case")
     yield html.source(run.case_raw or run.case_resolved, f"case file of {run.directory.name}")
-    yield html.heading(3, "Provenance")
-    yield _origin(summary)
+    yield element("h3", "Provenance")
+    origin = {"directory": summary["directory"], **summary.get("provenance", {})}
+    rows = [[ORIGINS.get(key, key.replace("_", " ")), str(value)] for key, value in origin.items()]
+    yield html.table("Program, machine and files", [], rows)
 
 
 def _figures(summary: Mapping[str, Any], case: Case) -> Iterator[str]:
     contacts: Mapping[str, Any] = summary.get("contacts") or {}
     if contacts:
-        of_contacts = [
-            entry for entry in schema.CONTACT_FIGURES if entry.path.rpartition("}.")[2] in OF_CONTACTS
-        ]
-        formulas = {name: _formula(figures) for name, figures in contacts.items()}
-        yield _table("Contacts at the end", "contact", contacts, of_contacts, case, formulas)
+        figures = [one for one in schema.CONTACT_FIGURES if one.path.rpartition("}.")[2] in OF_CONTACTS]
+        yield _table("Contacts at the end", "contact", contacts, figures, case)
     forces = _joined_forces(summary.get("forces") or {}, case)
     if forces:
         columns = [case.units.label(f"force {axis}", "force") for axis in "xy"]
@@ -109,30 +112,28 @@ def _table(
     items: Mapping[str, Any],
     quantities: Sequence[schema.Quantity],
     case: Case,
-    more: Mapping[str, str] | None = None,
 ) -> str:
-    """A table with a row per item and a column per component of the quantities, and ``more`` in the last."""
+    """A table with a row per item and a column per component of the quantities; the last column of contacts
+    is the error against the closed formula."""
     columns, rows = [first], {name: [name] for name in items}
     for entry in quantities:
-        parts = next(
-            (schema.COMPONENTS[axis] for axis in entry.dimensions if axis in schema.COMPONENTS), ("",)
-        )
+        axes = [schema.COMPONENTS[axis] for axis in entry.dimensions if axis in schema.COMPONENTS]
+        parts = axes[0] if axes else ("",)
         columns += [case.units.label(f"{entry.description} {part}".rstrip(), entry.unit) for part in parts]
         for name, figures in items.items():
             value = figures.get(entry.name)
             values = value if isinstance(value, list) else [value] * len(parts)
             singular = entry.name == "peak_pressure" and figures.get("singular_ends")
             rows[name] += [_number(part) + (" (singular end)" if singular else "") for part in values]
-    if more:
+    if first == "contact":
         columns.append("closed formula")
-        rows = {name: [*row, more[name]] for name, row in rows.items()}
+        for name, figures in items.items():
+            known = figures.get("reference") or {}
+            error = known.get("pressure_error_l2")
+            rows[name].append(
+                "none" if error is None else f"{known['solution']}: error {100 * float(error):.2g} %"
+            )
     return html.table(title, columns, list(rows.values()))
-
-
-def _formula(figures: Mapping[str, Any]) -> str:
-    reference = figures.get("reference") or {}
-    error = reference.get("pressure_error_l2")
-    return "none" if error is None else f"{reference['solution']}: error {100.0 * float(error):.2g} %"
 
 
 def _joined_forces(forces: Mapping[str, Any], case: Case) -> list[tuple[str, list[str]]]:
@@ -148,14 +149,16 @@ def _joined_forces(forces: Mapping[str, Any], case: Case) -> list[tuple[str, lis
     return [(", ".join(names), shown) for names, shown in joined.values()]
 
 
+CHECK = ("name", "place", "value", "limit", "outcome")
+
+
 def _checks(checks: Sequence[Mapping[str, Any]]) -> str:
     """All checks, those that did not pass first."""
     ordered = sorted(checks, key=lambda check: list(OUTCOMES)[::-1].index(check["outcome"]))
     rows = [
-        [check["name"].replace("_", " "), check["place"], _number(check["value"]), _number(check["limit"]),
-         OUTCOMES[check["outcome"]]]
-        for check in ordered
-    ]  # fmt: skip
+        [name.replace("_", " "), place, _number(value), _number(limit), OUTCOMES[outcome]]
+        for name, place, value, limit, outcome in map(itemgetter(*CHECK), ordered)
+    ]
     return html.table("Checks", ["check", "of", "value", "limit", "outcome"], rows)
 
 
@@ -163,9 +166,8 @@ def _pictures(run: RunData, case: Case) -> Iterator[str]:
     peaks = {name: float(contact.pressure.max(initial=0.0)) for name, contact in run.contacts.items()}
     drawn = sorted(peaks, key=lambda name: -peaks[name])[:MAX_CONTACTS]
     if len(drawn) < len(peaks):
-        yield html.paragraph(
-            f"{len(drawn)} of {len(peaks)} contacts are drawn, those with the largest pressures."
-        )
+        shown = f"{len(drawn)} of {len(peaks)} contacts are drawn, those with the largest pressures."
+        yield element("p", shown)
     order = list(CAPTIONS)
     wanted = [picture for picture in pictures(run, case, Choice()) if picture[0] in order]
     with tempfile.TemporaryDirectory() as place, resolution(110):
@@ -197,14 +199,11 @@ def _compared(runs: Sequence[RunData], titles: Sequence[str]) -> str:
     """The keys that differ between the cases, and the main figures."""
     rows = collect([run.directory for run in runs])
     keys = [key for key in rows[0] if key not in ("directory", "stop_reason")]
-    figures = [
-        key for key in keys if key.startswith("contacts.") and key.endswith(("peak_pressure", "half_width"))
-    ]
-    first = keys.index("status") + 1
-    last = next((index for index, key in enumerate(keys) if key == "position"), len(keys))
-    varied = keys[first:last]
+    figures = [key for key in keys if key.startswith("contacts.") and key.endswith(MAIN)]
+    last = keys.index("position") if "position" in keys else len(keys)
+    varied = keys[keys.index("status") + 1 : last]
     # The files of very different cases are shown below.
-    varied = varied if len(varied) <= 15 else []
+    varied = varied if len(varied) <= MAX_VARIED else []
     chosen = [*varied, *(key for key in COMPARED if key in keys), *figures]
     lines = [[_named(key), *(_number(row[key]) for row in rows)] for key in chosen]
     return html.table("The runs side by side", ["", *titles], lines)
@@ -218,18 +217,5 @@ def _named(key: str) -> str:
     return f"{name}: {' '.join(words).replace('_', ' ')}"
 
 
-def _origin(summary: Mapping[str, Any]) -> str:
-    rows = [["directory", str(summary["directory"])]]
-    rows += [
-        [ORIGINS.get(key, key.replace("_", " ")), str(value)]
-        for key, value in summary.get("provenance", {}).items()
-    ]
-    return html.table("Program, machine and files", [], rows)
-
-
 def _number(value: Any) -> str:
-    if value is None:
-        return "-"
-    if isinstance(value, float):
-        return f"{value:.6g}"
-    return str(value)
+    return "-" if value is None else f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -14,6 +14,7 @@ import numpy as np
 
 from mlsanm_cli.app.scene.conditions import conditions
 from mlsanm_cli.app.scene.contact_sides import sides_of
+from mlsanm_cli.app.scene.forces import with_spread_forces
 from mlsanm_cli.app.scene.load_profiles import profiles
 from mlsanm_cli.app.scene.outlines import drawn, imported_geometry, run_of
 from mlsanm_cli.case import Body, Case, Place, Platen, Pressure, Traction
@@ -41,7 +42,7 @@ Cuts = Mapping[int, Sequence[float]]
 @dataclass(frozen=True, eq=False)
 class Boundaries:
     """The ``drawn`` outline of every body of a ``case`` and its ``cuts``; the ``sides`` of every contact,
-    slave first."""
+    slave first. Loads of kind `force` are body forces and tractions in this case."""
 
     case: Case
     drawn: Mapping[str, Outline]
@@ -52,6 +53,7 @@ class Boundaries:
     def of(cls, case: Case) -> Boundaries:
         """Raises CaseError for invalid parts, and for pieces of a contact's side that do not join."""
         outlines = {body.name: drawn(body.shape) for body in case.body}
+        case = with_spread_forces(case, outlines)
         sides = {contact.name: sides_of(case, outlines, contact) for contact in case.contact}
         conditioned = [(key, place) for key, _, place in conditions(case)]
         touching = [(f"contact.{name}", place) for name, places in sides.items() for place in places]

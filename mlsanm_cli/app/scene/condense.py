@@ -21,11 +21,10 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import digest
 from mlsanm_cli.solve.coercivity import check_candidates_coercivity, check_coercivity
-from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.condensed_scene import CondensedScene, stage_factors
 from mlsanm_cli.solve.contact_grids import find_grids
 from mlsanm_cli.solve.limit_loads import beyond_limit
 from mlsanm_cli.solve.stage_ends import exact_ends, reach_error, searched_ends, touched_nodes
-from mlsanm_cli.solve.stages import stage_factors
 
 REACH_GROWTH = 1.5
 MAX_ENLARGEMENTS = 6

@@ -138,15 +138,24 @@ def ends_of(
     are not known, or the surface is closed."""
     if surface.curve.closed:
         return (None, None), (None, None)
-    own = {part.name for part, _ in surface.members}
-    first, last = (symmetry_plane(model, surface, own, at_end, held, held) for at_end in (False, True))
+    first, last = planes_of(model, surface, held)
     if first is not None and last is not None and copies_around(first, last) is None:
         last = None
+    own = {part.name for part, _ in surface.members}
     corners = [
         _corner(model, surface, own, at_end, held) if plane is None else None
         for at_end, plane in ((False, first), (True, last))
     ]
     return (first, last), (corners[0], corners[1])
+
+
+def planes_of(model: BodyModel, surface: Surface, held: Restraints) -> Planes:
+    """The planes of symmetry at both ends of a surface, whatever their motion."""
+    if surface.curve.closed:
+        return None, None
+    own = {part.name for part, _ in surface.members}
+    first, last = (symmetry_plane(model, surface, own, at_end, held, held) for at_end in (False, True))
+    return first, last
 
 
 def _between_corners(surface: Surface) -> Iterator[tuple[list[Surface], float]]:

@@ -15,6 +15,7 @@ from mlsanm_cli.case import (
     Centrifugal,
     Displacement,
     ExpressionError,
+    Force,
     ObstacleMotion,
     Platen,
     Pressure,
@@ -62,6 +63,7 @@ def acting(case: Case, boundaries: Boundaries, clouds: Mapping[str, Cloud]) -> A
     for number, load in enumerate(case.load):
         if isinstance(load, Platen | ObstacleMotion):
             continue
+        assert not isinstance(load, Force)  # spread by Boundaries
         cloud = clouds[load.owner]
         key = f"load.{load.name}.{load.kind}"
         try:

@@ -84,7 +84,7 @@ class Silent:
     def phase(self, *given: Any, **named: Any) -> None:
         """No output."""
 
-    step = note = warning = error = table = phase
+    step = note = warning = error = phase
 
 
 MAX_ATTEMPTS = 3

@@ -1,7 +1,7 @@
 """Loads on boundaries and in bodies."""
 
 from collections.abc import Iterator
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -9,7 +9,9 @@ from mlsanm_cli.case.model.conditions import Kind
 from mlsanm_cli.case.model.places import Boundaries, BoundaryPart, Place, listed
 from mlsanm_cli.case.model.section import (
     DENSITY,
+    FORCE,
     LENGTH,
+    MOMENT,
     STRESS,
     TEMPERATURE,
     Amount,
@@ -20,6 +22,7 @@ from mlsanm_cli.case.model.section import (
     Scope,
     Section,
     Unit,
+    Vector,
     split_boundary,
 )
 from mlsanm_cli.case.model.tables import INCREASING, OrFile
@@ -165,6 +168,67 @@ class BodyForce(_InBody):
     kind: Literal["body-force"]
     body_force: Annotated[AmountVector, DENSITY] = Field(alias="body-force")
     """Components in x and y: numbers or expressions in x and y."""
+
+
+class Force(BoundaryPart, Load):
+    """Force and moment, per unit thickness, on a body or a boundary. The force is spread evenly over the area
+    or length, the moment in proportion to the distance from its centroid."""
+
+    kind: Literal["force"]
+    body: str | None = None
+    """The loaded body; instead of `boundary`."""
+    boundary: Boundaries | None = None
+    """Loaded boundary, or a list of boundaries of one body; instead of `body`."""
+    force: Annotated[Vector, FORCE] | None = None
+    """Force, x and y."""
+    fx: Annotated[float, FORCE] | None = None
+    """Force in x; instead of `force`."""
+    fy: Annotated[float, FORCE] | None = None
+    """Force in y; instead of `force`."""
+    moment: Annotated[float, MOMENT] | None = None
+    """Moment about the centroid, counter-clockwise."""
+
+    @property
+    def total(self) -> Point:
+        """The force."""
+        return self.force or (self.fx or 0.0, self.fy or 0.0)
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        return (Place(listed(self.boundary), self.ends),) if self.boundary is not None else ()
+
+    @property
+    def owners(self) -> tuple[str, ...]:
+        return (self.body,) if self.body is not None else super().owners
+
+    def spread(self, size: float, centre: Point, polar: float) -> Traction | BodyForce:
+        """The equivalent body force or traction.
+
+        ``size`` is the area of the body or the length of the boundary (volume and area in bodies of
+        revolution), ``centre`` its centroid, and ``polar`` the integral of the squared distance from it.
+        """
+        (x, y), (fx, fy), turn = centre, self.total, (self.moment or 0.0) / polar
+        density: AmountVector = (fx / size, fy / size)
+        if turn:
+            density = (f"{fx / size!r} - {turn!r}*(y - {y!r})", f"{fy / size!r} + {turn!r}*(x - {x!r})")
+        content: dict[str, Any] = {"name": self.name}
+        if self.boundary is None:
+            content |= {"kind": "body-force", "body": self.body, "body-force": density}
+            return BodyForce.model_validate(content)
+        content |= {"kind": "traction", "boundary": self.boundary, "traction": density}
+        part = {"from": self.start, "to": self.to} if self.ends is not None else {}
+        return Traction.model_validate(content | part)
+
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        yield from super().faults(scope)
+        yield from self.exclusive("body", "boundary")
+        yield from self.exclusive("force", *(self.given("fx", "fy")[:1]), required=False)
+        if not self.given("force", "fx", "fy", "moment"):
+            yield Fault((), 'needs a "force", "fx", "fy" or "moment"')
+        if self.boundary is None and self.given("start", "to"):
+            yield Fault(("from",), "a body has no parts", "give a boundary")
+        if scope.case.model.revolved and (self.total[0] or self.moment):
+            yield Fault((), "forces on bodies of revolution have no component in x and no moment", "give fy")
 
 
 class Centrifugal(_InBody):

@@ -11,6 +11,7 @@ from mlsanm_cli.case.model.loads import (
     BodyForce,
     Centrifugal,
     Displacement,
+    Force,
     Load,
     OnBoundary,
     Pressure,
@@ -189,4 +190,14 @@ class ObstacleMotion(_RigidMotion):
                 yield Fault(("pivot",), message, "one pivot for all")
 
 
-AnyLoad = Traction | Pressure | Displacement | Platen | BodyForce | Centrifugal | Temperature | ObstacleMotion
+AnyLoad = (
+    Traction
+    | Pressure
+    | Displacement
+    | Platen
+    | Force
+    | BodyForce
+    | Centrifugal
+    | Temperature
+    | ObstacleMotion
+)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.complementarity.problem import Changes, ContactStatus, Problem
 from mlsanm_cli.records import dataclass
 
@@ -29,41 +29,44 @@ class Equilibrium:
 
 
 def equilibrium(
-    problem: Problem,
+    balances: FloatArray,
+    nodes: IntArray,
+    friction: FloatArray,
     constant: FloatArray,
     load: FloatArray,
     status: ContactStatus | None = None,
     allowed: Changes | None = None,
 ) -> Equilibrium | None:
-    """Equilibrium under the scaled balance rows ``constant`` (k,) and part of ``load`` (k,); None if not
-    even ``constant`` is balanced. For rates the conditions are those of a ``status`` and its ``allowed``
-    changes."""
+    """Equilibrium of ``balances`` (k, N) under the rows ``constant`` (k,) and part of ``load`` (k,), with
+    friction at ``nodes`` (n,); None if not even ``constant`` is balanced. For rates the conditions are those
+    of a ``status`` and its ``allowed`` changes."""
     from scipy.optimize import linprog  # for few runs
 
-    p, count = problem, problem.contacts
-    size = max(np.abs(constant).max(initial=0.0), np.abs(load).max(initial=0.0))
+    k, count, n = len(balances), balances.shape[1] - len(balances), len(nodes)
+    m, size = count - n, max(np.abs(constant).max(initial=0.0), np.abs(load).max(initial=0.0))
     if not size:
-        return Equilibrium(1.0, np.zeros(count), np.zeros(p.k))
-    if status is None or allowed is None:
-        none = np.zeros(p.m, dtype=bool)
-        status = ContactStatus(none, none[p.nodes], np.zeros(p.n))
-        allowed = p.everything
-    held, apart = status.closed & ~allowed.opens, ~status.closed & ~allowed.closes
-    rows = p.matrix[count:]
-    unit = np.abs(rows).max(axis=0, initial=0.0)
+        return Equilibrium(1.0, np.zeros(count), np.zeros(k))
+    held = apart = np.zeros(m, dtype=bool)
+    may = np.ones(2 * n, dtype=bool)
+    if status is not None and allowed is not None:
+        held, apart = status.closed & ~allowed.opens, ~status.closed & ~allowed.closes
+        may = np.concatenate([allowed.forward, allowed.backward])
+    unit = np.abs(balances).max(axis=0, initial=0.0)
     unit = size / np.where(unit > 0.0, unit, 1.0)
-    unit[p.m : count] = unit[: p.m][p.nodes]
+    unit[m:count] = unit[:m][nodes]
     bounds = [(None if h else 0.0, 0.0 if a else None) for h, a in zip(held, apart, strict=True)]
-    bounds += [(0.0, 0.0) if a else (None, None) for a in apart[p.nodes]]
-    bounds += [(None, None)] * p.k + [(0.0, 1.0)]
-    cone = [_cone(p, side)[may] for side, may in ((1.0, allowed.forward), (-1.0, allowed.backward))]
-    limits = np.vstack(cone)
-    limits = np.hstack([limits, np.zeros((len(limits), p.k + 1))])
+    bounds += [(0.0, 0.0) if a else (None, None) for a in apart[nodes]]
+    bounds += [(None, None)] * k + [(0.0, 1.0)]
+    # Rows of t - mu p <= 0 and -t - mu p <= 0.
+    cone, each = np.zeros((2, n, count + k + 1)), np.arange(n)
+    cone[:, each, nodes] = -friction
+    cone[0, each, m + each], cone[1, each, m + each] = 1.0, -1.0
+    limits = cone.reshape(2 * n, count + k + 1)[may]
     found = linprog(
-        np.append(np.zeros(len(p.rows)), -1.0),
+        np.append(np.zeros(count + k), -1.0),
         A_ub=limits if len(limits) else None,
         b_ub=np.zeros(len(limits)) if len(limits) else None,
-        A_eq=np.hstack([rows * (unit / size), load[:, None] / size]),
+        A_eq=np.hstack([balances * (unit / size), load[:, None] / size]),
         b_eq=-constant / size,
         bounds=bounds,
     )
@@ -78,17 +81,10 @@ def collapse(
     """The direction (N,) of the mechanism that shows that no pressures and tractions balance the ``free``
     rows (N,); None if some do."""
     p, load = problem, free[problem.contacts :]
-    found = equilibrium(p, np.zeros_like(load), load, status, allowed)
+    balances = p.matrix[p.contacts :]
+    found = equilibrium(balances, p.nodes, p.friction, np.zeros_like(load), load, status, allowed)
     if found is None or found.part > 1.0 - BALANCED:
         return None
     # Balances and motions are conjugate in work before they are scaled.
     motion = p.rows[p.contacts :] * found.mechanism / p.columns[p.contacts :]
     return np.concatenate([np.zeros(p.contacts), motion])
-
-
-def _cone(problem: Problem, side: float) -> FloatArray:
-    """Rows (n, m + n) of side t - mu p <= 0."""
-    p, each = problem, np.arange(problem.n)
-    found = np.zeros((p.n, p.contacts))
-    found[each, p.m + each], found[each, p.nodes] = side, -p.friction
-    return found

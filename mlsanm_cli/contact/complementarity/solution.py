@@ -20,8 +20,8 @@ from mlsanm_cli.contact.complementarity.problem import FEASIBLE, Changes, Contac
 from mlsanm_cli.contact.complementarity.tracing import Point, trace
 from mlsanm_cli.records import dataclass
 
-PASSES = 30
-"""Newton steps before pivoting; converging ones take fewer than ten."""
+PASSES = 8
+"""Newton steps without fewer violated conditions than before that end a search: it wanders."""
 BEST = 2
 """Number of statuses with the fewest violations from which pivoting starts."""
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
@@ -108,9 +108,9 @@ class Search:
         self, status: ContactStatus, basis: Basis | None, seen: set[bytes]
     ) -> tuple[Solution | None, list[ContactStatus], int]:
         """The state, or statuses with the fewest violations; and the number of systems solved."""
-        p, tried, systems = self.problem, list[tuple[int, ContactStatus]](), 0
+        p, tried, systems, least = self.problem, list[tuple[int, ContactStatus]](), 0, (np.inf, 0)
         aim = p.aim(self.reference)
-        while status.key not in seen and systems < PASSES:
+        while status.key not in seen and systems < least[1] + PASSES:
             seen.add(status.key)
             systems += 1
             try:
@@ -124,6 +124,7 @@ class Search:
             if not wrong:
                 return Solution(status, x, w, basis, systems, missed=basis.missed), [], systems
             tried.append((wrong, status))
+            least = min(least, (wrong, systems))
             status = self.projected(status, x, w)
         return None, [one for _, one in sorted(tried, key=lambda item: item[0])[:BEST]], systems
 

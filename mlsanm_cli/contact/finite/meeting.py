@@ -48,22 +48,23 @@ class Meeting:
 
     def columns(self, directions: FloatArray) -> sparse.csr_array:
         """Tractions (2s, c) of both sides per unit along ``directions`` (c, 2) on the slave."""
-        on_slave = vectors_along(directions)
-        return sparse.csr_array(sparse.vstack([on_slave, -(_twice(self.carried) @ on_slave)], format="csr"))
+        count, (line, column) = len(directions), self.carried.tocoo().coords
+        x, y = (-self.carried.data * along[column] for along in directions.T)
+        nodes = np.arange(count)
+        rows = np.concatenate([2 * nodes, 2 * nodes + 1, 2 * (count + line), 2 * (count + line) + 1])
+        columns = np.concatenate([nodes, nodes, column, column])
+        entries = (np.concatenate([*directions.T, x, y]), (rows, columns))
+        return sparse.csr_array(entries, shape=(2 * (count + self.carried.shape[0]), count))
 
     def turning(self, pressure: FloatArray, friction: FloatArray) -> sparse.csr_array:
         """Derivative (2s, 2s) of the tractions by the displacements."""
         across = pressure[:, None] * self.tangent - friction[:, None] * self.normal
-        on_slave = sparse.csr_array(vectors_along(across) @ self.d_turn)
-        on_master = -(_twice(self.carried) @ on_slave)
+        found = self.columns(across) @ self.d_turn
         if self.carried.shape[0]:
-            on_master = on_master - self.carried_moved(self.tractions(pressure, friction)[: len(pressure)])
-        return sparse.csr_array(sparse.vstack([on_slave, on_master], format="csr"))
-
-
-def _twice(rows: sparse.csr_array) -> sparse.csr_array:
-    """Rows (m, c) applied to both components (2m, 2c)."""
-    return sparse.csr_array(sparse.kron(rows, sparse.eye_array(2), format="csr"))
+            moved = self.carried_moved(self.tractions(pressure, friction)[: len(pressure)])
+            none = sparse.csr_array((found.shape[0] - moved.shape[0], found.shape[1]))
+            found = found - sparse.vstack([none, moved], format="csr")
+        return sparse.csr_array(found)
 
 
 def vectors_along(directions: FloatArray) -> sparse.csr_array:

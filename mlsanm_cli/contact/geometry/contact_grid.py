@@ -340,16 +340,16 @@ class ContactGrid:
             found.append(sign * (self.hats.integrals @ np.stack([*direction.T, moment], axis=1)).T)
         return found[0], found[1]
 
-    def last_coefficients(self, kernel: FloatArray) -> float:
-        """Largest of the last two Chebyshev coefficients, in either argument, of a sampled kernel (2k,
+    def coefficients(self, kernel: FloatArray) -> FloatArray:
+        """Largest Chebyshev coefficients (k,) of each order, in either argument, of a sampled kernel (2k,
         2k)."""
         count, axes = self.count, self.axes
         blocks = np.einsum("akc,ckdl,bld->abkl", axes, kernel.reshape(2, count, 2, count), axes)
-        largest = 0.0
+        largest = np.zeros(count)
         for a, b in product((0, 1), repeat=2):
             left = self.unfolding.spectrum(blocks[a, b])[a]
             table = np.abs(self.unfolding.spectrum(left.T)[b])
-            largest = max(largest, float(table[-2:].max()), float(table[:, -2:].max()))
+            largest = np.maximum(largest, np.maximum(table.max(axis=0), table.max(axis=1)))
         return largest
 
     def samples_differ(self, other: ContactGrid) -> bool:

@@ -16,6 +16,7 @@ Equations (17) and (18) of docs/method.md.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -28,11 +29,15 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.finite.faces import FacePoints, inner_points, outline_points
 from mlsanm_cli.mechanics.finite.loads import Applied, Loads
+from mlsanm_cli.mechanics.finite.pattern import Pattern
 from mlsanm_cli.mechanics.laws.law import Law, determinant, gradient_of
 from mlsanm_cli.mechanics.near_field import ComplexArray
 from mlsanm_cli.mechanics.pieces import rule_of
 from mlsanm_cli.operators.rows import pair_rows
 from mlsanm_cli.records import dataclass
+
+PINNED = ("angle", "single")
+"""What depends on the rotation of the pins."""
 
 
 @dataclass(frozen=True)
@@ -101,6 +106,17 @@ class FiniteBody:
         """Rows (s, 2N) of the displacements of single held nodes."""
         nodes = len(self.elastic.model.cloud.points)
         return single_rows(self.elastic.held_nodes, nodes, self.pins, self.angle)
+
+    def rotated(self, angle: float) -> FiniteBody:
+        """The body with its pins rotated by ``angle``; everything else is computed once for both."""
+        made = replace(self, angle=angle)
+        made.__dict__.update({name: known for name, known in vars(self).items() if name not in PINNED})
+        return made
+
+    @cached_property
+    def pattern(self) -> Pattern:
+        """Pattern of the derivative of the rows."""
+        return Pattern.of(self.elastic, self.points, self.pulls, self.turning.values(), self.law.nested)
 
     @property
     def pinned(self) -> sparse.csr_array:

@@ -45,6 +45,12 @@ class FacePoints:
         """Number of points (q) of all fits."""
         return int(self.places.shape[0] * self.places.shape[1])
 
+    @property
+    def reached(self) -> tuple[IntArray, IntArray]:
+        """Piece and node of all entries of the fits that act on the pieces."""
+        taken = self.stencils.take(self.fit)
+        return np.repeat(self.owner, np.diff(taken.indptr)), taken.indices
+
     def seen(self, displacement: FloatArray) -> FloatArray:
         """Value, d/dX, d/dY (q, 3, 2) of nodal ``displacement`` (2N,)."""
         return self.stencils.derivatives(displacement.reshape(-1, 2)).reshape(-1, 3, 2)

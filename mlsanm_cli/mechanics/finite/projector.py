@@ -25,11 +25,12 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.mechanics.assembly import row_weights
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
-from mlsanm_cli.mechanics.finite.tangent import MeanStress, derivative_pieces, derivative_rows
+from mlsanm_cli.mechanics.finite.tangent import MeanStress, tangent_rows
 from mlsanm_cli.operators import least_squares
 from mlsanm_cli.operators.least_squares import LeastSquares, Strong
-from mlsanm_cli.operators.linear.interface import Factor, LinearSolver
-from mlsanm_cli.operators.linear.superlu import elimination_order, factor_in_order
+from mlsanm_cli.operators.linear.interface import LinearSolver
+from mlsanm_cli.operators.linear.lu import LUFactor, factor_general
+from mlsanm_cli.operators.linear.superlu import SuperLUFactor, factor_in_order
 from mlsanm_cli.records import dataclass
 
 PIVOT_THRESHOLD = 1e-3
@@ -66,6 +67,7 @@ class Projector:
     factors: FloatArray
     system: LeastSquares
     rest: FloatArray
+    solver: LinearSolver
     last: list[MeanStress] = field(default_factory=list, compare=False)
 
     @classmethod
@@ -86,11 +88,11 @@ class Projector:
         loads = sparse.csr_array(sparse.diags_array(weights, format="csr")[split:])
         owner, none = np.arange(count) % body.count, sparse.csr_array((0, count))
         strong = Strong(strong_rows, loads, owner, body.centers @ nodes, none)
-        system = least_squares.factorise(rows, weights[:split], nodes, solver, strong)
+        system = least_squares.factorise(rows, weights[:split], nodes, solver, strong, body.pattern.symbolic)
         rest = np.zeros(body.elastic.rows)
         if keeps:
             rest[:split] = BodySeries.at(body, displacement, factors).rows(0)[:split]
-        return cls(body, weights, displacement, factors, system, rest)
+        return cls(body, weights, displacement, factors, system, rest, solver)
 
     def left(self, displacement: FloatArray, factors: FloatArray) -> FloatArray:
         """Residual (r,) of the equations at ``displacement`` (2N,) and load ``factors`` (L,)."""
@@ -123,18 +125,18 @@ class Projector:
         of Newton's method with the mean stress that the last one predicted. Raises NumericalError if
         singular."""
         mean = self._linearised(displacement, factors) if iterating else None
+        own, own_strong = self.system.rows, self.system.strong.rows
         if np.array_equal(displacement, self.base_state):
-            return Factorised(self, self.system.rows, self.system.strong.rows, None)
+            return Factorised(self, own, own_strong, None)
         rows, strong = weighted_rows(self.body, self.weights, displacement, factors, mean)
-        normal = sparse.csr_array(self._turned @ rows)
-        place = self._multipliers
-        up = sparse.csr_array(self.system.strong.rows.T) @ place.T
-        down = place @ strong
-        whole = [[normal, up], [down, -sparse.eye_array(place.shape[0])]]
-        matrix = sparse.csc_array(sparse.block_array(whole, format="csc"))
-        points = [self.body.elastic.model.cloud.points, np.repeat(self.system.strong.places, 2, axis=0)]
-        order = elimination_order(matrix, np.concatenate(points))
-        return Factorised(self, rows, strong, factor_in_order(matrix, order, PIVOT_THRESHOLD))
+        symbolic = self.body.pattern.symbolic
+        matrix = symbolic.normal.matrix(own, own_strong, rows, strong)
+        if self.solver == "superlu":
+            order = symbolic.fronts.unknowns
+            return Factorised(
+                self, rows, strong, factor_in_order(sparse.csc_array(matrix), order, PIVOT_THRESHOLD)
+            )
+        return Factorised(self, rows, strong, factor_general(matrix, symbolic.fronts, symbolic.transposed))
 
     def _linearised(self, displacement: FloatArray, factors: FloatArray) -> MeanStress | None:
         if not self.body.law.nested:
@@ -144,12 +146,10 @@ class Projector:
         return mean.after(earlier[0]) if earlier else mean
 
     @cached_property
-    def _multipliers(self) -> sparse.csr_array:
-        """Positions of the pieces' multipliers (4k, 3k): two vertices of two for every piece."""
-        count = self.body.count
-        number = np.arange(3 * count)
-        line = 4 * (number % count) + number // count
-        return sparse.csr_array((np.ones(3 * count), (line, number)), shape=(4 * count, 3 * count))
+    def _multipliers(self) -> IntArray:
+        """Positions (3k,) of the pieces' multipliers, two vertices of two for every piece."""
+        number, count = np.arange(3 * self.body.count), self.body.count
+        return self.body.unknowns + 4 * (number % count) + number // count
 
 
 @dataclass(frozen=True)
@@ -160,7 +160,14 @@ class Factorised:
     projector: Projector
     rows: sparse.csr_array
     strong: sparse.csr_array
-    factor: Factor | None
+    factor: LUFactor | SuperLUFactor | None
+
+    @property
+    def sign(self) -> int:
+        """Sign of the determinant of the derivative J_0^T W^2 J(u), 1 at the base state; it changes at limit
+        points and bifurcations of the body."""
+        # The multipliers, four per piece, add a positive factor.
+        return 1 if self.factor is None else self.factor.sign
 
     def solve(self, scaled: FloatArray) -> FloatArray:
         """Displacement (2N,) whose rows in this state are ``scaled`` (r,) in the sense of the equations, with
@@ -185,9 +192,10 @@ class Factorised:
             gathered = projector.gathered(scaled) + self.strong.T @ scaled[count:]
             shape = (len(gathered), -1)
             return projector.system.inverse_normal(gathered.reshape(shape)).reshape(gathered.shape)
-        below = projector._multipliers @ scaled[count:]
-        whole = self.factor.solve(np.concatenate([projector.gathered(scaled), below]))
-        return whole[: self.rows.shape[1]]
+        unknowns = projector.body.unknowns
+        whole = np.zeros((unknowns + 4 * projector.body.count, *scaled.shape[1:]))
+        whole[:unknowns], whole[projector._multipliers] = projector.gathered(scaled), scaled[count:]
+        return self.factor.solve(whole)[:unknowns]
 
 
 def weighted_rows(
@@ -198,8 +206,7 @@ def weighted_rows(
     mean: MeanStress | None = None,
 ) -> tuple[sparse.csr_array, sparse.csr_array]:
     """Weighted rows (r - 3k, 2N) of the nodes and (3k, 2N) of the pieces in a state."""
-    rows = derivative_rows(body, displacement, factors, mean)
+    rows, strong = tangent_rows(body, displacement, factors, mean)
     rows.data *= np.repeat(weights[: body.node_rows], np.diff(rows.indptr))
-    strong = derivative_pieces(body, displacement, factors, mean)
     strong.data *= np.repeat(weights[body.node_rows :], np.diff(strong.indptr))
     return rows, strong

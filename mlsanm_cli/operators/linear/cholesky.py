@@ -39,6 +39,11 @@ class Fronts:
     panel: IntArray
     waiting: int
 
+    @property
+    def unknowns(self) -> IntArray:
+        """Elimination order (2n,) of the unknowns."""
+        return np.stack([2 * self.order, 2 * self.order + 1], axis=1).ravel()
+
     @classmethod
     def of(cls, points: FloatArray, graph: sparse.bsr_array, negative: int = 0) -> Fronts:
         """Fronts of the nested dissection of ``points`` (n, 2) with adjacency ``graph``. The last
@@ -96,16 +101,20 @@ class CholeskyFactor:
 
 
 def factor_definite(
-    matrix: Matrix, points: FloatArray, negative: int = 0, solver: LinearSolver = "auto"
+    matrix: Matrix,
+    points: FloatArray,
+    negative: int = 0,
+    solver: LinearSolver = "auto",
+    fronts: Fronts | None = None,
 ) -> Factor:
     """Factorise a symmetric ``matrix`` (2n, 2n) of two unknowns at each of the nodes ``points`` (n, 2),
     positive definite except for the unknowns of the last ``negative`` points, in which it is negative
-    definite. Falls back to SuperLU, with a note, if a pivot has the wrong sign or the factor is inaccurate.
-    Raises NumericalError if the matrix is singular."""
+    definite; ``fronts`` if they are known. Falls back to SuperLU, with a note, if a pivot has the wrong sign
+    or the factor is inaccurate. Raises NumericalError if the matrix is singular."""
     if solver == "superlu":
         return factor_quasi_definite(matrix, points)
     blocks = sparse.bsr_array(matrix, blocksize=(2, 2))
-    fronts = Fronts.of(points, blocks, negative)
+    fronts = fronts or Fronts.of(points, blocks, negative)
     values = np.empty(int(fronts.panel[-1]))
     failed = factorise(
         *(fronts.start, fronts.negative, fronts.parent, fronts.begin, fronts.border, fronts.panel),
@@ -114,8 +123,7 @@ def factor_definite(
     )
     factor = None
     if failed < 0:
-        order = np.stack([2 * fronts.order, 2 * fronts.order + 1], axis=1).ravel()
-        factor = CholeskyFactor(fronts, order, values)
+        factor = CholeskyFactor(fronts, fronts.unknowns, values)
     return verified_or_superlu(factor, matrix, points)
 
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sparse
+from scipy.sparse.csgraph import connected_components
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.errors import NumericalError
@@ -29,6 +30,16 @@ class SuperLUFactor:
     factor: SuperLU
     order: IntArray
     note: str = ""
+
+    @property
+    def sign(self) -> int:
+        """Sign of the determinant of the matrix."""
+        swaps = 0
+        for permutation in (self.factor.perm_r, self.factor.perm_c):
+            moves = sparse.csr_array((np.ones(len(permutation)), (np.arange(len(permutation)), permutation)))
+            swaps += len(permutation) - connected_components(moves)[0]
+        negative = int((self.factor.U.diagonal() < 0.0).sum())
+        return -1 if (negative + swaps) % 2 else 1
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """Solution for (n,) or (n, c) right-hand sides."""

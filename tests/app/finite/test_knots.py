@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from mlsanm_cli.app.finite import grids
+from mlsanm_cli.app.finite.contact_path import contact_path
 from mlsanm_cli.app.run import resume, run
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.solve.state import PathStep
 from tests.app.finite.finite_scenes import neo_hookean, rubber
 from tests.app.runs import resumed_differences
 from tests.app.scenes import Quiet, solve
@@ -58,6 +64,18 @@ def test_a_disk_beside_the_nodes_presses_upright(depth: float, tmp_path: Path) -
     assert y < 0.0
     assert abs(x / y) < 2e-3
     assert summary["contacts"]["c"]["closed_nodes"] >= 20
+
+
+def test_contacts_that_a_coarse_path_does_not_reach(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Their pressures are as coarse as the nodes, which a warning tells."""
+
+    def stopped(*args: Any, **more: Any) -> Iterator[PathStep]:
+        yield next(contact_path(*args, **more))
+        raise NumericalError("no step")
+
+    monkeypatch.setattr(grids, "contact_path", stopped)
+    summary = solve(pressed(0.15), tmp_path / "run")
+    assert any("located up to position 0 only" in warning for warning in summary["warnings"])
 
 
 def test_a_run_goes_on_with_its_knots(tmp_path: Path) -> None:

@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mlsanm_cli.app.check import check
 from mlsanm_cli.contact.geometry.grid import Hats
 from mlsanm_cli.contact.geometry.unfolding import Unfolding
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.mechanics.near_field import Isotropic
 from mlsanm_cli.mechanics.symmetry import SymmetryPlane, copies_around, images_of
-from tests.app.scenes import solve
+from tests.app.scenes import Quiet, solve
 from tests.case_text import FLOOR, Scene, contact, load, pushed, scene
 
 SOFT = scene("strain", "soft", E=10.0)
@@ -48,7 +49,7 @@ def rolled(half: bool, through_points: bool = False) -> Scene:
         shape = {"kind": "polygon", "points": corners, "names": ["below", "side", "flat", "middle"]}
         shape = {"shape": shape | {"rounding": [0.0, 1.0, 0.0, 0.0], "corners": ["", "arc", "", ""]}}
     if half and through_points:
-        angle = np.linspace(-0.5 * np.pi, 0.0, 41)
+        angle = np.linspace(-0.5 * np.pi, 0.0, 9)
         arc = np.stack([np.cos(angle), 1.0 + np.sin(angle)], axis=1).tolist()
         sides = {"arc": arc, "flat": [[1.0, 1.0], [0.0, 1.0]], "middle": [[0.0, 1.0], [0.0, 0.0]]}
         named = [{"name": name, "points": points} for name, points in sides.items()]
@@ -134,6 +135,7 @@ def test_a_half_is_half_of_the_whole_at_finite_strain(
     assert 2.0 * found["force"][1] == pytest.approx(expected["force"][1], rel=2e-3)
     assert found["peak_pressure"] == pytest.approx(expected["peak_pressure"], rel=4e-3)
     assert 2.0 * found["half_width"] == pytest.approx(expected["half_width"], rel=0.01)
+    assert one["error_estimate"]["contacts"]["c"] <= 5e-3
 
 
 def test_a_contact_beside_the_plane(tmp_path: Path) -> None:
@@ -162,6 +164,17 @@ def test_an_obstacle_that_moves_across_the_wall_slips_there(tmp_path: Path) -> N
     assert found.traction is not None
     at = int(np.argmin(found.points[:, 0]))
     assert abs(found.traction[-1][at]) == pytest.approx(0.3 * found.pressure[-1][at], rel=1e-6)
+
+
+@pytest.mark.parametrize(("left", "told"), [(0.0, False), (-2.0, True)])
+def test_a_half_on_a_whole_is_told(left: float, told: bool, tmp_path: Path) -> None:
+    """A body that is cut, on one that is not, is a guided body whose edge presses."""
+    cut, case = rolled(True).support("disk.middle", ux=0.0), tmp_path / "case.toml"
+    case.write_text(
+        cut.support("block.left", ux=0.0) if left == 0.0 else cut.replace("[0.0, 2.0]", "[-2.0, 2.0]")
+    )
+    warnings = check(case, console=Quiet())["warnings"]
+    assert any("cut both bodies at the plane" in warning for warning in warnings) == told
 
 
 UPRIGHT, LEVEL = SymmetryPlane(0j, 1j), SymmetryPlane(0j, 1.0 + 0j)

@@ -1,4 +1,4 @@
-"""``mlsanm probe``: options, tables and CSV output."""
+"""Commands that show results: ``plot``, ``report`` and ``probe``."""
 
 from __future__ import annotations
 
@@ -12,15 +12,68 @@ from typing import Any
 
 import click
 
-from mlsanm_cli.app.results.choice import POINT_FIELDS, QUANTITIES
+from mlsanm_cli.app.results.choice import FIELDS, KINDS, POINT_FIELDS, QUANTITIES, Choice
 from mlsanm_cli.cli import declare
-from mlsanm_cli.cli.console import TerminalConsole
-from mlsanm_cli.cli.running import of_app, pretty_result, print_result
-from mlsanm_cli.cli.settings import Settings, say
+from mlsanm_cli.cli.console import TerminalConsole, console_for
+from mlsanm_cli.cli.settings import Settings, of_app, print_result, print_tables, say
 from mlsanm_cli.cli.text import grid, label, number
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.toml import plain
+
+
+@declare.command(
+    declare.RUNDIRS,
+    click.option(
+        "--what",
+        type=click.Choice(KINDS),
+        multiple=True,
+        help="Kind of picture. Repeatable.  [default: all except hysteresis and line]",
+    ),
+    declare.name_option("contact", "Draw this contact only.", "contact"),
+    click.option("--field", type=click.Choice(FIELDS), help="Field shown on bodies or along a line."),
+    declare.positions("Position on the load path. Repeatable.  [default: saved positions]"),
+    click.option(
+        "--along", metavar="LINE", help="Draw a field along a boundary such as block.top, or a line X,Y:X,Y."
+    ),
+    declare.output("Output file of a single picture; the suffix selects the format."),
+    declare.flag(
+        "animate", "Animate the path: pressures, or --what bodies; a GIF, or with -o NAME.mp4 an MP4 file."
+    ),
+    click.option(
+        "--format",
+        "formats",
+        type=click.Choice(["png", "svg", "pdf"]),
+        multiple=True,
+        default=("png",),
+        show_default=True,
+        help="File format. Repeatable.",
+    ),
+)
+def plot(settings: Settings, /, rundirs: tuple[Path, ...], formats: tuple[str, ...], **chosen: Any) -> int:
+    """Draw pictures of a run, or of several runs together.
+
+    Contact pressures, the load path, and deformed bodies with von Mises stress. No display is needed.
+    """
+    with console_for(settings, "drawing"):
+        draw = of_app("results.plot.plot")
+        files = draw(rundirs, formats=tuple(dict.fromkeys(formats)), choice=Choice(**chosen))
+    print_result(settings, {"files": [str(file) for file in files]}, "\n".join(map(str, files)))
+    return 0
+
+
+@declare.command(declare.RUNDIRS, declare.output("Output file.  [default: report.html in the run directory]"))
+def report(settings: Settings, rundirs: tuple[Path, ...], out: Path | None) -> int:
+    """Write an HTML report on one run or several.
+
+    A self-contained file with case, pictures, tables, checks and provenance. For several runs it is written
+    to the current directory unless -o is given.
+    """
+    with console_for(settings, "drawing"):
+        path = of_app("results.report.report")(rundirs, out)
+    print_result(settings, {"file": str(path)}, str(path))
+    return 0
+
 
 _ORIGINS = {
     "stored": "",
@@ -28,7 +81,6 @@ _ORIGINS = {
     "linear": "interpolated (linear problem)",
     "interpolated": "interpolated, error {error:.2g} % of the largest value",
 }
-POINT_HINT = "as in --body block --point 0,-0.5"
 _ORIGIN_KEYS = ("how", "error")
 
 
@@ -52,9 +104,7 @@ class PointType(click.ParamType[tuple[float, float]]):
 
 @declare.command(
     declare.RUNDIR,
-    click.option(
-        "--at", type=float, multiple=True, help="Position on the load path. Repeatable.  [default: the end]"
-    ),
+    declare.positions("Position on the load path. Repeatable.  [default: the end]"),
     declare.name_option("contact", "Results along a contact.", "contact"),
     click.option(
         "--quantity",
@@ -89,60 +139,35 @@ def probe(
     are none. With --at alone, print the figures of all contacts; without options, list the available results.
     """
     targets = {kind: name for kind, name in names.items() if name is not None}
+    of_point = bool(targets.keys() & {"body", "probe"})
+    several, alone = len(targets) > 1, ("body" in targets) != (point is not None)
     for wrong, message, hint in (
-        (
-            len(targets) > 1,
-            "more than one result selected",
-            "give one of --contact, --force, --probe, --body",
-        ),
-        (("body" in targets) != (point is not None), "--body and --point are needed together", POINT_HINT),
+        (several, "more than one result selected", "give one of --contact, --force, --probe, --body"),
+        (alone, "--body and --point are needed together", "as in --body block --point 0,-0.5"),
         (quantities and "contact" not in targets, "--quantity needs a contact", "add --contact NAME"),
-        (
-            field is not None and not targets.keys() & {"body", "probe"},
-            "--field needs a point",
-            "add --body and --point, or --probe",
-        ),
+        (field and not of_point, "--field needs a point", "add --body and --point, or --probe"),
         (as_csv and settings.json, "--csv and --json exclude each other", "give one of them"),
     ):
         if wrong:
             raise RunError(message, hint)
     if not targets and not at:
-        contents = of_app("results.probe.contents")(rundir)
-        print_result(settings, contents, pretty_result(settings, contents))
+        print_tables(settings, of_app("results.probe.contents")(rundir))
         return 0
     kind, name = next(iter(targets.items()), ("contacts", ""))
-    title = f"{kind} {name}".rstrip()
-    if kind == "contacts":
-        rows = of_app("results.probe.probe_everything")(rundir, at)
-    elif kind == "contact":
-        rows = of_app("results.probe.probe_contact")(rundir, at, name, quantities)
-    elif kind == "force":
-        title, rows = f"force of {name}", of_app("results.probe.probe_force")(rundir, at, name)
-    elif kind == "probe":
-        rows = of_app("results.probe.probe_named")(rundir, at, name, field)
-    else:
-        assert point is not None
+    if kind == "body" and point is not None:
         title = f"{name} at ({point[0]:g}, {point[1]:g})"
-        rows = of_app("results.probe.probe_point")(rundir, at, name, point, field)
+    else:
+        title = f"force of {name}" if kind == "force" else f"{kind} {name}".rstrip()
+    rows = of_app("results.probe.probe")(rundir, at, kind, name, quantities, point, field)
     if as_csv:
         for row in rows:
             if "error" in row:
-                TerminalConsole(sys.stderr, settings).warning(
-                    f"position {number(row['position'])}: {_origin(row)}"
-                )
+                warning = f"position {number(row['position'])}: {_origin(row)}"
+                TerminalConsole(sys.stderr, settings).warning(warning)
         say(settings, _csv(rows), newline=False)
         return 0
     print_result(settings, {"levels": rows}, _text(title, rows, settings.paints(sys.stdout)))
     return 0
-
-
-def _text(title: str, rows: Sequence[Mapping[str, Any]], color: bool) -> str:
-    """One table over the load levels; for a contact one table per level."""
-    if any(hasattr(value, "tolist") for value in rows[0].values()):
-        return "\n".join(_nodes(title, row, color) for row in rows)
-    columns = [key for key in rows[0] if key not in _ORIGIN_KEYS]
-    cells = [[*(number(row[key]) for key in columns), _origin(row)] for row in rows]
-    return grid(title, [*map(label, columns), ""], cells, color)
 
 
 def _origin(row: Mapping[str, Any]) -> str:
@@ -153,11 +178,20 @@ def _origin(row: Mapping[str, Any]) -> str:
     return _ORIGINS[row["how"]].format(error=100.0 * error)
 
 
-def _nodes(title: str, row: Mapping[str, Any], color: bool) -> str:
-    columns = [key for key in row if key not in ("position", *_ORIGIN_KEYS)]
-    origin = f", {_origin(row)}" if _origin(row) else ""
-    cells = [list(map(number, values)) for values in zip(*(plain(row[key]) for key in columns), strict=True)]
-    return grid(f"{title}, position {number(row['position'])}{origin}", [*map(label, columns)], cells, color)
+def _text(title: str, rows: Sequence[Mapping[str, Any]], color: bool) -> str:
+    """One table over the load levels; for a contact one table per level."""
+    if not any(hasattr(value, "tolist") for value in rows[0].values()):
+        columns = [key for key in rows[0] if key not in _ORIGIN_KEYS]
+        cells = [[*(number(row[key]) for key in columns), _origin(row)] for row in rows]
+        return grid(title, [*map(label, columns), ""], cells, color)
+    tables = []
+    for row in rows:
+        columns = [key for key in row if key not in ("position", *_ORIGIN_KEYS)]
+        origin = f", {_origin(row)}" if _origin(row) else ""
+        cells = [[*map(number, values)] for values in zip(*(plain(row[key]) for key in columns), strict=True)]
+        heading = f"{title}, position {number(row['position'])}{origin}"
+        tables.append(grid(heading, [*map(label, columns)], cells, color))
+    return "\n".join(tables)
 
 
 def _csv(rows: Sequence[Mapping[str, Any]]) -> str:

@@ -1,123 +1,19 @@
-"""Limit load of rigid bodies in contact: the largest fraction of a stage's loads that can be in equilibrium.
+"""Force-controlled motions along slipping contacts that nothing resists, found from the rates of a state.
 
-Pressures are non-negative, tractions lie in Coulomb's cone, and every unknown motion is in equilibrium. The
-load factor is the solution of a linear program (Livesley 1978, doi:10.1002/nme.1620121207, for masonry); its
-multipliers are the collapse mechanism. Deformation matters only by changing positions.
-Force-controlled motions along slipping contacts that nothing resists are found from the rates of a state.
+Where contacts are curved, sliding as a whole is no ray of the contact problem: pairs of places and directions
+are those drawn, and a motion along them opens and closes nodes.
 """
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.complementarity.problem import ContactStatus
-from mlsanm_cli.contact.laws.linearised import ContactSolution
+from mlsanm_cli.contact.laws.contact_state import ContactSolution
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import null_space
-from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
-
-WHOLE_STAGE = 1.0 - 1e-9
-"""Fractions of a stage from here on count as the whole stage."""
-
-
-@dataclass(frozen=True, eq=False)
-class LimitLoad:
-    """``part`` of a stage's load change that can be carried, collapse ``motion`` (k,) up to a factor,
-    ``friction_share`` of the loads' work in it that friction dissipates, whether any contact is ``pressed``,
-    and whether the loads themselves drive it, not their round-off."""
-
-    part: float
-    motion: FloatArray
-    friction_share: float
-    pressed: bool
-    driven: bool
-
-    @property
-    def whole(self) -> bool:
-        """Whether the whole stage can be carried, by contacts closed or still open."""
-        return self.part >= WHOLE_STAGE
-
-
-def limit_load(condensed: Condensed, begin: FloatArray, change: FloatArray) -> LimitLoad | None:
-    """Largest part <= 1 for load factors ``begin`` (L,) + part ``change`` (L,); None if nothing can be
-    carried, or if no motion is unknown."""
-    balance, nodes = condensed.balance, condensed.friction_nodes
-    m, n, k = len(condensed.weight), len(nodes), len(balance.constant)
-    if not k or not m:
-        return None
-    start, more = balance.constant + balance.load @ begin, balance.load @ change
-    size = max(np.abs(start).max(), np.abs(more).max())
-    if not size:
-        return None
-    forces = _Forces.of(condensed, size)
-    found = forces.balancing(np.append(np.zeros(m + n + k), -1.0), start, more[:, None])
-    if found.status != 0 or found.x is None:
-        return None
-    unit, scale = forces.unit, forces.scale
-    carried, part, motion = found.x[: m + n], float(found.x[-1]), found.eqlin.marginals / scale
-    work = abs(float(more @ motion)) * part
-    across, along = np.abs(condensed.gap.motion @ motion), np.abs(condensed.slip.motion @ motion)
-    if work:
-        share = float(np.abs(carried[m:] * unit[nodes] * (balance.traction.T @ motion)).sum()) / work
-    else:
-        # Nothing is carried: the direction of motion decides.
-        share = float(along.max(initial=0.0) > across.max(initial=0.0))
-    touching = carried[:m][np.abs(balance.pressure.T @ motion) + across > 0.0]
-    most = float(np.abs(more / scale).max() * np.abs(motion * scale).max())
-    driven = abs(float(more @ motion)) > COARSE_ROUND_OFF * most
-    return LimitLoad(part, motion, min(share, 1.0), bool(touching.max(initial=0.0) > 1e-9), driven)
-
-
-@dataclass(frozen=True, eq=False)
-class _Forces:
-    """Balances ``rows`` (k, m + n + k) of pressures, tractions and motions, divided by their ``scale`` (k,),
-    and the ``cone`` (2n, m + n + k) of friction. Pressures are in units ``unit`` (m,) of the loads, so that
-    units do not matter."""
-
-    unit: FloatArray
-    scale: FloatArray
-    rows: FloatArray
-    cone: FloatArray
-
-    @classmethod
-    def of(cls, condensed: Condensed, size: float) -> _Forces:
-        balance, nodes = condensed.balance, condensed.friction_nodes
-        m, n, k = len(condensed.weight), len(nodes), len(balance.constant)
-        unit = size / condensed.weight
-        rows = np.hstack([balance.pressure * unit, balance.traction * unit[nodes], balance.motion])
-        known = np.abs(rows[:, : m + n]).max(axis=1)
-        scale = np.where(known > 0.0, known, size)
-        cone = np.zeros((2, n, m + n + k))
-        each = np.arange(n)
-        for side, sign in enumerate((1.0, -1.0)):
-            cone[side, each, m + each] = sign
-            cone[side, each, nodes] = -condensed.friction
-        return cls(unit, scale, rows / scale[:, None], cone.reshape(2 * n, m + n + k))
-
-    def balancing(self, cost: FloatArray, force: FloatArray, more: FloatArray | None = None) -> Any:
-        """The linear program of least ``cost`` that balances a ``force`` (k,), and a part up to 1 of ``more``
-        (k, 1), its last unknown."""
-        m, n, rows, cone = len(self.unit), len(self.cone) // 2, self.rows, self.cone
-        bounds: list[tuple[float | None, float | None]] = [(0.0, None)] * m
-        bounds += [(None, None)] * (n + len(rows))
-        if more is not None:
-            rows, cone = np.hstack([rows, more / self.scale[:, None]]), np.pad(cone, ((0, 0), (0, 1)))
-            bounds.append((0.0, 1.0))
-        from scipy.optimize import linprog  # for few runs
-
-        return linprog(
-            cost,
-            A_ub=cone if n else None,
-            b_ub=np.zeros(2 * n) if n else None,
-            A_eq=rows,
-            b_eq=-force / self.scale,
-            bounds=bounds,
-        )
-
 
 MAX_NORMAL_SHARE = 0.2
 """Motions with a smaller normal part at the contact are resisted by friction only."""
