@@ -157,7 +157,7 @@ HIGH_DEGREE_RULE = Rule(10.0, 0.5, 256.0, 0.14)
 """Degrees 4 to 6."""
 NODAL_RULE = Rule(10.0, 1.0, 10.0, 0.2)
 """Nodal pressures of the regularised law: even spacings under the patch, as the law smooths its edges."""
-RING_RULE = Rule(20.0, 1.0, 64.0, 0.2)
+RING_RULE = Rule(20.0, 1.0, 64.0, 0.15)
 """Nodal pressures on bodies of revolution, at degree 4: peaks and approaches to 5e-4, radii to 5e-3."""
 NODAL_PASSES = 6
 """Largest number of passes to `NODAL_RULE` and `RING_RULE`; each halves the uncertainty of edges at least."""
@@ -252,7 +252,7 @@ def _solved(
 
 def found_patches(built: CondensedScene, rule: Rule) -> Iterator[Patch]:
     """Patches with an edge in the exact states at the ends of all stages, and stick zones. A surface closed
-    from end to end has no edge to refine."""
+    from end to end has no edge to refine, but its corners on bodies of revolution."""
     for state in built.ends:
         for pairing in built.condensed.pairings:
             span = built.condensed.spans[pairing.name]
@@ -277,9 +277,9 @@ def _is_coarse(patch: Patch, rule: Rule) -> bool:
 def _patch_zones(patch: Patch, rule: Rule) -> Iterator[Zone]:
     """Zones under the patch and around its edges."""
     middle = (float(patch.middle[0]), float(patch.middle[1]))
-    reach = rule.reach * patch.half_width + 2.0 * float(patch.uncertainty.max())
+    reach = rule.reach * patch.half_width + 2.0 * float(patch.uncertainty.max(initial=0.0))
     # Finer spacings over all that a patch may cover are wasted until its edges are known.
-    spacing = max(patch.half_width / rule.across, float(patch.uncertainty.max()) / 2.0)
+    spacing = max(patch.half_width / rule.across, float(patch.uncertainty.max(initial=0.0)) / 2.0)
     yield Zone.around(middle, spacing, reach, rule.growth)
     for edge, unsure, apart in zip(patch.edges, patch.uncertainty, patch.apart, strict=True):
         finest = max(patch.finest * patch.half_width / rule.at_edge, float(unsure) / MAX_EDGE_REFINEMENT)

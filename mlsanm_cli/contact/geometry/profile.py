@@ -149,20 +149,14 @@ def contact_patches(pairing: Pairing, closed: BoolArray, corners: bool = False) 
     for first, after in runs_of(closed):
         last = after - 1
         ends, edges, uncertainty = [arc[first], arc[last]], [], []
-        if first > 0:
-            ends[0] = 0.5 * (arc[first - 1] + arc[first])
-            edges.append(ends[0])
-            uncertainty.append(arc[first] - arc[first - 1])
-        elif corners and after > 1 and radius[0] > 0.0:
-            edges.append(ends[0])
-            uncertainty.append(arc[1] - arc[0])
-        if after < len(arc):
-            ends[1] = 0.5 * (arc[last] + arc[after])
-            edges.append(ends[1])
-            uncertainty.append(arc[after] - arc[last])
-        elif corners and after > 1 and radius[-1] > 0.0:
-            edges.append(ends[1])
-            uncertainty.append(arc[last] - arc[last - 1])
+        for place, (node, beyond) in enumerate(((first, first - 1), (last, after))):
+            inside = 0 <= beyond < len(arc)
+            if inside:
+                ends[place] = 0.5 * (arc[beyond] + arc[node])
+            if inside or (corners and last > first and radius[node] > 0.0):
+                neighbor = beyond if inside else node + (1, -1)[place]
+                edges.append(ends[place])
+                uncertainty.append(abs(float(arc[neighbor] - arc[node])))
         middle = 0.5 * (ends[0] + ends[1])
         nearest = int(np.argmin(np.abs(arc - middle)))
         patches.append(
