@@ -43,6 +43,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
 from mlsanm_cli.cloud.spacing import Zone, cover
+from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.geometry.profile import Patch, contact_patches, half_width
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.body import ElasticBody
@@ -203,7 +204,7 @@ def adapt(case: Case, prepared: SceneModel, context: RunContext, known: Refineme
         zones = tuple(zone for patch in patches for zone in _patch_zones(patch, rule))
         # The bulk is refined only once the zones of the contacts no longer limit the accuracy.
         more: tuple[Zone, ...] = ()
-        if accuracy.bulk_leads:
+        if accuracy.bulk_leads and rule is not RING_RULE:
             more = residual_zones(built, prepared.boundaries, accuracy.bodies, patches, (*zones, *bulk))
         if not more and not any(_is_coarse(patch, rule) for patch in patches):
             context.console.note(f"refinement stops before pass {number}: all clouds are fine enough")
@@ -232,7 +233,7 @@ def adapt(case: Case, prepared: SceneModel, context: RunContext, known: Refineme
 def _required(case: Case, prepared: SceneModel) -> tuple[Rule, int]:
     """The spacings that contact patches require, and the number of passes."""
     touching = {body for pairing in prepared.pairings for body in pairing.bodies}
-    if case.model.revolved and prepared.pairings and not case.adapt.passes:
+    if case.model.revolved and case.touching and not case.adapt.passes:
         return RING_RULE, 0 if any(body.has_nodes for body in case.body) else NODAL_PASSES
     smooth = any(contact.regularization.law == "hyperbolic" for contact in case.touching)
     if smooth and has_automatic_spacings(case, touching) and not case.adapt.passes:
@@ -256,7 +257,7 @@ def found_patches(built: CondensedScene, rule: Rule) -> Iterator[Patch]:
     for state in built.ends:
         for pairing in built.condensed.pairings:
             span = built.condensed.spans[pairing.name]
-            patches = contact_patches(pairing, state.active[span], built.case.model.revolved)
+            patches = contact_patches(pairing, state.active[span], _corners(built, pairing))
             closed = [patch for patch in patches if len(patch.edges)]
             yield from closed
             if any((patch.uncertainty > EDGE_TOLERANCE * patch.half_width).any() for patch in closed):
@@ -266,6 +267,16 @@ def found_patches(built: CondensedScene, rule: Rule) -> Iterator[Patch]:
             for patch in contact_patches(pairing, state.stuck[span]):
                 if patch.half_width > least and len(patch.edges):
                     yield replace(patch, finest=max(rule.at_edge / STICK_REFINEMENT, 1.0))
+
+
+def _corners(built: CondensedScene, pairing: Pairing) -> BoolArray | None:
+    """Mask (m,) of the candidates of a contact on bodies of revolution at which it may end at a corner: not
+    on the axis and on sides that are held, as planes of symmetry are."""
+    body = built.scene.bodies[pairing.slave_body]
+    if not body.model.cloud.revolved:
+        return None
+    sides = [body.model.cloud.surfaces[name].index for name, held in body.restrained.items() if any(held)]
+    return ~np.isin(pairing.node[pairing.candidate], np.concatenate([np.zeros(0, dtype=np.int64), *sides]))
 
 
 def _is_coarse(patch: Patch, rule: Rule) -> bool:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray, runs_of
-from mlsanm_cli.cloud.revolution import radius_of
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.records import dataclass
 
@@ -139,12 +138,11 @@ class Patch:
     finest: float = 1.0
 
 
-def contact_patches(pairing: Pairing, closed: BoolArray, corners: bool = False) -> list[Patch]:
-    """Patches of one contact with closed candidates ``closed`` (m,). With ``corners`` ends of the candidates
-    are edges, too, but for those on an axis of revolution."""
+def contact_patches(pairing: Pairing, closed: BoolArray, corners: BoolArray | None = None) -> list[Patch]:
+    """Patches of one contact with closed candidates ``closed`` (m,). The first and the last candidate are
+    edges, too, if they are ``corners`` (m,)."""
     arc = pairing.arc[pairing.candidate]
     spacing = pairing.spacing[pairing.candidate]
-    radius = radius_of(pairing.points[pairing.candidate], pairing.points)
     patches = []
     for first, after in runs_of(closed):
         last = after - 1
@@ -153,7 +151,7 @@ def contact_patches(pairing: Pairing, closed: BoolArray, corners: bool = False) 
             inside = 0 <= beyond < len(arc)
             if inside:
                 ends[place] = 0.5 * (arc[beyond] + arc[node])
-            if inside or (corners and last > first and radius[node] > 0.0):
+            if inside or (corners is not None and last > first and corners[node]):
                 neighbor = beyond if inside else node + (1, -1)[place]
                 edges.append(ends[place])
                 uncertainty.append(abs(float(arc[neighbor] - arc[node])))

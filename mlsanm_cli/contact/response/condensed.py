@@ -47,12 +47,13 @@ class Condensed:
 
     ``pairings`` are the contacts with a contact law; those of ``bonds`` are eliminated. ``spans[contact]`` is
     the range of its candidates among the pressures (m,), ``weight`` (m,) their surface lengths, ``around``
-    (m,) their circumferences in bodies of revolution, else 1, ``half_plane`` (m, 2, 2) 1/E* there along normal and tangent. ``tangential[contact]`` is the range of a
-    frictional contact among the tractions (n,); ``friction_nodes`` (n,) are the indices of these nodes among
-    the pressures, ``friction`` (n,) their coefficients. ``gap`` maps to the candidates' gaps (m,), ``slip``
-    to the slips (n,), ``watched`` to the gaps of other paired nodes, ``balance`` to the force imbalance of
-    the rigid constraints (k,). ``beyond`` (m + n, m + n) is the part of gaps and slips that is not due to
-    displacements (:func:`correct_short_waves`).
+    (m,) their circumferences in bodies of revolution, else 1, ``half_plane`` (m, 2, 2) 1/E* there along
+    normal and tangent. ``tangential[contact]`` is the range of a frictional contact among the tractions
+    (n,); ``friction_nodes`` (n,) are the indices of these nodes among the pressures, ``friction`` (n,) their
+    coefficients. ``gap`` maps to the candidates' gaps (m,), ``slip`` to the slips (n,), ``watched`` to the
+    gaps of other paired nodes, ``balance`` to the force imbalance of the rigid constraints (k,). ``beyond``
+    (m + n, m + n) is the part of gaps and slips that is not due to displacements
+    (:func:`correct_short_waves`).
 
     ``forces`` maps each load and support to its force (2,) on its body, ``contact_forces`` each contact to
     its force (2,) on the slave, ``mismatches`` to the sum of this and the force on the master. ``imbalance``
