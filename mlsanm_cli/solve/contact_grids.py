@@ -113,7 +113,6 @@ def _found(
     """The same from a ``first`` guess."""
     ranges, grids, starts = first.ranges, first.grids, list(first.starts)
     common, passed = dict(first.common), dict(first.passed)
-    coarsened = bool(starts)
     places = len(case.contact) + sum(one.places - 1 for one in ranges.values())
     few = places <= MAX_PATCHES and len({*range(1, len(case.stage) + 1), *case.output.at}) <= MAX_ENDS
     accuracy = {contact.name: contact.accuracy * _effort(contact, few) for contact in case.contact}
@@ -149,10 +148,7 @@ def _found(
         if _same(wanted, grids) and responses is not resolved:
             wanted, resolved = sampled(scene, responses, grids), responses
         if _same(wanted, grids):
-            wanted = refined(
-                condensed, grids, ranges, _loaded(states), accuracy, not every, limits, coarsened
-            )
-            coarsened = coarsened and _same(wanted, grids)
+            wanted = refined(condensed, grids, ranges, _loaded(states), accuracy, not every, limits)
         if _same(wanted, grids):
             turned = None
             if every and turnings:
