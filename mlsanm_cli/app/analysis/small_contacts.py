@@ -137,7 +137,8 @@ def sliding_distance(
             f"{state.position:.6g}, but the contact is only {width:.3g} wide: at small strain pressures act "
             f"on the points that faced each other initially, an error of this distance on one side"
         )
-        hint = 'set model.strain = "finite" (law "saint-venant-kirchhoff" extends the same elasticity)'
+        law = 'material law "saint-venant-kirchhoff" extends the same elasticity'
+        hint = f'set model.strain = "finite" ({law})'
         yield Check("sliding_distance", slid / width, message, hint, place)
 
 

@@ -8,6 +8,7 @@ from functools import partial
 
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.assemble import NOTHING, SceneModel, assemble_bodies, prepare
+from mlsanm_cli.app.scene.materials import flow_laws
 from mlsanm_cli.app.scene.pulls import pull_hint
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
@@ -65,7 +66,7 @@ def _condensed_scene(
         condensed, ends = _condense(case, scene, prepared.pairings, stages, context)
     with context.phase("condensation"):
         stability = check_coercivity(case, scene, condensed, ends, context.memo)
-    return CondensedScene(case, scene, condensed, stages, ends, stability)
+    return CondensedScene(case, scene, condensed, stages, ends, stability, flow_laws(case))
 
 
 def _without_grids(prepared: SceneModel, context: RunContext) -> SceneModel:
