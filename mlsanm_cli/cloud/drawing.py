@@ -85,9 +85,9 @@ def polygon(
 def closed_chain(
     names: Sequence[str], targets: Sequence[Point | None], curves: Sequence[tuple[Point, ...] | None]
 ) -> list[Named]:
-    """Sides by name, joined end to end, counter-clockwise: smooth ``curves`` through points, or straight
-    lines to their ``targets`` or, without one, to the start of the next side. Raises OutlineError for sides
-    that do not join, and for collinear points."""
+    """Sides by name, joined end to end, counter-clockwise: smooth ``curves`` through points, even about
+    straight sides that they meet at right angles, or straight lines to their ``targets`` or, without one, to
+    the start of the next side. Raises OutlineError for sides that do not join, and for collinear points."""
     sides = list(zip(targets, curves, strict=True))
     known = [point for target, curve in sides for point in (curve or (target,)) if point is not None]
     size, count = extent(known or [(0.0, 0.0)]), len(sides)
@@ -120,12 +120,37 @@ def closed_chain(
         raise OutlineError([_without_area("sides", corners)])
     if area < 0.0:
         chain = [(name, points[::-1]) for name, points in reversed(chain)]
+    beside = [points for _, points in (chain[-1], *chain, chain[0])]
     return [
         (name, Segment(points[0], points[1]))
         if len(points) == 2
-        else (name, NodeSpline(np.array(points), closed).between(0, len(points) - 1))
-        for name, points in chain
+        else (name, NodeSpline(np.array(points), True).between(0, len(points) - 1))
+        if closed
+        else (name, _through(np.array(points), before, after))
+        for (name, points), before, after in zip(chain, beside, beside[2:], strict=False)
     ]
+
+
+def _through(points: FloatArray, *sides: Sequence[Point]) -> Spline:
+    """The curve through ``points`` (n, 2) between two sides. Where it meets a straight one at a right angle,
+    up to the square of its turn from chord to chord, it is that of the whole body of which the side is a
+    plane of symmetry: its points are continued by their images."""
+    spline, count = NodeSpline(points, False), len(points)
+    images = [points[:0], points[:0]]
+    for end, side in enumerate(sides):
+        if len(side) != 2:
+            continue
+        ordered = points[::-1] if end else points
+        along, chords = np.diff(np.array(side), axis=0)[0], np.diff(ordered[:3], axis=0)
+        slope = spline.derivatives(spline.knots[[-end]])[1][0]
+        turn = np.arctan2(cross(*chords), chords[0] @ chords[1])
+        if abs(slope @ along) <= max(turn**2, ROUND_OFF) * np.hypot(*slope) * np.hypot(*along):
+            away, unit = ordered[1:] - ordered[0], along / np.hypot(*along)
+            image = ordered[0] + 2.0 * np.outer(away @ unit, unit) - away
+            images[end] = image if end else image[::-1]
+    first = len(images[0])
+    whole = NodeSpline(np.concatenate([images[0], points, images[1]]), False)
+    return whole.between(first, first + count - 1)
 
 
 def with_holes(outer: Sequence[Named], holes: Sequence[tuple[str, Point, float]], key: str) -> Outline:

@@ -31,8 +31,8 @@ from mlsanm_cli.contact.complementarity.basis import SingularError
 from mlsanm_cli.contact.complementarity.problem import ContactStatus
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.laws.active_set import ExactState
+from mlsanm_cli.contact.laws.contact_state import Linearised
 from mlsanm_cli.contact.laws.failures import UnbalancedError
-from mlsanm_cli.contact.laws.linearised import Linearised
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.near_field import as_real

@@ -7,10 +7,10 @@ from dataclasses import replace
 from functools import partial
 
 from mlsanm_cli.contact.complementarity.problem import ContactStatus
-from mlsanm_cli.contact.laws.coulomb import CoulombState, Event, event_driven_path, residual
-from mlsanm_cli.contact.laws.coulomb import start as first_event
+from mlsanm_cli.contact.laws.contact_state import ContactSolution
+from mlsanm_cli.contact.laws.coulomb import CoulombState, event_driven_path, residual
+from mlsanm_cli.contact.laws.coulomb import start as first_state
 from mlsanm_cli.contact.laws.failures import SlidingError
-from mlsanm_cli.contact.laws.linearised import ContactSolution
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import (
@@ -30,9 +30,8 @@ MAX_ROWS = 40
 def friction_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
     """Path of exact contact with Coulomb friction, from event to event."""
     if start is None:
-        event = first_event(built.condensed, built.stages[0], _typical(built) or 0.0)
-        state, begun, reached = event.state, 0, 0.0
-        yield replace(_row(built, 0, event, event.solves), iterations=0, solves=0)
+        state, begun, reached = first_state(built.condensed, built.stages[0], _typical(built) or 0.0), 0, 0.0
+        yield replace(_row(built, 0, state, state.solves), iterations=0, solves=0)
     else:
         state, begun, reached = _restored(start), start.stage, start.fraction
     for stage in range(begun, len(built.stages) - 1):
@@ -56,17 +55,16 @@ def _stage_path(
     begin, end = built.stages[stage], built.stages[stage + 1]
     try:
         path = event_driven_path(built.condensed, state, end, halts, begin, reached, _typical(built))
-        for event in path:
-            state, reached = event.state, event.fraction
-            solves += event.solves
-            if event.jumped and not unloaded:
+        for state in path:
+            reached, solves = state.fraction, solves + state.solves
+            if state.jumped and not unloaded:
                 jump = (
                     f"the contact snaps to another state before position {stage + reached:.6g}: "
                     f"there is no continuous path"
                 )
             unloaded = _share(built, state, stage + reached) < UNLOADED
-            pending = partial(_row, built, stage, event, solves, jump)
-            if reached in halts or reached >= before + 1.0 / MAX_ROWS or event.jumped:
+            pending = partial(_row, built, stage, state, solves, jump)
+            if reached in halts or reached >= before + 1.0 / MAX_ROWS or state.jumped:
                 yield pending()
                 before, solves, jump, pending = reached, 0, "", None
     except NumericalError as error:
@@ -78,9 +76,9 @@ def _stage_path(
     return state
 
 
-def _row(built: CondensedScene, stage: int, event: Event, solves: int, jump: str = "") -> PathStep:
+def _row(built: CondensedScene, stage: int, exact: CoulombState, solves: int, jump: str = "") -> PathStep:
     """Step that ends at an event, after ``solves`` systems, with a warning of a ``jump``."""
-    position, exact = stage + event.fraction, event.state
+    position = stage + exact.fraction
     state = coulomb_state(built, exact, position)
     return PathStep(
         state,

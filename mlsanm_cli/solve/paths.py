@@ -13,9 +13,8 @@ from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.laws.failures import EndlessError, UnbalancedError
 from mlsanm_cli.contact.response.compressed import compressed
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.condensed_scene import CondensedScene, factors_at
 from mlsanm_cli.solve.limit_loads import near_limit
-from mlsanm_cli.solve.stages import factors_at
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State, output_positions, stops
 
 LIMIT_LEVELS = (0.5, 0.9, 0.99, 0.999)
@@ -28,6 +27,10 @@ MIN_ROWS_OF_MANY = 1
 
 def load_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
     """The path of the scene, or its remaining part, by the method of its contact law."""
+    if built.laws:
+        from mlsanm_cli.solve.plastic_path import plastic_path
+
+        return plastic_path(built, start)
     if not built.case.touching:
         return linear_path(built, start)
     # Imported when needed, as each method imports another package.

@@ -18,10 +18,10 @@ from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.roundoff import ROUND_OFF
+from mlsanm_cli.solve.condensed_scene import factors_at
 from mlsanm_cli.solve.contact_grids import Wanted
 from mlsanm_cli.solve.direction_updates import rolling, turned_by_loads
 from mlsanm_cli.solve.limit_loads import beyond_limit, check_resisted, near_limit
-from mlsanm_cli.solve.stages import factors_at
 
 MAX_LEVELS = 40
 """Largest number of levels of output that determine contact grids."""
@@ -175,14 +175,11 @@ def _friction_ends(
     ends: list[ExactState] = []
     state = unloaded(condensed, stages[0])
     for factors, guess in itertools.zip_longest(stages[1:], starts[: len(stages) - 1]):
-        try:
-            found, solves = increment(condensed, state, factors, guess=guess)
-        except NoStateError:
-            break
-        if not ends and _rolling(scene, condensed, found):
+        found = increment(condensed, state, factors, guess=guess)
+        if found is None or (not ends and _rolling(scene, condensed, found)):
             break
         state = found
-        ends.append(_end(condensed, state, solves))
+        ends.append(_end(condensed, state))
     return tuple(ends) if ends else (_first_end(scene, condensed, state, stages[1]),)
 
 
@@ -196,24 +193,21 @@ def _rolling(scene: Scene, condensed: Condensed, state: CoulombState) -> Unbalan
 
 def _first_end(scene: Scene, condensed: Condensed, state: CoulombState, end: FloatArray) -> ExactState:
     """State after a part of a stage that cannot be completed."""
-    failure: NoStateError | UnbalancedError | None = None
+    failure: NumericalError | None = None
     for part in FIRST_PARTS:
-        try:
-            found, solves = increment(condensed, state, state.factors + part * (end - state.factors))
-            failure = _rolling(scene, condensed, found)
-        except NoStateError as error:
-            failure = error
-        if failure is None:
-            return _end(condensed, found, solves)
+        found = increment(condensed, state, state.factors + part * (end - state.factors))
+        failure = _rolling(scene, condensed, found) if found is not None else NoStateError()
+        if found is not None and failure is None:
+            return _end(condensed, found)
     assert failure is not None
     raise failure
 
 
-def _end(condensed: Condensed, state: CoulombState, solves: int) -> ExactState:
+def _end(condensed: Condensed, state: CoulombState) -> ExactState:
     v, stuck = state.values, state.sets.status(condensed.friction_nodes) == STICK
-    worst = residual(condensed, state)
+    closed, worst = state.sets.closed, residual(condensed, state)
     return ExactState(
-        state.factors, v.pressure, v.gap, v.motion, v.traction, state.sets.closed, stuck, solves, worst
+        state.factors, v.pressure, v.gap, v.motion, v.traction, closed, stuck, state.solves, worst
     )
 
 

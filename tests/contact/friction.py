@@ -32,11 +32,10 @@ class HalfPlanes:
 
     def event_driven_path(self, *targets: tuple[float, float]) -> list[CoulombState]:
         """The states at the ends of stages to these load factors."""
-        state = start(self.condensed, np.zeros(2)).state
+        state = start(self.condensed, np.zeros(2))
         found = []
         for target in targets:
-            for event in event_driven_path(self.condensed, state, np.array(target), [1.0]):
-                state = event.state
+            *_, state = event_driven_path(self.condensed, state, np.array(target), [1.0])
             found.append(state)
         return found
 

@@ -20,7 +20,7 @@ from mlsanm_cli.contact.response.condensation import condense
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.linear_map import Columns, LinearMap
 from mlsanm_cli.mechanics.scene import Scene
-from mlsanm_cli.solve.stages import stage_factors
+from mlsanm_cli.solve.condensed_scene import stage_factors
 from tests.case_text import head, load
 
 

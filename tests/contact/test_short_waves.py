@@ -147,7 +147,8 @@ def test_a_fit_sticks_independently_of_the_direction_of_the_load() -> None:
     for push, turn in (([30.0, 0.0], 0.0), ([0.0, 30.0], 0.5 * np.pi)):
         one = build(fit(push))
         zero = np.zeros_like(one.factors)
-        state, _ = increment(one.condensed, unloaded(one.condensed, zero), one.factors)
+        state = increment(one.condensed, unloaded(one.condensed, zero), one.factors)
+        assert state is not None
         assert state.sets.stuck.all()
         bush = one.scene.bodies["bush"].model.cloud.points[one.pairing.node]
         angle = np.arctan2(bush[:, 1], bush[:, 0]) - turn

@@ -10,9 +10,9 @@ import pytest
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.complementarity.problem import Changes, ContactStatus
 from mlsanm_cli.contact.complementarity.solution import Search
+from mlsanm_cli.contact.laws.contact_state import ContactSolution
 from mlsanm_cli.contact.laws.coulomb import event_driven_path, start
 from mlsanm_cli.contact.laws.failures import SlidingError
-from mlsanm_cli.contact.laws.linearised import ContactSolution
 from mlsanm_cli.contact.laws.sliding import slides_freely
 from mlsanm_cli.contact.response.condensed import Condensed
 from tests.contact.friction import half_planes, side_by_side
@@ -108,9 +108,8 @@ def test_what_is_driven_along_slides(contact: Condensed, rates: list[float], sli
 
 
 def test_one_of_two_contacts_that_slides_is_named() -> None:
-    state = start(TWO, np.zeros(4)).state
-    for event in event_driven_path(TWO, state, np.array([1.0, 0.0, 1.0, 0.0]), [1.0]):
-        state = event.state
+    state = start(TWO, np.zeros(4))
+    *_, state = event_driven_path(TWO, state, np.array([1.0, 0.0, 1.0, 0.0]), [1.0])
     with pytest.raises(SlidingError) as caught:
         list(event_driven_path(TWO, state, np.array([1.0, 0.4, 1.0, 1.25]), [1.0]))
     assert caught.value.fraction == pytest.approx(0.8, abs=1e-9)

@@ -11,7 +11,7 @@ from mlsanm_cli.contact.finite.exact import FiniteContactState
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.geometry.obstacles import Round
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
-from mlsanm_cli.solve.stages import factors_at
+from mlsanm_cli.solve.condensed_scene import factors_at
 
 MAX_SLIP = 0.2
 """Largest slip in an increment with friction, relative to the width of the contact, unless all nodes slide in

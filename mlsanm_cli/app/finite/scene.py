@@ -33,7 +33,7 @@ from mlsanm_cli.mechanics.near_field import as_complex
 from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.operators.linear.interface import LinearSolver
 from mlsanm_cli.records import dataclass
-from mlsanm_cli.solve.stages import stage_factors
+from mlsanm_cli.solve.condensed_scene import stage_factors
 from mlsanm_cli.solve.state import State
 
 TOUCH_TOLERANCE = 0.01

@@ -31,7 +31,7 @@ from mlsanm_cli.mechanics.rigid import ROTATION, independent_rows, rigid_pattern
 from mlsanm_cli.mechanics.scene import RigidConstraint
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
-from mlsanm_cli.solve.stages import stage_factors
+from mlsanm_cli.solve.condensed_scene import stage_factors
 
 WEAK_RESISTANCE = 0.05
 """Motions whose component normal to the surfaces is below this part of themselves are weakly resisted, also

@@ -9,7 +9,7 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import AnyLoad, BodyForce, Case, Centrifugal, Platen, Traction
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.solve.stages import stage_factors
+from mlsanm_cli.solve.condensed_scene import stage_factors
 
 
 def pull_hint(case: Case, pairings: Sequence[Pairing]) -> str:

@@ -16,7 +16,7 @@ from __future__ import annotations
 from typing import TypeAlias
 
 import numpy as np
-from scipy.linalg.lapack import dgecon, dgetrf, dgetrs
+from scipy.linalg.lapack import dgecon, dgesv, dgetrf, dgetrs
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.complementarity.problem import (
@@ -118,14 +118,12 @@ class Basis:
             self._factorise(status)
         return self
 
-    def pivot(self, status: ContactStatus) -> None:
-        """The basis of a status that differs by one change. Raises SingularError and remains as it is if that
-        is singular."""
+    def pivot(self, status: ContactStatus) -> bool:
+        """Go to a status that differs by one change, unless that is singular; whether that was done."""
         if self._bordered(status, self._keys(status), DOUBTFUL):
-            return
+            return True
         self.anew()
-        if not self._bordered(status, self._keys(status), SINGULAR):
-            raise SingularError
+        return self._bordered(status, self._keys(status), SINGULAR)
 
     def anew(self) -> bool:
         """Factorise the same status if there are borders; whether that was done."""
@@ -194,9 +192,11 @@ class Basis:
             if key not in borders.keys:
                 borders = self._with(borders, key)
         across, along = borders.scales
-        try:
-            inverse = np.linalg.inv(across[:, None] * borders.schur * along)
-        except np.linalg.LinAlgError:
+        inverse, singular = np.zeros((0, 0)), 0
+        if keys:
+            schur = across[:, None] * borders.schur * along
+            *_, inverse, singular = dgesv(schur, np.eye(len(keys)))
+        if singular:
             return False
         pivots = 1.0 / _positive(np.abs(inverse.diagonal()))
         terms = borders.size.copy()

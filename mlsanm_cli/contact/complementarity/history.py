@@ -210,22 +210,35 @@ def increment(
     return State(found.status, found.x, found.w, reference, work, lam, True, found.systems)
 
 
+def _tried(
+    problem: Problem,
+    state: State,
+    free: FloatArray,
+    lam: float,
+    *starts: ContactStatus,
+    pivoting: bool = False,
+) -> State | None:
+    """The state after an increment, None if it is not found."""
+    try:
+        return increment(problem, state, free, lam, *starts, pivoting=pivoting)
+    except Ray:
+        return None
+
+
 def increments(problem: Problem, state: State, free: FloatArray, *starts: ContactStatus) -> State:
     """The state with ``free`` rows (N,) after one increment, or more and smaller ones where Newton steps do
     not find it. Raises Ray."""
     begun = state.w - problem.product(state.x)
     for parts in PARTS:
-        now, systems = state, 0
-        try:
-            for part in range(1, parts + 1):
+        now: State | None = state
+        systems = 0
+        for part in range(1, parts + 1):
+            if now is not None:
                 rows = begun + part / parts * (free - begun)
-                now = increment(
-                    problem, now, rows, state.lam, *(() if part < parts else starts), pivoting=False
-                )
-                systems += now.systems
-        except Ray:
-            continue
-        return replace(now, systems=systems)
+                now = _tried(problem, now, rows, state.lam, *(() if part < parts else starts))
+                systems += now.systems if now is not None else 0
+        if now is not None:
+            return replace(now, systems=systems)
     return increment(problem, state, free, state.lam, *starts)
 
 
@@ -256,8 +269,7 @@ def _jumped(
     for pivoting in (True,) if status.closed.any() else (False, True):
         for part in INCREMENTS[jumps:]:
             lam = min(state.lam + part * span, most)
-            try:
-                return increment(p, state, constant + lam * load, lam, pivoting=pivoting)
-            except Ray:
-                continue
+            found = _tried(p, state, constant + lam * load, lam, pivoting=pivoting)
+            if found is not None:
+                return found
     raise Ray(ray.direction, state.lam) from ray

@@ -171,12 +171,9 @@ def _pivoted(basis: Basis, change: _Change, after: ContactStatus) -> tuple[Float
     """Update the basis by a change of status; if the new one is singular, the mechanism (dx, dw), in which
     the new variable of the node increases, and the basis is that before."""
     p = basis.problem
-    try:
-        basis.pivot(after)
-    except SingularError:
-        x, w = basis.mechanism(after)
-    else:
+    if basis.pivot(after):
         return None
+    x, w = basis.mechanism(after)
     old, new = change.before.active(p.k), after.active(p.k)
     index, enters = int(np.flatnonzero(old != new)[0]), bool((new & ~old).any())
     own = index - p.m

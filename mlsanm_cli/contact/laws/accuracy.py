@@ -14,7 +14,7 @@ from mlsanm_cli.contact.complementarity.basis import SingularError
 from mlsanm_cli.contact.complementarity.problem import ContactStatus
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
-from mlsanm_cli.contact.laws.linearised import ContactSolution, Linearised
+from mlsanm_cli.contact.laws.contact_state import ContactSolution, Linearised
 from mlsanm_cli.contact.response.bonds import Bonds
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.drivers import spans

@@ -12,9 +12,9 @@ from mlsanm_cli.contact.complementarity.basis import Ray
 from mlsanm_cli.contact.complementarity.equilibrium import collapse
 from mlsanm_cli.contact.complementarity.problem import FEASIBLE, ContactStatus
 from mlsanm_cli.contact.complementarity.solution import solve
+from mlsanm_cli.contact.laws.contact_state import kkt_residual
 from mlsanm_cli.contact.laws.failures import EndlessError, UnbalancedError
 from mlsanm_cli.contact.laws.many_unknowns import MAX_DENSE, NotConvergedError, searched
-from mlsanm_cli.contact.laws.residual import kkt_residual
 from mlsanm_cli.contact.response.compressed import compressed
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import SingularSystemError

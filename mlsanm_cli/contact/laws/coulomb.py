@@ -4,7 +4,6 @@ its history. Equation (14) of docs/method.md."""
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -14,9 +13,8 @@ from mlsanm_cli.contact.complementarity import history
 from mlsanm_cli.contact.complementarity.basis import Ray
 from mlsanm_cli.contact.complementarity.problem import GRAZING, ContactStatus, Problem
 from mlsanm_cli.contact.complementarity.solution import solve, touching
+from mlsanm_cli.contact.laws.contact_state import ContactSolution, kkt_residual
 from mlsanm_cli.contact.laws.failures import NoStateError, SlidingError
-from mlsanm_cli.contact.laws.linearised import ContactSolution
-from mlsanm_cli.contact.laws.residual import kkt_residual
 from mlsanm_cli.contact.laws.sliding import slides_freely
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
@@ -40,23 +38,16 @@ OVERLAP_HINT = (
 @dataclass(frozen=True, eq=False)
 class CoulombState:
     """One state of the history: load ``factors`` (L,), ``values``, ``sets``, the slips (n,) at which nodes
-    stick, and the energy ``work`` (n,) dissipated by friction so far, per length of surface."""
+    stick, and the energy ``work`` (n,) dissipated by friction so far, per length of surface. It is at the
+    ``fraction`` of a stage, came after so many ``solves``, and may have ``jumped`` from another state."""
 
     factors: FloatArray
     values: ContactSolution
     sets: ContactStatus
     stick_reference: FloatArray
     work: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
-class Event:
-    """The state at ``fraction`` of a stage, the number of ``solves`` of systems to get there, and whether it
-    ``jumped`` from another contact state."""
-
-    fraction: float
-    state: CoulombState
-    solves: int
+    fraction: float = 0.0
+    solves: int = 0
     jumped: bool = False
 
 
@@ -78,10 +69,10 @@ def increment(
     factors: FloatArray,
     slipping: bool = True,
     guess: ContactStatus | None = None,
-) -> tuple[CoulombState, int]:
-    """The state after a finite increment to ``factors`` (L,), with slips opposed from those of the ``state``,
-    and the number of systems solved. The search starts from a ``guess``, if given, and from the ``state``.
-    Without ``slipping`` all closed nodes stick. Raises NoStateError."""
+) -> CoulombState | None:
+    """The state after a finite increment to ``factors`` (L,), with slips opposed from those of the ``state``;
+    None if there is none. The search starts from a ``guess``, if given, and from the ``state``. Without
+    ``slipping`` all closed nodes stick."""
     p, before = condensed.problem, _scaled(condensed, state)
     closed = state.sets.closed | (state.values.gap <= ROUND_OFF * condensed.weight)
     starts = [_without_undecided(p, replace(state.sets, closed=closed))]
@@ -94,9 +85,9 @@ def increment(
         else:
             allowed = replace(p.everything, forward=none, backward=none)
             found = history.increment(p, before, free, 0.0, *starts, allowed=allowed)
-    except Ray as error:
-        raise NoStateError from error
-    return _unscaled(condensed, found, factors), found.systems
+    except Ray:
+        return None
+    return _unscaled(condensed, found, factors)
 
 
 def _without_undecided(problem: Problem, status: ContactStatus) -> ContactStatus:
@@ -115,24 +106,25 @@ def residual(condensed: Condensed, state: CoulombState) -> float:
     return kkt_residual(condensed, unknowns, sets.closed, np.where(sets.stuck, state.stick_reference, np.nan))
 
 
-def start(condensed: Condensed, factors: FloatArray, typical: float = 0.0) -> Event:
+def start(condensed: Condensed, factors: FloatArray, typical: float = 0.0) -> CoulombState:
     """The state before the first stage; initial overlaps push the surfaces apart. Raises NumericalError if
     the result is not unique, unless its pressures are negligible against ``typical`` ones."""
     state = unloaded(condensed, factors)
     if not condensed.overlap(state.values.gap):
-        return Event(0.0, state, 0)
-    if not len(condensed.balance.constant):
-        return Event(0.0, *increment(condensed, state, factors))
-    parted = _parted(condensed, state)
+        return state
+    floats = len(condensed.balance.constant) > 0
+    parted = _parted(condensed, state) if floats else None
     if parted is not None:
-        return Event(0.0, parted, 0)
+        return parted
     # Wedged bodies move straight out without slip as far as possible: friction would admit many positions.
-    for slipping, most in ((False, np.inf), (True, NEGLIGIBLE * typical)):
-        with suppress(NoStateError):
-            found, solves = increment(condensed, state, factors, slipping)
-            if residual(condensed, found) <= GRAZING and found.values.pressure.max() <= most:
-                return Event(0.0, found, solves)
-    raise NumericalError(OVERLAP, OVERLAP_HINT)
+    tries = ((False, np.inf), (True, NEGLIGIBLE * typical)) if floats else ((True, np.inf),)
+    for slipping, most in tries:
+        found = increment(condensed, state, factors, slipping)
+        if found is None or found.values.pressure.max() > most:
+            continue
+        if not floats or residual(condensed, found) <= GRAZING:
+            return found
+    raise NumericalError(OVERLAP, OVERLAP_HINT) if floats else NoStateError
 
 
 def _parted(condensed: Condensed, state: CoulombState) -> CoulombState | None:
@@ -167,7 +159,7 @@ def event_driven_path(
     begin: FloatArray | None = None,
     fraction: float = 0.0,
     typical: float | None = None,
-) -> Iterator[Event]:
+) -> Iterator[CoulombState]:
     """All events of a stage from ``state`` to load factors ``end`` (L,), and the states at ``stops``.
 
     ``stops`` are increasing fractions up to 1, the last one 1. A resumed path gives the load factors
@@ -178,25 +170,21 @@ def event_driven_path(
     begin = state.factors if begin is None else begin
     change = end - begin
     if not acts(condensed, change):
-        yield from (Event(stop, replace(state, factors=begin + stop * change), 0) for stop in stops)
+        for stop in stops:
+            yield replace(state, factors=begin + stop * change, fraction=stop, solves=0, jumped=False)
         return
     constant, load = condensed.free_rows(begin), condensed.free_rows(change, rates=True)
     now, settled = _scaled(condensed, state, fraction), bool(state.sets.closed.any())
     path = history.follow(condensed.problem, now, constant, load, stops, typical)
-    while True:
-        try:
-            found = next(path)
-        except StopIteration:
-            return
-        except Ray as ray:
-            if _moves_along(condensed.problem, now, ray):
-                raise SlidingError(now.lam) from ray
-            raise NoStateError from ray
-        if found.rates is not None and _slides(condensed, now, found, begin, change):
-            raise SlidingError(now.lam)
-        jumped, settled = found.jumped and settled, settled or not found.jumped
-        yield Event(found.lam, _unscaled(condensed, found, begin + found.lam * change), found.systems, jumped)
-        now = found
+    try:
+        for found in path:
+            if found.rates is not None and _slides(condensed, now, found, begin, change):
+                raise SlidingError(now.lam)
+            jumped, settled = found.jumped and settled, settled or not found.jumped
+            yield replace(_unscaled(condensed, found, begin + found.lam * change), jumped=jumped)
+            now = found
+    except Ray as ray:
+        raise SlidingError(now.lam) if _moves_along(condensed.problem, now, ray) else NoStateError from ray
 
 
 def _moves_along(problem: Problem, state: history.State, ray: Ray) -> bool:
@@ -232,8 +220,9 @@ def _slides(
 def _unscaled(condensed: Condensed, state: history.State, factors: FloatArray) -> CoulombState:
     p = condensed.problem
     slips = p.rows[p.m : p.contacts]
-    values = ContactSolution.unscaled(p, state.x, state.w)
-    return CoulombState(factors, values, state.status, state.reference / slips, state.work / slips)
+    values, reference, work = ContactSolution.unscaled(p, state.x, state.w), state.reference, state.work
+    counts = state.lam, state.systems, state.jumped
+    return CoulombState(factors, values, state.status, reference / slips, work / slips, *counts)
 
 
 def _scaled(condensed: Condensed, state: CoulombState, lam: float = 0.0) -> history.State:

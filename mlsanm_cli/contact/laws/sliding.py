@@ -10,7 +10,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.complementarity.problem import ContactStatus
-from mlsanm_cli.contact.laws.linearised import ContactSolution
+from mlsanm_cli.contact.laws.contact_state import ContactSolution
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import null_space
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF

@@ -49,7 +49,7 @@ def rolled(half: bool, through_points: bool = False) -> Scene:
         shape = {"kind": "polygon", "points": corners, "names": ["below", "side", "flat", "middle"]}
         shape = {"shape": shape | {"rounding": [0.0, 1.0, 0.0, 0.0], "corners": ["", "arc", "", ""]}}
     if half and through_points:
-        angle = np.linspace(-0.5 * np.pi, 0.0, 41)
+        angle = np.linspace(-0.5 * np.pi, 0.0, 9)
         arc = np.stack([np.cos(angle), 1.0 + np.sin(angle)], axis=1).tolist()
         sides = {"arc": arc, "flat": [[1.0, 1.0], [0.0, 1.0]], "middle": [[0.0, 1.0], [0.0, 0.0]]}
         named = [{"name": name, "points": points} for name, points in sides.items()]
