@@ -15,7 +15,6 @@ import numba
 from numba.extending import typeof_impl
 
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.kernels import dense
 from mlsanm_cli.kernels.aot.machine import Code
 from mlsanm_cli.kernels.aot.signature import Inner, Kernel, Value
 from mlsanm_cli.kernels.blas import EXTERNALS, External
@@ -85,10 +84,14 @@ def compiled(kernels: Sequence[Kernel]) -> list[Code]:
     return [first, second]
 
 
+BLAS_CALLS = "mlsanm_cli.kernels.dense"
+"""The module of the functions that call BLAS."""
+
+
 def _calls_blas(kernel: Kernel) -> bool:
     """Whether a kernel's module uses the functions that call BLAS."""
     names = vars(sys.modules[kernel.__module__]).values()
-    return any(getattr(one, "__module__", None) == dense.__name__ for one in names)
+    return any(getattr(one, "__module__", None) == BLAS_CALLS for one in names)
 
 
 WORKER = """\
