@@ -150,7 +150,8 @@ def fit(tests: Mapping[str, FloatArray], law: str, poisson: float = DEFAULT_NU) 
         between = np.linspace(stretch.min(), stretch.max(), POINTS)
         if (np.diff(stress_in(made, test, between)) < 0.0).any():
             falling.append(test)
-    return Fitted(law, {**_keys(law, found.x * scale), "nu": poisson}, errors, falling)
+    rounded = [float(f"{value:.6g}") for value in found.x * scale]
+    return Fitted(law, {**_keys(law, rounded), "nu": poisson}, errors, falling)
 
 
 def stress_in(law: Hyperelastic, test: str, stretch: FloatArray) -> FloatArray:
@@ -191,20 +192,13 @@ def _shear_modulus(tests: Mapping[str, FloatArray]) -> float:
     return float(one @ other / (one @ one))
 
 
-def _keys(law: str, values: FloatArray) -> dict[str, Any]:
+def _keys(law: str, values: Sequence[float]) -> dict[str, Any]:
     """Keys of the case file for the constants (c,) of a law."""
-    found, rest = {}, values.tolist()
-    for key, constants in START[law].items():
-        taken, rest = rest[: len(constants)], rest[len(constants) :]
-        rounded = [float(f"{value:.6g}") for value in taken]
-        found[key] = rounded if law == "ogden" else rounded[0]
-    return found
+    rest = iter(values)
+    found = {key: [next(rest) for _ in constants] for key, constants in START[law].items()}
+    return found if law == "ogden" else {key: taken[0] for key, taken in found.items()}
 
 
 def _law(law: str, values: FloatArray, poisson: float) -> Hyperelastic:
-    found, rest = {}, values.tolist()
-    for key, constants in START[law].items():
-        taken, rest = rest[: len(constants)], rest[len(constants) :]
-        found[key] = taken if law == "ogden" else taken[0]
-    made: Hyperelastic = law_class(law)(plane="strain", nu=poisson, **found)
+    made: Hyperelastic = law_class(law)(plane="strain", nu=poisson, **_keys(law, values.tolist()))
     return made

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from mlsanm_cli.continuation.bifurcation import bifurcation, branching
 from mlsanm_cli.continuation.corrector import Correction, correct
 from mlsanm_cli.continuation.follow import follow
 from mlsanm_cli.continuation.path import Follower, Outcome, Step, StopReason
@@ -30,6 +31,8 @@ __all__ = [
     "Step",
     "StopReason",
     "Tangent",
+    "bifurcation",
+    "branching",
     "correct",
     "follow",
 ]

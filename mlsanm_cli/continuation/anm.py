@@ -55,7 +55,7 @@ class AnmFollower(Follower):
             branch, end, ahead, effort = self._reach_end(here, branch)
             if ahead is not None:
                 self._piece = branch
-            yield self._record(branch, end, branch.length * unit, branch.order)
+            yield self._record(branch, end, branch.length * unit, branch.order, ahead)
             if ahead is None:
                 if end.lam == self._lam_end:
                     raise Stopped(StopReason.TARGET_REACHED, f"after {self._steps} steps")

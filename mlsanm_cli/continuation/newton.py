@@ -77,7 +77,8 @@ class NewtonFollower(Follower):
             self._check_step_count()
             leg = self._advance(here, along)
             self._piece = leg.piece.shortened(self._step_length)
-            yield self._record(leg.piece, leg.end, leg.piece.length * self._metric.norm(*along), 0)
+            arc_length = leg.piece.length * self._metric.norm(*along)
+            yield self._record(leg.piece, leg.end, arc_length, 0, leg.ahead)
             if leg.end.lam == self._lam_end:
                 raise Stopped(StopReason.TARGET_REACHED, f"after {self._steps} steps")
             here, along = leg.ahead, self._along(leg.ahead, along)

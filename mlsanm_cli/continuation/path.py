@@ -18,7 +18,7 @@ import numpy as np
 
 from mlsanm_cli.continuation.corrector import Correction, Effort, correct, residual_norm
 from mlsanm_cli.continuation.expansion import ExpansionPoint, Metric, expansion_point
-from mlsanm_cli.continuation.problem import FloatArray, PathOptions, Problem
+from mlsanm_cli.continuation.problem import FloatArray, PathOptions, Problem, Tangent
 from mlsanm_cli.continuation.series import Branch
 from mlsanm_cli.records import dataclass
 
@@ -49,6 +49,7 @@ class Step:
     iterations : Newton updates; for power series those at the end of the step
     factorizations, solves : tangents factorised and systems solved for this step, failed trials included
     order : order of the power series; 0 if ``branch`` is no series and only its ends are on the path
+    tangent : the factorised tangent at the end, if the path goes on from there
     """
 
     index: int
@@ -61,6 +62,7 @@ class Step:
     factorizations: int
     solves: int
     order: int
+    tangent: Tangent | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,7 +175,9 @@ class Follower(ABC):
         effort["solves"] += 1
         return expansion_point(self._problem, x, lam)
 
-    def _record(self, branch: Branch, end: Correction, arc_length: float, order: int) -> Step:
+    def _record(
+        self, branch: Branch, end: Correction, arc_length: float, order: int, ahead: ExpansionPoint | None
+    ) -> Step:
         self._steps += 1
         self._x, self._lam, self._residual = end.x, end.lam, end.residual
         effort, self._effort = self._effort, Effort()
@@ -189,4 +193,5 @@ class Follower(ABC):
             factorizations=effort["factorizations"],
             solves=effort["solves"],
             order=order,
+            tangent=None if ahead is None else ahead.tangent,
         )

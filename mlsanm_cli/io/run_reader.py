@@ -14,12 +14,14 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from mlsanm_cli import __version__
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import schema
 from mlsanm_cli.io.columns import path_table
 from mlsanm_cli.io.files import check_seal
-from mlsanm_cli.io.run_dir import RUN_FILE
+from mlsanm_cli.io.run_dir import RUN_FILE, SUMMARY_FILE
 from mlsanm_cli.io.run_file import FORMAT
+from mlsanm_cli.io.summary import read_summary
 
 MAX_LISTED = 5
 """Largest number of directories listed in a hint."""
@@ -136,6 +138,27 @@ def read_origin(rundir: Path) -> RunData:
     """Reads the origin of the run in ``rundir``: its case, path and checkpoint. Raises RunError as `read_run`
     does."""
     return read_run(rundir, ("path", "checkpoint"))
+
+
+def held_case(directory: Path) -> str | None:
+    """The hash of the case of the run in ``directory``, complete or not; None without a readable run."""
+    try:
+        return str(read_origin(directory).attributes.get("case_hash", ""))
+    except RunError:
+        return None
+
+
+def finished(directory: Path, case_hash: str) -> Mapping[str, Any] | None:
+    """The summary of a completed run of this case by this version, None if there is none."""
+    try:
+        known = read_origin(directory).attributes
+        wanted = {"case_hash": case_hash, "mlsanm": __version__, "status": "done"}
+        if any(known.get(key) != value for key, value in wanted.items()):
+            return None
+        summary = read_summary(directory / SUMMARY_FILE)
+    except RunError:
+        return None
+    return summary if summary.get("status") == "done" else None
 
 
 def read_path(rundir: Path) -> Mapping[str, NDArray[Any]]:

@@ -86,6 +86,10 @@ class State:
         """Nominal tractions (2s,) at the nodes of both sides of all contacts; finite strain only."""
         return self.solver.get("side_traction", _none())
 
+    def history(self, body: str) -> FloatArray:
+        """Plastic strain xx, yy, zz, 2 xy and its accumulated amount (n, 5) of a body that flows."""
+        return self.solver[f"history.{body}"]
+
     @property
     def is_finite(self) -> bool:
         """Whether all unknowns are finite."""
@@ -132,6 +136,18 @@ def friction_history(sets: ContactStatus, stick_reference: FloatArray) -> dict[s
     return {"sets": vars(sets), "stick_reference": stick_reference}
 
 
+@dataclass(frozen=True, eq=False)
+class Bifurcation:
+    """A loss of stability at a ``position`` that is no limit point, with the ``motion`` (2N,) in which the
+    branches differ, whether a stable branch is ``followed``, and whether a deflection before ``decided`` on
+    its side."""
+
+    position: float
+    motion: FloatArray
+    followed: bool
+    decided: bool
+
+
 @dataclass(frozen=True)
 class PathStep:
     """A finished step: the state at its end, the requested states within it (including its end), its counts,
@@ -141,10 +157,10 @@ class PathStep:
     of the series or 0; ``iterations`` are updates of the nonlinear solution; ``warning`` is a message for the
     user.
 
-    At finite strain: ``limit_points`` of the load factor as (position, whether a maximum); whether the
-    equations were ``renewed`` at its end; the work ``kept`` of contact tractions on the displacements that
-    would remove the residuals which equations keep; intermediate states ``way`` of a power series;
-    ``missed`` computes what fits of the next degree would change.
+    At finite strain: ``limit_points`` of the load factor as (position, whether a maximum), and
+    ``bifurcations``; whether the equations were ``renewed`` at its end; the work ``kept`` of contact
+    tractions on the displacements that would remove the residuals which equations keep; intermediate states
+    ``way`` of a power series; ``missed`` computes what fits of the next degree would change.
     """
 
     state: State
@@ -159,6 +175,7 @@ class PathStep:
     warning: str = ""
     checkpoint: Checkpoint | None = None
     limit_points: tuple[tuple[float, bool], ...] = ()
+    bifurcations: tuple[Bifurcation, ...] = ()
     renewed: bool = False
     kept: float = 0.0
     way: tuple[State, ...] = ()

@@ -47,7 +47,7 @@ from mlsanm_cli.io.columns import Quantities
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.mechanics.near_field import as_complex, as_real
 from mlsanm_cli.roundoff import ROUND_OFF
-from mlsanm_cli.solve.state import Checkpoint, PathStep, State
+from mlsanm_cli.solve.state import Bifurcation, Checkpoint, PathStep, State
 
 
 def contact_lines(scene: FiniteScene, state: State) -> dict[str, VtuPart]:
@@ -182,6 +182,7 @@ class FiniteStrain(Analysis):
         return {
             "renewed": tally.get("renewed", 0) + step.renewed,
             "limit_points": [*tally.get("limit_points", ()), *step.limit_points],
+            "bifurcations": [*tally.get("bifurcations", ()), *map(self._fork, step.bifurcations)],
             "stability": min(tally.get("stability", np.inf), stability),
             "largest": largest,
             "balance": forces.rest / max(largest, tiny) if largest else 0.0,
@@ -191,8 +192,24 @@ class FiniteStrain(Analysis):
             "missing": missing,
         }
 
+    def _fork(self, at: Bifurcation) -> dict[str, Any]:
+        """A bifurcation in plain values, with the node that moves most."""
+        motions = {name: own.reshape(-1, 2) for name, own in self.scene.parts(at.motion).items() if own.any()}
+        sizes = {name: np.hypot(*own.T) for name, own in motions.items()}
+        body = max(sizes, key=lambda name: float(sizes[name].max()))
+        node = int(np.argmax(sizes[body]))
+        return {
+            "position": at.position,
+            "body": body,
+            "point": self.nodes[body].points[node].tolist(),
+            "direction": (motions[body][node] / sizes[body][node]).tolist(),
+            "followed": at.followed,
+            "decided": at.decided,
+        }
+
     def progress(self, step: PathStep) -> list[str]:
         points = [f"limit point {position:.6g}" for position, _ in step.limit_points]
+        points += [f"bifurcation {one.position:.6g}" for one in step.bifurcations]
         return [*points, "equations renewed"] if step.renewed else points
 
     def diagnosis(self, state: State | None) -> tuple[Sequence[VtuPart], Mapping[str, Any]]:
@@ -220,6 +237,7 @@ class FiniteStrain(Analysis):
                     {"position": position, "kind": "maximum" if highest else "minimum"}
                     for position, highest in tally["limit_points"]
                 ],
+                "bifurcations": tally["bifurcations"],
             },
         }
 

@@ -69,6 +69,7 @@ STATE: Mapping[str, Limit] = {
     "stability": Limit(
         None, CONTACT_LIMIT, "stiffness against pressures that alternate from node to node", lower=True
     ),
+    "equilibrium": Limit(ANY, None, "motions of a state in equilibrium that lower its energy"),
     "volume_ratio": Limit(None, 0.0, "least determinant of the deformation gradient", lower=True),
     "ellipticity": Limit(
         0.1, 0.0, "least eigenvalue of the acoustic tensor over the shear modulus", lower=True
@@ -77,6 +78,7 @@ STATE: Mapping[str, Limit] = {
 """Checks of every state of the path."""
 
 END: Mapping[str, Limit] = {
+    "bifurcation": Limit(ANY, None, "bifurcations of the path where no asymmetry of the scene decides"),
     "linear_residual": Limit(None, 1e-6, "change of an elastic solution by one more iterative refinement"),
     "pressed_spacings": Limit(None, 4.0, "ratio of the spacings of surfaces pressed on each other by nodes"),
     "initial_overlap": Limit(0.01, None, "pressures before any load over those at the end of the path"),

@@ -3,23 +3,19 @@
 The regularised law has pressures at nodes: automatic spacings of bodies in contact are refined in the same
 way to ``NODAL_RULE``, without being asked.
 
-The accuracy of a pressure profile is limited by the position of the contact edges, known to half a spacing,
-then by the spacing under the contact. Every pass requires ``Rule.across`` spacings over the half-width of
-each patch, and refines around its edges, within twice their uncertainty, up to ``Rule.at_edge`` spacings per
-half-width. Once edges are known well enough, the edges of stick zones get ``STICK_REFINEMENT``. Zones of a
-pass replace those of the pass before. Both bodies get the same zones, so that their spacings stay matched. If
-the error estimate shows that the bodies limit the accuracy, and in every scene without contact, the bulk is
-refined by its residual, and these zones are kept.
+Pressures at nodes are as accurate as the edges of contact are known, to half a spacing, then as the spacing
+under the contact. Every pass requires ``Rule.across`` spacings over the half-width of each patch, and refines
+around its edges, within twice their uncertainty, up to ``Rule.at_edge`` spacings per half-width; then around
+the edges of stick zones. Zones of a pass replace those of the pass before, and both bodies get the same.
 
-Refinement of the bulk where the residual of local fits is large.
-
-The residual r of a node is the difference between the stress of fits of the next degree and that of the
-solution, weighted as the equations near singular corners. With a uniform spacing h it would grow like
-h^degree; the sum of (r h)^2 is least for a given number of nodes if r h is uniform, so that the required
-spacing is h (level / (r h))^(1 / (degree + 1)), but at least h / ``MAX_REFINEMENT``. The level is the lowest
-that multiplies the number of nodes by no more than ``NODE_BUDGET``. Within ``CONTACT_DISTANCE`` half-widths
-of a contact its own zones apply; the mean residual there is a lower bound of the level, as the bulk need not
-be more accurate.
+If the error estimate shows that the bodies limit the accuracy, and in every scene without contact, the bulk
+is refined where local fits are poor, and these zones are kept. The residual r of a node is the difference
+between the stress of fits of the next degree and that of the solution, weighted as the equations near
+singular corners. With a uniform spacing h it grows like h^degree; the sum of (r h)^2 is least for a given
+number of nodes if r h is uniform, so that the required spacing is h (level / (r h))^(1 / (degree + 1)), but
+at least h / ``MAX_REFINEMENT``. The level is the lowest that multiplies the number of nodes by no more than
+``NODE_BUDGET``. Within ``CONTACT_DISTANCE`` half-widths of a contact its own zones apply; the mean residual
+there is a lower bound of the level, as the bulk need not be more accurate.
 """
 
 from __future__ import annotations
@@ -115,10 +111,8 @@ def _made_symmetric(finer: FloatArray, mirror: Mirror | None) -> tuple[FloatArra
 
 def _finer(residual: FloatArray, level: float, degree: int) -> FloatArray:
     """Required refinement factor (n,) of each node."""
-    if level <= 0.0:
-        return np.ones(len(residual))
-    finer: FloatArray = np.clip((residual / level) ** (1.0 / (degree + 1)), 1.0, MAX_REFINEMENT)
-    return finer
+    share = residual / level if level > 0.0 else np.zeros(len(residual))
+    return np.asarray(np.clip(share ** (1.0 / (degree + 1)), 1.0, MAX_REFINEMENT))
 
 
 def _level(residual: FloatArray, ruled: BoolArray, degree: int) -> float:

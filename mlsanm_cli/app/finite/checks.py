@@ -104,6 +104,28 @@ def estimates(end: FiniteEnd) -> Iterator[Check]:
         yield from pressure_estimate("rough_pressure_error", end.case, name, bodies, pressures.get(name))
 
 
+def bifurcations(end: FiniteEnd) -> Iterator[Check]:
+    """Bifurcations of the path: the first one, and where it leads."""
+    found = [one for one in end.tally["bifurcations"] if not (one["followed"] and one["decided"])]
+    if not found:
+        yield Check("bifurcation", 0.0, "")
+        return
+    first = found[0]
+    (x, y), (u, v) = first["point"], first["direction"]
+    how = f"in which body {first['body']} moves most at ({x:.6g}, {y:.6g}), along ({u:.3g}, {v:.3g})"
+    where = f"stability is lost at position {first['position']:.6g}"
+    if first["followed"]:
+        message = (
+            f"{where}, where the path bifurcates: it goes on along the branch {how}; its mirror image may "
+        )
+        message += "be as likely"
+        hint = "a small asymmetry of shapes or loads decides on the branch"
+    else:
+        message = f"{where} in a motion {how}: no stable state is near, and the bodies jump"
+        hint = "prescribe displacements instead of forces, or end the path there"
+    yield Check("bifurcation", float(len(found)), message, hint)
+
+
 def located(end: FiniteEnd) -> Iterator[Check]:
     """Whether knots were placed for the whole path."""
     beyond = end.last.position - end.scene.located
@@ -139,7 +161,7 @@ def pointed(scene: FiniteScene, state: State) -> dict[str, float]:
 
 
 END: Sequence[Callable[[FiniteEnd], Iterator[Check]]] = (
-    *(energy_estimate, estimates, located),
+    *(energy_estimate, estimates, located, bifurcations),
     *COMMON,
 )
 """Checks of a completed path at finite strain."""

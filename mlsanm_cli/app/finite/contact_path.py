@@ -22,7 +22,7 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.body import far_from, most_stretched
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.solve.condensed_scene import factors_at
-from mlsanm_cli.solve.state import Checkpoint, PathStep, State
+from mlsanm_cli.solve.state import Bifurcation, Checkpoint, PathStep, State
 
 FIRST_INCREMENT = 0.25
 """First increment, as a part of a stage."""
@@ -36,6 +36,13 @@ MIN_INCREMENT = 1e-5
 MAX_FAILED = 3
 """Failed increments after which equations renewed just before keep the residual of their state, as no state
 near it solves them."""
+BRACKET = 0.02
+"""Part of the way into a stage below which an increment that loses stability is not halved: a branch leaves
+the path in it, or a sharp bend does."""
+BELOW = 0.98
+"""Part of the estimated way to a loss of stability that an increment goes."""
+BRANCH_STEPS = tuple(0.01 * 2.0**k for k in range(5))
+"""Distances along the softest motion, over the extent of bodies, from which stable states are searched."""
 RENEWAL_ANGLE = 0.5
 """Rotation of a body (radian) relative to the expansion point above which the equations rotate with it."""
 MAX_STRETCH = 1.6
@@ -93,6 +100,7 @@ class _Path:
         self._before: FloatArray | None = None
         self._fresh: frozenset[str] = frozenset()
         self._settled = False
+        self.bifurcations: tuple[Bifurcation, ...] = ()
         self._missing = beyond_clouds(scene.compliances, contacts.sides)
         self.spent, self._iterations, self._solves = len(scene.bodies), 0, 0
 
@@ -148,22 +156,55 @@ class _Path:
         while True:
             reached = end if position + INCREMENT_SLACK * size >= end else position + size
             reached = min(reached, float(stage + 1))
-            found = self._solved(reached)
+            size, found = reached - position, self._solved(reached)
+            shorter, bracket = 0.5 * size, BRACKET * (reached - stage)
+            if found is not None and self.now.soft.stable and not found.soft.stable:
+                if size <= bracket:
+                    found = self._branched(position, reached, found)
+                else:
+                    shorter = min(max(BELOW * size * self._stable_part(found), 0.5 * bracket), shorter)
+                    found = None
             if found is not None:
-                args = (self._scene, self.now, found)
-                part = (reached - position) / (stage + 1.0 - position)
-                far = max(slip_ratio(*args), motion_ratio(*args, position, reached))
-                far = max(far, 0.0 if self._coarse else work_ratio(*args, self._work, part))
-                if far <= 1.0 and self._stretched(found)[0] <= MAX_STRETCH:
+                far = self._excess(found, position, reached)
+                if self.bifurcations or (far <= 1.0 and self._stretched(found)[0] <= MAX_STRETCH):
                     self._add_slip(found)
                     self._before, self.now = self.now.place, found
                     longer = 1.6 if 3 * found.iterations <= MAX_ITERATIONS else 1.0
                     return reached, size * min(longer, 0.9 / far if far else longer)
-            size, failed = 0.5 * (reached - position), failed + 1
+            size, failed = shorter, failed + 1
             if failed == MAX_FAILED and self._keep():
                 size = whole
             if size < MIN_INCREMENT:
                 self._failed(position, found)
+
+    def _excess(self, found: FiniteContactState, position: float, reached: float) -> float:
+        """Slips, motions and work of an increment over their limits: the largest ratio."""
+        args = (self._scene, self.now, found)
+        part = (reached - position) / (int(position) + 1.0 - position)
+        work = 0.0 if self._coarse else work_ratio(*args, self._work, part)
+        return max(slip_ratio(*args), motion_ratio(*args, position, reached), work)
+
+    def _stable_part(self, lost: FiniteContactState) -> float:
+        """Part of an increment to the unstable state ``lost`` at which its softest motion, if it were linear
+        in the load, loses its resistance."""
+        before = self.now.soft.resistance
+        return before / (before - lost.soft.resistance)
+
+    def _branched(self, position: float, reached: float, lost: FiniteContactState) -> FiniteContactState:
+        """A stable state beyond a bifurcation, between a stable state at ``position`` and the unstable one
+        ``lost``: found from the latter, displaced in its softest motion. The latter if there is none."""
+        at = position + self._stable_part(lost) * (reached - position)
+        side = lost.soft.part_in(self.now.displacement)
+        motion = -lost.soft.motion if side < 0.0 else lost.soft.motion
+        stable = None
+        for part in (sense * part for part in BRANCH_STEPS for sense in (1.0, -1.0)):
+            moved = lost.displacement + part * self._scene.size * motion
+            found = self._solved(reached, replace(lost, displacement=moved))
+            if found is not None and found.soft.stable:
+                stable = found
+                break
+        self.bifurcations = (Bifurcation(at, motion, stable is not None, bool(side)),)
+        return stable or lost
 
     def _keep(self) -> bool:
         """Whether there are new equations that did not keep what their rows were left with; they do now."""
@@ -191,7 +232,8 @@ class _Path:
         mean = 0.5 * (found.pressure + self.now.pressure)
         self._work = self._work + dissipated(self._scene, self.now, found, mean)
 
-    def _solved(self, position: float) -> FiniteContactState | None:
+    def _solved(self, position: float, start: FiniteContactState | None = None) -> FiniteContactState | None:
+        """The state at a ``position``, searched from the present one or another ``start``."""
         factors = factors_at(self._scene.stages, position)
         system, tolerance = self._system(), self._scene.case.solver.tolerance
         if self._coarse:
@@ -199,7 +241,7 @@ class _Path:
         before = self.now.place if self._settled else None
         with np.errstate(all="ignore"):
             try:
-                found = system.solved(self.now, factors, tolerance, MAX_ITERATIONS, before)
+                found = system.solved(start or self.now, factors, tolerance, MAX_ITERATIONS, before)
             except (np.linalg.LinAlgError, NumericalError):
                 found = None
         tried = MAX_ITERATIONS if found is None else found.iterations
@@ -269,7 +311,8 @@ class _Path:
         if renewed:
             self.now = replace(self.now, free=self._repinned())
         counts = (length, 0, self._iterations, self.spent, self._solves)
-        step = PathStep(state, saved, *counts, renewed=renewed, kept=kept)
+        step = PathStep(state, saved, *counts, renewed=renewed, kept=kept, bifurcations=self.bifurcations)
+        self.bifurcations = ()
         self.spent = self._iterations = self._solves = 0
         return step
 
@@ -304,6 +347,7 @@ class _Path:
             "side_traction": now.traction,
             "surface": now.surface,
             "stability": np.array(now.stability),
+            "unstable": np.array(now.soft.unstable),
         }
         return State(position, factors, *contact, self._slip, self._work, now.displacement, solver)
 

@@ -10,16 +10,17 @@ from functools import partial
 import numpy as np
 
 from mlsanm_cli.app.finite.accuracy import missed_alone
+from mlsanm_cli.app.finite.branches import fork, limit_points, softest
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.finite.states import path_failure
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.continuation import AnmOptions, Branch, NewtonOptions, Step, correct, follow
-from mlsanm_cli.continuation.roots import root
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.body import far_from
 from mlsanm_cli.mechanics.finite.problem import FiniteProblem
+from mlsanm_cli.mechanics.finite.stability import STILL, SoftMotion
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
-from mlsanm_cli.solve.state import Checkpoint, PathStep, State
+from mlsanm_cli.solve.state import Bifurcation, Checkpoint, PathStep, State
 
 MAX_UPDATES = 25
 """Largest number of updates with the factor of the new equations that correct a state; each leaves about a
@@ -28,8 +29,6 @@ WORK_PARTS = 8
 """Parts of a step of power series over which work is integrated by the trapezoidal rule."""
 SAME_STATE = 1e-3
 """Largest distance of the states that two paths find at a load factor, over the typical displacement."""
-LIMIT_SAMPLES = 65
-"""Points of a step at which the slope of the load factor is evaluated to find limit points."""
 
 
 def finite_path(
@@ -53,10 +52,11 @@ def finite_path(
     elif checkpoint.heading.size:
         x, problem = checkpoint.state.displacement, _taken_up(scene, problem, checkpoint)
     steps, begun = 0, int(checkpoint.history.get("stage", 0)) if checkpoint is not None else 0
+    soft, folded = STILL, 0
     for stage in range(begun, len(stages) - 1):
         problem = replace(problem, start=stages[stage], end=stages[stage + 1])
         levels = [position - stage for position in wanted if stage < position <= stage + 1]
-        path = _Stage(scene, problem, stage, levels, renewals)
+        path = _Stage(scene, problem, stage, levels, renewals, soft, folded)
         if checkpoint is not None and stage == begun and checkpoint.heading.size:
             path.take_up(checkpoint, [position - stage for position in at if stage < position <= stage + 1])
         for step in path.steps(x):
@@ -65,7 +65,7 @@ def finite_path(
                 message = f"max steps, more than {case.solver.max_steps} steps come before the end"
                 raise NumericalError(f"the path stopped: {message}", "raise solver.max_steps")
             yield step
-        x, problem = path.x, path.problem
+        x, problem, soft, folded = path.x, path.problem, path.soft, path.folded
 
 
 def _first_problem(scene: FiniteScene) -> FiniteProblem:
@@ -106,8 +106,13 @@ class _Stage:
         stage: int,
         levels: list[float],
         renewals: Sequence[State] | None,
+        soft: SoftMotion,
+        folded: int,
     ) -> None:
         self._scene, self.problem, self._stage = scene, problem, stage
+        # The softest motion of the present state, and how many motions limit points have left unstable: no
+        # load holds the body between them, but the path shows how it comes to snap.
+        self.soft, self.folded = soft, folded
         self._levels = list(levels)
         self._renewals = (
             None if renewals is None else [one for one in renewals if stage < one.position < stage + 1]
@@ -124,6 +129,7 @@ class _Stage:
         x, lam = np.stack([self.x, heading[:-1]]), np.array([self._lam, heading[-1]])
         self._previous = Branch(x, lam, checkpoint.pace)
         self._levels = sorted({*history["levels"].tolist(), *more})
+        self.soft, self.folded = softest(self.problem, self.x, self._lam), int(history["folded"])
         if history["renewed"]:
             self._renew()
 
@@ -141,17 +147,29 @@ class _Stage:
                 levels=[*self._levels, *self._renewal_level()],
                 last=self._is_left,
             )
-            moved = 0
-            for step in follower.steps():
+            moved, branches = 0, False
+            for whole in follower.steps():
                 moved += 1
-                finished = self._finished(step)
-                self.x, self._lam, self._previous = step.x, step.lam, step.branch
-                if self._is_left(step.x, step.lam):
-                    follower.stop()
-                    if self._renewals is not None:
-                        self._renewals.pop(0)
-                    finished = replace(finished, renewed=True, factorizations=finished.factorizations + 1)
-                yield replace(finished, checkpoint=self._checkpoint(finished, step))
+                ahead = softest(self.problem, whole.x, whole.lam, whole.tangent)
+                branch = fork(self.problem, whole, self.soft, ahead, _options(self._scene), self._scene.size)
+                branches = branch is not None and bool(branch.legs)
+                for step, soft in branch.legs if branch is not None and branch.legs else ((whole, ahead),):
+                    finished = self._finished(step, soft)
+                    if branch is not None:
+                        at = Bifurcation(self._stage + branch.lam, branch.motion, branches, branch.decided)
+                        finished, branch = replace(finished, bifurcations=(at,)), None
+                    self.x, self._lam, self._previous = step.x, step.lam, step.branch
+                    if not branches and self._is_left(step.x, step.lam):
+                        follower.stop()
+                        if self._renewals is not None:
+                            self._renewals.pop(0)
+                        renewed = finished.factorizations + 1
+                        finished = replace(finished, renewed=True, factorizations=renewed)
+                    yield replace(finished, checkpoint=self._checkpoint(finished, step))
+                if branches:
+                    break
+            if branches:
+                continue
             outcome = follower.outcome
             if outcome.reached:
                 return
@@ -189,6 +207,7 @@ class _Stage:
             "lam": np.array(step.lam),
             "levels": np.array(self._levels),
             "renewed": np.array(finished.renewed),
+            "folded": np.array(self.folded),
         }
         return Checkpoint(finished.state, history, np.append(branch.x[1], branch.lam[1]), branch.length)
 
@@ -224,33 +243,43 @@ class _Stage:
         self._spent += found.factorizations
         return found.x
 
-    def _finished(self, step: Step) -> PathStep:
-        state = self._state(step.lam, step.x, step.residual)
+    def _finished(self, step: Step, soft: SoftMotion) -> PathStep:
+        """A step to a state with its softest motion."""
+        before, self.soft, turns = self.soft, soft, limit_points(step)
+        if turns:
+            self.folded = soft.unstable
+        hidden = 0 if step.lam in self._levels else self.folded
+        state = self._state(step.lam, step.x, step.residual, max(soft.unstable - hidden, 0))
         saved, left = [], []
         for level in self._levels:
-            at = step.branch.first_crossing(level) if step.order else None
+            at = step.branch.first_crossing(level)
             if level == step.lam:
                 saved.append((step.branch.length, state))
             elif at is not None:
                 x = step.branch.evaluate(at)[0]
+                if not step.order:
+                    x = correct(self.problem, x, level, _options(self._scene)).x
                 residual = float(np.abs(self.problem.residual(x, level)).max())
-                saved.append((at, self._state(level, x, residual)))
+                unstable = (before if turns and at <= turns[0][0] else soft).unstable
+                saved.append((at, self._state(level, x, residual, unstable)))
             else:
                 left.append(level)
         self._levels = left
         passed = tuple(one for _, one in sorted(saved, key=lambda pair: pair[0]))
-        turns = _turns(step.branch, self._stage) if step.order else ()
+        limits = tuple((self._stage + step.branch.load_factor(a), highest) for a, highest in turns)
         spent, self._spent = step.factorizations + self._spent, 0
         counts = (step.order, step.iterations, spent, step.solves)
         parts = np.arange(1.0, WORK_PARTS) / WORK_PARTS * step.branch.length if step.order else ()
         points = (step.branch.evaluate(part) for part in parts)
-        way = tuple(self._state(lam, x, 0.0) for x, lam in points)
+        way = tuple(self._state(lam, x, 0.0, 0) for x, lam in points)
         missed = partial(missed_alone, self.problem.projector, step.x, state.factors)
         step_end = PathStep(state, passed, step.arc_length, *counts)
-        return replace(step_end, limit_points=turns, way=way, missed=missed)
+        return replace(step_end, limit_points=limits, way=way, missed=missed)
 
-    def _state(self, lam: float, x: FloatArray, residual: float) -> State:
-        return State(self._stage + lam, self.problem.factors(lam), residual=residual, displacement=x)
+    def _state(self, lam: float, x: FloatArray, residual: float, unstable: int) -> State:
+        """A state with a number of ``unstable`` motions."""
+        factors, counted = self.problem.factors(lam), {"unstable": np.array(unstable)}
+        return State(self._stage + lam, factors, residual=residual, displacement=x, solver=counted)
 
 
 def _options(scene: FiniteScene) -> AnmOptions | NewtonOptions:
@@ -259,14 +288,3 @@ def _options(scene: FiniteScene) -> AnmOptions | NewtonOptions:
     if solver.method == "newton":
         return NewtonOptions(tolerance=solver.tolerance, max_steps=sys.maxsize, control="arc-length")
     return AnmOptions(order=solver.order, tolerance=solver.tolerance, pade=solver.pade, max_steps=sys.maxsize)
-
-
-def _turns(branch: Branch, stage: int) -> tuple[tuple[float, bool], ...]:
-    """Limit points within a step: position, and whether it is a maximum."""
-    a = np.linspace(0.0, branch.length, LIMIT_SAMPLES)
-    slope = branch.derivative_weights(a) @ branch.terms[1]
-    found = []
-    for k in np.flatnonzero(slope[:-1] * slope[1:] < 0.0):
-        at = root(lambda x: branch.derivative_weights(np.array([x]))[0] @ branch.terms[1], a[k], a[k + 1])
-        found.append((stage + branch.load_factor(at), bool(slope[k] > 0.0)))
-    return tuple(found)

@@ -91,7 +91,23 @@ def stability(scene: FiniteScene, state: State) -> Iterator[Check]:
         )
 
 
-STATE: Sequence[Callable[[FiniteScene, State], Iterator[Check]]] = (deformation, overlap, stability)
+def equilibrium(scene: FiniteScene, state: State) -> Iterator[Check]:
+    """Motions that nothing resists in a state."""
+    yield Check(
+        "equilibrium",
+        float(state.solver.get("unstable", 0)),
+        f"the equilibrium at position {state.position:.6g} is not stable: under these loads the bodies would "
+        f"buckle or snap into another state",
+        "prescribe displacements instead of forces, or add a small asymmetry that decides where bodies go",
+    )
+
+
+STATE: Sequence[Callable[[FiniteScene, State], Iterator[Check]]] = (
+    deformation,
+    overlap,
+    stability,
+    equilibrium,
+)
 """Checks of every state."""
 
 

@@ -133,11 +133,8 @@ PLANE_LENGTH = 0.75
 def obstacles(case: Case, low: FloatArray, high: FloatArray) -> dict[str, tuple[FloatArray, IntArray]]:
     """Points (k, 2) and pairs of neighbours (e, 2) of the obstacle of every contact before loading. Planes
     are drawn with a length relative to the scene, whose box is from ``low`` (2,) to ``high`` (2,)."""
-    return {
-        contact.name: _drawn(contact.obstacle, low, high)
-        for contact in case.contact
-        if contact.obstacle is not None
-    }
+    known = {contact.name: contact.obstacle for contact in case.contact}
+    return {name: _drawn(one, low, high) for name, one in known.items() if one is not None}
 
 
 def obstacle_shift(case: Case, contact: str, moved: Mapping[str, FloatArray]) -> FloatArray:

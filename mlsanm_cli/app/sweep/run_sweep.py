@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from mlsanm_cli.app.context import Console
-from mlsanm_cli.app.results.info import collect, finished, held_case, write_rows
+from mlsanm_cli.app.results.info import collect, write_rows
 from mlsanm_cli.app.run import RESULTS
 from mlsanm_cli.app.scene.outlines import load_with_files
 from mlsanm_cli.app.sweep.engines import SweepPoint, solve_points
@@ -19,6 +19,7 @@ from mlsanm_cli.case import Case, resolved_mapping
 from mlsanm_cli.case.vary import parse_vary, points
 from mlsanm_cli.errors import CaseError, CaseProblem, RunError
 from mlsanm_cli.io import run_dir
+from mlsanm_cli.io.run_reader import finished, held_case
 from mlsanm_cli.memo import digest
 
 TABLE_FILE = "sweep.csv"

@@ -21,6 +21,7 @@ from mlsanm_cli.contact.finite.meeting import Meeting
 from mlsanm_cli.contact.finite.sets import NodeSets
 from mlsanm_cli.contact.finite.side_response import SideResponse
 from mlsanm_cli.contact.finite.update import Contacts, ContactSystem, IterationResult, Responses
+from mlsanm_cli.mechanics.finite.stability import STILL, SoftMotion
 from mlsanm_cli.records import dataclass
 
 MIN_JACOBIAN = 0.05
@@ -47,7 +48,7 @@ class FiniteContactState:
     (2s,) at the knots of all sides in turn and their displacements ``surface`` (2s,), with near
     fields; the ``free`` motions (d,). ``residual`` is the estimated next update over the typical
     displacement, ``stability`` the least resistance of a contact to pressures that oscillate from knot to
-    knot.
+    knot, ``soft`` the softest motion with contacts that neither open nor close.
     """
 
     displacement: FloatArray
@@ -66,6 +67,7 @@ class FiniteContactState:
     factorizations: int
     solves: int
     stability: float = np.inf
+    soft: SoftMotion = STILL
 
 
 class ExactContact(ContactSystem):
@@ -173,7 +175,8 @@ class ExactContact(ContactSystem):
         traction = self.contacts.tractions(met, p, q)
         stable = result.stability(self, met)
         args = (u, p, q, gap, place, slip, normal, sets, traction, surface, free)
-        return FiniteContactState(*args, *counts, stable)
+        soft = result.linearised.softest(u, p, q, sets.status)
+        return FiniteContactState(*args, *counts, stable, soft)
 
 
 def _stalls(updates: Sequence[float], last: float) -> bool:

@@ -11,6 +11,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.complementarity.problem import OPEN, SLIP, STICK
 from mlsanm_cli.contact.finite.free import DrivenObstacle
+from mlsanm_cli.contact.finite.linearised import Balance, Linearised
 from mlsanm_cli.contact.finite.meeting import Meeting
 from mlsanm_cli.contact.finite.sets import NodeSets, settled
 from mlsanm_cli.contact.finite.side_response import SideResponse
@@ -69,14 +70,15 @@ class Iteration:
         chosen, touched = self._chosen(z, p, met)
         if not len(chosen) and not contacts.free:
             none, nothing = np.zeros(len(p)), np.zeros((0, 0))
-            sets = NodeSets(none.astype(np.int8), none)
-            counts = (len(factorised), Responses(factorised, touched, 0))
-            return IterationResult(z, -p, -q, np.zeros(0), -traction, sets, chosen, nothing, nothing, *counts)
+            sets, alone = NodeSets(none.astype(np.int8), none), Responses(factorised, touched, 0)
+            state = self._linearised(u, applied, p, q, met, chosen, alone)
+            args = (chosen, nothing, nothing, len(factorised), alone, state)
+            return IterationResult(z, -p, -q, np.zeros(0), -traction, sets, *args)
         responses = self.known
         if responses is None or not responses.moved or not np.array_equal(responses.touched, touched):
             responses = self._responses(u, factorised, touched)
-        imbalance = self._imbalance(u, applied, responses, z)
-        return self._settled(p, q, sets, met, z, jump, chosen, responses, imbalance, first)
+        state = self._linearised(u, applied, p, q, met, chosen, responses)
+        return self._settled(p, q, sets, met, z, jump, state, first)
 
     def _chosen(self, z: FloatArray, p: FloatArray, met: Sequence[Meeting]) -> tuple[IntArray, IntArray]:
         """The nodes that may touch after the displacements ``z`` (2N,), and the tractions (t,) of all sides
@@ -128,14 +130,12 @@ class Iteration:
             solves += len(nodal) + len(moves)
         return Responses(factorised, touched, solves, columns, moved, pieces)
 
-    def _imbalance(
-        self, u: FloatArray, applied: FloatArray, responses: Responses, z: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Force imbalance (d,) after the displacements ``z`` (2N,), and its derivatives (d, t + d) by touched
-        tractions and free motions."""
+    def _balance(self, u: FloatArray, applied: FloatArray, responses: Responses) -> Balance:
+        """Forces missing on unknown motions with ``applied`` (2s,) tractions, and their derivatives."""
         system, contacts = self.system, self.system.contacts
         free, count = contacts.free, len(responses.touched)
-        imbalance, derivative = np.zeros(free), np.zeros((free, count + free))
+        missing, derivative, summed = np.zeros(free), np.zeros((free, count + free)), {}
+        by_displacement = np.zeros((free, len(u)))
         for one in (some for some in contacts.loose if some.count):
             here, rows, columns = system.bodies[one.body], one.numbers, responses.columns[one.body]
             body = system.projectors[one.body].body
@@ -143,20 +143,23 @@ class Iteration:
             series = BodySeries.at(body, u[here], whole)
             sums, moving = one.sums(body, series, u[here])
             moved = sums @ tangent_rows(body, u[here], whole)[1] + moving
-            imbalance[rows] = sums @ series.rows(0)[-3 * body.count :] + moved @ z[here]
+            missing[rows] = sums @ series.rows(0)[-3 * body.count :]
+            by_displacement[rows, here] = moved.toarray()
             direct = (sums @ responses.pieces[one.body]).toarray()
             derivative[np.ix_(rows, columns)] = direct + moved @ responses.moved[one.body]
             derivative[rows, count + rows] += DAMPING * body.elastic.model.material.modulus
+            summed[one.body] = rows, sums
         for plate in (some for some in contacts.plates if some.components):
             rows, known = plate.numbers, plate.force.shape[1]
-            imbalance[rows] -= plate.given(self.factors[:known])
+            missing[rows] -= plate.given(self.factors[:known])
             for name in plate.surfaces:
                 here, columns = system.bodies[name], responses.columns[name]
                 body = system.projectors[name].body
                 whole = np.concatenate([self.factors, system.spread[name] @ applied])
                 pull, by_moving = plate.pulled(body, name, u[here], whole)
                 moved = plate.unknown(by_moving.toarray())
-                imbalance[rows] += plate.unknown(pull) + moved @ z[here]
+                missing[rows] += plate.unknown(pull)
+                by_displacement[rows, here] += moved
                 derivative[np.ix_(rows, columns)] += moved @ responses.moved[name]
                 derivative[rows, count:] += plate.unknown(plate.arms(pull))[:, known:]
                 derivative[rows, count + rows] += DAMPING * body.elastic.model.material.modulus
@@ -164,11 +167,11 @@ class Iteration:
             number, contact = driven.number, contacts.pairs[driven.contact]
             weight = np.zeros(len(applied))
             weight[self._driven(driven)] = contact.slave.weight
-            imbalance[number] = weight @ applied - driven.force @ self.factors[: len(driven.force)]
+            missing[number] = weight @ applied - driven.force @ self.factors[: len(driven.force)]
             derivative[number, :count] = weight[responses.touched]
             modulus = system.projectors[contact.slave.body].body.elastic.model.material.modulus
             derivative[number, count + number] = DAMPING * modulus
-        return imbalance, derivative
+        return Balance(missing, by_displacement, derivative, summed)
 
     def _driven(self, driven: DrivenObstacle) -> IntArray:
         """The tractions of all sides that act on an obstacle along its motion."""
@@ -176,21 +179,20 @@ class Iteration:
         first = there.start + driven.component
         return np.arange(first, first + 2 * contact.slave.count, 2)
 
-    def _settled(
+    def _linearised(
         self,
+        u: FloatArray,
+        applied: FloatArray,
         p: FloatArray,
         q: FloatArray,
-        sets: NodeSets,
         met: Sequence[Meeting],
-        z: FloatArray,
-        jump: FloatArray,
         chosen: IntArray,
         responses: Responses,
-        imbalance: tuple[FloatArray, FloatArray],
-        first: bool,
-    ) -> IterationResult:
+    ) -> Linearised:
+        """The equations linearised, condensed to the ``chosen`` (k,) knots and the free motions."""
         system, contacts, touched = self.system, self.system.contacts, responses.touched
-        mu, response, count = contacts.friction[chosen], self.response, len(touched)
+        response, count = self.response, len(touched)
+        balance = self._balance(u, applied, responses)
         # Displacements of all sides due to the touched tractions and the free motions.
         smooth = np.zeros((contacts.size, count + contacts.free))
         for name, columns in responses.columns.items():
@@ -201,27 +203,40 @@ class Iteration:
             shifted[self._driven(driven), driven.number] -= 1.0
         turns = [one.turning(p[at], q[at]) for one, (_, at, _) in zip(met, contacts.each, strict=True)]
         turning = _diagonal(turns)[touched]
-        push, friction_slope = (
+        push, pull = (
             _diagonal([one.columns(getattr(one, key)) for one in met])[touched][:, chosen].toarray()
             for key in ("normal", "tangent")
         )
         d_gap, d_slip = (_diagonal([getattr(one, k) for one in met])[chosen] for k in ("d_gap", "d_slip"))
-        surface = response.changed(z) + response.by_traction @ jump
         inverse = np.linalg.inv(np.eye(len(touched)) - turning @ seen)
-        loads = inverse @ np.hstack([push, friction_slope, turning @ shifted])
-        follow = inverse @ (turning @ surface)
-        surface = surface + seen @ follow
-        gap, slip = (
-            np.concatenate([*(getattr(one, key) for one in met), mu[:0]])[chosen] for key in ("gap", "slip")
-        )
+        loads = inverse @ np.hstack([push, pull, turning @ shifted])
         by_all = seen @ loads
         by_all[:, 2 * len(chosen) :] += shifted
-        unbalanced, (by_traction, by_motion) = imbalance[0], np.split(imbalance[1], [count], axis=1)
+        by_traction, by_motion = np.split(balance.by_acting, [count], axis=1)
         by_balance = by_traction @ loads
         by_balance[:, 2 * len(chosen) :] += by_motion
         matrix = np.concatenate([d_gap @ by_all, d_slip @ by_all, by_balance])
-        gap_after, slip_after = gap + d_gap @ surface, slip + d_slip @ surface
-        step = np.concatenate([gap_after, slip_after, unbalanced + by_traction @ follow])
+        parts = (matrix, loads, push, pull, seen, turning, inverse, d_gap, d_slip)
+        return Linearised(system, self.factors, response, responses, balance, chosen, *parts)
+
+    def _settled(
+        self,
+        p: FloatArray,
+        q: FloatArray,
+        sets: NodeSets,
+        met: Sequence[Meeting],
+        z: FloatArray,
+        jump: FloatArray,
+        state: Linearised,
+        first: bool,
+    ) -> IterationResult:
+        system, contacts, chosen = self.system, self.system.contacts, state.chosen
+        mu, responses, touched = contacts.friction[chosen], state.responses, state.responses.touched
+        gap, slip = (
+            np.concatenate([*(getattr(one, key) for one in met), mu[:0]])[chosen] for key in ("gap", "slip")
+        )
+        turned, step = state.followed(z, jump)
+        step = step + np.concatenate([gap, slip, state.balance.missing])
         now = np.concatenate([p[chosen], q[chosen], np.zeros(contacts.free)])
         guess = NodeSets(sets.status[chosen], sets.slip_sign[chosen])
         if first:
@@ -229,27 +244,26 @@ class Iteration:
             held = np.where(mu > 0.0, STICK, SLIP)
             status = np.where(closed, np.where(guess.closed, guess.status, held), OPEN).astype(np.int8)
             guess = NodeSets(status, np.where(status == SLIP, guess.slip_sign, 0.0))
-        change, found = settled(matrix, step, now, mu, guess)
+        change, found = settled(state.matrix, step, now, mu, guess)
         dp, dq, free = np.split(change, [len(chosen), 2 * len(chosen)])
-        tractions = follow + loads @ change
-        du, moving = z.copy(), jump.copy()
+        tractions, du = state.moved(turned, change)
+        moving = jump.copy()
         moving[touched] += tractions
-        acting = np.concatenate([tractions, free])
-        for name, columns in responses.columns.items():
-            du[system.bodies[name]] += responses.moved[name] @ acting[columns]
         whole_p, whole_q = -p, -q
         whole_p[chosen], whole_q[chosen] = dp, dq
         status, slip_sign = np.zeros(len(p), dtype=np.int8), np.zeros(len(p))
         status[chosen], slip_sign[chosen] = found.status, found.slip_sign
+        d_gap, d_slip, seen, push = state.d_gap, state.d_slip, state.seen, state.push
         compliance = d_gap @ (seen @ push)
         stuck = np.flatnonzero((found.status == STICK) & (mu > 0.0))
         if len(stuck):
             # Sticking nodes are fixed along the surface too.
-            slips, held = d_slip[stuck] @ (seen @ push), seen @ friction_slope[:, stuck]
+            slips, held = d_slip[stuck] @ (seen @ push), seen @ state.pull[:, stuck]
             compliance = compliance - d_gap @ held @ np.linalg.solve(d_slip[stuck] @ held, slips)
+        by_traction = state.balance.by_acting[:, : len(touched)]
         on_bodies = by_traction[: sum(one.count for one in contacts.loose)] @ push
-        args = (chosen, compliance, on_bodies, len(responses.columns) + responses.solves, responses)
-        return IterationResult(du, whole_p, whole_q, free, moving, NodeSets(status, slip_sign), *args)
+        args = (chosen, compliance, on_bodies, len(responses.columns) + responses.solves, responses, state)
+        return IterationResult(z + du, whole_p, whole_q, free, moving, NodeSets(status, slip_sign), *args)
 
 
 def _diagonal(blocks: Sequence[sparse.csr_array]) -> sparse.csr_array:

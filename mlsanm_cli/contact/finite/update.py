@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import field
 from functools import cached_property
 from itertools import pairwise
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import scipy.sparse as sparse
@@ -22,6 +22,9 @@ from mlsanm_cli.contact.response.coercivity import constrained_resistance
 from mlsanm_cli.mechanics.finite.projector import Factorised, Projector
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
+
+if TYPE_CHECKING:
+    from mlsanm_cli.contact.finite.linearised import Linearised
 
 AnyContact: TypeAlias = RigidContact | BodyContact
 
@@ -180,7 +183,8 @@ class IterationResult:
 
     ``chosen`` (k,) are the nodes that might touch, with their ``compliance`` (k, k), gaps per pressure of
     fixed direction: the resistance of the body itself, without load stiffness. Pressures with ``unbalanced``
-    (d, k) forces on floating bodies are excluded from the stability.
+    (d, k) forces on floating bodies are excluded from the stability. ``linearised`` are the equations
+    solved.
     """
 
     du: FloatArray
@@ -194,6 +198,7 @@ class IterationResult:
     unbalanced: FloatArray
     solves: int
     responses: Responses
+    linearised: Linearised
 
     def stability(self, system: ContactSystem, met: Sequence[Meeting]) -> float:
         """Least resistance of a contact with closed nodes, at closed nodes between two others, to pressures

@@ -8,6 +8,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.projector import Factorised, Projector
+from mlsanm_cli.mechanics.finite.stability import SoftMotion, Stressed, rows_of_force, softest_motion
 from mlsanm_cli.records import dataclass
 
 
@@ -90,6 +91,15 @@ class FiniteTangent:
     def solve(self, rhs: FloatArray) -> FloatArray:
         """Displacement (2N,) that changes the residual by ``rhs`` (2N,)."""
         return self.factorised.solve(self.problem.projector.image(self.problem.length * rhs))
+
+    def softest(self, x: FloatArray, factors: FloatArray) -> SoftMotion:
+        """The softest motion in the state ``x`` (2N,) at load ``factors`` (L,) of this tangent."""
+        projector, body = self.problem.projector, self.problem.projector.body
+
+        def displaced(force: FloatArray) -> FloatArray:
+            return -self.factorised.solve_unrefined(projector.scaled(rows_of_force(body, force)))
+
+        return softest_motion(displaced, [Stressed(body, x, factors)])
 
     def orders(
         self, x: FloatArray, lam: FloatArray, slope: FloatArray, normal: FloatArray, size: float

@@ -1,0 +1,153 @@
+"""Stability of equilibrium: the least resistance of bodies to small motions.
+
+With unit mass per undeformed area, motions v of a state obey K v = k v, K being the second variation of its
+energy: the state is stable while every k is positive. Rows of least squares are no forces, so that K itself
+is unknown; but its inverse is what every solution applies: the displacement S f by a body force f. Its
+eigenvalues 1/k largest in modulus belong to the softest motions, which are those with negative k, as short
+waves are stiff; some steps of Arnoldi's method find them (Arnoldi 1951, doi:10.1090/qam/42792), whatever
+state the equations of the path are those of.
+
+Equation (31) of docs/method.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.mechanics.finite.body import FiniteBody
+from mlsanm_cli.records import dataclass
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
+
+ARNOLDI_STEPS = 12
+"""Solutions for the softest motions: eigenvalues of S fall at least as 1, 1/4, 1/9, ..., those of bending
+as their squares."""
+CONVERGED = 0.01
+"""Largest residual of an eigenvalue of S, over itself, of a motion that counts."""
+NEUTRAL = 0.005
+"""Resistance of motions that are neutral, over that of stresses to rotations that vary over the largest
+extent of the bodies (stress over extent squared): the bar for critical loads. Frictionless wheels and shafts
+turn freely but for errors of the clouds."""
+
+
+@dataclass(frozen=True, eq=False)
+class SoftMotion:
+    """The motion of least ``resistance`` k, of stress per squared length; ``motion`` (2N,) has a largest
+    component of 1. ``unstable`` is the number of motions with negative resistance."""
+
+    resistance: float
+    motion: FloatArray
+    unstable: int
+
+    @property
+    def stable(self) -> bool:
+        """Whether every motion is resisted."""
+        return not self.unstable
+
+    def part_in(self, displacement: FloatArray) -> float:
+        """Cosine of the motion and a ``displacement`` (2N,); zero up to round-off."""
+        size = float(np.linalg.norm(self.motion) * np.linalg.norm(displacement))
+        part = float(self.motion @ displacement)
+        return part / size if abs(part) > COARSE_ROUND_OFF * size else 0.0
+
+
+STILL = SoftMotion(np.inf, np.zeros(0), 0)
+"""Of bodies without stress."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stressed:
+    """A ``body`` at ``displacement`` (2n,) and load ``factors`` (L,)."""
+
+    body: FiniteBody
+    displacement: FloatArray
+    factors: FloatArray
+
+    @cached_property
+    def stress(self) -> FloatArray:
+        """First Piola-Kirchhoff stress (4, n) at the nodes."""
+        return self.body.stress(self.displacement, self.factors)
+
+    def energies(self, motion: FloatArray) -> FloatArray:
+        """Twice the energies (2,) of the strain of a ``motion`` (2n,), by the shear modulus alone, the least
+        there is, and of the stress on its rotations."""
+        f = self.body.gradient(self.displacement).T.reshape(-1, 2, 2) + np.eye(2)
+        slope = self.body.gradient(motion).T.reshape(-1, 2, 2)
+        strain = np.swapaxes(f, 1, 2) @ slope
+        strain = 0.5 * (strain + np.swapaxes(strain, 1, 2))
+        second = np.linalg.solve(f, self.stress.T.reshape(-1, 2, 2))
+        elastic = 2.0 * self.body.elastic.model.material.shear * (strain**2).sum(axis=(1, 2))
+        geometric = np.einsum("niJ,nJK,niK->n", slope, second, slope)
+        return np.array([elastic, geometric]) @ self.body.elastic.model.cloud.areas
+
+
+def softest_motion(displaced: Callable[[FloatArray], FloatArray], bodies: Sequence[Stressed]) -> SoftMotion:
+    """The softest motion of ``bodies``, which body forces (2N,) per undeformed area have ``displaced``."""
+    clouds = [one.body.elastic.model.cloud for one in bodies]
+    areas = np.repeat(np.concatenate([cloud.areas for cloud in clouds]), 2)
+    root = np.sqrt(areas)
+    basis, upper = [root * _first_force(clouds)], np.zeros((ARNOLDI_STEPS + 1, ARNOLDI_STEPS))
+    basis[0] /= np.linalg.norm(basis[0])
+    for step in range(ARNOLDI_STEPS):
+        found = root * displaced(basis[-1] / root)
+        for _ in range(2):
+            for number, known in enumerate(basis):
+                part = known @ found
+                upper[number, step] += part
+                found = found - part * known
+        upper[step + 1, step] = np.linalg.norm(found)
+        if not upper[step + 1, step] > np.finfo(float).eps * np.abs(upper[: step + 1, step]).max():
+            upper = upper[: step + 2, : step + 1]
+            break
+        basis.append(found / upper[step + 1, step])
+    last = upper.shape[1]
+    values, vectors = np.linalg.eig(upper[:last])
+    left = np.abs(upper[last, last - 1] * vectors[-1])
+    extent = max(float(np.ptp(cloud.points, axis=0).max()) for cloud in clouds)
+    neutral = NEUTRAL * max(float(np.abs(one.stress).max()) for one in bodies) / extent**2
+    unstable, least = 0, STILL
+    sure = (left <= CONVERGED * np.abs(values)) & (np.abs(values) > 0.0)
+    for own in np.flatnonzero(sure).tolist():
+        resistance = float((1.0 / values[own]).real)
+        motion = np.array(basis[:last]).T @ vectors[:, own].real / root
+        motion = motion / motion[np.argmax(np.abs(motion))]
+        if resistance < -neutral:
+            if not _loses(bodies, motion, -resistance * float(areas @ motion**2)):
+                continue
+            unstable += 1
+        if resistance < least.resistance:
+            least = SoftMotion(resistance, motion, 0)
+    return SoftMotion(least.resistance, least.motion, unstable)
+
+
+def _loses(bodies: Sequence[Stressed], motion: FloatArray, energy: float) -> bool:
+    """Whether bodies may lose an ``energy`` in a ``motion`` (2N,): their stress gives back at least half of
+    what the strains take, or these take next to nothing. Short waves next to contacts, where the fields of
+    clouds and those of pressures differ, do not."""
+    ends = np.cumsum([one.body.unknowns for one in bodies])[:-1]
+    parts = zip(bodies, np.split(motion, ends), strict=True)
+    elastic, geometric = np.sum([one.energies(part) for one, part in parts], axis=0)
+    return bool(elastic <= max(-2.0 * geometric, 0.5 * energy))
+
+
+def rows_of_force(body: FiniteBody, force: FloatArray) -> FloatArray:
+    """Residual (r,) of a body's rows by a body force (2N,)."""
+    found = np.zeros(body.elastic.rows)
+    found[: len(force)] = force.reshape(-1, 2).T.ravel()
+    found[body.node_rows :] = -body.elastic.pieces.of_force(force.reshape(-1, 2))
+    return found
+
+
+def _first_force(clouds: Sequence[Cloud]) -> FloatArray:
+    """A force (2N,) with parts of all long waves: cubic polynomials with irregular coefficients."""
+    coefficients = np.random.default_rng(0).normal(size=(10, 2))
+    found = []
+    for cloud in clouds:
+        x, y = ((cloud.points - cloud.points.mean(axis=0)) / np.ptp(cloud.points, axis=0).max()).T
+        powers = np.stack([x**i * y ** (k - i) for k in range(4) for i in range(k + 1)], axis=1)
+        found.append((powers @ coefficients).ravel())
+    return np.concatenate(found)
