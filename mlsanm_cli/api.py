@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import sys
+import tempfile
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -43,6 +44,9 @@ __all__ = [
 
 Place = str | os.PathLike[str]
 Changes = Mapping[str, Any]
+CaseSource = Place | Mapping[str, Any]
+"""A case file, or a case as nested dicts."""
+ENDED_EARLY = {"failed": NumericalError, "stopped": Interrupted}
 
 
 class MlsanmWarning(UserWarning):
@@ -50,7 +54,7 @@ class MlsanmWarning(UserWarning):
 
 
 def run(
-    case: Place,
+    case: CaseSource,
     changes: Changes | None = None,
     *,
     out: Place | None = None,
@@ -60,7 +64,7 @@ def run(
     max_wall: float | None = None,
     progress: bool = False,
 ) -> Run:
-    """Solve the case in a file, with ``changes`` of its keys, and write a run directory.
+    """Solve the case in a file, or of nested dicts, with ``changes`` of its keys, and write a run directory.
 
     ``changes`` are those of ``--set``: ``{"solver.order": 15, "contact.*.friction": 0.2}``. ``out`` is the
     run directory, by default ``results/<name of the case>``; ``force`` overwrites a run in it, ``skip_done``
@@ -69,21 +73,12 @@ def run(
 
     Raises CaseError for an invalid case (``problems`` lists all errors), RunError for invalid usage,
     NumericalError if the run failed, and Interrupted if it was stopped; in the last two cases completed steps
-    are kept and can be opened.
+    are kept, and ``error.run`` is the run.
     """
-    summary = _call(
-        "run.run",
-        threads,
-        Path(case),
-        overrides=overrides(changes),
-        out=_path(out),
-        force=force,
-        skip_done=skip_done,
-        threads=threads,
-        max_wall=max_wall,
-        progress=progress,
-        argv=_argv(),
-    )
+    options: dict[str, Any] = {"force": force, "skip_done": skip_done, "max_wall": max_wall}
+    options |= {"out": _path(out), "overrides": overrides(changes), "argv": _argv()}
+    with _file_of(case) as path:
+        summary = _call("run.run", threads, path, threads=threads, progress=progress, **options)
     return _opened(summary)
 
 
@@ -100,7 +95,11 @@ def resume(
 
 
 def check(
-    case: Place, changes: Changes | None = None, *, write: Place | None = None, picture: Place | None = None
+    case: CaseSource,
+    changes: Changes | None = None,
+    *,
+    write: Place | None = None,
+    picture: Place | None = None,
 ) -> dict[str, Any]:
     """Check a case without solving it: sizes, cloud quality, contact pairs, cost, ``warnings``, ``notes``.
 
@@ -108,7 +107,8 @@ def check(
     RunError as `run` does.
     """
     files: dict[str, Any] = {"write": _path(write), "picture": _path(picture)}
-    return dict(_call("check.check", 1, Path(case), overrides=overrides(changes), **files))
+    with _file_of(case) as path:
+        return dict(_call("check.check", 1, path, overrides=overrides(changes), **files))
 
 
 def open_run(rundir: Place) -> Run:
@@ -120,7 +120,7 @@ def open_run(rundir: Place) -> Run:
 
 
 def sweep(
-    case: Place,
+    case: CaseSource,
     varied: Mapping[str, Sequence[Any]],
     changes: Changes | None = None,
     *,
@@ -137,18 +137,10 @@ def sweep(
     run if any point is invalid.
     """
     texts = [f"{key}={','.join(toml_value(value) for value in values)}" for key, values in varied.items()]
-    result = _call(
-        "sweep.run_sweep.sweep",
-        1,
-        Path(case),
-        texts,
-        overrides=overrides(changes),
-        out=_path(out),
-        jobs=jobs,
-        force=force,
-        progress=progress,
-        argv=_argv(),
-    )
+    options: dict[str, Any] = {"jobs": jobs, "force": force, "argv": _argv()}
+    options |= {"out": _path(out), "overrides": overrides(changes)}
+    with _file_of(case) as path:
+        result = _call("sweep.run_sweep.sweep", 1, path, texts, progress=progress, **options)
     if result["stopped"]:
         raise Interrupted("the sweep was stopped", "repeat the call to continue with the remaining points")
     return [Run(Path(place)) for place in result["directories"]]
@@ -172,10 +164,10 @@ def _opened(summary: Mapping[str, Any]) -> Run:
         # Only now that everything is written: a filter may turn warnings into errors.
         warnings.warn(text, MlsanmWarning, stacklevel=3)
     status, reason, hint = summary["status"], str(summary["stop_reason"]), str(summary.get("hint", ""))
-    if status == "failed":
-        raise NumericalError(f"{reason} (kept in {summary['directory']})", hint)
-    if status == "stopped":
-        raise Interrupted(f"{reason} (kept in {summary['directory']})", hint)
+    if status in ENDED_EARLY:
+        error = ENDED_EARLY[status](f"{reason} (kept in {summary['directory']})", hint)
+        error.run = Run(Path(summary["directory"]))
+        raise error
     return Run(Path(summary["directory"]))
 
 
@@ -187,6 +179,29 @@ def _call(function: str, numerics: int, /, *given: Any, progress: bool = False, 
         called = getattr(import_module(f"mlsanm_cli.app.{module}"), name)
     with _console(progress) as console:
         return called(*given, console=console, **options)
+
+
+@contextmanager
+def _file_of(case: CaseSource) -> Iterator[Path]:
+    """The file of a case; that of dicts exists within the block. Files named in them are relative to the
+    current directory, as if the case were in it."""
+    if not isinstance(case, Mapping):
+        yield Path(case)
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "case.toml"
+        lines = [
+            f"{toml_value(str(key))[1:-1]} = {toml_value(_placed(value))}" for key, value in case.items()
+        ]
+        path.write_text("\n".join(lines), encoding="utf-8")
+        yield path
+
+
+def _placed(value: Any) -> Any:
+    """Nested dicts with the names of files made absolute."""
+    if isinstance(value, Mapping):
+        return {key: Path(one).absolute() if key == "file" else _placed(one) for key, one in value.items()}
+    return [_placed(one) for one in value] if isinstance(value, list | tuple) else value
 
 
 def _path(place: Place | None) -> Path | None:

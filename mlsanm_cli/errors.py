@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from mlsanm_cli.records import dataclass
 
@@ -42,6 +43,8 @@ class MlsanmError(Exception):
     """Base class of the errors of mlsanm."""
 
     exit_code = 70
+    run: Any = None
+    """The run that ended with this error, in the Python interface."""
 
     def __init__(self, message: str, hint: str = "") -> None:
         super().__init__(message)

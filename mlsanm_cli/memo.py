@@ -43,16 +43,6 @@ class Memo:
         kept: Value = self._values[place]
         return kept
 
-    def latest(self, kind: str, key: str) -> Any | None:
-        """What :meth:`replace` kept last for a ``kind`` and ``key``; None if nothing."""
-        return self._values.get((kind, key)) if self._most else None
-
-    def replace(self, kind: str, key: str, value: object) -> None:
-        """Keep a ``value`` that other runs may begin with, in place of the one before."""
-        if self._most:
-            self._values[kind, key] = value
-            self._values.move_to_end((kind, key))
-
     @property
     def figures(self) -> Mapping[str, int]:
         """Numbers of results ``found`` and ``made``; empty if none are kept."""

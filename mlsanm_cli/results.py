@@ -83,6 +83,12 @@ class Run:
     def __repr__(self) -> str:
         return f"<Run {self.directory}: {self.status}>"
 
+    def _repr_html_(self) -> str:
+        """Status and figures as in a report, in notebooks."""
+        from mlsanm_cli.app.results.report import main_figures
+
+        return main_figures(self.data)
+
     @cached_property
     def data(self) -> RunData:
         """All arrays of run.h5, as `mlsanm_cli.io.run_reader` describes them."""

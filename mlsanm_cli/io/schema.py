@@ -72,9 +72,12 @@ FIELDS: Table = _table(
     ("strain", "node tensor", "", "strain"),
     ("stretch", "node principal", "", "principal stretch", "float64", 1.0),
     ("volume_ratio", "node", "", "volume ratio", "float64", 1.0),
+    ("plastic_strain", "node", "", "accumulated plastic strain"),
+    ("flow_stress", "node", "stress", "flow stress"),
+    ("yield_ratio", "node", "", "equivalent stress over the flow stress"),
 )
-"""Saved fields; stresses are Cauchy stresses. The hoop stress in bodies of revolution only, the last two at
-finite strain only."""
+"""Saved fields; stresses are Cauchy stresses. The hoop stress in bodies of revolution only, stretches and the
+volume ratio at finite strain only, the last three in scenes with a yield stress only, 0 in elastic bodies."""
 
 CONTACT_GEOMETRY: Table = _table(
     "contacts/{contact}/",
@@ -185,6 +188,7 @@ INTERFACE_COLUMNS = ("x", "y", "arc_length", "gap", "pressure", "traction", "sli
 """The columns of interface.csv, quantities of the contact in its last row; x and y are its points."""
 BODY_ARRAYS = (
     *("displacement", "stress", "von_mises", "strain", "stress_zz", "stretch_1", "stretch_2", "volume_ratio"),
+    *("plastic_strain", "flow_stress", "yield_ratio"),
     "boundary_tag",
 )
 CONTACT_ARRAYS = (
@@ -272,6 +276,11 @@ SUMMARY: Table = (
         ("finite_strain.ellipticity", "", "", "ellipticity"),
         ("finite_strain.equations_renewed", "", "", "times that the equations were renewed", "int64"),
         ("finite_strain.limit_points", "", "", "limit points on the path", "mapping"),
+        ("flow.increment_error", "", "", "estimated error of displacements by increments"),
+        ("flow.bodies.{body}.plastic_strain", "", "", "largest accumulated plastic strain"),
+        ("flow.bodies.{body}.plastic_area", "", "", "part of the area with plastic strain"),
+        ("flow.bodies.{body}.plastic_work", "", "force*length", "work of plastic strains"),
+        ("flow.bodies.{body}.stored_energy", "", "force*length", "elastic energy, and that of back stresses"),
         ("stability", "", "", "stability"),
         ("quality", "", "", "quality of clouds", "mapping"),
         ("adapt", "", "", "passes of the refinement", "mapping"),
@@ -322,11 +331,10 @@ def quantity(table: Table, path: str) -> Quantity | None:
     >>> quantity(RUN_FILE, "contacts/left rail/gap").description
     'gap'
     """
-    return next((entry for entry in table if _pattern(entry).fullmatch(path)), None)
-
-
-def _pattern(entry: Quantity) -> re.Pattern[str]:
-    parts = re.split(r"\{\w+\}", entry.path)
-    # Names in a path of HDF5 contain no slash; checkpoints are nested further.
-    name = ".+" if "/" not in entry.path or entry.path.startswith("checkpoint/") else "[^/]+"
-    return re.compile(name.join(map(re.escape, parts)))
+    for entry in table:
+        parts = re.split(r"\{\w+\}", entry.path)
+        # Names in a path of HDF5 contain no slash; checkpoints are nested further.
+        name = ".+" if "/" not in entry.path or entry.path.startswith("checkpoint/") else "[^/]+"
+        if re.fullmatch(name.join(map(re.escape, parts)), path):
+            return entry
+    return None

@@ -9,7 +9,7 @@ import sys
 from binascii import b2a_base64
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +18,9 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.files import replacing, write_text
 from mlsanm_cli.io.run_dir import COLLECTION_FILE, LINES_FILE, vtu_name
-from mlsanm_cli.records import dataclass
 
 
-@dataclass(frozen=True)
-class VtuPart:
+class VtuPart(NamedTuple):
     """A body, a surface or an obstacle at one load level. ``points`` (n, 2) are undeformed; ``cells`` are
     lines (c, 2) or triangles (c, 3); points without a cell become vertices. ``data`` by name are scalars
     (n,), vectors (n, 2), and tensors xx, yy, xy (n, 3) or xx, yy, xy, zz (n, 4)."""
@@ -32,16 +30,56 @@ class VtuPart:
     data: Mapping[str, NDArray[Any]]
 
 
-class _Collection:
-    """VTU files of saved states in an existing directory, and the PVD file that lists them."""
+NO_PARTS: Mapping[str, VtuPart] = {}
+
+
+class StateWriter:
+    """Writes the saved states into an existing directory: a VTU file per state and body, from fields_0000.vtu
+    on, contacts_0000.vtu and, if there are any, obstacles_0000.vtu and so on for every state, and fields.pvd
+    and contacts.pvd, which list them."""
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory
-        self._entries: list[str] = []
+        self._listed: dict[str, list[str]] = {COLLECTION_FILE: [], LINES_FILE: []}
+        self._states = 0
+
+    def write(
+        self,
+        position: float,
+        bodies: Mapping[str, VtuPart],
+        contacts: Mapping[str, VtuPart] = NO_PARTS,
+        obstacles: Mapping[str, VtuPart] = NO_PARTS,
+    ) -> None:
+        """Writes a state and lists it. Raises RunError if a file cannot be written."""
+        for name, file in self._files(list(bodies)).items():
+            write_parts(self._directory / file, "", [bodies[name]])
+        for kind, lines in (("contacts", contacts), ("obstacles", obstacles if contacts else {})):
+            if lines:
+                write_parts(self._directory / vtu_name(kind, self._states), kind[:-1], list(lines.values()))
+        self.keep(position, list(bodies))
+
+    def keep(self, position: float, names: Sequence[str]) -> None:
+        """Lists a state with the bodies of these ``names``, also of an earlier process. Raises RunError if a
+        file is missing."""
+        files = self._files(names)
+        for path in (self._directory / file for file in files.values()):
+            if not path.is_file():
+                hint = "restore it, or run the case again with --force"
+                raise RunError(f"{path} is missing (written before the run stopped)", hint)
+        self._list(COLLECTION_FILE, position, files)
+        lines = {kind: vtu_name(kind, self._states) for kind in ("contacts", "obstacles")}
+        there = {kind: file for kind, file in lines.items() if (self._directory / file).is_file()}
+        if there:
+            self._list(LINES_FILE, position, there)
+        self._states += 1
+
+    def _files(self, names: Sequence[str]) -> dict[str, str]:
+        first = len(self._listed[COLLECTION_FILE])
+        return {name: vtu_name("fields", number) for number, name in enumerate(names, first)}
 
     def _list(self, file: str, position: float, parts: Mapping[str, str]) -> None:
-        """Adds the files of a state's parts by name. Raises RunError if the list cannot be written."""
-        self._entries += [
+        """Adds the files of a state's parts by name to a PVD file. Raises RunError."""
+        self._listed[file] += [
             f'    <DataSet timestep="{float(position)!r}" group="" part="{number}" '
             f'name="{escape(name)}" file="{part}"/>'
             for number, (name, part) in enumerate(parts.items())
@@ -50,65 +88,11 @@ class _Collection:
             '<?xml version="1.0"?>',
             '<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">',
             "  <Collection>",
-            *self._entries,
+            *self._listed[file],
             "  </Collection>",
             "</VTKFile>",
         )
         write_text(self._directory / file, "\n".join(lines) + "\n")
-
-
-class StateWriter(_Collection):
-    """Writes one VTU per saved state and body, from fields_0000.vtu on, and fields.pvd, which lists them."""
-
-    def write(self, position: float, bodies: Mapping[str, VtuPart]) -> None:
-        """Writes a state and adds it to fields.pvd. Raises RunError if a file cannot be written."""
-        files = self._files(list(bodies))
-        for name, body in bodies.items():
-            write_parts(self._directory / files[name], "", [body])
-        self._list(COLLECTION_FILE, position, files)
-
-    def keep(self, position: float, names: Sequence[str]) -> None:
-        """Adds the files of a state written by an earlier process. Raises RunError if one is missing."""
-        files = self._files(names)
-        for file in files.values():
-            path = self._directory / file
-            if not path.is_file():
-                raise RunError(
-                    f"{path} is missing (written before the run stopped)",
-                    hint="restore it, or run the case again with --force",
-                )
-        self._list(COLLECTION_FILE, position, files)
-
-    def _files(self, names: Sequence[str]) -> dict[str, str]:
-        return {name: vtu_name("fields", number) for number, name in enumerate(names, len(self._entries))}
-
-
-class LinesWriter(_Collection):
-    """Writes contacts_0000.vtu and, if there are any, obstacles_0000.vtu and so on for every saved state, and
-    contacts.pvd, which lists them."""
-
-    _states = 0
-
-    def write(
-        self, position: float, contacts: Mapping[str, VtuPart], obstacles: Mapping[str, VtuPart]
-    ) -> None:
-        """Writes a state and adds it to contacts.pvd; nothing if there are no contacts. Raises RunError if a
-        file cannot be written."""
-        if not contacts:
-            return
-        for kind, lines in (("contacts", contacts), ("obstacles", obstacles)):
-            if lines:
-                file = self._directory / vtu_name(kind, self._states)
-                write_parts(file, kind[:-1], list(lines.values()))
-        self.keep(position)
-
-    def keep(self, position: float) -> None:
-        """Adds the existing files of a state."""
-        files = {kind: vtu_name(kind, self._states) for kind in ("contacts", "obstacles")}
-        there = {kind: file for kind, file in files.items() if (self._directory / file).is_file()}
-        if there:
-            self._list(LINES_FILE, position, there)
-        self._states += 1
 
 
 def write_parts(path: Path, number: str, parts: Sequence[VtuPart]) -> None:

@@ -39,6 +39,10 @@ INCOMPRESSIBLE_NEIGHBORS = 1.3
 """Factor on the stencil size of nearly incompressible materials, whose errors scatter more from cloud to
 cloud."""
 
+SECOND_SHARE = 0.05
+"""Share of second derivatives in the equilibrium of materials that flow: with it the plastic stresses of a
+body determine its strains (the response to them has the eigenvalues 0 to 1.02 of a projection), and nodal
+stresses do not oscillate. docs/method.md, Plasticity."""
 MIN_NODE_DISTANCE = 0.02
 """Nodes closer than this fraction of the spacing are rejected: only their difference distinguishes them."""
 MIN_CORNER_ANGLE = 0.3
@@ -108,7 +112,7 @@ class BodyModel:
     def rows_content(self) -> str:
         """Digest of what the body's rows depend on; its name and thermal expansion do not matter."""
         kind = _kind(self.settings)
-        return digest(self.cloud.content, self.material.stiffness, kind)
+        return digest(self.cloud.content, self.material.stiffness, self.material.flows, kind)
 
     @property
     def unknowns(self) -> int:
@@ -174,21 +178,32 @@ class BodyModel:
         return sparse.csr_array(rows)
 
     def equilibrium(self, component: int) -> sparse.csr_array:
-        """Rows (n, 2N) of div sigma in x (0) or y (1) at the cloud's points.
+        """Rows (n, 2N) of div sigma in x (0) or y (1) at the cloud's points: by second derivatives of the
+        displacement, but for the stresses of the :attr:`nested` stiffness, which are differentiated as nodal
+        fields."""
+        even = self.nested
+        rest = self.material.stiffness - even
+        rows = []
+        if rest.any():
+            rows.append(equilibrium_rows(self.stencils, rest, component))
+        if even.any():
+            rows.append(nested_equilibrium_rows(self.stencils, self.stencils, even, component))
+        return sparse.csr_array(sum(rows[1:], rows[0]))
+
+    @cached_property
+    def nested(self) -> FloatArray:
+        """Part (3 | 4, 3 | 4) of the stiffness whose stresses are differentiated as nodal fields.
 
         Nearly incompressible materials would lock: grad div u imposes two conditions per node and leaves too
-        few isochoric displacements. There the mean pressure is differentiated as a nodal field, one condition
-        per node. Degree 1, without second derivatives, does so with all stresses.
+        few isochoric displacements. There the mean pressure is a nodal field, one condition per node. Degree
+        1, without second derivatives, has all stresses nodal. So do materials that flow, as their plastic
+        stresses are nodal, except for a part ``SECOND_SHARE`` against oscillations.
         """
-        c = self.material.stiffness
-        nested = self.settings.degree == 1
-        if not nested and not self.material.nearly_incompressible:
-            return equilibrium_rows(self.stencils, c, component)
-        even = c if nested else self.material.bulk_part
-        rows = nested_equilibrium_rows(self.stencils, self.stencils, even, component)
-        if nested:
-            return rows
-        return sparse.csr_array(equilibrium_rows(self.stencils, c - even, component) + rows)
+        c, settings = self.material.stiffness, self.settings
+        if settings.degree == 1:
+            return c
+        even = self.material.bulk_part if self.material.nearly_incompressible else np.zeros_like(c)
+        return even + (1.0 - SECOND_SHARE) * (c - even) if self.material.flows else even
 
     def stress(self, displacement: FloatArray) -> FloatArray:
         """Stress (n, 3 | 4) at the cloud's points, in the order xx, yy, xy, hoop, for nodal ``displacement``
@@ -209,13 +224,12 @@ class BodyModel:
 
     def divergence_of(self, derivatives: FloatArray) -> FloatArray:
         """div sigma (n, 2) from ``derivatives`` (n, 6, 2) of a displacement, as by :meth:`equilibrium`."""
-        c, radius = self.material.stiffness, self.stencils.radius
-        nested = self.settings.degree == 1
-        if not nested and not self.material.nearly_incompressible:
-            return divergence_of(derivatives, c, radius)
-        even = c if nested else self.material.bulk_part
-        rest = 0.0 if nested else divergence_of(derivatives, c - even, radius)
-        return np.asarray(self.stress_divergence(stress_of(derivatives, even, radius)) + rest)
+        even, radius = self.nested, self.stencils.radius
+        rest = self.material.stiffness - even
+        found = np.zeros((len(derivatives), 2))
+        if rest.any():
+            found += divergence_of(derivatives, rest, radius)
+        return found + self.stress_divergence(stress_of(derivatives, even, radius)) if even.any() else found
 
     def stress_divergence(self, stress: FloatArray) -> FloatArray:
         """Divergence (n, 2) of nodal ``stress`` (n, 3) at the cloud's points."""
@@ -225,7 +239,7 @@ class BodyModel:
 def enriched_tips(tips: Tips | None, material: PlaneMaterial, settings: MlsSettings) -> Tips | None:
     """Reentrant corners with known singular fields: those of isotropic materials."""
     kernel = kernel_of(material)
-    if tips is None or not settings.corners or not isinstance(kernel, Isotropic):
+    if tips is None or not settings.corners or material.flows or not isinstance(kernel, Isotropic):
         return None
     return isolated_tips(settings, replace(tips, kappa=kernel.kappa))
 
@@ -239,7 +253,7 @@ def enough_neighbors(settings: MlsSettings, material: PlaneMaterial) -> MlsSetti
 
 def model_key(name: str, cloud: Cloud, material: PlaneMaterial, settings: MlsSettings) -> str:
     """Digest of the arguments of :meth:`BodyModel.build`."""
-    elastic = [material.stiffness, material.across, material.expansion, material.across_heat]
+    elastic = [material.stiffness, material.across, material.expansion, material.across_heat, material.flows]
     return digest(name, cloud.content, elastic, _kind(settings))
 
 

@@ -31,13 +31,15 @@ class PlaneMaterial:
     Stress across the plane is ``across`` (3,) times the stress in the plane, plus ``across_modulus`` times
     the mechanical strain zz; both vanish in plane stress, where that strain is ``contraction`` (3,) times the
     stress in the plane. Unknown constants are nan. In bodies of revolution ``stiffness`` is (4, 4), with the
-    hoop stress and strain last, and strains per degree are those of a free body."""
+    hoop stress and strain last, and strains per degree are those of a free body. A material that ``flows``
+    may strain plastically beyond its elasticity."""
 
     stiffness: FloatArray
     across: FloatArray
     free_expansion: FloatArray
     across_modulus: float
     contraction: FloatArray
+    flows: bool = False
 
     @cached_property
     def expansion(self) -> FloatArray:

@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping
 from types import MappingProxyType
+from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse as sparse
@@ -51,6 +52,10 @@ MAX_MODULUS_RATIO = 150.0
 have so few digits left that the pieces are made weaker in proportion."""
 PAIR_WEIGHT = 10.0
 """The same for pairs of nodes at contacts, which separate one node's pressure from its neighbours'."""
+
+
+ForcesThrough: TypeAlias = Callable[[FloatArray, FloatArray, FloatArray], sparse.csr_array]
+"""Rows (3e, ...) as by :meth:`BodyModel.forces_through`."""
 
 
 @dataclass(frozen=True)
@@ -110,19 +115,20 @@ class Pieces:
         strength = min(1.0, MAX_MODULUS_RATIO * material.shear / material.modulus) * self.strength
         return strength / self.cloud.around(self.middle)
 
-    def fluxes(self, model: BodyModel, held: Held, wanted: BoolArray) -> sparse.csr_array:
+    def fluxes(
+        self, model: BodyModel, held: Held, wanted: BoolArray, through: ForcesThrough | None = None
+    ) -> sparse.csr_array:
         """Rows (3k, 2N) of minus the force and moment that leave every piece through inner faces and through
-        ``held`` components of the outline; at least those of ``wanted`` pieces (k,) are filled."""
-        parts = [
-            matrix @ model.forces_through(*places)
-            for matrix, *places in self._faces(held, wanted, rule_of(model))
-        ]
+        ``held`` components of the outline; at least those of ``wanted`` pieces (k,) are filled. Forces are
+        those of displacements, or of ``through``."""
+        forces = through or model.forces_through
+        parts = [matrix @ forces(*places) for matrix, *places in self._faces(held, wanted, rule_of(model))]
         if self.cloud.revolved:
             parts += [
                 self._hoop(owner, points, weight) @ model.hoop_stress(centers, points)
                 for owner, centers, points, weight in self._rings(rule_of(model))
             ]
-        return sparse.csr_array(sum(parts, sparse.csr_array((3 * self.count, model.unknowns))))
+        return sparse.csr_array(sum(parts[1:], parts[0]))
 
     def flux_of(self, stress: Callable[[FloatArray, FloatArray], FloatArray], held: Held) -> FloatArray:
         """The same (3k,) for a ``stress`` function of points (e, t, 2) around centres (e, 2), values (e, t, 3
@@ -370,12 +376,16 @@ def turned_along(start: FloatArray, end: FloatArray) -> FloatArray:
 
 
 def reaction_rows(
-    model: BodyModel, surface: Surface, held: tuple[bool, bool], center: tuple[float, float]
+    model: BodyModel,
+    surface: Surface,
+    held: tuple[bool, bool],
+    center: tuple[float, float],
+    through: ForcesThrough | None = None,
 ) -> sparse.csr_array:
     """Rows (3, 2N) of force x, y and moment about ``center`` of a held surface on its body, in ``held``
     components, as in the rows of the pieces."""
     points, normals = _along(model.cloud, surface, Halves.of(surface, rule_of(model)))
-    forces, count = model.forces_through(points, points[:, None], normals[:, None]), len(points)
+    forces, count = (through or model.forces_through)(points, points[:, None], normals[:, None]), len(points)
     x, y = (points - np.array(center)).T
     along, one, none = np.array(held, dtype=float), np.ones(count), np.zeros(count)
     lines = [[one * along[0], none, none], [none, one * along[1], none], [-y * along[0], x * along[1], none]]

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import field, replace
+
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.response.condensed import Condensed
+from mlsanm_cli.mechanics.laws.von_mises import VonMises, plastic_stress
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.records import dataclass
+from mlsanm_cli.solve.state import State
 
 
 @dataclass(frozen=True)
@@ -19,7 +24,8 @@ class CondensedScene:
     ``stages`` (T + 1, L) are the load factors before the first stage and at the end of each; ``ends`` the
     exact contact states there (none without contact), with friction from one increment per stage: sufficient
     for scales, reach and refinement. Stages that cannot be completed have none, but the last state may be
-    that of a part of a stage. ``stability`` is the coercivity estimate.
+    that of a part of a stage. ``stability`` is the coercivity estimate. ``laws`` are those of bodies that
+    flow, whose plastic strains are in the states of the path.
     """
 
     case: Case
@@ -28,6 +34,14 @@ class CondensedScene:
     stages: FloatArray
     ends: tuple[ExactState, ...]
     stability: float
+    laws: Mapping[str, VonMises] = field(default_factory=dict)
+
+    def at(self, state: State) -> CondensedScene:
+        """The scene under the eigenstresses of the plastic strains in a ``state``."""
+        if self.condensed.eigen is None or not state.solver:
+            return self
+        stresses = {name: plastic_stress(law.linear, state.history(name)) for name, law in self.laws.items()}
+        return replace(self, condensed=self.condensed.eigen.within(self.condensed, stresses))
 
     @property
     def stays_open(self) -> bool:

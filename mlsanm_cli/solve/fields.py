@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
+from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.elasticity import von_mises
+from mlsanm_cli.mechanics.laws.von_mises import ZZ, VonMises, plastic_stress
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.probes import stress_of_expansion
 from mlsanm_cli.solve.condensed_scene import CondensedScene
@@ -46,7 +48,7 @@ def _fields(built: CondensedScene, name: str, state: State, displacement: FloatA
     """Fields of a body from the ``displacement`` (n, 2) of its elastic system."""
     model = built.scene.bodies[name].model
     moved, stressed = built.condensed.contact_fields(built.scene, name, state.unknowns)
-    none = np.zeros((0, len(model.material.stiffness)))
+    none, flow = np.zeros((0, len(model.material.stiffness))), flow_of(built, name, state)
     sigma, degrees, near = none, np.zeros(0), none
     if stress:
         degrees = built.scene.degrees(name, state.factors)
@@ -54,13 +56,35 @@ def _fields(built: CondensedScene, name: str, state: State, displacement: FloatA
         sigma = model.stress(displacement) + near
         sigma = sigma - degrees[:, None] * stress_of_expansion(model.material)
     whole = displacement + moved
-    return {**named_fields(model.material, whole, sigma, degrees), "rest": displacement, "near": near}
+    return {**named_fields(model.material, whole, sigma, degrees, flow), "rest": displacement, "near": near}
+
+
+FlowState: TypeAlias = tuple[VonMises, FloatArray]
+"""A law with histories (n, 5) of points."""
+
+
+def flow_of(
+    built: CondensedScene, body: str, state: State, at: sparse.csr_array | None = None
+) -> FlowState | None:
+    """The law and the histories of a body that flows, at its nodes or by values of a nodal field ``at``
+    points; None of an elastic one."""
+    if body not in built.laws:
+        return None
+    history = state.history(body)
+    return built.laws[body], history if at is None else at @ history
 
 
 def named_fields(
-    material: PlaneMaterial, displacement: FloatArray, stress: FloatArray, degrees: FloatArray
+    material: PlaneMaterial,
+    displacement: FloatArray,
+    stress: FloatArray,
+    degrees: FloatArray,
+    flow: FlowState | None = None,
 ) -> dict[str, FloatArray]:
-    """Fields at n points from displacement (n, 2), stress (n, 3 | 4) and temperature (n,), or no stress."""
+    """Fields at n points from displacement (n, 2), stress (n, 3 | 4) and temperature (n,), or no stress. The
+    stress of bodies that flow is that of their whole strain."""
+    if flow is not None and len(stress):
+        return _flowing_fields(*flow, displacement, stress, degrees)
     across = material.out_of_plane_stress(stress, degrees)
     return {
         "displacement": displacement,
@@ -68,6 +92,30 @@ def named_fields(
         "stress_zz": across,
         "von_mises": von_mises(stress, across),
         "strain": material.strain(stress, degrees),
+        # Of elastic bodies in scenes with a yield stress.
+        **dict.fromkeys(("plastic_strain", "flow_stress", "yield_ratio"), np.zeros(len(stress))),
+    }
+
+
+def _flowing_fields(
+    law: VonMises, history: FloatArray, displacement: FloatArray, whole: FloatArray, degrees: FloatArray
+) -> dict[str, FloatArray]:
+    """Fields of a body that flows from the stress (n, 3) of its ``whole`` strain: also the accumulated
+    plastic strain, the flow stress, and the equivalent stress over it."""
+    material, amount = law.linear, np.maximum(history[:, 4], 0.0)
+    stress = whole - plastic_stress(material, history)
+    across = material.out_of_plane_stress(stress, degrees) - material.across_modulus * history[:, ZZ]
+    flow = law.hardening.flow(amount)[0]
+    equivalent = law.equivalent(np.column_stack([stress[:, :2], across, stress[:, 2]]), history)
+    return {
+        "displacement": displacement,
+        "stress": stress,
+        "stress_zz": across,
+        "von_mises": von_mises(stress, across),
+        "strain": material.strain(whole, degrees),
+        "plastic_strain": amount,
+        "flow_stress": flow,
+        "yield_ratio": equivalent / flow,
     }
 
 

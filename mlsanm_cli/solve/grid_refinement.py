@@ -40,8 +40,6 @@ halvings save nothing."""
 EQUAL_SHARE, WORST_SHARE, WORST_SHARE_OF_MANY = 0.7, 0.1, 0.02
 """Intervals are halved whose error is above this part of an equal share, and of the largest: more at once in
 grids with many intervals, as each round takes long."""
-MAX_MERGED_SHARE = 2.0
-"""Intervals are merged if that leaves less than this part of an equal share."""
 WORST_SHARE_WITHOUT_FRICTION, QUARTER_RATIO = 0.05, 4.0
 """Part of the largest error without friction, where rounds take longer than more intervals do; and intervals
 with more than this multiple of the least error of halved ones are quartered, as halving leaves a sixth, or at
@@ -80,10 +78,9 @@ def refined(
     accuracy: Mapping[str, float],
     tractions: bool,
     limits: tuple[int, int] = DENSE_LIMITS,
-    coarsened: bool = False,
 ) -> dict[str, ContactGrid]:
     """Grids halved where the pressures of the states, and ``tractions`` if they count, require it, up to
-    ``limits``; those halved also ``coarsened``, if requested, where they are finer than required.
+    ``limits``.
 
     Tractions count at the ends of stages only: every level between them has other edges of stick zones, and a
     grid fine at all of them would be fine everywhere.
@@ -111,31 +108,8 @@ def refined(
         errors = np.max(each, axis=0, initial=0.0)
         chosen &= grid.hats.steps > _shortest(grid)
         if chosen.any():
-            result[name] = halved = _halved(grid, chosen, quartered, errors)
-            if coarsened:
-                most = MAX_MERGED_SHARE * aim / np.sqrt(len(errors))
-                fine = _too_fine(condensed, name, states, tractions, most)
-                result[name] = replace(halved, hats=halved.hats.without(fine))
+            result[name] = _halved(grid, chosen, quartered, errors)
     return result
-
-
-def _too_fine(
-    condensed: Condensed, name: str, states: Sequence[ExactState], tractions: bool, most: float
-) -> FloatArray:
-    """Nodes within the contact of all states without which the estimated error of the interval that they
-    leave stays below ``most``."""
-    pairing, span = condensed.pairing_of(name), condensed.spans[name]
-    assert pairing.grid is not None
-    hats, worst = pairing.grid.hats, np.zeros(len(pairing.grid.hats.place))
-    inner = np.ones(len(worst), dtype=bool)
-    for state in states:
-        pressure, closed = state.pressure[span], np.pad(state.active[span], 2)
-        parts = [hats.errors_without(pressure)]
-        if pairing.friction and tractions:
-            parts.append(hats.errors_without(state.traction[condensed.tangential[name]]) / pairing.friction)
-        worst = np.maximum(worst, np.linalg.norm(parts, axis=0) / hats.norm(pressure))
-        inner &= np.all([closed[k : k + len(inner)] for k in range(5)], axis=0)
-    return np.asarray(hats.place[inner & (worst < most)])
 
 
 def _halved(grid: ContactGrid, chosen: BoolArray, quartered: BoolArray, errors: FloatArray) -> ContactGrid:

@@ -27,6 +27,10 @@ MIN_ROWS_OF_MANY = 1
 
 def load_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
     """The path of the scene, or its remaining part, by the method of its contact law."""
+    if built.laws:
+        from mlsanm_cli.solve.plastic_path import plastic_path
+
+        return plastic_path(built, start)
     if not built.case.touching:
         return linear_path(built, start)
     # Imported when needed, as each method imports another package.

@@ -86,6 +86,10 @@ class State:
         """Nominal tractions (2s,) at the nodes of both sides of all contacts; finite strain only."""
         return self.solver.get("side_traction", _none())
 
+    def history(self, body: str) -> FloatArray:
+        """Plastic strain xx, yy, zz, 2 xy and its accumulated amount (n, 5) of a body that flows."""
+        return self.solver[f"history.{body}"]
+
     @property
     def is_finite(self) -> bool:
         """Whether all unknowns are finite."""

@@ -6,6 +6,7 @@ import csv
 import inspect
 import re
 import shutil
+import tomllib
 import warnings
 from pathlib import Path
 
@@ -128,7 +129,23 @@ def test_a_failed_and_a_stopped_run_raise_and_can_be_opened(tmp_path: Path) -> N
     with pytest.raises(mlsanm.NumericalError, match=r"kept in results/press") as failed:
         mlsanm.run(path, changes)
     assert "solver.max_steps" in failed.value.hint
-    assert mlsanm.open("results/press").status == "failed"
+    assert failed.value.run.status == mlsanm.open("results/press").status == "failed"
+
+
+def test_a_case_may_be_nested_dicts_and_a_run_is_shown_as_html(tmp_path: Path) -> None:
+    bar = tomllib.loads(BAR)
+    (tmp_path / "bar.toml").write_text(BAR)
+    run, other = (
+        mlsanm.run(bar, {"material.steel.nu": 0.2}),
+        mlsanm.run("bar.toml", {"material.steel.nu": 0.2}),
+    )
+    assert run.case == other.case
+    assert run.directory == Path("results/case")
+    shown = run._repr_html_()
+    assert "done" in shown
+    assert "<table>" in shown
+    with pytest.raises(mlsanm.CaseError, match="nodes"):
+        mlsanm.check({**bar, "nodes": 7})
 
 
 def test_stopped_runs_are_resumed(tmp_path: Path) -> None:

@@ -57,7 +57,26 @@ VALUES: list[Row] = [
 ]
 RING = "body.1.shape={kind='annulus', center=[0, 0], radii=[2.0, 1.0]}"
 ON_DISK = 'friction = "bonded"\nobstacle = {kind = "disk", center = [0, 0], radius = 1}'
+YIELDS = "E = 210e3\nyield_stress = 250.0"
 RELATIONS: list[Row] = [
+    (("E = 210e3", "E = 210e3\nhardening = 1e3"), "material.steel.yield_stress", "missing"),
+    (
+        ("E = 210e3", f"{YIELDS}\nludwik = [1e3, 0.2]\nhardening = 1.0"),
+        "material.steel.ludwik",
+        "is given too",
+    ),
+    (("E = 210e3", f"{YIELDS}\nludwik = [1e3, 1.2]"), "material.steel.ludwik", "at most 1"),
+    (
+        ("E = 210e3", f"{YIELDS}\nhardening_table = [[0.01, 240.0]]"),
+        "material.steel.hardening_table.0",
+        "do not decrease",
+    ),
+    (
+        ("E = 210e3", f"{YIELDS}\nhardening_table = [[0.02, 260.0], [0.01, 270.0]]"),
+        "material.steel.hardening_table.1",
+        "strains increase",
+    ),
+    (("E = 210e3", f'{YIELDS}\nlaw = "neo-hookean"'), "material.steel.yield_stress", 'law = "linear"'),
     ("body.0.material='steal'", "body.cylinder.material", 'did you mean "steel"'),
     (('name = "block"', 'name = "cylinder"'), "body.cylinder.name", "already"),
     ("[material.gum]\nE = 1\nnu = 0\n", "material.gum", "no body uses"),

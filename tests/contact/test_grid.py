@@ -143,23 +143,6 @@ def test_halved_grids_stay_graded(seed: int, count: int, rounds: int, part: floa
         hats = finer
 
 
-def test_nodes_are_left_out_as_far_as_the_ratio_of_neighbours_allows() -> None:
-    nodes = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 4.5, 5.0])
-    # Of two neighbours the first goes; beside an interval of 0.5 one of 2 would be too long.
-    assert Hats(nodes).without(nodes[2:4]).nodes.tolist() == [0.0, 1.0, 3.0, 4.0, 4.5, 5.0]
-    assert Hats(nodes).without(nodes[3:4]).nodes.tolist() == nodes.tolist()
-
-
-def test_errors_without_nodes_are_those_of_the_grids_without_them() -> None:
-    """For a parabola, whose second differences are the same everywhere."""
-    nodes = np.array([0.0, 1.0, 1.5, 2.5, 3.0, 4.0])
-    values = nodes[1:-1] * (4.0 - nodes[1:-1])
-    found = Hats(nodes).errors_without(values)
-    for number in (1, 2):
-        fewer = Hats(np.delete(nodes, number + 1)).errors(np.delete(values, number))
-        assert found[number] == pytest.approx(fewer[number], rel=1e-12)
-
-
 def best_error(hats: Hats) -> tuple[FloatArray, float]:
     """Nodal values of sqrt(1 - x^2), and the L2 error of the lines between them."""
     places, weights = leggauss(400)

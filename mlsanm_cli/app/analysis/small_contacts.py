@@ -7,7 +7,6 @@ width, other points touch, and pressures are reported at points that have moved.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -110,6 +109,11 @@ def sliding_distance(
 ) -> Iterator[Check]:
     """Sliding distance of every contact in a state, over its width; ``displacements`` (n, 2) are those of all
     bodies at the points of ``clouds``."""
+
+    def at(points: FloatArray, body: str) -> FloatArray:
+        _, found = nearest(cKDTree(clouds[body].points), points, 1)
+        return displacements[body][found.reshape(-1)]
+
     obstacles = {contact.name: contact.obstacle for contact in built.case.contact}
     moved = platen_displacements(built, state)
     for pairing in built.condensed.pairings:
@@ -120,31 +124,21 @@ def sliding_distance(
         closed = contact_values(built, pairing, state)["pressure"] > 0.0
         if not closed.any():
             continue
-        own = _at(pairing.points[pairing.candidate][closed], pairing.slave_body, clouds, displacements)
+        own = at(pairing.points[chosen][closed], pairing.slave_body)
         if pairing.master_body is None:
             other = np.tile(obstacle_shift(built.case, pairing.name, moved), (len(own), 1))
         else:
-            partner = pairing.partner[chosen][closed]
-            other = _at(partner, pairing.master_body, clouds, displacements)
+            other = at(pairing.partner[chosen][closed], pairing.master_body)
         slid = float(np.abs(((own - other) * pairing.tangent[chosen][closed]).sum(axis=1)).max())
-        width = float(pairing.weight[chosen][closed].sum())
-        yield Check(
-            "sliding_distance",
-            slid / width,
-            f"the surfaces of contact {pairing.name} slide along each other by {slid:.3g} at position "
+        width, place = float(pairing.weight[chosen][closed].sum()), f"contact {pairing.name}"
+        message = (
+            f"the surfaces of {place} slide along each other by {slid:.3g} at position "
             f"{state.position:.6g}, but the contact is only {width:.3g} wide: at small strain pressures act "
-            f"on the points that faced each other initially, an error of this distance on one side",
-            'set model.strain = "finite" (material law "saint-venant-kirchhoff" extends the same elasticity)',
-            f"contact {pairing.name}",
+            f"on the points that faced each other initially, an error of this distance on one side"
         )
-
-
-def _at(
-    points: FloatArray, body: str, clouds: Mapping[str, Cloud], displacements: Mapping[str, FloatArray]
-) -> FloatArray:
-    """Displacements (e, 2) of a body at the nodes closest to ``points`` (e, 2)."""
-    _, found = nearest(cKDTree(clouds[body].points), points, 1)
-    return displacements[body][found.reshape(-1)]
+        law = 'material law "saint-venant-kirchhoff" extends the same elasticity'
+        hint = f'set model.strain = "finite" ({law})'
+        yield Check("sliding_distance", slid / width, message, hint, place)
 
 
 def contact_summary(built: CondensedScene, pairing: Pairing, state: State) -> dict[str, Any]:
@@ -181,5 +175,5 @@ def worst_state(
     bodies = vtu_states(nodes, fields, ("displacement", "stress", "von_mises"))
     if len(cause["residual"]):
         more = node_fields(built, cause)
-        bodies = {name: replace(body, data={**body.data, **more[name]}) for name, body in bodies.items()}
+        bodies = {name: body._replace(data={**body.data, **more[name]}) for name, body in bodies.items()}
     return list(bodies.values()), {"position": state.position, "worst_nodes": worst_nodes(built, cause)}

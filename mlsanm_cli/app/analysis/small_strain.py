@@ -17,11 +17,12 @@ from mlsanm_cli.app.analysis.small_contacts import (
     worst_state,
 )
 from mlsanm_cli.app.checks import end, states
-from mlsanm_cli.app.checks.accuracy import with_friction
+from mlsanm_cli.app.checks.accuracy import Accuracy, with_friction
 from mlsanm_cli.app.checks.check import Check, Verdicts, all_of
 from mlsanm_cli.app.checks.end_contacts import End
 from mlsanm_cli.app.checks.ended import EnergyErrors, worst_of
 from mlsanm_cli.app.checks.energy import energy_error, force_balance, force_mismatch
+from mlsanm_cli.app.checks.flow import flow_figures, has_flowed
 from mlsanm_cli.app.checks.limits import summary_limits
 from mlsanm_cli.app.checks.overlaps import overlaps
 from mlsanm_cli.app.checks.peaks import boundary_peaks
@@ -54,7 +55,9 @@ from mlsanm_cli.solve.state import Checkpoint, Fields, PathStep, State, output_p
 
 FAILING = ("linear_residual", "force_balance", "force_mismatch", "energy_error")
 """Checks at which a run fails whose levels are in the summary."""
-WITH_STRESS = {"stress", "von_mises", "strain"}
+FLOW_FIELDS = ("plastic_strain", "flow_stress", "yield_ratio")
+"""Fields of bodies that flow; of elastic bodies in the same scene 0, nan and nan."""
+WITH_STRESS = {"stress", "von_mises", "strain", *FLOW_FIELDS}
 """Fields that need stresses."""
 
 
@@ -79,6 +82,7 @@ class SmallStrain(Analysis):
 
     _adapted: Adapted | None = None
     _first: State | None = None
+    _last: tuple[State, CondensedScene] | None = None
     _stressed: tuple[State, Mapping[str, Fields]] | None = None
     _energies: EnergyErrors | None = None
     _peaks: Mapping[str, Mapping[str, Any]] = NOTHING
@@ -87,6 +91,12 @@ class SmallStrain(Analysis):
     def _built(self) -> CondensedScene:
         assert self._adapted is not None
         return self._adapted.built
+
+    def _at(self, state: State) -> CondensedScene:
+        """The scene with the plastic strains of a state."""
+        if self._last is None or self._last[0] is not state:
+            self._last = state, self._built.at(state)
+        return self._last[1]
 
     @property
     def _starts(self) -> Mapping[str, Any]:
@@ -111,7 +121,7 @@ class SmallStrain(Analysis):
             try:
                 step = next(steps, None)
                 for state in (*step.saved, step.state) if step is not None else ():
-                    verdicts.judge(states.overturning(built, state))
+                    verdicts.judge(states.overturning(self._at(state), state))
             except NumericalError as error:
                 if last is not None and isinstance(error, SlidingError):
                     verdicts.judge(end.limit_load(built, last))
@@ -124,7 +134,7 @@ class SmallStrain(Analysis):
             yield step
 
     def checks(self, state: State) -> Iterator[Check]:
-        return all_of(states.STATE, self._built, state)
+        return all_of(states.STATE, self._at(state), state)
 
     def _follow(self, start: Checkpoint | None, at: tuple[float, ...]) -> Iterator[PathStep]:
         """The path, or its part after a checkpoint, with saved states also ``at`` further positions."""
@@ -135,17 +145,17 @@ class SmallStrain(Analysis):
         return load_path(built, start)
 
     def forces(self, state: State) -> Mapping[str, FloatArray]:
-        condensed = self._built.condensed
+        condensed = self._at(state).condensed
         maps = {**condensed.contact_forces, **condensed.forces}
         return {name: force(*state.unknowns) for name, force in maps.items()}
 
     def judge(self, last: State, tally: dict[str, Any]) -> Iterator[Check]:
-        built, context = self._built, self.context
+        built, context = self._at(last), self.context
         if "linear_residual" not in tally:
             with context.phase("output"):
                 unsaved, tally["linear_residual"] = fields_of(built, [last], False, self._starts)[0]
             # At the nodes, as no state was saved.
-            yield from overlaps(self._built, last, self.nodes, displacements(unsaved))
+            yield from overlaps(built, last, self.nodes, displacements(unsaved))
         with context.phase("output"):
             fields = self._stress_fields(last)
             self._energies = energy_error(built, last, fields)
@@ -156,18 +166,26 @@ class SmallStrain(Analysis):
             context.console.note(note)
         self._adapted = self._estimated(last)
         known = self._adapted.accuracy
+        if has_flowed(built, last):
+            context.console.note(
+                "errors by spacings are not estimated where bodies flow: compare with halves"
+            )
         yield from end.estimates(built, known.figures(built, last), known.missing)
 
     def _stress_fields(self, state: State) -> Mapping[str, Fields]:
         """The fields of all bodies with stresses; recomputed unless the state was the last one saved."""
         if self._stressed is not None and self._stressed[0] is state:
             return self._stressed[1]
-        return fields_of(self._built, [state], stress=True, starts=self._starts)[0][0]
+        return fields_of(self._at(state), [state], stress=True, starts=self._starts)[0][0]
 
     def _estimated(self, last: State) -> Adapted:
         """The scene with the error estimates of its last state."""
         assert self._adapted is not None
         accuracy = self._adapted.accuracy
+        if has_flowed(self._built, last):
+            unknown: dict[str, float | None] = {one.name: None for one in self._built.condensed.pairings}
+            accuracy = Accuracy(None, unknown, unknown, accuracy.state)
+            return replace(self._adapted, accuracy=accuracy)
         if len(self._built.condensed.friction_nodes):
             with self.context.phase("estimate"):
                 accuracy = with_friction(self._built, accuracy, last, self.context.memo)
@@ -222,25 +240,34 @@ class SmallStrain(Analysis):
         return {place("maps", kind, name): one.matrix for kind, maps in kinds for name, one in maps.items()}
 
     def quantities(self, state: State) -> Quantities:
-        return quantities(self._built, state)
+        return quantities(self._at(state), state)
 
     def fields(self, states: Sequence[State]) -> Iterator[tuple[BodyFields, Mapping[str, float]]]:
         stress = bool(WITH_STRESS & set(self.fields_written))
-        known = fields_of(self._built, states, stress, self._starts)
+        alike = [states] if not self._built.laws else [[state] for state in states]
+        known = [
+            one for few in alike if few for one in fields_of(self._at(few[0]), few, stress, self._starts)
+        ]
         for state, (fields, residual) in zip(states, known, strict=True):
             if stress:
                 self._stressed = state, fields
-            shown = shown_fields(self._built, self._views, state, fields, stress)
+            shown = shown_fields(self._at(state), self._views, state, fields, stress)
             yield shown, {"linear_residual": residual}
+
+    @property
+    def fields_written(self) -> Sequence[str]:
+        """Those of the case, and of scenes with a yield stress what tells how far bodies flow."""
+        flow = FLOW_FIELDS if self._adapted is not None and self._built.laws else ()
+        return (*super().fields_written, *flow)
 
     def field_checks(self, state: State, fields: BodyFields) -> Iterator[Check]:
         moved = displacements(fields)
-        yield from overlaps(self._built, state, self.clouds, moved)
-        yield from sliding_distance(self._built, state, self.clouds, moved)
+        yield from overlaps(self._at(state), state, self.clouds, moved)
+        yield from sliding_distance(self._at(state), state, self.clouds, moved)
 
     def lines(self, state: State, fields: BodyFields) -> tuple[Mapping[str, VtuPart], Mapping[str, VtuPart]]:
-        contacts = contact_lines(self._built, state, self.clouds, fields)
-        return contacts, obstacle_lines(self._built, state)
+        built = self._at(state)
+        return contact_lines(built, state, self.clouds, fields), obstacle_lines(built, state)
 
     def tallied(self, tally: Mapping[str, Any], before: State | None, step: PathStep) -> dict[str, Any]:
         cone = dict(tally.get("cone", {}))
@@ -258,7 +285,7 @@ class SmallStrain(Analysis):
     def diagnosis(self, state: State | None) -> tuple[Sequence[VtuPart], Mapping[str, Any]]:
         if self._adapted is None or state is None:
             return super().diagnosis(state)
-        return worst_state(self._built, state, self.nodes)
+        return worst_state(self._at(state), state, self.nodes)
 
     @property
     def notes(self) -> Iterator[str]:
@@ -271,10 +298,13 @@ class SmallStrain(Analysis):
             return sizes
         built = self._built
         bodies = built.scene.bodies
+        mirrors = [body.model.cloud.mirror for body in bodies.values()]
+        lines = {None if mirror is None else str(mirror.line) for mirror in mirrors}
         if self._adapted.refined:
             sizes["adapt"] = self._adapted.refinement.passes
         return sizes | {
-            "symmetry": _symmetry(built),
+            # The symmetry line of the nodes of all bodies.
+            "symmetry": lines.pop() if len(lines) == 1 else None,
             "contact_unknowns": len(built.condensed.weight) + len(built.condensed.friction_nodes),
             "elastic_factorizations": len({id(body.system) for body in bodies.values()}),
             "condensation_solves": built.condensed.solves,
@@ -283,7 +313,7 @@ class SmallStrain(Analysis):
         }
 
     def figures(self, state: State, tally: Mapping[str, Any]) -> dict[str, Any]:
-        built, adapted = self._built, self._adapted
+        built, adapted = self._at(state), self._adapted
         assert adapted is not None
         imbalance, lost, cone = force_balance(built, state), force_mismatch(built, state), tally["cone"]
         energies = dict(self._energies.bodies) if self._energies else {}
@@ -293,27 +323,24 @@ class SmallStrain(Analysis):
             for one in built.condensed.reported
         }
         plates = {"plates": plates_turned(built, state)} if built.condensed.moments else {}
-        return plates | {
-            "contacts": contacts,
-            "error_estimate": adapted.accuracy.figures(built, state),
-            "peak_stress": dict(self._peaks),
-            "force_balance": imbalance[worst_of(imbalance)],
-            "force_balance_bodies": imbalance,
-            "energy_error": energies[worst_of(energies)] if energies else None,
-            "energy_error_bodies": energies,
-        }
+        return (
+            plates
+            | flow_figures(built, state)
+            | {
+                "contacts": contacts,
+                "error_estimate": adapted.accuracy.figures(built, state),
+                "peak_stress": dict(self._peaks),
+                "force_balance": imbalance[worst_of(imbalance)],
+                "force_balance_bodies": imbalance,
+                "energy_error": energies[worst_of(energies)] if energies else None,
+                "energy_error_bodies": energies,
+            }
+        )
 
     def limits(self) -> dict[str, Any]:
         estimates = {} if self._adapted is None else end.estimate_limits(self._built.condensed)
         known = summary_limits(self.case.solver.tolerance, FAILING, "rough_pressure_error", estimates)
         return known | ({"stability": stability_limit(self._built.ends)} if self._adapted else {})
-
-
-def _symmetry(built: CondensedScene) -> str | None:
-    """The symmetry line of the nodes of all bodies, None if there is none."""
-    mirrors = [body.model.cloud.mirror for body in built.scene.bodies.values()]
-    lines = {None if mirror is None else str(mirror.line) for mirror in mirrors}
-    return lines.pop() if len(lines) == 1 else None
 
 
 def displacements(fields: Mapping[str, Fields]) -> dict[str, FloatArray]:

@@ -4,6 +4,7 @@ every body compared with the work done on it."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,8 +17,10 @@ from mlsanm_cli.mechanics.energy import (
     energy_at_tips,
     energy_between_nodes,
     least_thermal_energy,
+    over_body,
     twice_strain_energy,
 )
+from mlsanm_cli.mechanics.laws.von_mises import plastic_stress
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import UNLOADED, Fields, State
@@ -87,7 +90,8 @@ STRAIN_QUANTILE = 0.99
 
 
 def energy_error(built: CondensedScene, state: State, fields: Mapping[str, Fields]) -> EnergyErrors:
-    """Compare twice the strain energy of every body with the work done on it in a state with ``fields``."""
+    """Compare twice the strain energy of every body with the work done on it in a state with ``fields``; of
+    bodies that flow the work of their stresses on all strains, which is the same by virtual work."""
     energies, works, least, strains, pointed, thin, rests = {}, {}, {}, {}, {}, {}, {}
     near, squares = _near_work(built, state), _on_single_nodes(built, state)
     for name, body in built.scene.bodies.items():
@@ -99,12 +103,20 @@ def energy_error(built: CondensedScene, state: State, fields: Mapping[str, Field
         rests[name] = rest = found["rest"][: len(cloud.points)], stress - found["near"]
         moved = found["displacement"] - rest[0]
         strains[name] = strain_of(cloud.points, found["displacement"], found["von_mises"], material.modulus)
-        energies[name] = twice_strain_energy(cloud, material, rest[1])
-        energies[name] += energy_at_tips(body.model, rest[0], rest[1])
+        turnover = 0.0
+        if name in built.laws:
+            strain = (rest[1] + plastic_stress(material, state.history(name))) @ np.linalg.inv(
+                material.stiffness
+            )
+            energies[name] = over_body(cloud, rest[1], strain)
+            turnover = float(cloud.areas @ np.abs(rest[1] * strain).sum(axis=1))
+        else:
+            energies[name] = twice_strain_energy(cloud, material, rest[1])
+            energies[name] += energy_at_tips(body.model, rest[0], rest[1])
         works[name] = work_on(built.scene, built.condensed, name, state.unknowns, *rest, moved, single)
         thin[name] = thin_part(cloud)
-        strain = COARSE_ROUND_OFF * np.abs(found["displacement"]).max() / np.ptp(cloud.points, axis=0).max()
-        least[name] = near[name] + cloud.volumes.sum() * material.modulus * strain**2
+        strained = COARSE_ROUND_OFF * np.abs(found["displacement"]).max() / np.ptp(cloud.points, axis=0).max()
+        least[name] = max(turnover, near[name] + cloud.volumes.sum() * material.modulus * strained**2)
         least[name] += least_thermal_energy(body.model, built.scene.degrees(name, state.factors))
     # An energy that is nan must not affect other bodies.
     total = float(np.nansum([energies[name] + abs(works[name]) for name in works]))
@@ -117,7 +129,7 @@ def energy_error(built: CondensedScene, state: State, fields: Mapping[str, Field
         # Unlike the built-in max, np.max propagates nan.
         scale = float(np.max([abs(work), least_of_all, least[name]]))
         errors[name] = _relative(energies[name] - work, NODE_FORCE_ENERGY * squares[name], scale)
-        if abs(errors[name]) > level("energy_error"):
+        if abs(errors[name]) > level("energy_error") and name not in built.laws:
             # Of two quadratures of the same energy the better one counts.
             more = energy_between_nodes(built.scene.bodies[name].model, *rests[name])
             other = _relative(energies[name] + more - work, NODE_FORCE_ENERGY * squares[name], scale)
@@ -128,7 +140,8 @@ def energy_error(built: CondensedScene, state: State, fields: Mapping[str, Field
         name: 0.0 if near[name] > MIN_BENDING_SHARE * abs(work) else errors[name]
         for name, work in works.items()
     }
-    return EnergyErrors(errors, strains, pointed, thin, _deflection(built, bent, fields))
+    result = EnergyErrors(errors, strains, pointed, thin, _deflection(built, bent, fields))
+    return replace(result, what="the work of stresses on strains of") if built.laws else result
 
 
 def _relative(missing: float, unseen: float, scale: float) -> float:

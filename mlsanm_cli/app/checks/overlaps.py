@@ -82,13 +82,11 @@ def _self_overlaps(position: float, outlines: Mapping[str, DeformedOutline]) -> 
             depth, _ = distances(own.points[within] + step[within], own.edges)
             x, y = own.points[within[int(np.argmax(depth))]].tolist()
             near = f"near ({x:.6g}, {y:.6g}) "
-        yield Check(
-            "self_overlap",
-            len(within),
+        message = (
             f"body {name} overlaps itself {near}from position {position:.6g} on: self-contact is not "
-            f"supported, and results beyond that position are invalid",
-            place=f"body {name}",
+            f"supported, and results beyond that position are invalid"
         )
+        yield Check("self_overlap", len(within), message, place=f"body {name}")
 
 
 def _in_contact(
@@ -223,10 +221,8 @@ def _hint(built: CondensedScene, worst: Overlap, found: Sequence[Overlap]) -> st
     if meant:
         return f"add it to the contact, as in {' and '.join(changes)}, or draw it farther apart"
     whom = "that obstacle" if worst.other.startswith("the ") else f'master = "{worst.other}"'
-    return (
-        f'give it a [[contact]] of its own with slave = "{worst.boundary}" and {whom}, '
-        f"or draw it farther apart"
-    )
+    sides = f'slave = "{worst.boundary}" and {whom}'
+    return f"give it a [[contact]] of its own with {sides}, or draw it farther apart"
 
 
 def _joins(built: CondensedScene, boundary: str, others: Sequence[str]) -> bool:

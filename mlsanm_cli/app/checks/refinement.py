@@ -4,30 +4,26 @@ The regularised law, and bodies of revolution, have pressures at nodes: automati
 contact are refined in the same way to ``NODAL_RULE``, all spacings of bodies of revolution to ``RING_RULE``,
 without being asked.
 
-The accuracy of a pressure profile is limited by the position of the contact edges, known to half a spacing,
-then by the spacing under the contact. Every pass requires ``Rule.across`` spacings over the half-width of
-each patch, and refines around its edges, within twice their uncertainty, up to ``Rule.at_edge`` spacings per
-half-width. Once edges are known well enough, the edges of stick zones get ``STICK_REFINEMENT``. Zones of a
-pass replace those of the pass before. Both bodies get the same zones, so that their spacings stay matched. If
-the error estimate shows that the bodies limit the accuracy, and in every scene without contact, the bulk is
-refined by its residual, and these zones are kept.
+Pressures at nodes are as accurate as the edges of contact are known, to half a spacing, then as the spacing
+under the contact. Every pass requires ``Rule.across`` spacings over the half-width of each patch, and refines
+around its edges, within twice their uncertainty, up to ``Rule.at_edge`` spacings per half-width; then around
+the edges of stick zones. Zones of a pass replace those of the pass before, and both bodies get the same.
 
-Refinement of the bulk where the residual of local fits is large.
-
-The residual r of a node is the difference between the stress of fits of the next degree and that of the
-solution, weighted as the equations near singular corners. With a uniform spacing h it would grow like
-h^degree; the sum of (r h)^2 is least for a given number of nodes if r h is uniform, so that the required
-spacing is h (level / (r h))^(1 / (degree + 1)), but at least h / ``MAX_REFINEMENT``. The level is the lowest
-that multiplies the number of nodes by no more than ``NODE_BUDGET``. Within ``CONTACT_DISTANCE`` half-widths
-of a contact its own zones apply; the mean residual there is a lower bound of the level, as the bulk need not
-be more accurate.
+If the error estimate shows that the bodies limit the accuracy, and in every scene without contact, the bulk
+is refined where local fits are poor, and these zones are kept. The residual r of a node is the difference
+between the stress of fits of the next degree and that of the solution, weighted as the equations near
+singular corners. With a uniform spacing h it grows like h^degree; the sum of (r h)^2 is least for a given
+number of nodes if r h is uniform, so that the required spacing is h (level / (r h))^(1 / (degree + 1)), but
+at least h / ``MAX_REFINEMENT``. The level is the lowest that multiplies the number of nodes by no more than
+``NODE_BUDGET``. Within ``CONTACT_DISTANCE`` half-widths of a contact its own zones apply; the mean residual
+there is a lower bound of the level, as the bulk need not be more accurate.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -118,10 +114,8 @@ def _made_symmetric(finer: FloatArray, mirror: Mirror | None) -> tuple[FloatArra
 
 def _finer(residual: FloatArray, level: float, degree: int) -> FloatArray:
     """Required refinement factor (n,) of each node."""
-    if level <= 0.0:
-        return np.ones(len(residual))
-    finer: FloatArray = np.clip((residual / level) ** (1.0 / (degree + 1)), 1.0, MAX_REFINEMENT)
-    return finer
+    share = residual / level if level > 0.0 else np.zeros(len(residual))
+    return np.asarray(np.clip(share ** (1.0 / (degree + 1)), 1.0, MAX_REFINEMENT))
 
 
 def _level(residual: FloatArray, ruled: BoolArray, degree: int) -> float:
@@ -141,8 +135,7 @@ def _level(residual: FloatArray, ruled: BoolArray, degree: int) -> float:
     return max(float(np.exp(high)), floor)
 
 
-@dataclass(frozen=True)
-class Rule:
+class Rule(NamedTuple):
     """Required spacings of a contact patch: ``across`` spacings per half-width within ``reach`` half-widths
     of its middle, ``at_edge`` at its edges, growing by ``growth`` per unit length outside."""
 
@@ -206,7 +199,13 @@ def adapt(case: Case, prepared: SceneModel, context: RunContext, known: Refineme
         more: tuple[Zone, ...] = ()
         if accuracy.bulk_leads and rule is not RING_RULE:
             more = residual_zones(built, prepared.boundaries, accuracy.bodies, patches, (*zones, *bulk))
-        if not more and not any(_is_coarse(patch, rule) for patch in patches):
+        # By more than the scatter of spacings.
+        coarse = [
+            (one.uncertainty > 1.5 * one.finest * one.half_width / rule.at_edge).any()
+            or one.spacing > 1.2 * one.half_width / rule.across
+            for one in patches
+        ]
+        if not more and not any(coarse):
             context.console.note(f"refinement stops before pass {number}: all clouds are fine enough")
             break
         wanted = (*zones, *bulk, *more)
@@ -277,12 +276,6 @@ def _corners(built: CondensedScene, pairing: Pairing) -> BoolArray | None:
         return None
     sides = [body.model.cloud.surfaces[name].index for name, held in body.restrained.items() if any(held)]
     return ~np.isin(pairing.node[pairing.candidate], np.concatenate([np.zeros(0, dtype=np.int64), *sides]))
-
-
-def _is_coarse(patch: Patch, rule: Rule) -> bool:
-    """Whether another pass would refine around the patch by more than the scatter of spacings."""
-    edges = patch.uncertainty > 1.5 * patch.finest * patch.half_width / rule.at_edge
-    return bool(edges.any()) or patch.spacing > 1.2 * patch.half_width / rule.across
 
 
 def _patch_zones(patch: Patch, rule: Rule) -> Iterator[Zone]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,13 +21,9 @@ from mlsanm_cli.solve.state import State
 
 def residual(built: CondensedScene, state: State) -> Iterator[Check]:
     """The residual of the contact problem."""
-    yield Check(
-        "residual",
-        state.residual,
-        f"the residual {state.residual:.3g} at position {state.position:.6g} is above the tolerance",
-        "raise solver.tolerance only if that residual is small enough for your purpose",
-        fails=built.case.solver.tolerance,
-    )
+    message = f"the residual {state.residual:.3g} at position {state.position:.6g} is above the tolerance"
+    hint = "raise solver.tolerance only if that residual is small enough for your purpose"
+    yield Check("residual", state.residual, message, hint, fails=built.case.solver.tolerance)
 
 
 def finite(built: CondensedScene, state: State) -> Iterator[Check]:
@@ -46,13 +42,10 @@ def friction_limit(built: CondensedScene, state: State) -> Iterator[Check]:
     peak = max(float(end.pressure.max()) for end in built.ends)
     rough = [contact for contact in built.case.touching if contact.regularization.law != "exact"]
     smooth = max((contact.coefficient * contact.regularization.eta for contact in rough), default=0.0)
-    yield Check(
-        "friction_limit",
-        max(beyond / peak, 0.0) if peak > 0.0 else beyond,
-        f"a traction is beyond the friction limit at position {state.position:.6g}",
-        'lower solver.tolerance, or use contact.regularization.law = "exact"',
-        fails=max(level("friction_limit"), smooth),
-    )
+    share = max(beyond / peak, 0.0) if peak > 0.0 else beyond
+    message = f"a traction is beyond the friction limit at position {state.position:.6g}"
+    hint = 'lower solver.tolerance, or use contact.regularization.law = "exact"'
+    yield Check("friction_limit", share, message, hint, fails=max(level("friction_limit"), smooth))
 
 
 def contact_reach(built: CondensedScene, state: State) -> Iterator[Check]:
@@ -81,15 +74,17 @@ def body_rotation(built: CondensedScene, state: State) -> Iterator[Check]:
     if turned is not None and turned.error:
         # Where all nodes slip, as in a disk that settles in a groove, nothing resists a rotation further.
         turned = turned_by_loads(built.scene, built.condensed, state.unknowns[1:], sets.resting(nodes))
-    if turned is None:
-        return
-    message = (
-        turned.error.message
-        if turned.error
-        else f"{turned.names} rotates by {np.degrees(turned.angle):.2g} degrees, and would rotate "
-        f"{1.0 / (1.0 - turned.share):.3g} times as far with forces at their displaced positions"
-    )
-    yield Check("body_rotation", turned.share, message, turned.hint, turned.names)
+    if turned is not None:
+        farther = "with forces at their displaced positions"
+        message = (
+            turned.error.message
+            if turned.error
+            else (
+                f"{turned.names} rotates by {np.degrees(turned.angle):.2g} degrees, and would rotate "
+                f"{1.0 / (1.0 - turned.share):.3g} times as far {farther}"
+            )
+        )
+        yield Check("body_rotation", turned.share, message, turned.hint, turned.names)
 
 
 def overturning(built: CondensedScene, state: State) -> Iterator[Check]:
@@ -116,28 +111,19 @@ def uniqueness(built: CondensedScene, state: State) -> Iterator[Check]:
         places = " and ".join(
             name for name, span in condensed.tangential.items() if slips[span].max(initial=0.0) > least
         )
-    yield Check(
-        "uniqueness",
-        float(motion is not None),
+    message = (
         f"at position {state.position:.6g} the state is not unique: {names} may move along {places} "
-        "without a change of any force, so that displacements and slips are one of several solutions",
-        "give the contacts different coefficients of friction, or hold the body with a [[support]]",
+        "without a change of any force, so that displacements and slips are one of several solutions"
     )
+    hint = "give the contacts different coefficients of friction, or hold the body with a [[support]]"
+    yield Check("uniqueness", float(motion is not None), message, hint)
 
 
-STATE: tuple[Callable[[CondensedScene, State], Iterator[Check]], ...] = (
-    residual,
-    finite,
-    friction_limit,
-    contact_reach,
-    uniqueness,
+STATE: Sequence[Callable[[CondensedScene, State], Iterator[Check]]] = (
+    *(residual, finite, friction_limit, contact_reach, uniqueness),
 )
 """Checks of every state."""
-
-
 MAX_WORST_NODES = 10
-
-
 Diagnosis = dict[str, FloatArray]
 """``pressure``, ``gap``, ``cone_ratio`` (traction over its limit, nan without friction) at every contact
 node (m,), and ``residual``, the violation of the exact laws relative to peak pressure and elastic gap."""

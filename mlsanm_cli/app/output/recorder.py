@@ -23,7 +23,7 @@ from mlsanm_cli.io.columns import place, row
 from mlsanm_cli.io.files import write_text
 from mlsanm_cli.io.run_file import Attribute, RunFile, Value
 from mlsanm_cli.io.summary import EventLog, toml_text, write_csv, write_json_atomic
-from mlsanm_cli.io.vtu import LinesWriter, StateWriter, write_parts
+from mlsanm_cli.io.vtu import StateWriter, write_parts
 from mlsanm_cli.records import Closing
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State
 from mlsanm_cli.system import peak_memory_mb
@@ -55,7 +55,7 @@ class Recorder(Closing):
         self._clock, self._console = context.clock, context.console
         with context.phase("output"):
             self._open(loaded, attributes, None if earlier is None else earlier.rows)
-        self._states, self._lines = StateWriter(directory), LinesWriter(directory)
+        self._states = StateWriter(directory)
         self._rows = self._saved = 0
         self._has_maps = False
         # /path/seconds continue.
@@ -115,7 +115,6 @@ class Recorder(Closing):
         self._saved = len(positions)
         for position in positions if self._case.output.vtu else ():
             self._states.keep(position, tuple(analysis.clouds))
-            self._lines.keep(position)
         return before.checkpoint
 
     def step(self, analysis: Analysis, step: PathStep) -> None:
@@ -124,8 +123,7 @@ class Recorder(Closing):
         state = step.state
         with self._clock.phase("output"):
             rows = [self._row(analysis, one, step) for one in analysis.row_states(step)]
-            count = len(rows)
-            datasets: dict[str, Value] = {}
+            count, datasets = len(rows), dict[str, Value]()
             attributes: dict[str, Mapping[str, Attribute]] = {}
             if step.series:
                 series = place("series", str(self._rows))
@@ -153,16 +151,12 @@ class Recorder(Closing):
 
     def _row(self, analysis: Analysis, state: State, step: PathStep) -> dict[str, Any]:
         """The row of a state of a step, whose counts belong to its end."""
-        ends = state is step.state
-        path = {
-            "position": state.position,
-            "step_length": step.length if ends else 0.0,
-            "residual": state.residual,
-            "order": step.order,
-            "factorizations": step.factorizations if ends else 0,
-            "solves": step.solves if ends else 0,
-            "seconds": time.monotonic() - self._started,
-        }
+        path = {"position": state.position, "step_length": 0.0, "residual": state.residual}
+        path |= {"order": step.order, "factorizations": 0, "solves": 0}
+        if state is step.state:
+            counts = {"factorizations": step.factorizations, "solves": step.solves}
+            path |= {"step_length": step.length, **counts}
+        path["seconds"] = time.monotonic() - self._started
         return row(path, analysis.quantities(state))
 
     def _save(
@@ -176,8 +170,7 @@ class Recorder(Closing):
         self.verdicts.judge(analysis.field_checks(state, fields))
         if self._case.output.vtu:
             parts = vtu_states(analysis.clouds, fields, analysis.fields_written)
-            self._states.write(state.position, parts)
-            self._lines.write(state.position, *analysis.lines(state, fields))
+            self._states.write(state.position, parts, *analysis.lines(state, fields))
         self._saved += 1
 
     def _count(self, analysis: Analysis, step: PathStep) -> None:

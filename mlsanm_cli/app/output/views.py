@@ -21,11 +21,12 @@ from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.body_model import BodyModel
+from mlsanm_cli.mechanics.eigenstress import values_at
 from mlsanm_cli.mechanics.probes import probe_rows, stress_of_expansion
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.fields import named_fields
+from mlsanm_cli.solve.fields import flow_of, named_fields
 from mlsanm_cli.solve.state import Fields, State
 
 PER_HALF_WIDTH = 12.0
@@ -49,6 +50,11 @@ class View:
     def rows(self) -> sparse.csr_array:
         """Displacement x and y and stresses xx, yy, xy at the points (5e, 2N), quantity by quantity."""
         return probe_rows(self.model, self.cloud.points)
+
+    @cached_property
+    def values(self) -> sparse.csr_array:
+        """A nodal field at the points (e, n)."""
+        return values_at(self.model, self.cloud.points)
 
 
 def finer_views(built: CondensedScene, boundaries: Boundaries, memo: Memo = NO_CACHE) -> dict[str, View]:
@@ -108,4 +114,5 @@ def _shown(built: CondensedScene, view: View, state: State, fields: Fields, stre
     if stress:
         degrees = built.scene.degrees(name, state.factors, view.cloud.points)
         sigma = seen[:, 2:] + stressed - degrees[:, None] * stress_of_expansion(material)
-    return named_fields(material, seen[:, :2] + moved, sigma, degrees)
+    flow = flow_of(built, name, state, view.values)
+    return named_fields(material, seen[:, :2] + moved, sigma, degrees, flow)

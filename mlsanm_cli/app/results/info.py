@@ -11,27 +11,18 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from mlsanm_cli import __version__
 from mlsanm_cli.case.vary import flat
 from mlsanm_cli.contact.geometry.profile import half_width
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_dir
-from mlsanm_cli.io.files import holder, write_text
+from mlsanm_cli.io.files import write_text
+from mlsanm_cli.io.run_dir import holder
 from mlsanm_cli.io.run_reader import RunData, read_origin, read_run
 from mlsanm_cli.io.summary import read_summary
 
 PROVENANCE = (
-    "mlsanm_version",
-    "git",
-    "versions",
-    "argv",
-    "host",
-    "cpu",
-    "threads",
-    "resumed",
-    "case_path",
-    "case_hash",
-    "cache_hash",
+    *("mlsanm_version", "git", "versions", "argv", "host", "cpu", "threads", "resumed"),
+    *("case_path", "case_hash", "cache_hash"),
 )
 
 
@@ -49,66 +40,33 @@ def info(rundir: Path) -> Mapping[str, Any]:
 def _unfinished(run: RunData) -> dict[str, Any]:
     """The figures in run.h5 of a run without summary.json."""
     age = time.time() - (run.directory / run_dir.RUN_FILE).stat().st_mtime
-    writer = holder(run.directory)
+    writer, path = holder(run.directory), run.path
+    known: dict[str, Any] = {"status": run.status}
     if writer:
-        ending = {"stop_reason": f"no summary: still running, {writer}; last written {age:.0f} s ago"}
+        known["stop_reason"] = f"no summary: still running, {writer}; last written {age:.0f} s ago"
     else:
-        ending = {
-            "stop_reason": f"killed or out of disk space: ended without a summary {age:.0f} s ago",
-            "hint": f"continue with: {run_dir.resume_command(run.directory)}",
-        }
-    path = run.path
-    known: dict[str, Any] = {
-        "status": run.status,
-        **ending,
-        "steps": max(run.rows - 1, 0),
-        "nodes": int(run.attributes.get("nodes", 0)),
-    }
+        known["stop_reason"] = f"killed or out of disk space: ended without a summary {age:.0f} s ago"
+        known["hint"] = f"continue with: {run_dir.resume_command(run.directory)}"
+    known |= {"steps": max(run.rows - 1, 0), "nodes": int(run.attributes.get("nodes", 0))}
     if not run.rows:
         return known
-    known |= {
-        "position": float(path.position[-1]),
-        "factorizations": int(path.factorizations.sum()),
-        "solves": int(path.solves.sum()),
-        "residual": float(path.residual.max()),
-        "contacts": {
-            name: {
-                "peak_pressure": float(contact.pressure[-1].max(initial=0.0)),
-                "half_width": half_width(contact.arc_length, contact.pressure[-1]),
-                "min_gap": float(contact.gap[-1].min()),
-            }
-            for name, contact in run.contacts.items()
-        },
+    contacts = {
+        name: {
+            "peak_pressure": float(contact.pressure[-1].max(initial=0.0)),
+            "half_width": half_width(contact.arc_length, contact.pressure[-1]),
+            "min_gap": float(contact.gap[-1].min()),
+        }
+        for name, contact in run.contacts.items()
     }
-    return known
-
-
-def held_case(directory: Path) -> str | None:
-    """The hash of the case of the run in ``directory``, complete or not; None without a readable run."""
-    try:
-        return str(read_origin(directory).attributes.get("case_hash", ""))
-    except RunError:
-        return None
-
-
-def finished(directory: Path, case_hash: str) -> Mapping[str, Any] | None:
-    """The summary of a completed run of this case by this version, None if there is none."""
-    try:
-        known = read_origin(directory).attributes
-        wanted = {"case_hash": case_hash, "mlsanm": __version__, "status": "done"}
-        if any(known.get(key) != value for key, value in wanted.items()):
-            return None
-        summary = read_summary(directory / run_dir.SUMMARY_FILE)
-    except RunError:
-        return None
-    return summary if summary.get("status") == "done" else None
+    counts = {name: int(path[name].sum()) for name in ("factorizations", "solves")}
+    known |= {"position": float(path.position[-1]), **counts, "residual": float(path.residual.max())}
+    return {**known, "contacts": contacts}
 
 
 FIGURES = (
-    *("position", "steps", "factorizations", "solves", "nodes", "contact_unknowns"),
-    *("contacts", "forces", "residual", "linear_residual", "force_balance"),
-    *("energy_error", "stability"),
-    *("error_estimate", "warnings", "seconds", "peak_memory_mb"),
+    *("position", "steps", "factorizations", "solves", "nodes", "contact_unknowns", "contacts", "forces"),
+    *("residual", "linear_residual", "force_balance", "energy_error", "stability", "error_estimate"),
+    *("warnings", "seconds", "peak_memory_mb"),
 )
 """Entries of a summary that become columns."""
 FORMULA_SIGNS = ("=", "+", "-", "@", "\t", "\r")
@@ -172,15 +130,11 @@ def _run(directory: Path) -> tuple[Row, dict[str, Any], dict[str, Any]]:
     row |= {"status": known.get("status"), "stop_reason": known.get("stop_reason")}
     chosen = flat({name: known[name] for name in FIGURES if name in known})
     chosen["warnings"] = chosen.get("warnings") or None
-    return row, case, _columns(chosen)
-
-
-def _columns(figures: Mapping[str, Any]) -> dict[str, Any]:
-    """Figures as single values, vectors by component."""
     columns: dict[str, Any] = {}
-    for name, value in figures.items():
+    for name, value in chosen.items():
+        # Vectors by component.
         if isinstance(value, list) and len(value) == 2 and not any(isinstance(part, str) for part in value):
             columns |= {f"{name}_x": value[0], f"{name}_y": value[1]}
         elif not isinstance(value, Mapping):
             columns[name] = value
-    return columns
+    return row, case, columns

@@ -61,11 +61,21 @@ def report(rundirs: Sequence[Path], out: Path | None = None) -> Path:
     return path
 
 
-def _one(run: RunData, case: Case) -> Iterator[str]:
+def main_figures(run: RunData) -> str:
+    """Status, figures and sizes of a run as HTML."""
     summary = info(run.directory)
+    return "\n".join([_status(summary), *_figures(summary, stored_case(run.case_resolved))])
+
+
+def _status(summary: Mapping[str, Any]) -> str:
     status, reason = str(summary["status"]), summary.get("stop_reason")
     kind = "good" if status == "done" else "bad"
-    yield element("p", f"{status}: {reason}" if reason else status, kind=kind)
+    return element("p", f"{status}: {reason}" if reason else status, kind=kind)
+
+
+def _one(run: RunData, case: Case) -> Iterator[str]:
+    summary = info(run.directory)
+    yield _status(summary)
     if summary.get("hint"):
         yield element("p", f"Hint: {summary['hint']}")
     warnings = [str(text) for text in summary.get("warnings", [])]

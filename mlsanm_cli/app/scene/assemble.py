@@ -77,7 +77,8 @@ def mls_settings(case: Case, low: bool = False) -> MlsSettings:
     asked = neighbors if isinstance(neighbors, int) else None
     if degree == "auto":
         few = asked is not None and asked < MIN_HIGH_NEIGHBORS
-        degree = LOW_DEGREE if low or few else HIGH_DEGREE
+        flows = any(case.material[body.material].flows for body in case.body)
+        degree = LOW_DEGREE if low or few or flows else HIGH_DEGREE
     # Corner singularities are known for small strains of plane bodies only.
     return MlsSettings(degree, asked, corners=small and not case.model.revolved, narrow=small)
 

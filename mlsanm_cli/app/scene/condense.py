@@ -8,7 +8,7 @@ from functools import partial
 
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.assemble import NOTHING, SceneModel, assemble_bodies, prepare
-from mlsanm_cli.app.scene.build import placing_key
+from mlsanm_cli.app.scene.materials import flow_laws
 from mlsanm_cli.app.scene.pulls import pull_hint
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
@@ -19,7 +19,6 @@ from mlsanm_cli.contact.response.condensation import condense
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
-from mlsanm_cli.memo import digest
 from mlsanm_cli.solve.coercivity import check_candidates_coercivity, check_coercivity
 from mlsanm_cli.solve.condensed_scene import CondensedScene, stage_factors
 from mlsanm_cli.solve.contact_grids import find_grids
@@ -59,8 +58,7 @@ def _condensed_scene(
     if prepared.ranges:
         with context.phase("condensation", "refining contact grids"):
             search = partial(searched_ends, case, scene, stages)
-            key = digest(placing_key(case), scene)
-            found = find_grids(case, scene, prepared.pairings, prepared.ranges, search, context.memo, key)
+            found = find_grids(case, scene, prepared.pairings, prepared.ranges, search, context.memo)
         if found is None:
             return _condensed_scene(case, _without_grids(prepared, context), context, None)
         condensed, ends = found
@@ -68,7 +66,7 @@ def _condensed_scene(
         condensed, ends = _condense(case, scene, prepared.pairings, stages, context)
     with context.phase("condensation"):
         stability = check_coercivity(case, scene, condensed, ends, context.memo)
-    return CondensedScene(case, scene, condensed, stages, ends, stability)
+    return CondensedScene(case, scene, condensed, stages, ends, stability, flow_laws(case))
 
 
 def _without_grids(prepared: SceneModel, context: RunContext) -> SceneModel:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from mlsanm_cli.case import Case, Material
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics.laws.law import Law, law_class
 from mlsanm_cli.mechanics.laws.saint_venant_kirchhoff import SaintVenantKirchhoff
+from mlsanm_cli.mechanics.laws.von_mises import Hardening, VonMises
 from mlsanm_cli.mechanics.material import PlaneMaterial, anisotropic, isotropic, orthotropic
 
 
@@ -22,6 +24,26 @@ def materials(case: Case) -> dict[str, PlaneMaterial]:
         for name, material in case.material.items()
     }
     return {name: one.of_revolution for name, one in found.items()} if revolved else found
+
+
+def flow_laws(case: Case) -> dict[str, VonMises]:
+    """The law of every body whose material flows."""
+    found = {}
+    for body in case.body:
+        material = case.material[body.material]
+        if material.yield_stress is None:
+            continue
+        rows = [row for row in material.hardening_table or () if row[0] > 0.0]
+        strength, exponent = material.ludwik or (0.0, 1.0)
+        hardening = Hardening(
+            np.array([(0.0, material.yield_stress), *rows]),
+            material.hardening or 0.0,
+            strength,
+            exponent,
+            material.kinematic_hardening or 0.0,
+        )
+        found[body.name] = VonMises(_in_plane(material, case.model.plane), case.model.plane, hardening)
+    return found
 
 
 def laws_of(case: Case) -> dict[str, Law]:
@@ -57,7 +79,7 @@ def _in_plane(material: Material, plane: str) -> PlaneMaterial:
         assert material.E is not None
         assert material.nu is not None
         assert isinstance(alpha, float)
-        return isotropic(material.E, material.nu, plane, alpha)
+        return replace(isotropic(material.E, material.nu, plane, alpha), flows=material.flows)
     assert material.G12 is not None
     return orthotropic(
         _known(material.E1, material.E2, material.E3),

@@ -3,6 +3,7 @@ hyperelastic law is an entry of ``law``, its keys, and a row of ``HYPERELASTIC``
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
@@ -15,13 +16,16 @@ from mlsanm_cli.case.model.section import (
     Positive,
     Scope,
     Section,
+    Unit,
     expecting,
 )
+from mlsanm_cli.case.report import KeyPath
 from mlsanm_cli.errors import Fault
 from mlsanm_cli.roundoff import FINE_ROUND_OFF, ROUND_OFF
 from mlsanm_cli.toml import toml_value
 
 Triple = tuple[float, float, float]
+Pair = tuple[float, float]
 Form = Literal["isotropic", "orthotropic", "stiffness"]
 
 OUT_OF_PLANE = ("E3", "nu13", "nu23")
@@ -51,6 +55,8 @@ MAX_NU = 0.4999
 MAX_TERMS = 6
 """Terms of Ogden's law that may be given."""
 SOME = "expected a list of numbers"
+PLASTIC = ("yield_stress", "hardening", "hardening_table", "ludwik", "kinematic_hardening")
+"""Keys of plasticity, of which the first selects it."""
 MAX_PLANE_STRAIN_NU = 4.0 / 9.0
 """Largest Poisson's ratio in plane strain without locking of the strong form: lambda = 8 mu."""
 
@@ -119,6 +125,34 @@ class Material(Section):
     f: Annotated[float, Field(ge=0.0, le=1.0), NUMBER] | None = None
     """Part of the first invariant of `blatz-ko`; 0, a foam, by default."""
 
+    yield_stress: Annotated[Positive, STRESS] | None = None
+    """Stress in uniaxial tension at which an isotropic material begins to yield (von Mises); without one it
+    is elastic. Small strain only."""
+    hardening: Annotated[float, Field(ge=0.0), STRESS] | None = None
+    """Slope of the flow stress over the plastic strain (isotropic hardening); 0, perfect plasticity, by
+    default."""
+    hardening_table: (
+        Annotated[
+            tuple[Pair, ...],
+            Field(min_length=1),
+            expecting("expected rows of two numbers, plastic strain and flow stress"),
+        ]
+        | None
+    ) = None
+    """Rows [plastic strain, flow stress] of uniaxial tension, increasing, after [0, yield_stress]; linear
+    between them, constant beyond."""
+    ludwik: (
+        Annotated[
+            Pair, expecting("expected two numbers, strength and exponent"), Unit("stress, dimensionless")
+        ]
+        | None
+    ) = None
+    """Strength K and exponent n, 0 < n <= 1, of Ludwik's flow stress yield_stress + K a^n with the plastic
+    strain a."""
+    kinematic_hardening: Annotated[float, Field(ge=0.0), STRESS] | None = None
+    """Slope of the stress over the plastic strain by kinematic hardening (Prager), alone or in addition to
+    isotropic hardening; 0 by default."""
+
     law: Literal[
         "linear",
         "saint-venant-kirchhoff",
@@ -146,6 +180,11 @@ class Material(Section):
         return self.law not in HYPERELASTIC
 
     @property
+    def flows(self) -> bool:
+        """Whether the material has a yield stress."""
+        return self.yield_stress is not None
+
+    @property
     def constants(self) -> dict[str, Any]:
         """The given constants of a hyperelastic law."""
         required, optional = HYPERELASTIC[self.law]
@@ -160,7 +199,7 @@ class Material(Section):
             yield Fault(("law",), f'"{self.law}" needs an isotropic material', hint)
             return
         required, optional = FORMS[form] if self.elastic else HYPERELASTIC[self.law]
-        for key in self.model_fields_set.difference(required, optional, ("alpha", "law")):
+        for key in self.model_fields_set.difference(required, optional, PLASTIC, ("alpha", "law")):
             hint = CHOICES if self.elastic else ""
             yield Fault((key,), f"cannot be combined with {', '.join(required)}", hint)
         needed = self._needed(scope)
@@ -176,6 +215,7 @@ class Material(Section):
             yield from self._stiffness_faults(scope.confined)
             yield from self._rubber_faults()
         yield from self._law_faults(scope)
+        yield from self._plastic_faults(scope)
         listed = isinstance(self.alpha, tuple)
         if listed and form == "isotropic":
             yield Fault(("alpha",), "an isotropic material has a single coefficient")
@@ -224,6 +264,46 @@ class Material(Section):
             hint = f"at most {limit:.4g}{', or a law of rubber, such as neo-hookean' if locks else ''}"
             what = f"{self.nu:g}: an incompressible material"
             yield from scope.refused(self.nu > limit, ("nu",), what, hint)
+
+    def _plastic_faults(self, scope: Scope) -> Iterator[Fault]:
+        """Keys of plasticity that contradict others, soften, or are not supported."""
+        given = [key for key in PLASTIC if getattr(self, key) is not None]
+        if given and not self.flows:
+            yield Fault(("yield_stress",), "missing (required)", f"{given[0]} needs a yield stress")
+        if not given:
+            return
+        key = (given[0],)
+        if self.form != "isotropic":
+            yield Fault(key, "needs an isotropic material", "give E and nu")
+        elif not self.elastic:
+            yield Fault(key, f'cannot be combined with law = "{self.law}"', 'law = "linear"')
+        else:
+            yield from scope.refused(True, key, "plasticity", 'write strain = "small" in [model]')
+            yield from self._unsupported(scope, key)
+        yield from self.exclusive("hardening", "hardening_table", "ludwik", required=False)
+        if self.ludwik is not None and not (self.ludwik[0] >= 0.0 and 0.0 < self.ludwik[1] <= 1.0):
+            hint = "K is at least 0, n above 0 and at most 1"
+            yield Fault(("ludwik",), "does not harden at a falling rate", hint)
+        rows = ((0.0, self.yield_stress or 0.0), *(self.hardening_table or ()))
+        for number, (before, after) in enumerate(pairwise(rows)):
+            first = number == 0 and after == before
+            if not first and (after[0] <= before[0] or after[1] < before[1]):
+                hint = "strains increase, stresses do not decrease: softening has no unique solution"
+                place = ("hardening_table", number)
+                yield Fault(
+                    place, f"[{after[0]:g}, {after[1]:g}] follows [{before[0]:g}, {before[1]:g}]", hint
+                )
+
+    def _unsupported(self, scope: Scope, key: KeyPath) -> Iterator[Fault]:
+        """What bodies that flow do not support."""
+        case, what = scope.case, "plasticity with"
+        if case.is_regularized:
+            hint = 'law = "exact" in [contact.regularization], solver.method = "auto"'
+            yield Fault(key, f"{what} the hyperbolic contact law or its methods is not supported", hint)
+        if case.mls.degree == 1:
+            yield Fault(key, f"{what} mls.degree = 1 is not supported", 'degree = "auto", which is 2')
+        if case.reference is not None:
+            yield Fault(key, f"{what} an analytical solution of elastic bodies", "remove [reference]")
 
     def _stiffness_faults(self, confined: bool) -> Iterator[Fault]:
         if self.stiffness is not None:

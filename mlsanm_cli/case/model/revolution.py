@@ -38,6 +38,7 @@ def refused_of_revolution(case: Case, scope: Scope) -> Iterator[Fault]:
         key = ("material", name)
         yield from refused(material.stiffness, (*key, "stiffness"), "a plane stiffness", hint)
         yield from refused(material.angle, (*key, "angle"), "a turned orthotropic material", "angle = 0.0")
+        yield from refused(material.yield_stress, (*key, "yield_stress"), "plasticity")
     for number, support in enumerate(case.support):
         hint = "give boundary, and from and to for a part of it"
         yield from refused(support.near, ("support", number, "near"), "a support of a point", hint)

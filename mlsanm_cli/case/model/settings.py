@@ -95,6 +95,9 @@ class Solver(Section):
     """Use Padé approximants where they extend a step."""
     increments: Annotated[int, Field(ge=1, le=10_000)] = 10
     """Parts of every stage, at whose ends regularised friction updates its history (backward Euler)."""
+    flow_error: Annotated[float, Field(gt=0.0, lt=1.0), NUMBER] = 1e-3
+    """Largest error of displacements by an increment of plastic flow, relative to the largest displacements;
+    increments are chosen by it."""
     max_steps: Annotated[int, Field(ge=1, le=1_000_000)] = 2000
     """Largest number of steps; a path that needs more fails."""
     linear: Literal["auto", "superlu"] = "auto"
@@ -156,7 +159,7 @@ class Output(Section):
         "stress",
         "von_mises",
     )
-    """Fields to write."""
+    """Fields to write; bodies with a yield stress also have plastic_strain, flow_stress and yield_ratio."""
     vtu: bool = True
     """Write VTU files for ParaView."""
 

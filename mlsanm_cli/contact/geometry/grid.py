@@ -134,37 +134,16 @@ class Hats:
             chosen[1:] |= (steps[1:] > MAX_RATIO * steps[:-1]) & (steps[:-1] > 0.0)
         return replace(self, nodes=nodes)
 
-    def without(self, places: FloatArray) -> Hats:
-        """Hats without the nodes at ``places``, inner ones of the grid, except for those next to one left
-        out already and those that the ratio of neighbours requires."""
-        kept, steps = np.ones(len(self.nodes), dtype=bool), self.steps
-        for number in np.flatnonzero(np.isin(self.nodes, places)).tolist():
-            beside = min(steps[number - 2], steps[number + 1])
-            if kept[number - 1] and steps[number - 1] + steps[number] <= MAX_RATIO * beside:
-                kept[number] = False
-        return replace(self, nodes=self.nodes[kept])
-
     def errors(self, values: FloatArray) -> FloatArray:
         """Contribution of every interval (m + 1,) to the L2 error of nodal ``values`` (m,), from their second
         differences: h^(5/2) |p''| / sqrt(120), the terms of equation (9) of docs/method.md."""
-        bend = self._bends(values)
-        return np.asarray(self.steps**2.5 * np.maximum(bend[1:], bend[:-1]) / np.sqrt(120.0))
-
-    def errors_without(self, values: FloatArray) -> FloatArray:
-        """The same (m,) of the interval that is left without each of the nodes."""
-        bend = self._bends(values)
-        worst = np.maximum(np.maximum(bend[2:], bend[:-2]), bend[1:-1])
-        return np.asarray((self.steps[1:] + self.steps[:-1]) ** 2.5 * worst / np.sqrt(120.0))
-
-    def _bends(self, values: FloatArray) -> FloatArray:
-        """Absolute second differences (m + 2,) of nodal ``values`` (m,)."""
         padded = np.concatenate([[0.0], values, [0.0]])
         bend = np.zeros(len(padded))
         # A half hat has no interval beyond it to form a second difference.
         rise = np.diff(padded) / np.where(self.steps > 0.0, self.steps, np.inf)
         inner = (self.steps[1:] > 0.0) & (self.steps[:-1] > 0.0)
         bend[1:-1] = np.where(inner, np.abs(np.diff(rise)) / self.weight, 0.0)
-        return bend
+        return np.asarray(self.steps**2.5 * np.maximum(bend[1:], bend[:-1]) / np.sqrt(120.0))
 
     def norm(self, values: FloatArray) -> float:
         """L2 norm of the piecewise linear function with nodal ``values`` (m,)."""

@@ -30,6 +30,7 @@ from mlsanm_cli.contact.response.bonds import bind
 from mlsanm_cli.contact.response.compressed import COMPRESSED_CONTACT, COMPRESSED_TOTAL
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.drivers import Drivers
+from mlsanm_cli.contact.response.eigenstress import Eigenstresses, flowing, narrowed, widened
 from mlsanm_cli.contact.response.linear_map import LinearMap, stack
 from mlsanm_cli.contact.response.load_vectors import body_load_vectors
 from mlsanm_cli.contact.response.near_field_response import add_fields, near_field_response, with_singular
@@ -71,6 +72,17 @@ class BodyResponses:
 
         return memo.value("responses", digest(scene, _without_coefficients(pairings)), made)
 
+    def widened(self, loads: int) -> BodyResponses:
+        """The responses with all functionals as further drivers after the ``loads``."""
+        count, place = self.observation.count, [loads] * self.observation.count
+        observed = np.insert(self.observed, place, np.eye(count), axis=1)
+        solutions = {name: np.insert(one, place, 0.0, axis=1) for name, one in self.solutions.items()}
+        sources = {}
+        for name, one in self.sources.items():
+            nothing = sparse.csc_array((one.shape[0], count))
+            sources[name] = sparse.csc_array(sparse.hstack([one[:, :loads], nothing, one[:, loads:]]))
+        return replace(self, observed=observed, solutions=solutions, sources=sources)
+
     def smooth(self, pairing: Pairing) -> FloatArray:
         """Smooth part of the response (2k, 2k) of a contact's samples to forces there."""
         grid, drivers = pairing.grid, _drivers(self.observation.scene, self.observation.pairings)
@@ -88,7 +100,12 @@ def condense(
 
     def made() -> Condensed:
         known = responses or BodyResponses.of(scene, pairings, memo)
-        return _condensed(scene, pairings, content, known)
+        if not flowing(scene):
+            return _condensed(scene, pairings, content, known)
+        loads, more = len(scene.loads), known.observation.count
+        wide = _condensed(widened(scene, more), pairings, content, known.widened(loads))
+        eigen = Eigenstresses.of(known.observation, wide)
+        return replace(narrowed(wide, loads), eigen=eigen)
 
     kept = memo.value("condensed", content, made)
     drivers, loose = replace(kept.drivers, pairings=pairings), _with_law(pairings)

@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import field
 from functools import cached_property, partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sparse
@@ -36,6 +37,9 @@ from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import Memo, digest
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
+
+if TYPE_CHECKING:
+    from mlsanm_cli.contact.response.eigenstress import Eigenstresses
 
 MAX_KEPT, MAX_KEPT_UNKNOWNS = 50, 5000
 """Numbers of sets of points for which near fields are kept, and of unknowns of their contacts."""
@@ -62,7 +66,9 @@ class Condensed:
     rotating plate to its moment on the bodies about the hinge, ``holding`` the body and component of each
     motion held at zero to the reaction. ``by_bonds`` (m + n + k, 2b) are the changes of gaps, slips and force
     imbalance by the pressures and tractions of bonds. ``solves`` counts columns. ``content`` is a digest of
-    everything except friction coefficients. ``kept`` are near fields at points of the bodies.
+    everything except friction coefficients. ``kept`` are near fields at points of the bodies. Bodies may have
+    ``inner`` right-hand sides (r,) and their solutions (2N,), by eigenstresses; ``eigen`` are the maps of
+    these.
     """
 
     pairings: tuple[Pairing, ...]
@@ -94,6 +100,8 @@ class Condensed:
     mismatches: Mapping[str, LinearMap] = field(default_factory=dict)
     sums: LinearMap | None = None
     kept: Memo = field(default_factory=partial(Memo, MAX_KEPT))
+    inner: Mapping[str, tuple[FloatArray, FloatArray]] = field(default_factory=dict)
+    eigen: Eigenstresses | None = None
 
     @property
     def reported(self) -> tuple[Pairing, ...]:
@@ -195,7 +203,9 @@ class Condensed:
         self, body: str, f: FloatArray, q: FloatArray, p: FloatArray, t: FloatArray
     ) -> sparse.csc_array:
         """Right-hand side (r, 1) of a body in one state."""
-        return sparse.csc_array((self.sources[body] @ self._drive((f, q, p, t)))[:, None])
+        source = self.sources[body] @ self._drive((f, q, p, t))
+        own = self.inner[body][0] if body in self.inner else 0.0
+        return sparse.csc_array((source + own)[:, None])
 
     def _drive(self, unknowns: Sequence[FloatArray]) -> FloatArray:
         """The drivers (drivers,) of one state."""
@@ -238,7 +248,8 @@ class Condensed:
         f, q, p, t = unknowns
         source = self.source(body, f, q, p, t)
         if body in self.solutions:
-            return (self.solutions[body] @ self._drive(unknowns))[:, None], source
+            own = self.inner[body][1] if body in self.inner else 0.0
+            return (self.solutions[body] @ self._drive(unknowns) + own)[:, None], source
         return scene.bodies[body].system.solve(source), source
 
     def displacement(self, scene: Scene, body: str, unknowns: Sequence[FloatArray]) -> FloatArray:

@@ -217,18 +217,7 @@ def adjacent_traction(
     pressure, traction = grid.deviation(pressure, 0), grid.deviation(traction, 1)
     z = as_complex(surface.curve.points(surface.arc_length))
     curvature = surface.curve.curvature(surface.arc_length)
-    if grid.corners_of(slave) or grid.mirrored:
-        # Only a smooth remainder is left near corners.
-        normal, tangent = grid.spreads
-        on = np.stack(np.split(normal @ pressure + tangent @ traction, 2), axis=1)
-        found = grid.forces(kernel, slave).traction(z, as_complex(surface.normal), curvature)
-        return np.asarray(np.einsum("ekcd,kd->ec", found, on))
-    intervals = Intervals.of(grid, slave, kernel)
-    total = np.zeros((len(z), 2))
-    forces = intervals.forces(pressure[:, None], traction[:, None])[..., 0]
-    for place, inward, force in zip(intervals.place, intervals.inward, forces, strict=True):
-        loaded = force.any(axis=1)
-        sources = intervals.sources(place[loaded], inward[loaded])
-        found = sources.traction(z, as_complex(surface.normal), curvature)
-        total += np.einsum("eicd,id->ec", found, force[loaded])
-    return total
+    normal, tangent = grid.spreads
+    on = np.stack(np.split(normal @ pressure + tangent @ traction, 2), axis=1)
+    found = grid.forces(kernel, slave).traction(z, as_complex(surface.normal), curvature)
+    return np.asarray(np.einsum("ekcd,kd->ec", found, on))

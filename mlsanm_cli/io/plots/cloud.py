@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -153,19 +153,9 @@ def _draw_nodes(axes: Axes, points: FloatArray, spacing: FloatArray) -> None:
     from matplotlib.collections import EllipseCollection
 
     width = (0.25 * spacing).tolist()
-    dots = EllipseCollection(
-        width,
-        width,
-        [0.0] * len(width),
-        units="xy",
-        offsets=points,
-        offset_transform=axes.transData,
-        facecolors="black",
-        linewidths=0.0,
-        alpha=0.6,
-        rasterized=True,
-    )
-    axes.add_collection(dots)
+    look: Any = {"facecolors": "black", "linewidths": 0.0, "alpha": 0.6, "rasterized": True}
+    where: Any = {"units": "xy", "offsets": points, "offset_transform": axes.transData}
+    axes.add_collection(EllipseCollection(width, width, [0.0] * len(width), **where, **look))
 
 
 def _finish(axes: Axes, view: Window, unit: str) -> None:

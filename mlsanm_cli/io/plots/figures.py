@@ -5,22 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
 
 from mlsanm_cli import __version__
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.files import replacing
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-from typing import TYPE_CHECKING, NamedTuple
-
-import numpy as np
-
-from mlsanm_cli.arrays import FloatArray
-
-if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 
 # The palette of Okabe and Ito for colour-blind readers, without yellow, which is too pale on white.
@@ -155,13 +151,5 @@ def draw_marks(axes: Axes, marks: ConditionMarks, size: float) -> None:
         if name not in named:
             named.add(name)
             far = tail if direction @ normal < 0.0 else tip
-            axes.annotate(
-                name,
-                xy=tuple(far),
-                xytext=(3.0, 3.0),
-                textcoords="offset points",
-                color=_LOAD,
-                fontsize=8,
-                annotation_clip=True,
-                zorder=5,
-            )
+            words: Any = {"color": _LOAD, "fontsize": 8, "annotation_clip": True, "zorder": 5}
+            axes.annotate(name, tuple(far), (3.0, 3.0), textcoords="offset points", **words)

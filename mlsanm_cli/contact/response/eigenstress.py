@@ -1,0 +1,143 @@
+"""Eigenstresses of bodies in a condensed scene: plastic strains, which change while loads do.
+
+They change every quantity through the functionals of the displacements u that they cause, and through the
+functionals' own part E::
+
+    u = A^+ P s        seen = L u - E s        constants of all maps += H seen
+
+H is the response to unit functionals, like the one to loads. Equation (33) of docs/method.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.response.condensed import Condensed
+from mlsanm_cli.contact.response.linear_map import LinearMap
+from mlsanm_cli.contact.response.observation import ResponseFunctionals
+from mlsanm_cli.mechanics.eigenstress import eigenstress_loads, eigenstress_reaction, values_at
+from mlsanm_cli.mechanics.scene import RigidMotion, Scene
+from mlsanm_cli.records import dataclass
+
+
+@dataclass(frozen=True)
+class Eigenstresses:
+    """Maps from nodal eigenstresses (3n,) of the bodies that flow: right-hand sides ``loads`` (r, 3n),
+    functionals ``rows`` (c, 2N) of displacements and their ``own`` (c, 3n) part; ``wide`` is the condensed
+    scene with the functionals as loads after the first ``count``, ``narrow`` without them."""
+
+    scene: Scene
+    loads: Mapping[str, sparse.csr_array]
+    rows: Mapping[str, sparse.csr_array]
+    own: Mapping[str, sparse.csr_array]
+    count: int
+    wide: Condensed
+
+    @classmethod
+    def of(cls, observation: ResponseFunctionals, wide: Condensed) -> Eigenstresses:
+        """The maps of a scene's bodies."""
+        scene, loads, rows, own = observation.scene, {}, {}, {}
+        for name in flowing(scene):
+            body = scene.bodies[name]
+            columns = 3 * len(body.model.cloud.points)
+            parts: dict[Any, sparse.csr_array] = {}
+            for surface in body.restrained:
+                parts["held", (name, surface)] = eigenstress_reaction(
+                    body, surface, scene.center(name, surface)
+                )
+            for probe in scene.probes:
+                if probe.body == name:
+                    value = values_at(body.model, probe.point)
+                    moved = sparse.csr_array((2, columns))
+                    parts["probe", probe.name] = sparse.vstack([moved, sparse.block_diag([value] * 3)])
+            blocks = [
+                parts.get(key, sparse.csr_array((place.stop - place.start, columns)))
+                for key, place in observation.places.items()
+            ]
+            own[name] = sparse.csr_array(
+                sparse.vstack([sparse.csr_array((0, columns)), *blocks], format="csr")
+            )
+            loads[name], rows[name] = eigenstress_loads(body), observation.rows(name)
+        return cls(scene, loads, rows, own, len(scene.loads), wide)
+
+    def response(self, stresses: Mapping[str, FloatArray]) -> tuple[dict[str, Any], FloatArray]:
+        """Right-hand sides (r,) and displacements (2N,) by body for eigenstresses (n, 3), and the functionals
+        (c,)."""
+        inner, seen = {}, np.zeros(self.wide.gap.load.shape[1] - self.count)
+        for name, stress in stresses.items():
+            flat = stress.T.ravel()
+            source = self.loads[name] @ flat
+            moved = self.scene.bodies[name].system.solve(sparse.csc_array(source[:, None]))[:, 0]
+            inner[name] = source, moved
+            seen = seen + self.rows[name] @ moved - self.own[name] @ flat
+        return inner, seen
+
+    def within(self, condensed: Condensed, stresses: Mapping[str, FloatArray]) -> Condensed:
+        """A ``condensed`` scene without eigenstresses under those given (n, 3)."""
+        inner, seen = self.response(stresses)
+
+        def shifted(linear: LinearMap, wide: LinearMap) -> LinearMap:
+            return replace(linear, constant=linear.constant + wide.load[:, self.count :] @ seen)
+
+        return replace(_mapped(condensed, self.wide, shifted), inner=inner)
+
+
+def flowing(scene: Scene) -> list[str]:
+    """The bodies whose material flows."""
+    return [name for name, body in scene.bodies.items() if body.model.material.flows]
+
+
+def widened(scene: Scene, count: int) -> Scene:
+    """The scene with as many further loads, which nothing responds to."""
+
+    def wider(motion: RigidMotion) -> RigidMotion:
+        more, given = np.zeros(count), motion.prescribed
+        prescribed = None if given is None else np.append(given, more)
+        return replace(motion, prescribed=prescribed, force=np.append(motion.force, more))
+
+    constraints = tuple(
+        replace(one, motions=tuple(map(wider, one.motions))) for one in scene.rigid_constraints
+    )
+    return replace(scene, loads=(*scene.loads, *[""] * count), rigid_constraints=constraints)
+
+
+def narrowed(wide: Condensed, count: int) -> Condensed:
+    """A condensed scene with the first loads only."""
+
+    def narrower(linear: LinearMap, _: LinearMap) -> LinearMap:
+        return replace(linear, load=linear.load[:, :count])
+
+    extra = np.s_[count : wide.gap.load.shape[1]]
+    return replace(
+        _mapped(wide, wide, narrower),
+        drivers=replace(wide.drivers, loads=count),
+        sources={name: without(one, extra) for name, one in wide.sources.items()},
+        solutions={name: np.delete(one, extra, axis=1) for name, one in wide.solutions.items()},
+    )
+
+
+def without(sources: sparse.csc_array, columns: slice) -> sparse.csc_array:
+    """Right-hand sides without some columns."""
+    return sparse.csc_array(sparse.hstack([sources[:, : columns.start], sources[:, columns.stop :]]))
+
+
+def _mapped(condensed: Condensed, other: Condensed, change: Any) -> Condensed:
+    """A condensed scene with every linear map changed, given the same map of an ``other`` one."""
+    changes: dict[str, Any] = {}
+    for entry in fields(condensed):
+        value, model = getattr(condensed, entry.name), getattr(other, entry.name)
+        if isinstance(value, LinearMap):
+            changes[entry.name] = change(value, model)
+        elif isinstance(value, Mapping) and any(isinstance(one, LinearMap) for one in value.values()):
+            changes[entry.name] = {name: change(one, model[name]) for name, one in value.items()}
+    bonds, known = condensed.bonds, other.bonds
+    if bonds.pairings:
+        pressure, traction = change(bonds.pressure, known.pressure), change(bonds.traction, known.traction)
+        changes["bonds"] = replace(bonds, pressure=pressure, traction=traction)
+    return replace(condensed, **changes)

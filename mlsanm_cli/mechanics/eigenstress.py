@@ -1,0 +1,90 @@
+"""Eigenstresses of a body, C e of nodal eigenstrains e such as plastic ones, and their right-hand sides.
+
+Stresses are sigma = C e(u) - s with a nodal field s. The stresses C e(u), which the rows represent, therefore
+balance div s inside and s n on free surfaces, and faces of pieces transmit s n: by first derivatives, nodal
+values and fitted values of s. Nodal stresses (3n,) are ordered xx of all nodes, yy, xy.
+
+Equation (32) of docs/method.md.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.body_model import BodyModel
+from mlsanm_cli.mechanics.elasticity import XX, XY, YY, force_sums
+from mlsanm_cli.mechanics.pieces import reaction_rows
+from mlsanm_cli.mechanics.springs import FREE
+from mlsanm_cli.operators.rows import scalar_rows
+from mlsanm_cli.operators.stencils import build_gradients
+
+PARTS = ((XX, XY), (XY, YY))
+"""Stresses whose derivatives, or products with a normal, by x and by y are the force x, and the force y."""
+
+
+def eigenstress_loads(body: ElasticBody) -> sparse.csr_array:
+    """Right-hand sides (r, 3n) of a body per nodal eigenstress."""
+    model, nodes = body.model, len(body.model.cloud.points)
+    weights = model.stencils.weights
+    by = [scalar_rows(model.stencils, np.ascontiguousarray(weights[:, kind])) for kind in (1, 2)]
+    blocks = [_placed(PARTS[axis], by, nodes) for axis in (0, 1)]
+    for name, surface in model.cloud.surfaces.items():
+        count = len(surface.index)
+        for axis in (0, 1):
+            own = np.zeros(count) if body.held.get(name, FREE)[axis] else np.ones(count)
+            normal = [
+                sparse.csr_array((own * part, (np.arange(count), surface.index)), shape=(count, nodes))
+                for part in surface.normal.T
+            ]
+            blocks.append(_placed(PARTS[axis], normal, nodes))
+    rest = 3 * body.pieces.count
+    found = sparse.csr_array(sparse.vstack(blocks, format="csr"))
+    single = sparse.csr_array((body.rows - rest - found.shape[0], 3 * nodes))
+    nodal = sparse.csr_array(sparse.vstack([found, single], format="csr"))
+    every = np.ones(body.pieces.count, dtype=bool)
+    fluxes = body.pieces.fluxes(model, body.restrained, every, lambda *places: forces_through(model, *places))
+    fluxes = fluxes - body.loads[:, : body.rows - rest] @ nodal
+    return sparse.csr_array(sparse.vstack([nodal, fluxes], format="csr"))
+
+
+def forces_through(
+    model: BodyModel, centers: FloatArray, points: FloatArray, normals: FloatArray
+) -> sparse.csr_array:
+    """Rows (3e, 3n) of the forces of a nodal stress, as by :meth:`BodyModel.forces_through`."""
+    cloud, count = model.cloud, points.shape[1]
+    stencils = build_gradients(
+        cloud.points, cloud.tree, centers, points, model.settings, cloud.sight, values=True, tips=model.tips
+    )
+    each = np.repeat(np.arange(len(centers)), count)
+    chosen = stencils.take(each)
+    place = np.repeat(np.tile(np.arange(count), len(centers)), np.diff(chosen.indptr))
+    values = chosen.weights.reshape(-1, count, 3)[np.arange(len(place)), place, 0]
+    fitted = scalar_rows(chosen, values)
+    sums = force_sums(points - centers[:, None], normals)
+    return sparse.csr_array(sparse.hstack([part @ fitted for part in sums], format="csr"))
+
+
+def eigenstress_reaction(body: ElasticBody, surface: str, center: tuple[float, float]) -> sparse.csr_array:
+    """Rows (3, 3n) of force x, y and moment about ``center`` of a held surface due to eigenstresses, to be
+    subtracted from those computed from displacements."""
+    model = body.model
+    where, held = model.cloud.surfaces[surface], body.restrained[surface]
+    return reaction_rows(model, where, held, center, lambda *places: forces_through(model, *places))
+
+
+def values_at(model: BodyModel, points: FloatArray) -> sparse.csr_array:
+    """Rows (e, n) of a nodal field at ``points`` (e, 2)."""
+    stencils = model.stencils_at(points, 0)
+    return scalar_rows(stencils, np.ascontiguousarray(stencils.weights[:, 0]))
+
+
+def _placed(parts: tuple[int, int], blocks: list[sparse.csr_array], nodes: int) -> sparse.csr_array:
+    """Rows (e, 3n) with two ``blocks`` (e, n) at the stresses ``parts``."""
+    empty = sparse.csr_array((blocks[0].shape[0], nodes))
+    found = [empty, empty, empty]
+    for part, block in zip(parts, blocks, strict=True):
+        found[part] = block
+    return sparse.csr_array(sparse.hstack(found, format="csr"))

@@ -1,0 +1,229 @@
+"""Equilibrium of bodies that flow, in contact, at given loads.
+
+Unknowns are the eigenstresses s = C e of the plastic strains e at the nodes. They cause displacements through
+the elastic factors, and gaps, on which the contact problem gives pressures; both give strains, and the return
+map plastic strains again::
+
+    s(strains(s)) - s = 0
+
+by Newton's method. Its equations, I - (C - D) d strains/ds with the consistent tangent D, are known by
+products, each of one solution with the elastic factors and one with the linearised contact, and solved by
+GMRES: they are the identity wherever nothing flows, and well conditioned elsewhere, as the elastic response
+to eigenstresses approximates a projection. Forcing terms are those of Eisenstat and Walker 1996
+(doi:10.1137/0917003, choice 2).
+
+Equation (34) of docs/method.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.complementarity.basis import Ray
+from mlsanm_cli.contact.laws.contact_state import Linearised
+from mlsanm_cli.contact.laws.coulomb import CoulombState, increment, unloaded
+from mlsanm_cli.contact.response.linear_map import LinearMap
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.mechanics.laws.von_mises import HISTORY, plastic_stress
+from mlsanm_cli.operators.linear.krylov import gmres
+from mlsanm_cli.records import dataclass
+from mlsanm_cli.solve.condensed_scene import CondensedScene
+
+PLANE = [0, 1, 3]
+"""Strains and stresses in the plane among xx, yy, zz, xy."""
+MOST_UPDATES, LEAST_STEP = 30, 2.0**-6
+"""Newton steps, and the shortest part of one, before a smaller increment is tried."""
+DECREASE = 1e-4
+"""Least decrease of the residual per step (Dennis and Schnabel 1996, doi:10.1137/1.9781611971200)."""
+MEMORY = 10
+"""Residuals of earlier steps of which none may be exceeded (Grippo, Lampariello and Lucidi 1986,
+doi:10.1137/0723046): where nodes begin or cease to flow single steps increase the residual."""
+FORCING, LARGEST_FORCING = 0.9, 0.1
+"""Factor of the forcing terms, and the first one."""
+
+
+class FlowError(NumericalError):
+    """No state has been found at the end of an increment."""
+
+
+@dataclass(frozen=True, eq=False)
+class Flow:
+    """A state for given eigenstresses ``unknowns`` (u,): contact, and by body the displacements ``rest``
+    (2N,) of the elastic system, ``strain`` and ``stress`` (n, 4), ``tangent`` (n, 4, 4), ``history`` (n, 5)
+    and ``work`` (n,) of plastic strains so far. ``misfit`` (u,) is what the return map would change, of
+    equilibrium states 0, in the norm of stresses of ``size``. ``updates`` and ``products`` count."""
+
+    factors: FloatArray
+    unknowns: FloatArray
+    contact: CoulombState
+    rest: Mapping[str, FloatArray]
+    strain: Mapping[str, FloatArray]
+    stress: Mapping[str, FloatArray]
+    tangent: Mapping[str, FloatArray]
+    history: Mapping[str, FloatArray]
+    work: Mapping[str, FloatArray]
+    misfit: FloatArray
+    size: float
+    updates: int = 0
+    products: int = 0
+
+    @property
+    def residual(self) -> float:
+        """The misfit relative to the stresses."""
+        return float(np.linalg.norm(self.misfit)) / self.size if self.size else 0.0
+
+
+class PlasticScene:
+    """A scene ``built`` with bodies that flow."""
+
+    def __init__(self, built: CondensedScene) -> None:
+        self.built, self.laws = built, built.laws
+        self.bodies = {name: built.scene.bodies[name] for name in self.laws}
+        assert built.condensed.eigen is not None
+        self._eigen = built.condensed.eigen
+        counts = [3 * len(body.model.cloud.points) for body in self.bodies.values()]
+        ends = np.cumsum([0, *counts]).tolist()
+        self._places = {n: slice(a, b) for n, a, b in zip(self.bodies, ends[:-1], ends[1:], strict=True)}
+        areas = [np.tile(body.model.cloud.areas, 3) for body in self.bodies.values()]
+        self._root = np.sqrt(np.concatenate(areas))
+        known = built.condensed
+        gap, slip, balance = map(_homogeneous, (known.gap, known.slip, known.balance))
+        self._linear = replace(known, gap=gap, slip=slip, balance=balance)
+
+    def unloaded(self) -> Flow:
+        """The state without loads, strains and contact pressures."""
+        factors, condensed = self.built.stages[0], self.built.condensed
+        count = {name: len(body.model.cloud.points) for name, body in self.bodies.items()}
+        none = {name: np.zeros((n, 4)) for name, n in count.items()}
+        return Flow(
+            factors,
+            np.zeros(len(self._root)),
+            unloaded(condensed, factors),
+            {name: np.zeros(body.model.unknowns) for name, body in self.bodies.items()},
+            none,
+            none,
+            {},
+            {name: np.zeros((n, HISTORY)) for name, n in count.items()},
+            {name: np.zeros(n) for name, n in count.items()},
+            np.zeros(0),
+            0.0,
+        )
+
+    def advanced(self, before: Flow, factors: FloatArray, first: FloatArray | None = None) -> Flow:
+        """The state after an increment to load ``factors`` (L,), searched from eigenstresses ``first`` (u,).
+        Raises FlowError."""
+        tolerance = self.built.case.solver.tolerance
+        now = self._trial(before, factors, before.unknowns if first is None else first, before.contact)
+        forcing, products, seen = LARGEST_FORCING, 0, [float(np.linalg.norm(now.misfit))]
+        for updates in range(MOST_UPDATES + 1):
+            if now.residual <= tolerance:
+                return replace(now, updates=updates, products=products)
+            try:
+                linear = Linearised(self.built.condensed, now.contact.sets)
+            except Ray as error:
+                raise FlowError("the contact slides as a whole while bodies flow") from error
+            change, count = gmres(partial(self._product, now, linear), now.misfit, forcing)
+            products += count
+            now = self._stepped(before, now, change, max(seen[-MEMORY:]))
+            seen.append(float(np.linalg.norm(now.misfit)))
+            rate = seen[-1] / seen[-2]
+            safe = FORCING * forcing**2
+            forcing = min(LARGEST_FORCING, max(FORCING * rate**2, safe if safe > LARGEST_FORCING else 0.0))
+            forcing = max(forcing, 0.5 * tolerance / max(now.residual, tolerance))
+        raise FlowError(f"plastic strains have not settled after {MOST_UPDATES} updates")
+
+    def _stepped(self, before: Flow, now: Flow, change: FloatArray, most: float) -> Flow:
+        """The state after a Newton step, or after a part of it with which the misfit is at most ``most``.
+        Raises FlowError."""
+        part = 1.0
+        while part >= LEAST_STEP:
+            unknowns = now.unknowns + part * change / self._root
+            found = self._trial(before, now.factors, unknowns, now.contact)
+            if float(np.linalg.norm(found.misfit)) <= (1.0 - DECREASE * part) * most:
+                return found
+            part *= 0.5
+        raise FlowError("plastic strains do not settle")
+
+    def _trial(self, before: Flow, factors: FloatArray, unknowns: FloatArray, guess: CoulombState) -> Flow:
+        """The state for eigenstresses ``unknowns`` (u,), with the contact set searched from a ``guess``."""
+        scene, stresses = self.built.scene, dict(self._split(unknowns))
+        condensed = self._eigen.within(self.built.condensed, stresses)
+        contact = increment(condensed, before.contact, factors, guess=guess.sets)
+        if contact is None:
+            raise FlowError("no contact state balances the loads")
+        v = contact.values
+        drive = factors, v.motion, v.pressure, v.traction
+        rest, strain, stress, tangent, history, work, misfits = {}, {}, {}, {}, {}, {}, []
+        size = 0.0
+        for name, body in self.bodies.items():
+            law, model = self.laws[name], body.model
+            rest[name] = condensed.solution(scene, name, drive)[0][:, 0]
+            near = condensed.contact_fields(scene, name, drive)[1]
+            elastic = model.stress(rest[name].reshape(-1, 2)) + near
+            whole = np.zeros((len(elastic), 4))
+            whole[:, PLANE] = np.linalg.solve(model.material.stiffness, elastic.T).T
+            degrees = scene.degrees(name, factors)
+            strain[name] = whole - degrees[:, None] * model.material.free_expansion[[0, 1, 3, 2]]
+            stress[name], tangent[name], history[name] = law.update(strain[name], before.history[name])
+            flowed = history[name][:, :4] - before.history[name][:, :4]
+            mean = 0.5 * (stress[name] + before.stress[name])
+            work[name] = before.work[name] + (mean * flowed).sum(axis=1)
+            misfits.append((plastic_stress(law.linear, history[name]) - stresses[name]).T.ravel())
+            size += float(model.cloud.areas @ (elastic**2).sum(axis=1))
+        misfit = self._root * np.concatenate(misfits)
+        size = float(np.sqrt(size + np.sum((self._root * unknowns) ** 2)))
+        return Flow(factors, unknowns, contact, rest, strain, stress, tangent, history, work, misfit, size)
+
+    def growth(self, now: Flow, change: FloatArray) -> float:
+        """Displacements per change of load factors (L,) over those of elastic bodies; unbounded at a limit
+        load."""
+        linear, none = Linearised(self.built.condensed, now.contact.sets), np.zeros(len(now.unknowns))
+        elastic, flowed = self._response(now, linear, none, change)
+        unknowns = gmres(partial(self._product, now, linear), self._root * flowed, LARGEST_FORCING)[0]
+        plastic = self._response(now, linear, unknowns / self._root, change)[0]
+        sizes = [
+            sum(np.repeat(self.bodies[name].model.cloud.areas, 2) @ one**2 for name, one in rest.items())
+            for rest in (plastic, elastic)
+        ]
+        return float(np.sqrt(sizes[0] / sizes[1])) if sizes[1] else 0.0
+
+    def _product(self, now: Flow, linear: Linearised, vector: FloatArray) -> FloatArray:
+        """The equations (u,) of a state applied to a change, both weighted by the areas."""
+        none = np.zeros(len(now.factors))
+        flowed = self._response(now, linear, vector / self._root, none)[1]
+        return np.asarray(vector - self._root * flowed)
+
+    def _response(
+        self, now: Flow, linear: Linearised, unknowns: FloatArray, factors: FloatArray
+    ) -> tuple[dict[str, FloatArray], FloatArray]:
+        """Changes of displacements (2N,) by body by those of eigenstresses ``unknowns`` (u,) and load
+        ``factors`` (L,), and the eigenstresses (u,) that the return map adds for them."""
+        scene = self.built.scene
+        condensed = self._eigen.within(self._linear, dict(self._split(unknowns)))
+        rows = condensed.unscaled_rows(factors)
+        m, n = len(condensed.gap.constant), len(condensed.slip.constant)
+        v = linear.response(rows[:m], rows[m : m + n], rows[m + n :])
+        drive = factors, v.motion, v.pressure, v.traction
+        moved, parts = {}, []
+        for name, body in self.bodies.items():
+            model, tangent = body.model, now.tangent[name][:, PLANE][:, :, PLANE]
+            moved[name] = condensed.solution(scene, name, drive)[0][:, 0]
+            near = condensed.contact_fields(scene, name, drive)[1]
+            elastic = model.stress(moved[name].reshape(-1, 2)) + near
+            strain = np.linalg.solve(model.material.stiffness, elastic.T).T
+            parts.append((elastic - np.einsum("nij,nj->ni", tangent, strain)).T.ravel())
+        return moved, np.concatenate(parts)
+
+    def _split(self, unknowns: FloatArray) -> Iterator[tuple[str, FloatArray]]:
+        """Eigenstresses (n, 3) by body."""
+        for name, place in self._places.items():
+            yield name, unknowns[place].reshape(3, -1).T
+
+
+def _homogeneous(linear: LinearMap) -> LinearMap:
+    return replace(linear, constant=np.zeros_like(linear.constant))

@@ -1,0 +1,177 @@
+"""Path of scenes with bodies that flow, in increments chosen by their error.
+
+Every increment is computed at once and in two halves, which are kept. The difference of the displacements is
+the error of the halves, as the return map is of first order; it is at most ``solver.flow_error`` of the
+largest displacements.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case import finer_nodes
+from mlsanm_cli.contact.complementarity.problem import ContactStatus
+from mlsanm_cli.contact.laws.contact_state import ContactSolution
+from mlsanm_cli.contact.laws.coulomb import CoulombState, residual
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.mechanics.laws.von_mises import plastic_stress
+from mlsanm_cli.records import dataclass
+from mlsanm_cli.roundoff import FINE_ROUND_OFF
+from mlsanm_cli.solve.condensed_scene import CondensedScene, factors_at
+from mlsanm_cli.solve.plastic_flow import Flow, FlowError, PlasticScene
+from mlsanm_cli.solve.state import Checkpoint, PathStep, State, friction_history, output_positions, stops
+
+GROWTH = 2.0
+"""Largest growth of increments."""
+LEAST_INCREMENT = 2.0**-10
+"""Part of a stage within which a limit load is enclosed."""
+COLLAPSE = 10.0
+"""Growth of displacements over that of elastic bodies at the end of a path that counts as collapse."""
+KEPT = ("stress", "history", "work")
+"""Quantities of nodes that continue a path, by body."""
+
+
+@dataclass(frozen=True)
+class Increment:
+    """An increment of ``length``: the states in its ``middle`` and at its ``end``, and the ``error`` of the
+    displacements."""
+
+    length: float
+    middle: Flow
+    end: Flow
+    error: float
+
+
+def plastic_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
+    """The path, or its part after a checkpoint. Raises NumericalError at a limit load."""
+    scene = PlasticScene(built)
+    if start is None:
+        now, position, length, error = scene.unloaded(), 0.0, 1.0, 0.0
+        yield _step(built, now, position, 0.0, length, error)
+    else:
+        now, position, length = _restored(built, start), start.position, start.pace
+        error = float(start.state.solver["increment_error"][0])
+    largest = _size(built, now.rest)
+    for halt in stops(built):
+        while halt - position > FINE_ROUND_OFF:
+            wanted = min(length, halt - position)
+            found = _increment(scene, now, position, wanted, largest)
+            largest = max(largest, _size(built, found.middle.rest), _size(built, found.end.rest))
+            allowed = built.case.solver.flow_error * largest
+            # Errors of increments grow with the square of the length.
+            most = min(GROWTH, float(np.sqrt(allowed / found.error))) if found.error else GROWTH
+            length = max(most * found.length, length if found.length == wanted else 0.0)
+            error += found.error / largest if largest else 0.0
+            half, now = 0.5 * found.length, found.end
+            yield _step(built, found.middle, position + half, half, length, error)
+            position = halt if halt - position - found.length <= FINE_ROUND_OFF else position + found.length
+            yield _step(built, now, position, half, length, error)
+
+
+def _increment(scene: PlasticScene, now: Flow, position: float, length: float, largest: float) -> Increment:
+    """The longest increment, of at most ``length``, whose error is allowed. Raises NumericalError."""
+    built, whole = scene.built, None
+    while True:
+        try:
+            if whole is None:
+                whole = scene.advanced(now, factors_at(built.stages, position + length))
+            middle = scene.advanced(now, factors_at(built.stages, position + 0.5 * length))
+            end = scene.advanced(middle, whole.factors, whole.unknowns)
+        except FlowError as failure:
+            whole, length = None, 0.5 * length
+            if length < LEAST_INCREMENT:
+                raise _beyond(built, scene, now, position, failure) from failure
+            continue
+        apart = {name: whole.rest[name] - end.rest[name] for name in built.laws}
+        size, error = max(largest, _size(built, end.rest)), _size(built, apart)
+        if error <= built.case.solver.flow_error * size:
+            return Increment(length, middle, end, error)
+        whole, length = middle, 0.5 * length
+
+
+def _beyond(
+    built: CondensedScene, scene: PlasticScene, now: Flow, position: float, failure: FlowError
+) -> NumericalError:
+    """The error of a path that ends at a ``position``: a limit load if displacements grow fast, compared with
+    those of elastic bodies."""
+    stage = min(int(position), len(built.stages) - 2)
+    change = built.stages[stage + 1] - built.stages[stage]
+    loads = ", ".join(
+        f"{name} = {factor:.6g}"
+        for name, moved, factor in zip(built.scene.loads, change, now.factors, strict=True)
+        if moved
+    )
+    growth = scene.growth(now, change)
+    if growth < COLLAPSE:
+        return FlowError(
+            f"no equilibrium beyond position {position:.6g}, {loads}: {failure.message}",
+            f"{finer_nodes(built.case, list(built.laws))}, or give the material some hardening, 1 % of E",
+        )
+    flowing = [f"body {name}" for name in built.laws if now.history[name][:, 4].any()]
+    return NumericalError(
+        f"collapse: {' and '.join(flowing)} reached the limit load at position {position:.6g}, {loads}: "
+        f"displacements grow {growth:.3g} times as fast as elastic ones",
+        "prescribe displacements instead of forces to go on, or give the material hardening",
+    )
+
+
+def _size(built: CondensedScene, moved: Mapping[str, FloatArray]) -> float:
+    """Norm of displacements (2N,) of the bodies that flow."""
+    areas = {name: np.repeat(built.scene.bodies[name].model.cloud.areas, 2) for name in moved}
+    return float(np.sqrt(sum(areas[name] @ one**2 for name, one in moved.items())))
+
+
+def _step(
+    built: CondensedScene, flow: Flow, position: float, length: float, pace: float, error: float
+) -> PathStep:
+    """A step that ends at a state with an accumulated ``error`` of increments."""
+    contact, v = flow.contact, flow.contact.values
+    solver = {"increment_error": np.array([error])}
+    for name in built.laws:
+        solver |= {
+            f"history.{name}": flow.history[name],
+            f"stress.{name}": flow.stress[name],
+            f"work.{name}": flow.work[name],
+        }
+    status = contact.sets.status(built.condensed.friction_nodes)
+    values = (v.pressure, v.gap, v.motion, status, 0.0, v.traction, v.slip, contact.work)
+    state = State(position, flow.factors, *values, solver=solver)
+    state = replace(state, residual=residual(built.at(state).condensed, contact))
+    return PathStep(
+        state,
+        (state,) if position in output_positions(built) else (),
+        length,
+        iterations=flow.updates,
+        solves=flow.products,
+        checkpoint=Checkpoint(state, friction_history(contact.sets, contact.stick_reference), pace=pace),
+    )
+
+
+def _restored(built: CondensedScene, start: Checkpoint) -> Flow:
+    """The state of a checkpoint."""
+    state, history, bodies = start.state, start.history, built.scene.bodies
+    condensed = built.at(state).condensed
+    values = ContactSolution(state.pressure, state.traction, state.motion, state.gap, state.slip)
+    sets = ContactStatus(**history["sets"])
+    contact = CoulombState(state.factors, values, sets, history["stick_reference"], state.work)
+    known = {key: {name: state.solver[f"{key}.{name}"] for name in built.laws} for key in KEPT}
+    strains = known["history"].items()
+    stresses = [plastic_stress(bodies[name].model.material, one).T.ravel() for name, one in strains]
+    rest = {name: condensed.solution(built.scene, name, state.unknowns)[0][:, 0] for name in built.laws}
+    return Flow(
+        state.factors,
+        np.concatenate(stresses),
+        contact,
+        rest,
+        {},
+        known["stress"],
+        {},
+        known["history"],
+        known["work"],
+        np.zeros(0),
+        0.0,
+    )
