@@ -39,7 +39,9 @@ class Dataset(Mapping[str, Any]):
     """
 
     def __init__(self, members: Mapping[str, Any], attributes: Mapping[str, Any] | None = None) -> None:
-        self._members = {name: _as_dataset(member) for name, member in members.items()}
+        self._members = {
+            name: Dataset(member) if isinstance(member, dict) else member for name, member in members.items()
+        }
         self.attributes = dict(attributes or {})
 
     def __getitem__(self, path: str) -> Any:
@@ -56,10 +58,6 @@ class Dataset(Mapping[str, Any]):
 
     def __len__(self) -> int:
         return len(self._members)
-
-
-def _as_dataset(member: Any) -> Any:
-    return Dataset(member) if isinstance(member, dict) else member
 
 
 class SavedState(NamedTuple):
@@ -203,7 +201,10 @@ def _reading(rundir: Path, read: Callable[[Any, Path], Read]) -> Read:
 
 def _head(root: Any, file: Path) -> dict[str, str | int | float]:
     """The attributes of the file. Raises RunError if it is not a run of this format."""
-    attributes = {name: _scalar(value) for name, value in root.attrs.items()}
+    attributes: dict[str, str | int | float] = {}
+    for name, value in root.attrs.items():
+        plain = value.item() if isinstance(value, np.generic) else value
+        attributes[name] = plain if isinstance(plain, str | int | float) else str(plain)
     if "mlsanm_version" not in attributes or "status" not in attributes:
         raise RunError(f"{file} was not written by mlsanm", hint="give the directory of a run")
     if attributes.get("format") != FORMAT:
@@ -247,9 +248,3 @@ def _value(item: Any) -> Any:
         return item[...]
     text = item.asstr()[()]
     return text.tolist() if isinstance(text, np.ndarray) else str(text)
-
-
-def _scalar(value: Any) -> str | int | float:
-    """An attribute as a plain Python value."""
-    plain = value.item() if isinstance(value, np.generic) else value
-    return plain if isinstance(plain, str | int | float) else str(plain)

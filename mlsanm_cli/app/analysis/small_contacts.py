@@ -7,7 +7,6 @@ width, other points touch, and pressures are reported at points that have moved.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -176,5 +175,5 @@ def worst_state(
     bodies = vtu_states(nodes, fields, ("displacement", "stress", "von_mises"))
     if len(cause["residual"]):
         more = node_fields(built, cause)
-        bodies = {name: replace(body, data={**body.data, **more[name]}) for name, body in bodies.items()}
+        bodies = {name: body._replace(data={**body.data, **more[name]}) for name, body in bodies.items()}
     return list(bodies.values()), {"position": state.position, "worst_nodes": worst_nodes(built, cause)}

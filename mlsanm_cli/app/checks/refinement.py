@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -132,8 +132,7 @@ def _level(residual: FloatArray, ruled: BoolArray, degree: int) -> float:
     return max(float(np.exp(high)), floor)
 
 
-@dataclass(frozen=True)
-class Rule:
+class Rule(NamedTuple):
     """Required spacings of a contact patch: ``across`` spacings per half-width within ``reach`` half-widths
     of its middle, ``at_edge`` at its edges, growing by ``growth`` per unit length outside."""
 
@@ -195,7 +194,13 @@ def adapt(case: Case, prepared: SceneModel, context: RunContext, known: Refineme
         more: tuple[Zone, ...] = ()
         if accuracy.bulk_leads:
             more = residual_zones(built, prepared.boundaries, accuracy.bodies, patches, (*zones, *bulk))
-        if not more and not any(_is_coarse(patch, rule) for patch in patches):
+        # By more than the scatter of spacings.
+        coarse = [
+            (one.uncertainty > 1.5 * one.finest * one.half_width / rule.at_edge).any()
+            or one.spacing > 1.2 * one.half_width / rule.across
+            for one in patches
+        ]
+        if not more and not any(coarse):
             context.console.note(f"refinement stops before pass {number}: all clouds are fine enough")
             break
         wanted = (*zones, *bulk, *more)
@@ -252,12 +257,6 @@ def found_patches(built: CondensedScene, rule: Rule) -> Iterator[Patch]:
             for patch in contact_patches(pairing, state.stuck[span]):
                 if patch.half_width > least and len(patch.edges):
                     yield replace(patch, finest=max(rule.at_edge / STICK_REFINEMENT, 1.0))
-
-
-def _is_coarse(patch: Patch, rule: Rule) -> bool:
-    """Whether another pass would refine around the patch by more than the scatter of spacings."""
-    edges = patch.uncertainty > 1.5 * patch.finest * patch.half_width / rule.at_edge
-    return bool(edges.any()) or patch.spacing > 1.2 * patch.half_width / rule.across
 
 
 def _patch_zones(patch: Patch, rule: Rule) -> Iterator[Zone]:

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -22,7 +22,6 @@ from mlsanm_cli.commit import commit
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_file import Value
 from mlsanm_cli.io.run_reader import RunData
-from mlsanm_cli.records import dataclass
 from mlsanm_cli.solve.state import Checkpoint, State
 from mlsanm_cli.system import host
 
@@ -31,8 +30,7 @@ REFINEMENT = "checkpoint/refinement"
 Record = TypeVar("Record", State, Checkpoint)
 
 
-@dataclass(frozen=True)
-class EarlierRun:
+class EarlierRun(NamedTuple):
     """An interrupted run: the rows of its path, the seconds that they took, and the ``figures`` counted so
     far; if there are any rows, the state of the ``last`` one and the checkpoint from which the path
     continues; the ``refinement`` of its clouds, if that was complete."""

@@ -4,7 +4,6 @@ figures."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -120,7 +119,7 @@ def model_bodies(prepared: SceneModel) -> list[VtuPart]:
                 node = pairing.node[pairing.candidate]
                 partner[node] = pairing.partner[pairing.candidate] - cloud.points[node]
         data = {"spacing": cloud.spacing, "normal": normal, "partner": partner}
-        bodies.append(replace(body_part(cloud, data), cells=np.zeros((0, 3), dtype=np.int64)))
+        bodies.append(body_part(cloud, data)._replace(cells=np.zeros((0, 3), dtype=np.int64)))
     return bodies
 
 

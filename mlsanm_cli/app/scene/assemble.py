@@ -89,13 +89,12 @@ def prepare(
     memo: Memo = NO_CACHE,
     before: Mapping[str, BodyModel] = NOTHING,
     grids: bool = True,
-    low: bool = False,
 ) -> SceneModel:
     """Stencils, pairs and conditions; models ``before`` are reused where the cloud is the same.
 
-    ``grids``: contacts away from corners may have contact grids; ``low``: "auto" selects the low degree.
-    Raises CaseError for contacts without facing nodes, for forces that nothing resists, for loads without a
-    value at some node, and for probes outside their body.
+    ``grids``: contacts away from corners may have contact grids. Raises CaseError for contacts without facing
+    nodes, for forces that nothing resists, for loads without a value at some node, and for probes outside
+    their body.
     """
     case = boundaries.case
     refuse_conflicts(boundaries)
@@ -114,7 +113,7 @@ def prepare(
             # Nodes of meshes are not suited to wide stencils, and tips of slits are not smooth enough.
             cloud = clouds[body.name]
             difficult = cloud.sight is not None or cloud.spacings_across < MIN_HIGH_SPACINGS
-            models[body.name] = modelled(body, low or body.has_nodes or difficult)
+            models[body.name] = modelled(body, body.has_nodes or difficult)
         except NumericalError:
             if mls_settings(case) == mls_settings(case, low=True):
                 raise
@@ -131,7 +130,7 @@ def prepare(
         | dict.fromkeys(restraining(loads.springs[name], models[name].cloud, models[name].material))
         for name, sides in held.items()
     }
-    # At finite strain pressures are nodal.
+    # At finite strain knots are placed along sides of any kind.
     small = case.model.strain == "small"
     if small:
         check_tips(case, pairings)
@@ -148,7 +147,7 @@ def prepare(
         if not ranges:
             raise
         # The resisting part of a surface, for instance a chamfer, may lie outside the ranges.
-        return prepare(boundaries, clouds, memo, before, grids=False, low=low)
+        return prepare(boundaries, clouds, memo, before, grids=False)
     ignored = (
         []
         if small

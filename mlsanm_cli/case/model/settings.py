@@ -104,7 +104,7 @@ class Solver(Section):
     """Direct solver: `"auto"` is the built-in sparse Cholesky factorisation."""
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
-        if scope.strain == "finite" and self.method == "active-set" and not scope.case.contact:
+        if scope.strain == "finite" and self.method == "active-set" and not scope.names("contact"):
             yield Fault(("method",), '"active-set" needs a contact', '"anm" or "newton"')
         law = scope.case.touching[0].regularization.law if scope.case.touching else None
         fitting = {"anm": "hyperbolic", "newton": "hyperbolic", "active-set": "exact"}.get(self.method, law)
