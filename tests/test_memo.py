@@ -96,16 +96,3 @@ def test_the_latest_results_are_kept() -> None:
     assert memo.figures == {"found": 2, "made": 4}
     assert (NO_CACHE.value("kind", "a", lambda: 1), NO_CACHE.value("kind", "a", lambda: 2)) == (1, 2)
     assert NO_CACHE.figures == {}
-
-
-def test_what_is_replaced_is_kept_last() -> None:
-    memo = Memo(2)
-    assert memo.latest("grids", "a") is None
-    memo.replace("grids", "a", 1)
-    memo.value("other", "b", lambda: 2)
-    memo.replace("grids", "a", 3)
-    memo.value("other", "c", lambda: 4)
-    assert memo.latest("grids", "a") == 3
-    assert memo.latest("other", "b") is None
-    NO_CACHE.replace("grids", "a", 1)
-    assert NO_CACHE.latest("grids", "a") is None

@@ -12,9 +12,8 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -33,8 +32,7 @@ POINTS = 60
 """Points of the curves in the picture."""
 
 
-@dataclass(frozen=True)
-class Constant:
+class Constant(NamedTuple):
     """A constant of a law: its ``start``, times the shear modulus if it is a ``modulus``, and limits."""
 
     start: float
@@ -64,8 +62,7 @@ START: Mapping[str, Mapping[str, Sequence[Constant]]] = {
 """Constants of the laws, from which the search starts. Limits keep energies of stretches convex."""
 
 
-@dataclass(frozen=True)
-class Fitted:
+class Fitted(NamedTuple):
     """A ``law`` with its ``constants``; ``errors`` are root mean squares by test, relative to the largest
     stress; ``falling`` names tests in which the stress falls with the stretch within the data."""
 
@@ -126,7 +123,11 @@ def fit(tests: Mapping[str, FloatArray], law: str, poisson: float = DEFAULT_NU) 
     from scipy.optimize import least_squares
 
     every = [constant for constants in START[law].values() for constant in constants]
-    modulus = _shear_modulus(tests)
+    # The shear modulus of the neo-Hookean law by linear least squares.
+    unit = law_class("neo-hookean")(plane="strain", nu=0.25, E=2.5)
+    pairs = [(stress_in(unit, test, stretch), stress) for test, (stretch, stress) in tests.items()]
+    one, other = (np.concatenate(part) for part in zip(*pairs, strict=True))
+    modulus = float(one @ other / (one @ one))
     scale = np.array([modulus if constant.modulus else 1.0 for constant in every])
     limits = [constant.least for constant in every], [constant.most for constant in every]
     size = {test: float(np.abs(stress).max()) for test, (_, stress) in tests.items()}
@@ -182,14 +183,6 @@ def fit_law(
     if image is not None:
         picture(image, tests, found)
     return found
-
-
-def _shear_modulus(tests: Mapping[str, FloatArray]) -> float:
-    """That of the neo-Hookean law by linear least squares."""
-    unit = law_class("neo-hookean")(plane="strain", nu=0.25, E=2.5)
-    pairs = [(stress_in(unit, test, stretch), stress) for test, (stretch, stress) in tests.items()]
-    one, other = (np.concatenate(part) for part in zip(*pairs, strict=True))
-    return float(one @ other / (one @ one))
 
 
 def _keys(law: str, values: Sequence[float]) -> dict[str, Any]:

@@ -18,16 +18,15 @@ from mlsanm_cli.app.context import Clock, Console, RunContext
 from mlsanm_cli.app.output.analysis import Analysis, Ending
 from mlsanm_cli.app.output.checkpoint import EarlierRun, attributes, interrupted_run
 from mlsanm_cli.app.output.recorder import Recorder, summarise
-from mlsanm_cli.app.results.info import finished
 from mlsanm_cli.app.scene.build import build_scene
 from mlsanm_cli.app.scene.outlines import geometry_of
 from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.case import LoadedCase, load_case, parse_case
 from mlsanm_cli.errors import Interrupted, NumericalError, RunError, UnfinishedError, WriteError
 from mlsanm_cli.io import run_dir
-from mlsanm_cli.io.files import locked
+from mlsanm_cli.io.run_dir import locked
 from mlsanm_cli.io.run_file import Attribute
-from mlsanm_cli.io.run_reader import RunData, read_origin
+from mlsanm_cli.io.run_reader import RunData, finished, read_origin
 from mlsanm_cli.io.summary import read_summary
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.stopping import Stopper

@@ -81,31 +81,34 @@ def _run(arguments: Sequence[str] | None, settings: Settings) -> int:
 
 
 def _report(error: BaseException, settings: Settings) -> int:
-    """Prints the error, with ``--json`` on stdout too, and returns its exit code."""
+    """Prints the error, with ``--json`` on stdout too, unknown places as null; returns its exit code."""
     if settings.debug and not isinstance(error, click.ClickException):
         import traceback
 
         traceback.print_exception(error)
+    problems: Sequence[CaseProblem]
     if isinstance(error, click.ClickException):
         shown = io.StringIO()
         error.show(file=shown)
         with suppress(OSError):
             print(printable(shown.getvalue()), end="", file=sys.stderr)
-        _as_json([CaseProblem("", error.format_message())], settings)
-        return USAGE
-    if isinstance(error, CaseError):
-        for problem in error.problems[:MAX_PROBLEMS]:
+        code, problems = USAGE, [CaseProblem("", error.format_message())]
+    elif isinstance(error, CaseError):
+        code, problems, count = error.exit_code, error.problems, len(error.problems)
+        for problem in problems[:MAX_PROBLEMS]:
             _print("", str(problem).replace("\n", "\\n"), settings)
-        count = len(error.problems)
         if count > MAX_PROBLEMS:
             _print("", f"and {count - MAX_PROBLEMS} more", settings)
         _print("error", f"{count} problem{'' if count == 1 else 's'} in the case, nothing was run", settings)
-        _as_json(error.problems, settings)
-        return error.exit_code
-    code, message, hint = _described(error, settings)
-    _print("error", message, settings)
-    _print("hint", hint, settings)
-    _as_json([CaseProblem("", message, hint=hint)], settings)
+    else:
+        code, message, hint = _described(error, settings)
+        _print("error", message, settings)
+        _print("hint", hint, settings)
+        problems = [CaseProblem("", message, hint=hint)]
+    if settings.json:
+        keys = {"file": "source", "line": "line", "key": "key", "message": "message", "hint": "hint"}
+        listed = [{key: getattr(one, name) or None for key, name in keys.items()} for one in problems]
+        say(settings, as_json({"problems": listed}))
     return code
 
 
@@ -124,22 +127,6 @@ def _described(error: BaseException, settings: Settings) -> tuple[int, str, str]
         return USAGE, f"{error.filename}: {error.strerror or error}", ""
     hint = "" if settings.debug else "please report it with the case file and the output of --debug"
     return BUG, f"a bug in mlsanm: {type(error).__name__}: {error}", hint
-
-
-def _as_json(problems: Sequence[CaseProblem], settings: Settings) -> None:
-    """The problems on stdout; unknown file, line and key are null."""
-    if settings.json:
-        listed = [
-            {
-                "file": problem.source or None,
-                "line": problem.line or None,
-                "key": problem.key or None,
-                "message": problem.message,
-                "hint": problem.hint or None,
-            }
-            for problem in problems
-        ]
-        say(settings, as_json({"problems": listed}))
 
 
 def _print(kind: str, text: str, settings: Settings) -> None:

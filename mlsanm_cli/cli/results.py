@@ -16,7 +16,11 @@ _QUALITY = ("residual", "force_balance", "energy_error", "stability", "peak_memo
 
 def run_text(summary: Mapping[str, Any], color: bool, width: int = 100) -> str:
     """The summary of a run as text, contacts first, with lines wrapped at ``width``."""
-    parts = [table(_headline(summary), _outcome(summary), color)]
+    status, reason = str(summary.get("status", "unknown")), str(summary.get("stop_reason") or "")
+    headline = reason if reason.startswith(status) else f"{status}: {reason}" if reason else status
+    counts, directory = _listed(summary, ("steps", "factorizations", "solves")), summary.get("directory", "")
+    rows = [("position", number(summary.get("position"))), ("path", counts), ("directory", str(directory))]
+    parts = [table(headline, [row for row in rows if row[1]], color)]
     contacts = summary.get("contacts", {})
     for name, contact in contacts.items():
         parts.append(table(f"contact {name}", _contact(name, contact, summary), color))
@@ -72,7 +76,8 @@ _DIFFERENCES = ("pressure", "traction", "displacement")
 def comparison_text(result: Mapping[str, Any], color: bool) -> str:
     """A comparison as text: work and differences of the methods."""
     methods = result["methods"]
-    work = [[_cell(method, key) for key in _WORK] for method in methods]
+    cells = [[method[key] for key in _WORK] for method in methods]
+    work = [[f"{one:.3g}" if isinstance(one, float) else number(one) for one in row] for row in cells]
     parts = [grid("work and CPU seconds", list(_WORK.values()), work, color)]
     columns = ["", "against", *(f"{name} diff." for name in _DIFFERENCES), "limit", "agrees"]
     analytic = any("reference_error" in method for method in methods)
@@ -92,11 +97,6 @@ def comparison_text(result: Mapping[str, Any], color: bool) -> str:
 _VERDICTS = {"agree": "the methods agree", "disagree": "the methods disagree", "failed": "ANM failed"}
 
 
-def _cell(method: Mapping[str, Any], key: str) -> str:
-    value = method[key]
-    return f"{value:.3g}" if isinstance(value, float) else number(value)
-
-
 def _difference(method: Mapping[str, Any]) -> list[str]:
     difference = method.get("difference")
     if difference is None:
@@ -109,18 +109,6 @@ def _difference(method: Mapping[str, Any]) -> list[str]:
 def _worst(method: Mapping[str, Any]) -> str:
     known = [error for error in method.get("reference_error", {}).values() if error is not None]
     return f"{max(known):.2g}" if known else "-"
-
-
-def _headline(summary: Mapping[str, Any]) -> str:
-    status, reason = str(summary.get("status", "unknown")), str(summary.get("stop_reason") or "")
-    return reason if reason.startswith(status) else f"{status}: {reason}" if reason else status
-
-
-def _outcome(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    counts = _listed(summary, ("steps", "factorizations", "solves"))
-    rows = [("position", number(summary.get("position"))), ("path", counts)]
-    rows.append(("directory", str(summary.get("directory", ""))))
-    return [row for row in rows if row[1]]
 
 
 def _listed(summary: Mapping[str, Any], keys: Sequence[str]) -> str:

@@ -1,21 +1,17 @@
-"""Atomic files, and locks on run directories.
-
-One process writes to a directory at a time; the system releases the lock of a process that has ended."""
+"""Atomic files, and files with a digest of their content."""
 
 from __future__ import annotations
 
 import errno
 import hashlib
-import os
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 
 from mlsanm_cli import system
-from mlsanm_cli.errors import RunError, WriteError
-from mlsanm_cli.system import host, open_regular, try_lock
+from mlsanm_cli.errors import WriteError
 
 TEMPORARY_SUFFIX = ".tmp"
 
@@ -86,78 +82,3 @@ def unsealed(path: Path) -> bytes:
             raise OSError("its content does not agree with its digest")
         return content
     return whole
-
-
-LOCK_FILE = "run.lock"
-UNLINKS_OPEN_FILES = os.name != "nt"
-"""Windows cannot remove an open file; once it is closed, another process may have locked it."""
-
-
-@contextmanager
-def locked(directory: Path) -> Iterator[None]:
-    """Keeps other processes from writing to ``directory``, which is created if it does not exist. Raises
-    RunError, naming the process, if another one writes to it, and if the directory is not writable."""
-    path = directory / LOCK_FILE
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        fd = _acquire(path)
-    except OSError as error:
-        raise cannot_write(path, error) from error
-    if fd is None:
-        refuse_held(directory)
-        raise RunError(f"{directory} is being written by another process", hint="wait until it has ended")
-    try:
-        yield
-    finally:
-        if UNLINKS_OPEN_FILES:
-            path.unlink(missing_ok=True)
-        os.close(fd)
-        if not UNLINKS_OPEN_FILES:
-            # Fails if another process has opened it in the meantime.
-            with suppress(OSError):
-                path.unlink(missing_ok=True)
-
-
-def refuse_held(directory: Path) -> None:
-    """Raises RunError if another process writes to ``directory``."""
-    found = holder(directory)
-    if found:
-        raise RunError(
-            f"{directory} is being written by {found}", hint="wait until it has ended, or use another --out"
-        )
-
-
-def holder(directory: Path) -> str:
-    """The process that writes to ``directory`` in words, "" if there is none; files left by an ended one do
-    not count."""
-    try:
-        fd = open_regular(directory / LOCK_FILE, os.O_RDONLY)
-    except OSError:
-        return ""
-    try:
-        # A file without content is locked, but not written yet.
-        if try_lock(fd, shared=True):
-            return ""
-        return os.read(fd, 4096).decode(errors="replace") or "another process"
-    finally:
-        os.close(fd)
-
-
-def _acquire(path: Path) -> int | None:
-    """The locked file, with this process written to it; None if another process holds it. Raises OSError."""
-    while True:
-        fd = open_regular(path, os.O_RDWR | os.O_CREAT)
-        try:
-            if not try_lock(fd):
-                os.close(fd)
-                return None
-            # The previous holder may have removed the file in between; a lock on that has no effect.
-            with suppress(FileNotFoundError):
-                if os.path.samestat(os.fstat(fd), path.stat()):
-                    os.ftruncate(fd, 0)
-                    os.write(fd, f"process {os.getpid()} on {host()}".encode())
-                    return fd
-        except OSError:
-            os.close(fd)
-            raise
-        os.close(fd)

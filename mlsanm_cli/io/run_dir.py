@@ -1,19 +1,22 @@
-"""The run directory: names of its files, and its preparation for a new run without loss of other files."""
+"""The run directory: names of its files, its preparation for a new run without loss of others, and its lock.
+One process writes to a directory at a time; the system releases the lock of a process that has ended."""
 
 from __future__ import annotations
 
 import os
 import re
 import shlex
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import h5py
 
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.files import LOCK_FILE, TEMPORARY_SUFFIX, cannot_write, check_seal, refuse_held
+from mlsanm_cli.io.files import TEMPORARY_SUFFIX, cannot_write, check_seal
 from mlsanm_cli.io.schema import INTERFACE_COLUMNS
 from mlsanm_cli.io.self_contained import HDF5_SIGNATURE
+from mlsanm_cli.system import host, open_regular, try_lock
 
 RUN_FILE = "run.h5"
 SUMMARY_FILE = "summary.json"
@@ -25,6 +28,7 @@ LINES_FILE = "contacts.pvd"
 REPORT_FILE = "report.html"
 FAILURE_FILE = "failure.vtu"
 COMPARISON_FILE = "comparison.json"
+LOCK_FILE = "run.lock"
 
 _FIXED = frozenset(
     (
@@ -202,3 +206,77 @@ def _is_ours(path: Path) -> bool:
 
         return is_ours(path)
     return _is_reserved(name) or (_PICTURE.fullmatch(name) is not None and SIGNATURE in path.read_bytes())
+
+
+UNLINKS_OPEN_FILES = os.name != "nt"
+"""Windows cannot remove an open file; once it is closed, another process may have locked it."""
+
+
+@contextmanager
+def locked(directory: Path) -> Iterator[None]:
+    """Keeps other processes from writing to ``directory``, which is created if it does not exist. Raises
+    RunError, naming the process, if another one writes to it, and if the directory is not writable."""
+    path = directory / LOCK_FILE
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        fd = _acquire(path)
+    except OSError as error:
+        raise cannot_write(path, error) from error
+    if fd is None:
+        refuse_held(directory)
+        raise RunError(f"{directory} is being written by another process", hint="wait until it has ended")
+    try:
+        yield
+    finally:
+        if UNLINKS_OPEN_FILES:
+            path.unlink(missing_ok=True)
+        os.close(fd)
+        if not UNLINKS_OPEN_FILES:
+            # Fails if another process has opened it in the meantime.
+            with suppress(OSError):
+                path.unlink(missing_ok=True)
+
+
+def refuse_held(directory: Path) -> None:
+    """Raises RunError if another process writes to ``directory``."""
+    found = holder(directory)
+    if found:
+        raise RunError(
+            f"{directory} is being written by {found}", hint="wait until it has ended, or use another --out"
+        )
+
+
+def holder(directory: Path) -> str:
+    """The process that writes to ``directory`` in words, "" if there is none; files left by an ended one do
+    not count."""
+    try:
+        fd = open_regular(directory / LOCK_FILE, os.O_RDONLY)
+    except OSError:
+        return ""
+    try:
+        # A file without content is locked, but not written yet.
+        if try_lock(fd, shared=True):
+            return ""
+        return os.read(fd, 4096).decode(errors="replace") or "another process"
+    finally:
+        os.close(fd)
+
+
+def _acquire(path: Path) -> int | None:
+    """The locked file, with this process written to it; None if another process holds it. Raises OSError."""
+    while True:
+        fd = open_regular(path, os.O_RDWR | os.O_CREAT)
+        try:
+            if not try_lock(fd):
+                os.close(fd)
+                return None
+            # The previous holder may have removed the file in between; a lock on that has no effect.
+            with suppress(FileNotFoundError):
+                if os.path.samestat(os.fstat(fd), path.stat()):
+                    os.ftruncate(fd, 0)
+                    os.write(fd, f"process {os.getpid()} on {host()}".encode())
+                    return fd
+        except OSError:
+            os.close(fd)
+            raise
+        os.close(fd)

@@ -14,12 +14,14 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from mlsanm_cli import __version__
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import schema
 from mlsanm_cli.io.columns import path_table
 from mlsanm_cli.io.files import check_seal
-from mlsanm_cli.io.run_dir import RUN_FILE
+from mlsanm_cli.io.run_dir import RUN_FILE, SUMMARY_FILE
 from mlsanm_cli.io.run_file import FORMAT
+from mlsanm_cli.io.summary import read_summary
 
 MAX_LISTED = 5
 """Largest number of directories listed in a hint."""
@@ -37,7 +39,9 @@ class Dataset(Mapping[str, Any]):
     """
 
     def __init__(self, members: Mapping[str, Any], attributes: Mapping[str, Any] | None = None) -> None:
-        self._members = {name: _as_dataset(member) for name, member in members.items()}
+        self._members = {
+            name: Dataset(member) if isinstance(member, dict) else member for name, member in members.items()
+        }
         self.attributes = dict(attributes or {})
 
     def __getitem__(self, path: str) -> Any:
@@ -54,10 +58,6 @@ class Dataset(Mapping[str, Any]):
 
     def __len__(self) -> int:
         return len(self._members)
-
-
-def _as_dataset(member: Any) -> Any:
-    return Dataset(member) if isinstance(member, dict) else member
 
 
 class SavedState(NamedTuple):
@@ -138,6 +138,27 @@ def read_origin(rundir: Path) -> RunData:
     return read_run(rundir, ("path", "checkpoint"))
 
 
+def held_case(directory: Path) -> str | None:
+    """The hash of the case of the run in ``directory``, complete or not; None without a readable run."""
+    try:
+        return str(read_origin(directory).attributes.get("case_hash", ""))
+    except RunError:
+        return None
+
+
+def finished(directory: Path, case_hash: str) -> Mapping[str, Any] | None:
+    """The summary of a completed run of this case by this version, None if there is none."""
+    try:
+        known = read_origin(directory).attributes
+        wanted = {"case_hash": case_hash, "mlsanm": __version__, "status": "done"}
+        if any(known.get(key) != value for key, value in wanted.items()):
+            return None
+        summary = read_summary(directory / SUMMARY_FILE)
+    except RunError:
+        return None
+    return summary if summary.get("status") == "done" else None
+
+
 def read_path(rundir: Path) -> Mapping[str, NDArray[Any]]:
     """Reads the columns of path.csv, also of a run in progress. Raises RunError as `read_run` does."""
     return _reading(rundir, lambda root, file: path_table(root))
@@ -180,7 +201,10 @@ def _reading(rundir: Path, read: Callable[[Any, Path], Read]) -> Read:
 
 def _head(root: Any, file: Path) -> dict[str, str | int | float]:
     """The attributes of the file. Raises RunError if it is not a run of this format."""
-    attributes = {name: _scalar(value) for name, value in root.attrs.items()}
+    attributes: dict[str, str | int | float] = {}
+    for name, value in root.attrs.items():
+        plain = value.item() if isinstance(value, np.generic) else value
+        attributes[name] = plain if isinstance(plain, str | int | float) else str(plain)
     if "mlsanm_version" not in attributes or "status" not in attributes:
         raise RunError(f"{file} was not written by mlsanm", hint="give the directory of a run")
     if attributes.get("format") != FORMAT:
@@ -224,9 +248,3 @@ def _value(item: Any) -> Any:
         return item[...]
     text = item.asstr()[()]
     return text.tolist() if isinstance(text, np.ndarray) else str(text)
-
-
-def _scalar(value: Any) -> str | int | float:
-    """An attribute as a plain Python value."""
-    plain = value.item() if isinstance(value, np.generic) else value
-    return plain if isinstance(plain, str | int | float) else str(plain)

@@ -331,11 +331,10 @@ def quantity(table: Table, path: str) -> Quantity | None:
     >>> quantity(RUN_FILE, "contacts/left rail/gap").description
     'gap'
     """
-    return next((entry for entry in table if _pattern(entry).fullmatch(path)), None)
-
-
-def _pattern(entry: Quantity) -> re.Pattern[str]:
-    parts = re.split(r"\{\w+\}", entry.path)
-    # Names in a path of HDF5 contain no slash; checkpoints are nested further.
-    name = ".+" if "/" not in entry.path or entry.path.startswith("checkpoint/") else "[^/]+"
-    return re.compile(name.join(map(re.escape, parts)))
+    for entry in table:
+        parts = re.split(r"\{\w+\}", entry.path)
+        # Names in a path of HDF5 contain no slash; checkpoints are nested further.
+        name = ".+" if "/" not in entry.path or entry.path.startswith("checkpoint/") else "[^/]+"
+        if re.fullmatch(name.join(map(re.escape, parts)), path):
+            return entry
+    return None

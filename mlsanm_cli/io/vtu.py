@@ -9,7 +9,7 @@ import sys
 from binascii import b2a_base64
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +18,9 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.files import replacing, write_text
 from mlsanm_cli.io.run_dir import COLLECTION_FILE, LINES_FILE, vtu_name
-from mlsanm_cli.records import dataclass
 
 
-@dataclass(frozen=True)
-class VtuPart:
+class VtuPart(NamedTuple):
     """A body, a surface or an obstacle at one load level. ``points`` (n, 2) are undeformed; ``cells`` are
     lines (c, 2) or triangles (c, 3); points without a cell become vertices. ``data`` by name are scalars
     (n,), vectors (n, 2), and tensors xx, yy, xy (n, 3) or xx, yy, xy, zz (n, 4)."""

@@ -11,7 +11,8 @@ from mlsanm_cli.kernels.aot.jit import inner
 from mlsanm_cli.kernels.blas import dgemm, dgemv, dtrsm, dtrsv
 
 LOWER, RIGHT, PLAIN, TRANSPOSED, UPPER, LEFT, UNIT = 0, 1, 2, 3, 4, 0, 4
-"""Positions of the BLAS option letters in :func:`letters`."""
+"""Positions of the BLAS option letters in :func:`letters`. They are passed one by one: numba compiles a
+function again for every tuple of constants."""
 
 
 @inner
@@ -22,31 +23,25 @@ def letters() -> Any:
 
 @inner
 def solve_triangle(
-    kind: tuple[int, int, int, int],
-    sizes: tuple[int, int],
+    side: int,
+    part: int,
+    trans: int,
+    diagonal: int,
+    rows: int,
+    columns: int,
     triangle: FloatArray,
     height: int,
     x: FloatArray,
     width: int,
 ) -> None:
-    """Solve in place T x = b or x T = b for x, of ``sizes`` rows and columns; ``kind`` are the options of a
-    triangular T: side, part, transposed, diagonal."""
-    side, part, trans, diagonal = kind
+    """Solve T x = b or x T = b in place for x (rows, columns) and a triangular T."""
     c: Any = letters()
-    i: Any = np.array([sizes[0], sizes[1], height, width], dtype=np.int32)
+    i: Any = np.array([rows, columns, height, width], dtype=np.int32)
     one: Any = np.ones(1)
     dtrsm(
         *(c[side:].ctypes, c[part:].ctypes, c[trans:].ctypes, c[diagonal:].ctypes, i.ctypes, i[1:].ctypes),
         *(one.ctypes, triangle.ctypes, i[2:].ctypes, x.ctypes, i[3:].ctypes),
     )
-
-
-@inner
-def solve_right(
-    trans: int, rows: int, columns: int, triangle: FloatArray, height: int, x: FloatArray, width: int
-) -> None:
-    """Solve x L = b or x L^T = b in place for x (rows, columns), L lower triangular."""
-    solve_triangle((RIGHT, LOWER, trans, PLAIN), (rows, columns), triangle, height, x, width)
 
 
 @inner
@@ -75,10 +70,9 @@ def multiply(
 
 @inner
 def solve_vector(
-    kind: tuple[int, int, int], rows: int, triangle: FloatArray, height: int, x: FloatArray
+    part: int, trans: int, diagonal: int, rows: int, triangle: FloatArray, height: int, x: FloatArray
 ) -> None:
-    """Solve T x = b in place for a triangular T (rows, rows), of ``kind``: part, transposed, diagonal."""
-    part, trans, diagonal = kind
+    """Solve T x = b in place for a triangular T (rows, rows)."""
     c: Any = letters()
     i: Any = np.array([rows, height, 1], dtype=np.int32)
     dtrsv(

@@ -22,7 +22,7 @@ from mlsanm_cli.kernels.aot.jit import inner, kernel
 from mlsanm_cli.kernels.aot.signature import Float3, FloatOut1, Index1, Int1
 from mlsanm_cli.kernels.blas import dpotrf, dsyrk
 from mlsanm_cli.kernels.copies import copy_to
-from mlsanm_cli.kernels.dense import LOWER, PLAIN, TRANSPOSED, letters, multiply, solve_right
+from mlsanm_cli.kernels.dense import LOWER, PLAIN, RIGHT, TRANSPOSED, letters, multiply, solve_triangle
 
 STRIP_COLUMNS = 64
 """Columns eliminated at once."""
@@ -158,7 +158,7 @@ def _eliminate(front: FloatArray, update: FloatArray, pivots: int, positive: int
             return False
         if rows > 0:
             below = strip[columns:]
-            solve_right(TRANSPOSED, rows, columns, strip, height, below, height)
+            solve_triangle(RIGHT, LOWER, TRANSPOSED, PLAIN, rows, columns, strip, height, below, height)
             if rest > 0:
                 later = strip[columns * (height + 1) :]
                 sizes = (rows, rest, columns)

@@ -10,7 +10,16 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.kernels.aot.jit import inner, kernel
 from mlsanm_cli.kernels.aot.signature import Float1, Float2, FloatOut1, Int1
 from mlsanm_cli.kernels.copies import copy_to
-from mlsanm_cli.kernels.dense import LOWER, PLAIN, TRANSPOSED, apply, multiply, solve_right, solve_vector
+from mlsanm_cli.kernels.dense import (
+    LOWER,
+    PLAIN,
+    RIGHT,
+    TRANSPOSED,
+    apply,
+    multiply,
+    solve_triangle,
+    solve_vector,
+)
 from mlsanm_cli.kernels.multifrontal import locate
 
 Tree: TypeAlias = tuple[IntArray, IntArray, IntArray, IntArray, IntArray, FloatArray]
@@ -24,11 +33,11 @@ def _forward(panel: FloatArray, pivots: int, height: int, x: FloatArray, c: int)
     edge = height - pivots
     # Matrix products copy the panel first: for a single vector BLAS level 2 is faster.
     if c == 1:
-        solve_vector((LOWER, PLAIN, PLAIN), pivots, panel, height, x)
+        solve_vector(LOWER, PLAIN, PLAIN, pivots, panel, height, x)
         if edge > 0:
             apply(PLAIN, (edge, pivots), panel[pivots:], height, x, x[pivots:])
     else:
-        solve_right(TRANSPOSED, c, pivots, panel, height, x, c)
+        solve_triangle(RIGHT, LOWER, TRANSPOSED, PLAIN, c, pivots, panel, height, x, c)
         if edge > 0:
             sizes = (c, edge, pivots)
             multiply(TRANSPOSED, sizes, -1.0, x, c, panel[pivots:], height, 1.0, x[pivots * c :], c)
@@ -41,12 +50,12 @@ def _backward(panel: FloatArray, pivots: int, height: int, x: FloatArray, c: int
     if c == 1:
         if edge > 0:
             apply(TRANSPOSED, (edge, pivots), panel[pivots:], height, x[pivots:], x)
-        solve_vector((LOWER, TRANSPOSED, PLAIN), pivots, panel, height, x)
+        solve_vector(LOWER, TRANSPOSED, PLAIN, pivots, panel, height, x)
     else:
         if edge > 0:
             sizes = (c, pivots, edge)
             multiply(PLAIN, sizes, -1.0, x[pivots * c :], c, panel[pivots:], height, 1.0, x, c)
-        solve_right(PLAIN, c, pivots, panel, height, x, c)
+        solve_triangle(RIGHT, LOWER, PLAIN, PLAIN, c, pivots, panel, height, x, c)
 
 
 @kernel

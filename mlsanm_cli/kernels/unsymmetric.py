@@ -89,8 +89,8 @@ def _eliminate(front: FloatArray, update: FloatArray, pivots: int, edge: int, sw
     if edge > 0:
         across, below = front[height * pivots :], front[pivots:]
         _swap_rows(across, swaps, 1, edge, pivots)
-        solve_triangle((LEFT, LOWER, PLAIN, UNIT), (pivots, edge), front, height, across, pivots)
-        solve_triangle((RIGHT, UPPER, PLAIN, PLAIN), (edge, pivots), front, height, below, height)
+        solve_triangle(LEFT, LOWER, PLAIN, UNIT, pivots, edge, front, height, across, pivots)
+        solve_triangle(RIGHT, UPPER, PLAIN, PLAIN, edge, pivots, front, height, below, height)
         multiply(PLAIN, (edge, edge, pivots), -1.0, below, height, across, pivots, 1.0, update, edge)
     return True
 
@@ -171,11 +171,11 @@ def _forward(front: FloatArray, sizes: tuple[int, int], x: FloatArray, c: int) -
     pivots, edge = sizes
     height, below = pivots + edge, front[pivots:]
     if c == 1:
-        solve_vector((LOWER, PLAIN, UNIT), pivots, front, height, x)
+        solve_vector(LOWER, PLAIN, UNIT, pivots, front, height, x)
         if edge > 0:
             apply(PLAIN, (edge, pivots), below, height, x, x[pivots:])
         return
-    solve_triangle((RIGHT, LOWER, TRANSPOSED, UNIT), (c, pivots), front, height, x, c)
+    solve_triangle(RIGHT, LOWER, TRANSPOSED, UNIT, c, pivots, front, height, x, c)
     if edge > 0:
         multiply(TRANSPOSED, (c, edge, pivots), -1.0, x, c, below, height, 1.0, x[pivots * c :], c)
 
@@ -188,11 +188,11 @@ def _backward(front: FloatArray, sizes: tuple[int, int], x: FloatArray, c: int) 
     if c == 1:
         if edge > 0:
             apply(PLAIN, (pivots, edge), across, pivots, x[pivots:], x)
-        solve_vector((UPPER, PLAIN, PLAIN), pivots, front, height, x)
+        solve_vector(UPPER, PLAIN, PLAIN, pivots, front, height, x)
         return
     if edge > 0:
         multiply(TRANSPOSED, (c, pivots, edge), -1.0, x[pivots * c :], c, across, pivots, 1.0, x, c)
-    solve_triangle((RIGHT, UPPER, TRANSPOSED, PLAIN), (c, pivots), front, height, x, c)
+    solve_triangle(RIGHT, UPPER, TRANSPOSED, PLAIN, c, pivots, front, height, x, c)
 
 
 @kernel

@@ -9,14 +9,11 @@ the contact.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
-from functools import partial
 from typing import Literal, TypeAlias
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Contact
 from mlsanm_cli.contact.complementarity.problem import ContactStatus
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
@@ -25,10 +22,8 @@ from mlsanm_cli.contact.geometry.pairing import Pairing, on_grid
 from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.response.condensation import BodyResponses, condense
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import Memo
-from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.solve.direction_updates import rolling, turns, unturned
 from mlsanm_cli.solve.grid_ranges import begun_open, first_grid, passed_beyond, ranged, touching_first
@@ -56,27 +51,6 @@ Search = Callable[[Condensed, Sequence[ContactStatus], Wanted, Sequence[ExactSta
 """The exact states of a condensed scene, searched from sets if there are any; some may be known."""
 
 
-@dataclass(frozen=True)
-class GridSearch:
-    """Where a search of grids begins: what is known about the ``ranges``, the ``grids`` and the sets to start
-    from, the angles ``common`` to all directions, the places ``passed`` beyond the grids, and the
-    ``responses`` of the bodies to as many samples as they require."""
-
-    ranges: Mapping[str, ContactRange]
-    grids: dict[str, ContactGrid]
-    starts: list[ContactStatus]
-    common: dict[str, float]
-    passed: dict[str, FloatArray]
-    responses: BodyResponses | None = None
-
-    @classmethod
-    def begun(cls, ranges: Mapping[str, ContactRange]) -> GridSearch:
-        """On coarse grids over all facing places."""
-        return cls(
-            ranges, {name: first_grid(one) for name, one in ranges.items()}, [], {}, touching_first(ranges)
-        )
-
-
 def find_grids(
     case: Case,
     scene: Scene,
@@ -84,41 +58,18 @@ def find_grids(
     ranges: Mapping[str, ContactRange],
     search: Search,
     memo: Memo,
-    key: str,
 ) -> tuple[Condensed, tuple[ExactState, ...]] | None:
     """Condense a scene on grids that are wide and fine enough, with the exact states at the ends of its
-    stages; None if a contact is too close to a corner, or its range does not converge.
-
-    The search begins with the grids that the ``memo`` keeps of another scene with the same ``key``, as those
-    that differ in coefficients of friction only.
-    """
-    found = partial(_found, case, scene, pairings, search, memo, key)
-    near: GridSearch | None = memo.latest("grids", key)
-    if near is not None:
-        with suppress(NumericalError):
-            if (result := found(near)) is not None:
-                return result
-    return found(GridSearch.begun(ranges))
-
-
-def _found(
-    case: Case,
-    scene: Scene,
-    pairings: tuple[Pairing, ...],
-    search: Search,
-    memo: Memo,
-    key: str,
-    first: GridSearch,
-) -> tuple[Condensed, tuple[ExactState, ...]] | None:
-    """The same from a ``first`` guess."""
-    ranges, grids, starts = first.ranges, first.grids, list(first.starts)
-    common, passed = dict(first.common), dict(first.passed)
+    stages; None if a contact is too close to a corner, or its range does not converge. The search begins on
+    coarse grids over all facing places."""
+    grids, passed = {name: first_grid(one) for name, one in ranges.items()}, touching_first(ranges)
+    starts, common = list[ContactStatus](), dict[str, float]()
     places = len(case.contact) + sum(one.places - 1 for one in ranges.values())
     few = places <= MAX_PATCHES and len({*range(1, len(case.stage) + 1), *case.output.at}) <= MAX_ENDS
     accuracy = {contact.name: contact.accuracy * _effort(contact, few) for contact in case.contact}
     exact = all(one.regularization.law == "exact" and not one.friction for one in case.contact)
     limits = COMPRESSED_LIMITS if exact else DENSE_LIMITS
-    responses = resolved = first.responses
+    responses = resolved = None
     known: tuple[ExactState, ...] = ()
     looked = False
     every, turnings = False, MAX_TURNS * (2 if scene.held_motions else 1)
@@ -161,8 +112,6 @@ def _found(
                 between = () if looked or whole else search(condensed, (), "between", ())
                 if not passed_beyond(condensed, ranges, between, passed):
                     ends = search(condensed, starts, "ends", states)
-                    starts = [_moved(condensed, condensed.pairings, state) for state in ends]
-                    memo.replace("grids", key, GridSearch(ranges, grids, starts, common, passed, responses))
                     return condensed, ends
                 looked = True
                 continue

@@ -16,7 +16,7 @@ import pytest
 from mlsanm_cli.app.results.info import info
 from mlsanm_cli.app.run import resume, run
 from mlsanm_cli.errors import NumericalError, RunError
-from mlsanm_cli.io.files import locked
+from mlsanm_cli.io.run_dir import locked
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.io.vtu import StateWriter
 from mlsanm_cli.solve.paths import load_path

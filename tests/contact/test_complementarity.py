@@ -61,6 +61,57 @@ def test_a_pushed_block_slides_or_tips_at_its_limit_load(friction: float, limit:
     assert 2.0 * static.part == pytest.approx(limit, rel=1e-9)
 
 
+def _drawn(seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """A matrix of four nodes with friction and two motions, and rows of a constant and a growing load."""
+    rng = np.random.default_rng(seed)
+    square, moved = rng.normal(size=(8, 8)), rng.normal(size=(8, 2))
+    moved[:4, 0] = 1.0
+    matrix = np.block([[square @ square.T + np.eye(8), moved], [-moved.T, np.zeros((2, 2))]])
+    pressed, pushed = rng.uniform(0.0, 0.3, 10), np.zeros(10)
+    pressed[4:8], pressed[8:], pushed[8:] = 0.0, [4.0, 0.0], 2.0 * rng.normal(size=2)
+    return matrix, pressed, pushed
+
+
+def _variants() -> dict[str, tuple[FloatArray, FloatArray]]:
+    """Maps (10, 10) of rows and of unknowns: others in their order, sides, units or axes."""
+    order, mirror, axes = np.eye(10), np.eye(10), np.eye(10)
+    order[:4], order[4:8] = order[[2, 0, 3, 1]], order[[6, 4, 7, 5]]
+    mirror[4:8, 4:8] *= -1.0
+    axes[8:, 8:] = [[np.cos(0.7), -np.sin(0.7)], [np.sin(0.7), np.cos(0.7)]]
+    lengths, forces = np.repeat([1e-3, 1e3], [8, 2]), np.repeat([1e-6, 1e-3], [8, 2])
+    return {
+        "order": (order, order),
+        "sides": (mirror, mirror),
+        "axes": (axes, axes),
+        "units": (np.diag(lengths), np.diag(forces)),
+    }
+
+
+@pytest.mark.parametrize(("rows", "unknowns"), _variants().values(), ids=_variants())
+@pytest.mark.parametrize("seed", range(6))
+def test_paths_do_not_depend_on_order_sides_axes_and_units(
+    seed: int, rows: FloatArray, unknowns: FloatArray
+) -> None:
+    matrix, pressed, pushed = _drawn(seed)
+    found = list[tuple[float, FloatArray, list[int]]]()
+    for left, right in ((np.eye(10), np.eye(10)), (rows, unknowns)):
+        problem = Problem.of(left @ matrix @ np.linalg.inv(right), np.arange(4), np.full(4, 0.4), 4)
+        constant, load = problem.rows * (left @ pressed), problem.rows * (left @ pushed)
+        state, end = increment(problem, unloaded(problem, 0.0 * load), constant, 0.0), 1.0
+        try:
+            state = _followed(problem, state, constant, load, 1.0)
+        except Ray as ray:
+            end = ray.lam
+        counts = np.bincount(state.status.status(problem.nodes), minlength=3).tolist()
+        found.append(
+            (end, np.asarray(np.linalg.solve(right, problem.columns * state.x), dtype=float), counts)
+        )
+    (end, x, counts), (other, y, same) = found
+    assert other == pytest.approx(end, rel=1e-8)
+    assert np.abs(y - x).max() <= 1e-8 * np.abs(x).max()
+    assert same == counts
+
+
 def test_friction_remembers_a_load_and_its_removal() -> None:
     """A spring behind a slider: the slip at which it rests stays after the load."""
     matrix = np.array([[1.0, 0.0], [0.0, 1.0]])

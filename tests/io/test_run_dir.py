@@ -21,7 +21,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from mlsanm_cli.io.files import LOCK_FILE, holder, locked
+from mlsanm_cli.io.run_dir import LOCK_FILE, holder, locked
 from mlsanm_cli.io.summary import EventLog, write_json_atomic
 
 OURS = {"run.h5", "summary.json", "resolved.toml", "events.jsonl", "fields.pvd", "failure.vtu"}
@@ -181,7 +181,7 @@ ROOT = Path(__file__).parents[2]
 HOLD = """
 import sys, time
 from pathlib import Path
-from mlsanm_cli.io.files import locked
+from mlsanm_cli.io.run_dir import locked
 with locked(Path(sys.argv[1])):
     print("held", flush=True)
     time.sleep(60)

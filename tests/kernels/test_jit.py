@@ -13,7 +13,6 @@ import pytest
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.kernels import blas
 from mlsanm_cli.kernels.aot import kept
-from mlsanm_cli.kernels.aot.machine import Code
 from tests.kernels.programs import KERNELS, MORE, ROOTS, answer, files, run, started
 
 
@@ -59,9 +58,10 @@ def test_what_cannot_be_used_is_compiled_anew_by_several_processes_at_once(
     cache: Path, tmp_path: Path
 ) -> None:
     path = copied(cache, tmp_path)
-    code = kept.read(path.parent)
-    assert isinstance(code, Code)
-    path.write_bytes(kept.encoded(dataclasses.replace(code, symbols=(*code.symbols, "nobody_has_this"))))
+    codes = kept.read(path.parent)
+    assert codes is not None
+    wrong = dataclasses.replace(codes[0], symbols=(*codes[0].symbols, "nobody_has_this"))
+    path.write_bytes(kept.encoded([wrong, *codes[1:]]))
     processes = [started(tmp_path, KERNELS + ROOTS) for _ in range(2)]
     told = [process.communicate()[0].splitlines() for process in processes]
     assert all(lines[1].startswith("[1.0, 1.5] [0, 1, 2] 4 0.25") for lines in told)

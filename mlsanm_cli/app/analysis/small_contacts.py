@@ -7,7 +7,6 @@ width, other points touch, and pressures are reported at points that have moved.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -137,7 +136,8 @@ def sliding_distance(
             f"{state.position:.6g}, but the contact is only {width:.3g} wide: at small strain pressures act "
             f"on the points that faced each other initially, an error of this distance on one side"
         )
-        hint = 'set model.strain = "finite" (law "saint-venant-kirchhoff" extends the same elasticity)'
+        law = 'material law "saint-venant-kirchhoff" extends the same elasticity'
+        hint = f'set model.strain = "finite" ({law})'
         yield Check("sliding_distance", slid / width, message, hint, place)
 
 
@@ -175,5 +175,5 @@ def worst_state(
     bodies = vtu_states(nodes, fields, ("displacement", "stress", "von_mises"))
     if len(cause["residual"]):
         more = node_fields(built, cause)
-        bodies = {name: replace(body, data={**body.data, **more[name]}) for name, body in bodies.items()}
+        bodies = {name: body._replace(data={**body.data, **more[name]}) for name, body in bodies.items()}
     return list(bodies.values()), {"position": state.position, "worst_nodes": worst_nodes(built, cause)}

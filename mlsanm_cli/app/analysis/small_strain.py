@@ -216,7 +216,7 @@ class SmallStrain(Analysis):
         for pairing in self._built.condensed.reported:
             chosen = pairing.candidate
             places = pairing.points[chosen], pairing.normal[chosen], slave_arc(pairing)
-            contacts[pairing.name] = ContactNodes(*places, pairing.weight[chosen])
+            contacts[pairing.name] = ContactNodes(*places, pairing.areas[chosen])
         return contacts
 
     def model_datasets(self) -> dict[str, Value]:
@@ -298,10 +298,13 @@ class SmallStrain(Analysis):
             return sizes
         built = self._built
         bodies = built.scene.bodies
+        mirrors = [body.model.cloud.mirror for body in bodies.values()]
+        lines = {None if mirror is None else str(mirror.line) for mirror in mirrors}
         if self._adapted.refined:
             sizes["adapt"] = self._adapted.refinement.passes
         return sizes | {
-            "symmetry": _symmetry(built),
+            # The symmetry line of the nodes of all bodies.
+            "symmetry": lines.pop() if len(lines) == 1 else None,
             "contact_unknowns": len(built.condensed.weight) + len(built.condensed.friction_nodes),
             "elastic_factorizations": len({id(body.system) for body in bodies.values()}),
             "condensation_solves": built.condensed.solves,
@@ -338,13 +341,6 @@ class SmallStrain(Analysis):
         estimates = {} if self._adapted is None else end.estimate_limits(self._built.condensed)
         known = summary_limits(self.case.solver.tolerance, FAILING, "rough_pressure_error", estimates)
         return known | ({"stability": stability_limit(self._built.ends)} if self._adapted else {})
-
-
-def _symmetry(built: CondensedScene) -> str | None:
-    """The symmetry line of the nodes of all bodies, None if there is none."""
-    mirrors = [body.model.cloud.mirror for body in built.scene.bodies.values()]
-    lines = {None if mirror is None else str(mirror.line) for mirror in mirrors}
-    return lines.pop() if len(lines) == 1 else None
 
 
 def displacements(fields: Mapping[str, Fields]) -> dict[str, FloatArray]:

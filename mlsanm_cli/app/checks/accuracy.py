@@ -50,10 +50,6 @@ Moved = tuple[FloatArray, FloatArray, FloatArray]
 """Changes of motions (k,), pressures (m,) and tractions (n,)."""
 Halved = tuple[FloatArray, FloatArray]
 """Motions (k,) and pressures (m,) with every second node of contacts."""
-Effects = dict[tuple[str, str], float]
-"""Changes of ``DISPLACEMENT``, of all bodies (L2), of the displacement at each probe, and of the force of
-each contact over the sum of its pressures."""
-DISPLACEMENT = "displacement", ""
 
 
 @dataclass(frozen=True)
@@ -94,8 +90,9 @@ class Accuracy:
                 return {"displacement": self.displacement, "pressure": none}
         for pairing in built.condensed.pairings:
             away = distance(built, pairing, exact, state.pressure) if state is not None else 0.0
-            parts = self.from_bulk[pairing.name], self.from_contact[pairing.name], away
-            pressure[pairing.name] = together(*parts)
+            pressure[pairing.name] = together(
+                self.from_bulk[pairing.name], self.from_contact[pairing.name], away
+            )
         more = {"force": dict(self.forces), "probes": {name: self._at(built, name) for name in self.probes}}
         known = {name: one for name, one in more.items() if one}
         return {"displacement": self.displacement, "pressure": pressure} | known
@@ -224,65 +221,56 @@ def _estimated(
     """The estimates of a ``state``: from the corrections of ``bodies``, by which contacts have ``moved``, of
     what these may miss, from pressures ``rough`` (m,) without smoothing, and from nodal contacts of half as
     many nodes."""
-    effects, pressures = _effects(built, bodies, state, moved, halved)
-    size = float(sum((one.displacement**2).sum() for one in bodies.values()))
-    return Accuracy(
-        float(effects[DISPLACEMENT] / np.sqrt(size)) if size > 0.0 else None,
-        *_pressure_errors(built, state, pressures, rough, halved),
-        state,
-        _largest_of([one.displacement for one in bodies.values()]),
-        bodies,
-        probes={probe.name: effects["probe", probe.name] for probe in built.scene.probes},
-        forces={pairing.name: effects["force", pairing.name] for pairing in built.condensed.pairings},
-    )
-
-
-def _effects(
-    built: CondensedScene,
-    bodies: Mapping[str, Corrected],
-    state: ExactState,
-    moved: Callable[[Changes], Moved],
-    halved: Halved | None,
-) -> tuple[Effects, list[FloatArray]]:
-    """Root of the sum of squares of the effects of the corrections of ``bodies``, of what they may miss, and
-    of half as many contact nodes; the pressures (m,) after each correction."""
-    parts = [bodies]
+    condensed, scene, parts = built.condensed, built.scene, [bodies]
     if any(one.uncertain.any() for one in bodies.values()):
         parts.append({name: one.missed for name, one in bodies.items()})
-    found, pressures = [], []
+    effects, pressures = [], []
     for part in parts:
-        by = changes_of(built.condensed, built.scene, part)
+        by = changes_of(condensed, scene, part)
         change = moved(by)
-        found.append(_effects_of(built, part, state, by.bonds, change))
+        effects.append(_effects(built, part, state, by.bonds, change))
         pressures.append(state.pressure + change[1])
     if halved is not None:
         fewer = halved[0] - state.motion, halved[1] - state.pressure, np.zeros_like(state.traction)
         nothing = {name: replace(one, change=np.zeros_like(one.change)) for name, one in bodies.items()}
-        found.append(_effects_of(built, nothing, state, built.condensed.bonds, fewer))
-    return {key: float(np.linalg.norm([one[key] for one in found])) for key in found[0]}, pressures
+        effects.append(_effects(built, nothing, state, condensed.bonds, fewer))
+    away, *others = np.linalg.norm(effects, axis=0).tolist()
+    probes, contacts = [one.name for one in scene.probes], [one.name for one in condensed.pairings]
+    size = float(sum((one.displacement**2).sum() for one in bodies.values()))
+    return Accuracy(
+        away / float(np.sqrt(size)) if size > 0.0 else None,
+        *_pressure_errors(built, state, pressures, rough, halved),
+        state,
+        _largest_of([one.displacement for one in bodies.values()]),
+        bodies,
+        probes=dict(zip(probes, others, strict=False)),
+        forces=dict(zip(contacts, others[len(probes) :], strict=True)),
+    )
 
 
-def _effects_of(
+def _effects(
     built: CondensedScene, bodies: Mapping[str, Corrected], state: ExactState, bonds: Bonds, moved: Moved
-) -> Effects:
-    """Effects of the changes of ``bodies``, of ``bonds`` and of what has ``moved``."""
-    condensed, scene, total = replace(built.condensed, bonds=bonds), built.scene, 0.0
-    unknowns, effects = (np.zeros(built.stages.shape[1]), *moved), Effects()
+) -> list[float]:
+    """Effects of the changes of ``bodies``, of ``bonds`` and of what has ``moved``: on all displacements
+    (L2), on that at each probe, and on the force of each contact over the sum of its pressures."""
+    condensed, scene = replace(built.condensed, bonds=bonds), built.scene
+    unknowns, rests, total = (np.zeros(built.stages.shape[1]), *moved), dict[str, FloatArray](), 0.0
     for name, body in scene.bodies.items():
         followed = bodies[name].response(body, condensed.source(name, *unknowns))[:, 0]
-        rest = (bodies[name].change + followed + scene.floating_patterns(name) @ moved[0]).reshape(-1, 2)
-        total += float(((rest + condensed.contact_fields(scene, name, unknowns)[0]) ** 2).sum())
-        for probe in scene.probes:
-            if probe.body == name:
-                near = condensed.contact_fields(scene, name, unknowns, probe.point)[0]
-                change = (body.model.values(probe.point, rest) + near)[0]
-                effects["probe", probe.name] = float(np.hypot(*change))
+        change = bodies[name].change + followed + scene.floating_patterns(name) @ moved[0]
+        rests[name] = change.reshape(-1, 2)
+        total += float(((rests[name] + condensed.contact_fields(scene, name, unknowns)[0]) ** 2).sum())
+    effects = [float(np.sqrt(total))]
+    for probe in scene.probes:
+        near = condensed.contact_fields(scene, probe.body, unknowns, probe.point)[0]
+        values = scene.bodies[probe.body].model.values(probe.point, rests[probe.body])
+        effects.append(float(np.hypot(*(values + near)[0])))
     for pairing in condensed.pairings:
         force, span = condensed.contact_forces[pairing.name], condensed.spans[pairing.name]
-        size = float(condensed.weight[span] @ state.pressure[span])
+        size = float(condensed.areas[span] @ state.pressure[span])
         apart = float(np.hypot(*(force(*unknowns) - force.constant)))
-        effects["force", pairing.name] = apart / size if _is_pressed(state, span) else 0.0
-    return effects | {DISPLACEMENT: float(np.sqrt(total))}
+        effects.append(apart / size if _is_pressed(state, span) else 0.0)
+    return effects
 
 
 def _corrected(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import permutations
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
@@ -125,8 +126,7 @@ def distances(points: FloatArray, edges: FloatArray) -> tuple[FloatArray, IntArr
     return distance, nearest
 
 
-@dataclass(frozen=True)
-class Overlap:
+class Overlap(NamedTuple):
     """A boundary inside another body or an obstacle, with the largest ``depth`` and its ``place``."""
 
     depth: float

@@ -102,7 +102,7 @@ def contact_end(end: End) -> Iterator[Check]:
             elastic, surface = built.scene.bodies[body], pairing.surface_of(slave)
             cloud = elastic.model.cloud
             places = (pairing.points if slave else pairing.partner)[pairing.candidate]
-            known = np.concatenate([_bonded_nodes(built, body), _obstacle_corners(contact)])
+            known = _known_ends(built, body, contact)
             for end_node, name in continuations(cloud, surface):
                 node, beyond = surface.index[end_node], name.partition("/")[0]
                 tip, close = cloud.points[node], END_DISTANCE * cloud.spacing[node]
@@ -122,18 +122,15 @@ def contact_end(end: End) -> Iterator[Check]:
                 yield Check("contact_end", share, message, hint, f"contact {pairing.name} at {place}")
 
 
-def _bonded_nodes(built: CondensedScene, body: str) -> FloatArray:
-    """Nodes (n, 2) of a body on bonds, which may begin at the end of a surface, as at a crack tip."""
+def _known_ends(built: CondensedScene, body: str, contact: Contact) -> FloatArray:
+    """Points (n, 2) at which pressures may end: nodes of a body on bonds, as at a crack tip, and corners of
+    the obstacle of a contact, as those of a punch."""
     bonds = built.condensed.bonds.pairings
     slaves = [one.points for one in bonds if one.slave_body == body]
     masters = [one.partner for one in bonds if one.master_body == body]
-    return np.concatenate([np.zeros((0, 2)), *slaves, *masters])
-
-
-def _obstacle_corners(contact: Contact) -> FloatArray:
-    """Corners (n, 2) of the obstacle of a contact, as those of a punch."""
     shape = None if contact.obstacle is None else shape_of(contact.obstacle)
-    return shape.points[~shape.smooth] if isinstance(shape, Chain) else np.zeros((0, 2))
+    corners = shape.points[~shape.smooth] if isinstance(shape, Chain) else np.zeros((0, 2))
+    return np.concatenate([corners, *slaves, *masters])
 
 
 def peak_pressure(end: End) -> Iterator[Check]:

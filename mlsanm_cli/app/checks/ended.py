@@ -81,7 +81,10 @@ def single_nodes(end: Ended) -> Iterator[Check]:
             f"body {name} is held at single nodes: displacements next to a point force are unbounded, and "
             f"grow by about {100 * part:.2g} % when its spacing is halved"
         )
-        hint = "support a part of a boundary (from, to), or measure displacements relative to another point"
+        hint = (
+            "support a part of a boundary (from, to), or measure displacements relative to another point "
+            "than the fixed one"
+        )
         yield Check("single_nodes", part, message, hint, f"body {name}")
 
 

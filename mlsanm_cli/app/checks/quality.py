@@ -327,7 +327,10 @@ def materials(model: Quality) -> Iterator[Check]:
     for name, material in model.case.material.items():
         if model.case.model.plane == "strain" and material.form == "stiffness":
             place = f"material {name}"
-            message = f"{place}: a plane stiffness does not give stresses out of the plane: von Mises is nan"
+            message = (
+                f"{place}: a plane stiffness does not determine the out-of-plane stress, so that von Mises "
+                "stresses are nan"
+            )
             hint = "give E1, E2, G12, nu12 and the constants of the third axis"
             yield Check("plane_stiffness", 1.0, message, hint, place)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from mlsanm_cli.case import Case, Contact, DiskObstacle, LoadedCase, Mesh, Point
 from mlsanm_cli.cloud.curves import Arc, Curve, Segment
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
-from mlsanm_cli.records import dataclass
 from mlsanm_cli.reference.hertz import HertzLine
 
 if TYPE_CHECKING:
@@ -25,8 +24,7 @@ if TYPE_CHECKING:
 SAMPLES = 4001
 
 
-@dataclass(frozen=True)
-class ReferenceProfile:
+class ReferenceProfile(NamedTuple):
     """Analytical pressure along a contact. ``coordinate`` (m,) of the nodes along the surface from the middle
     of the contact; ``curve``, the pressure as a function of it; ``error_l2``, the relative L2 error of the
     linearly interpolated nodal pressures."""
@@ -135,16 +133,11 @@ def _curve(case: Case, boundary: str) -> Curve | None:
     return outline.curves[numbers[0]] if len(numbers) == 1 else None
 
 
-def _curvature(case: Case, boundary: str) -> float:
-    """1/R, positive for a convex boundary."""
-    curve = _curve(case, boundary)
-    return math.copysign(1.0 / curve.radius, curve.sweep) if isinstance(curve, Arc) else 0.0
-
-
 def _relative(case: Case, contact: Contact) -> float:
-    """Sum of the curvatures of both sides."""
+    """Sum of the curvatures 1/R of both sides, positive for convex ones."""
     obstacle = contact.obstacle.curvature if contact.obstacle is not None else 0.0
-    return obstacle + sum(_curvature(case, boundary) for boundary in contact.boundaries)
+    arcs = [curve for one in contact.boundaries if isinstance(curve := _curve(case, one), Arc)]
+    return obstacle + sum(math.copysign(1.0 / arc.radius, arc.sweep) for arc in arcs)
 
 
 def _modulus(case: Case, contact: Contact, axis: FloatArray) -> float:

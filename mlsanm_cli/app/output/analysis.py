@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from mlsanm_cli.app.checks.check import Check, Verdicts
 from mlsanm_cli.app.checks.quality import Quality, announce
@@ -21,7 +21,6 @@ from mlsanm_cli.io.run_file import Value
 from mlsanm_cli.io.schema import INTERFACE_COLUMNS
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.mechanics.body_model import BodyModel
-from mlsanm_cli.records import dataclass
 from mlsanm_cli.solve.state import Checkpoint, Fields, PathStep, State
 from mlsanm_cli.solve.stop_events import Follow, StoppedPath, measured
 
@@ -29,8 +28,7 @@ BodyFields = Mapping[str, Fields]
 """Fields of a state by body."""
 
 
-@dataclass(frozen=True)
-class Ending:
+class Ending(NamedTuple):
     """How a run ended: status ("done", "failed" or "stopped"), reason, hint, the error, and the ``[[stop]]``
     condition that ended the path, in words."""
 

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -22,7 +22,6 @@ from mlsanm_cli.commit import commit
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_file import Value
 from mlsanm_cli.io.run_reader import RunData
-from mlsanm_cli.records import dataclass
 from mlsanm_cli.solve.state import Checkpoint, State
 from mlsanm_cli.system import host
 
@@ -31,8 +30,7 @@ REFINEMENT = "checkpoint/refinement"
 Record = TypeVar("Record", State, Checkpoint)
 
 
-@dataclass(frozen=True)
-class EarlierRun:
+class EarlierRun(NamedTuple):
     """An interrupted run: the rows of its path, the seconds that they took, and the ``figures`` counted so
     far; if there are any rows, the state of the ``last`` one and the checkpoint from which the path
     continues; the ``refinement`` of its clouds, if that was complete."""
@@ -57,19 +55,15 @@ def interrupted_run(origin: RunData) -> EarlierRun:
     """The stored data of an interrupted run. Raises RunError if they are damaged or of another version."""
     stored = origin.checkpoint
     try:
+        refined = "refinement" in stored
+        refinement = Refinement.read(json.loads(stored["refinement"])) if refined else None
+        figures, last, checkpoint = {}, None, None
         # Without rows there may be no checkpoint.
-        started = origin.rows > 0 or "last" in stored
-        path = stored["path"] if started else {}
-        return EarlierRun(
-            rows=origin.rows,
-            seconds=origin.seconds,
-            figures=json.loads(stored["figures"]) if started else {},
-            last=restored(State, stored["last"]) if started else None,
-            checkpoint=restored(Checkpoint, {**path, "state": restored(State, path["state"])})
-            if started
-            else None,
-            refinement=Refinement.read(json.loads(stored["refinement"])) if "refinement" in stored else None,
-        )
+        if origin.rows > 0 or "last" in stored:
+            path, figures = stored["path"], json.loads(stored["figures"])
+            last = restored(State, stored["last"])
+            checkpoint = restored(Checkpoint, {**path, "state": restored(State, path["state"])})
+        return EarlierRun(origin.rows, origin.seconds, figures, last, checkpoint, refinement)
     except (LookupError, AttributeError, TypeError, ValueError) as error:
         raise RunError(
             f"the checkpoint of the run cannot be read: {error!r}",
@@ -80,11 +74,7 @@ def interrupted_run(origin: RunData) -> EarlierRun:
 def as_text(value: Any) -> str:
     """Plain values as JSON."""
     # Unlike in summary.json, nan is kept.
-    return json.dumps(value, default=_plain)
-
-
-def _plain(value: Any) -> Any:
-    return value.tolist()
+    return json.dumps(value, default=lambda array: array.tolist())
 
 
 def flattened(name: str, value: Any) -> dict[str, Value]:
@@ -101,9 +91,8 @@ def flattened(name: str, value: Any) -> dict[str, Value]:
 
 def restored(kind: type[Record], stored: Mapping[str, Any]) -> Record:
     """A record from its stored numbers, arrays and mappings of arrays."""
-    return kind(
-        **{name: value.item() if getattr(value, "ndim", 1) == 0 else value for name, value in stored.items()}
-    )
+    plain = {key: one.item() if getattr(one, "ndim", 1) == 0 else one for key, one in stored.items()}
+    return kind(**plain)
 
 
 PACKAGES = ("numpy", "scipy", "numba", "h5py", "meshio", "pydantic")
@@ -142,7 +131,5 @@ def _versions() -> str:
     ``importlib.metadata``, or the packages, takes longer."""
     names = [name for folder in reversed(sys.path) if os.path.isdir(folder) for name in os.listdir(folder)]
     found = [name.removesuffix(".dist-info").partition("-") for name in names if name.endswith(".dist-info")]
-    versions = {package: version for package, _, version in found}
-    return " ".join(
-        [f"python {platform.python_version()}", *(f"{name} {versions.get(name, '?')}" for name in PACKAGES)]
-    )
+    versions = {"python": platform.python_version()} | {package: version for package, _, version in found}
+    return " ".join(f"{name} {versions.get(name, '?')}" for name in ("python", *PACKAGES))

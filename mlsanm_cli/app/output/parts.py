@@ -4,7 +4,6 @@ figures."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -120,7 +119,7 @@ def model_bodies(prepared: SceneModel) -> list[VtuPart]:
                 node = pairing.node[pairing.candidate]
                 partner[node] = pairing.partner[pairing.candidate] - cloud.points[node]
         data = {"spacing": cloud.spacing, "normal": normal, "partner": partner}
-        bodies.append(replace(body_part(cloud, data), cells=np.zeros((0, 3), dtype=np.int64)))
+        bodies.append(body_part(cloud, data)._replace(cells=np.zeros((0, 3), dtype=np.int64)))
     return bodies
 
 
@@ -133,11 +132,8 @@ PLANE_LENGTH = 0.75
 def obstacles(case: Case, low: FloatArray, high: FloatArray) -> dict[str, tuple[FloatArray, IntArray]]:
     """Points (k, 2) and pairs of neighbours (e, 2) of the obstacle of every contact before loading. Planes
     are drawn with a length relative to the scene, whose box is from ``low`` (2,) to ``high`` (2,)."""
-    return {
-        contact.name: _drawn(contact.obstacle, low, high)
-        for contact in case.contact
-        if contact.obstacle is not None
-    }
+    known = {contact.name: contact.obstacle for contact in case.contact}
+    return {name: _drawn(one, low, high) for name, one in known.items() if one is not None}
 
 
 def obstacle_shift(case: Case, contact: str, moved: Mapping[str, FloatArray]) -> FloatArray:

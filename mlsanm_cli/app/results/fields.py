@@ -52,7 +52,8 @@ def nodal(run: RunData, case: Case, state: SavedState, body: str) -> Quantities:
     """The saved quantities of a body at its nodes, with von Mises stress if it follows from stresses, and a
     displacement of zero if that was not saved."""
     fields = dict(state.bodies[body])
-    if "von_mises" not in fields and "stress" in fields and not (_heated(case, body) or run.is_finite):
+    heated = any(isinstance(load, Temperature) and load.owner == body for load in case.load)
+    if "von_mises" not in fields and "stress" in fields and not (heated or run.is_finite):
         stress, material = fields["stress"], _material(case, body)
         if material.revolved:
             stress = np.column_stack([stress, fields["stress_zz"]])
@@ -163,10 +164,6 @@ def _stencils_at(run: RunData, case: Case, body: str, points: FloatArray) -> Ste
 
 def _material(case: Case, body: str) -> PlaneMaterial:
     return materials(case)[next(described.material for described in case.body if described.name == body)]
-
-
-def _heated(case: Case, body: str) -> bool:
-    return any(isinstance(load, Temperature) and load.owner == body for load in case.load)
 
 
 def _degrees(case: Case, body: str, level: Level, points: FloatArray) -> FloatArray:

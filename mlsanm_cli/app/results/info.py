@@ -11,12 +11,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from mlsanm_cli import __version__
 from mlsanm_cli.case.vary import flat
 from mlsanm_cli.contact.geometry.profile import half_width
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_dir
-from mlsanm_cli.io.files import holder, write_text
+from mlsanm_cli.io.files import write_text
+from mlsanm_cli.io.run_dir import holder
 from mlsanm_cli.io.run_reader import RunData, read_origin, read_run
 from mlsanm_cli.io.summary import read_summary
 
@@ -61,27 +61,6 @@ def _unfinished(run: RunData) -> dict[str, Any]:
     counts = {name: int(path[name].sum()) for name in ("factorizations", "solves")}
     known |= {"position": float(path.position[-1]), **counts, "residual": float(path.residual.max())}
     return {**known, "contacts": contacts}
-
-
-def held_case(directory: Path) -> str | None:
-    """The hash of the case of the run in ``directory``, complete or not; None without a readable run."""
-    try:
-        return str(read_origin(directory).attributes.get("case_hash", ""))
-    except RunError:
-        return None
-
-
-def finished(directory: Path, case_hash: str) -> Mapping[str, Any] | None:
-    """The summary of a completed run of this case by this version, None if there is none."""
-    try:
-        known = read_origin(directory).attributes
-        wanted = {"case_hash": case_hash, "mlsanm": __version__, "status": "done"}
-        if any(known.get(key) != value for key, value in wanted.items()):
-            return None
-        summary = read_summary(directory / run_dir.SUMMARY_FILE)
-    except RunError:
-        return None
-    return summary if summary.get("status") == "done" else None
 
 
 FIGURES = (

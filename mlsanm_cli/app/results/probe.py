@@ -114,12 +114,12 @@ def probe_force(rundir: Path | RunData, at: Sequence[float], name: str, contact:
     history = resultants[name] if name in resultants else contact_force(run, name)
     rows = []
     for level in _levels(run, at):
-        if name not in run.contacts:
-            force = level[f"path/resultants/{name}"]
-        elif run.is_finite:
-            force = level[f"path/resultants/contact {name}"]
+        if name in run.contacts and not run.is_finite:
+            one, pressure = run.contacts[name], level[f"contacts/{name}/pressure"]
+            traction = level[f"contacts/{name}/traction"] if _has_friction(case, name) else None
+            force = force_on_slave(one.weight, one.normal, pressure, traction)
         else:
-            force = _contact_force(run, level, name, _has_friction(case, name))
+            force = level[f"path/resultants/{'contact ' if name in run.contacts else ''}{name}"]
         row = _origin(run, level, "forces", history)
         rows.append(row | {"fx": float(force[0]), "fy": float(force[1])})
     return rows
@@ -185,13 +185,6 @@ def _origin(run: RunData, level: Level, name: str, *histories: FloatArray) -> Ro
 
 def _has_friction(case: Case, contact: str) -> bool:
     return any(described.name == contact and described.coefficient for described in case.contact)
-
-
-def _contact_force(run: RunData, level: Level, name: str, friction: bool) -> FloatArray:
-    """Force (2,) on the slave at small strain."""
-    contact, pressure = run.contacts[name], level[f"contacts/{name}/pressure"]
-    traction = level[f"contacts/{name}/traction"] if friction else None
-    return force_on_slave(contact.weight, contact.normal, pressure, traction)
 
 
 def _row(seen: Quantities, field: str | None) -> Row:

@@ -31,7 +31,7 @@ def load_kernels(context: RunContext) -> Machine:
     """Loads the compiled kernels; announces compilation, and warns if they cannot be kept."""
     with context.phase("jit"):
         if not is_warm():
-            context.console.phase("compiling kernels, once for this installation (about 15 s)")
+            context.console.phase("compiling kernels, once for this installation (10 to 20 s)")
         loaded = load()
     if loaded.note:
         context.console.warning(loaded.note)

@@ -8,7 +8,6 @@ from functools import partial
 
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.assemble import NOTHING, SceneModel, assemble_bodies, prepare
-from mlsanm_cli.app.scene.build import placing_key
 from mlsanm_cli.app.scene.materials import flow_laws
 from mlsanm_cli.app.scene.pulls import pull_hint
 from mlsanm_cli.arrays import FloatArray
@@ -20,7 +19,6 @@ from mlsanm_cli.contact.response.condensation import condense
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
-from mlsanm_cli.memo import digest
 from mlsanm_cli.solve.coercivity import check_candidates_coercivity, check_coercivity
 from mlsanm_cli.solve.condensed_scene import CondensedScene, stage_factors
 from mlsanm_cli.solve.contact_grids import find_grids
@@ -60,8 +58,7 @@ def _condensed_scene(
     if prepared.ranges:
         with context.phase("condensation", "refining contact grids"):
             search = partial(searched_ends, case, scene, stages)
-            key = digest(placing_key(case), scene)
-            found = find_grids(case, scene, prepared.pairings, prepared.ranges, search, context.memo, key)
+            found = find_grids(case, scene, prepared.pairings, prepared.ranges, search, context.memo)
         if found is None:
             return _condensed_scene(case, _without_grids(prepared, context), context, None)
         condensed, ends = found
@@ -73,13 +70,9 @@ def _condensed_scene(
 
 
 def _without_grids(prepared: SceneModel, context: RunContext) -> SceneModel:
-    """A scene whose contact grids do not converge, at the low degree, which may help; if it has that, with
-    nodal pressures."""
+    """A scene whose contact grids do not converge, with nodal pressures."""
     placed = {name: model.cloud for name, model in prepared.models.items()}
     with context.phase("operators"):
-        low = prepare(prepared.boundaries, placed, context.memo, prepared.models, low=True)
-        if any(model is not prepared.models[name] for name, model in low.models.items()):
-            return low
         return prepare(prepared.boundaries, placed, context.memo, prepared.models, grids=False)
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from mlsanm_cli.app.context import Console
-from mlsanm_cli.app.results.info import collect, finished, held_case, write_rows
+from mlsanm_cli.app.results.info import collect, write_rows
 from mlsanm_cli.app.run import RESULTS
 from mlsanm_cli.app.scene.outlines import load_with_files
 from mlsanm_cli.app.sweep.engines import SweepPoint, solve_points
@@ -19,11 +19,12 @@ from mlsanm_cli.case import Case, resolved_mapping
 from mlsanm_cli.case.vary import parse_vary, points
 from mlsanm_cli.errors import CaseError, CaseProblem, RunError
 from mlsanm_cli.io import run_dir
+from mlsanm_cli.io.run_reader import finished, held_case
 from mlsanm_cli.memo import digest
 
 TABLE_FILE = "sweep.csv"
-RESULTS_PER_BODY = 8
-"""A process keeps so many of a scene's results for each of its bodies."""
+RESULTS_PER_BODY = 4
+"""A process keeps so many results of each kind for each body of a scene."""
 MAX_NAME_LENGTH = 120
 """Longest name of a run directory, made of the values; longer ones end with a digest."""
 
@@ -109,8 +110,12 @@ def _plan(
             continue
         place = directory / point_name(values)
         done = not force and finished(place, loaded.case_hash) is not None
-        if not done and not force:
-            _refuse_other(place, loaded.case_hash)
+        other = None if done or force else held_case(place)
+        if other not in (None, loaded.case_hash):
+            hint = "use --force to replace it, or another --out"
+            raise RunError(f"{place} holds the run of another case", hint)
+        if other is None and not done and not force:
+            run_dir.check(place, force=False)
         point = SweepPoint(
             case=case_path,
             overrides=(*overrides, *values),
@@ -118,7 +123,7 @@ def _plan(
             name=place.name,
             threads=threads,
             # Clouds, operators and responses of two geometries.
-            memory=2 * RESULTS_PER_BODY * (1 + len(loaded.case.body)),
+            memory=RESULTS_PER_BODY * len(loaded.case.body),
             argv=argv,
             done=done,
         )
@@ -140,17 +145,6 @@ def _named(problem: CaseProblem, values: Sequence[str]) -> CaseProblem:
     if value.startswith("[[" if key != problem.key else "["):
         hint = f"values are listed without brackets: --vary {key}={value[1:-1].replace(' ', '')}"
     return replace(problem, source="--vary", hint=hint)
-
-
-def _refuse_other(directory: Path, case_hash: str) -> None:
-    """RunError if a directory holds a run of another case, or other files."""
-    other = held_case(directory)
-    if other is None:
-        run_dir.check(directory, force=False)
-    elif other != case_hash:
-        raise RunError(
-            f"{directory} holds the run of another case", "use --force to replace it, or another --out"
-        )
 
 
 def point_name(values: Sequence[str]) -> str:

@@ -8,7 +8,10 @@ slip is not associated with Coulomb's cone.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.complementarity.problem import Changes, ContactStatus, Problem
@@ -58,14 +61,17 @@ def equilibrium(
     bounds += [(0.0, 0.0) if a else (None, None) for a in apart[nodes]]
     bounds += [(None, None)] * k + [(0.0, 1.0)]
     # Rows of t - mu p <= 0 and -t - mu p <= 0.
-    cone, each = np.zeros((2, n, count + k + 1)), np.arange(n)
-    cone[:, each, nodes] = -friction
-    cone[0, each, m + each], cone[1, each, m + each] = 1.0, -1.0
-    limits = cone.reshape(2 * n, count + k + 1)[may]
+    each, sides = np.arange(n), np.repeat([1.0, -1.0], n)
+    tangential = sparse.csr_array((sides, (np.arange(2 * n), np.tile(m + each, 2))), (2 * n, count + k + 1))
+    normal = sparse.csr_array(
+        (np.tile(-friction, 2), (np.arange(2 * n), np.tile(nodes, 2))), tangential.shape
+    )
+    limits = (tangential + normal)[np.flatnonzero(may)]
+    conditions: Any = limits if may.any() else None
     found = linprog(
         np.append(np.zeros(count + k), -1.0),
-        A_ub=limits if len(limits) else None,
-        b_ub=np.zeros(len(limits)) if len(limits) else None,
+        A_ub=conditions,
+        b_ub=np.zeros(limits.shape[0]) if may.any() else None,
         A_eq=np.hstack([balances * (unit / size), load[:, None] / size]),
         b_eq=-constant / size,
         bounds=bounds,

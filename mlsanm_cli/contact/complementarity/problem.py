@@ -136,13 +136,15 @@ class Problem:
         change the pressure.
         """
         count, own = m + len(nodes), np.abs(matrix.diagonal())[: m + len(nodes)]
-        elastic, moving = np.abs(matrix[:count, :count]), np.abs(matrix[:count, count:])
-        largest = float(elastic.max(initial=0.0)) or float(moving.max(initial=0.0)) or 1.0
+        moving = np.abs(matrix[:count, count:])
+        elastic = _largest(matrix[:count, :count]).max(initial=0.0)
+        largest = float(elastic) or float(moving.max(initial=0.0)) or 1.0
         rows, columns = np.ones(len(matrix)), np.ones(len(matrix))
         rows[:count] = 1.0 / np.where(own > WEAK * largest, own, largest)
         columns[count:] = _inverse((rows[:count, None] * moving).max(axis=0, initial=0.0))
         rows[count:] = _inverse(np.abs(matrix[count:] * columns).max(axis=1, initial=0.0))
-        scaled = rows[:, None] * matrix * columns
+        scaled = rows[:, None] * matrix
+        scaled *= columns
         return cls(scaled, nodes, friction, m, rows, columns, matrix if unscaled is None else unscaled)
 
     @property
@@ -177,7 +179,7 @@ class Problem:
         """Pressure per gap and traction per slip (m + n,) in the exchange of semismooth Newton steps: by the
         largest response of a row, as other nodes resist too."""
         count = self.contacts
-        return _inverse(np.abs(self.matrix[:count, :count]).max(axis=1, initial=0.0))
+        return _inverse(_largest(self.matrix[:count, :count]))
 
     @cached_property
     def largest(self) -> FloatArray:
@@ -259,6 +261,11 @@ class Problem:
             against = 1.0 if slipped[own] <= 0.0 else -1.0
             slip_sign[own] = {FORWARD: 1.0, BACKWARD: -1.0, CLOSES: against}.get(change, 0.0)
         return ContactStatus(closed, stuck, slip_sign)
+
+
+def _largest(matrix: FloatArray) -> FloatArray:
+    """Largest absolute value of each row of a matrix, without a copy of it."""
+    return np.asarray(np.maximum(matrix.max(axis=1, initial=0.0), -matrix.min(axis=1, initial=0.0)))
 
 
 def _inverse(values: FloatArray) -> FloatArray:

@@ -20,8 +20,9 @@ from mlsanm_cli.contact.complementarity.problem import FEASIBLE, Changes, Contac
 from mlsanm_cli.contact.complementarity.tracing import Point, trace
 from mlsanm_cli.records import dataclass
 
-PASSES = 8
-"""Newton steps without fewer violated conditions than before that end a search: it wanders."""
+PASSES, HELD_PASSES = 8, 30
+"""Newton steps without fewer violated conditions than before that end a search, as it wanders; and with
+springs on all motions, where longer ones succeed."""
 BEST = 2
 """Number of statuses with the fewest violations from which pivoting starts."""
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
@@ -105,12 +106,12 @@ class Search:
         return None, ray
 
     def _newton(
-        self, status: ContactStatus, basis: Basis | None, seen: set[bytes]
+        self, status: ContactStatus, basis: Basis | None, seen: set[bytes], passes: int = PASSES
     ) -> tuple[Solution | None, list[ContactStatus], int]:
         """The state, or statuses with the fewest violations; and the number of systems solved."""
         p, tried, systems, least = self.problem, list[tuple[int, ContactStatus]](), 0, (np.inf, 0)
         aim = p.aim(self.reference)
-        while status.key not in seen and systems < least[1] + PASSES:
+        while status.key not in seen and systems < least[1] + passes:
             seen.add(status.key)
             systems += 1
             try:
@@ -141,7 +142,7 @@ class Search:
             stiff = p.matrix + springs
             held = Problem(stiff, p.nodes, p.friction, p.m, ones, ones, stiff)
             search = replace(self, problem=held, free=self.free - springs @ near)
-            found, best, _ = search._newton(status, None, set())
+            found, best, _ = search._newton(status, None, set(), HELD_PASSES)
             if found is None:
                 return best[0] if best else status
             status, near = found.status, found.x

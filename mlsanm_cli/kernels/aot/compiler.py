@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterable
+import os
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import llvmlite.binding as llvm
@@ -28,7 +32,14 @@ OPTIONS: dict[str, Any] = {
 def _dispatcher(function: Callable[..., Any]) -> Any:
     """Numba dispatcher of a function without Python wrapper, and without specialisation for literal
     arguments."""
-    return numba.njit(**OPTIONS)(function)
+    made: Any = numba.njit(**OPTIONS)(function)
+    specialised = made.get_call_template
+
+    def plain(arguments: Any, keywords: Any) -> Any:
+        return specialised(tuple(map(numba.types.unliteral, arguments)), keywords)
+
+    made.get_call_template = plain
+    return made
 
 
 @typeof_impl.register(Inner)
@@ -50,9 +61,50 @@ def _type(value: Value) -> Any:
     return numba.types.Array(scalar, value.ndim, "C", readonly=not value.written)
 
 
-def compiled(kernels: Iterable[Kernel]) -> Code:
-    """Compile all ``kernels`` to one object file. Raises RunError if this numba version does not expose
-    it."""
+def compiled(kernels: Sequence[Kernel]) -> list[Code]:
+    """Compile all ``kernels``, those that call BLAS and the others each to an object file, on two processors
+    if there are. Raises RunError if this numba version does not expose its machine code."""
+    calls_blas = [kernel for kernel in kernels if _calls_blas(kernel)]
+    others = [kernel for kernel in kernels if kernel not in calls_blas]
+    if not calls_blas or not others or (os.cpu_count() or 1) < 2:
+        return [object_code(some) for some in (calls_blas, others) if some]
+    command = [sys.executable, "-c", WORKER, *(kernel.name for kernel in others)]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    with subprocess.Popen(
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env=environment,
+    ) as worker:
+        first, made = object_code(calls_blas), worker.communicate()[0]
+    if worker.returncode:
+        raise RunError("the kernels could not be compiled in a second process")
+    second: Code = pickle.loads(made)
+    return [first, second]
+
+
+BLAS_CALLS = "mlsanm_cli.kernels.dense"
+"""The module of the functions that call BLAS."""
+
+
+def _calls_blas(kernel: Kernel) -> bool:
+    """Whether a kernel's module uses the functions that call BLAS."""
+    names = vars(sys.modules[kernel.__module__]).values()
+    return any(getattr(one, "__module__", None) == BLAS_CALLS for one in names)
+
+
+WORKER = """\
+import pickle, sys
+from mlsanm_cli.kernels.aot.compiler import object_code
+from mlsanm_cli.kernels.aot.jit import every_kernel
+code = object_code([kernel for kernel in every_kernel() if kernel.name in sys.argv])
+sys.stdout.buffer.write(pickle.dumps(code))
+"""
+
+
+def object_code(kernels: Iterable[Kernel]) -> Code:
+    """Compile ``kernels`` to one object file, in this process."""
     for external in EXTERNALS:
         llvm.add_symbol(external.symbol, external.address())
     try:

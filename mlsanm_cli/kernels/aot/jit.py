@@ -55,9 +55,9 @@ def is_warm() -> bool:
         if not _loaded:
             try:
                 place = kept.directory()
-                code = kept.read(place)
-                if code is not None:
-                    _loaded.append(Machine(code, place))
+                codes = kept.read(place)
+                if codes is not None:
+                    _loaded.append(Machine(codes, place))
             except (ImportError, RuntimeError, UnloadableError):
                 # Code that this process cannot load is compiled anew.
                 return False
@@ -75,17 +75,17 @@ def load() -> Machine:
 def _compiled() -> Machine:
     from mlsanm_cli.kernels.aot.compiler import compiled
 
-    code = compiled(every_kernel())
+    codes = compiled(every_kernel())
     try:
         place = kept.directory()
-        kept.write(place, code)
+        kept.write(place, codes)
     except (OSError, RuntimeError) as error:
         note = (
             f"compiled kernels cannot be kept ({error}); every run compiles them again. "
             "Set MLSANM_CACHE_DIR to a directory that only you may write to."
         )
-        return Machine(code, None, note)
-    return Machine(code, place)
+        return Machine(codes, None, note)
+    return Machine(codes, place)
 
 
 def every_kernel() -> list[Kernel]:

@@ -52,14 +52,14 @@ def directory() -> Path:
     return _root() / "kernels" / digest.hexdigest()[:16]
 
 
-def encoded(code: Code) -> bytes:
-    """Machine code as the content of a file."""
-    rest = pickle.dumps(code)
+def encoded(codes: list[Code]) -> bytes:
+    """Machine codes as the content of a file."""
+    rest = pickle.dumps(codes)
     return hashlib.sha256(rest).digest() + rest
 
 
-def read(place: Path) -> Code | None:
-    """Machine code of a directory; None if it is missing or damaged, or if another user may have written it:
+def read(place: Path) -> list[Code] | None:
+    """Machine codes of a directory; None if it is missing or damaged, or if another user may have written it:
     it runs with this user's rights, and its digest does not prove its origin."""
     try:
         if who_else_may_write(place / FILE_NAME):
@@ -69,12 +69,12 @@ def read(place: Path) -> Code | None:
         return None
     if hashlib.sha256(data[DIGEST:]).digest() != data[:DIGEST]:
         return None
-    code: Code = pickle.loads(data[DIGEST:])
-    return code
+    codes: list[Code] = pickle.loads(data[DIGEST:])
+    return codes
 
 
-def write(place: Path, code: Code) -> None:
-    """Store machine code atomically, writable by its owner only. Raises OSError, also if others may write to
+def write(place: Path, codes: list[Code]) -> None:
+    """Store machine codes atomically, writable by its owner only. Raises OSError, also if others may write to
     a parent directory, as it would not be read again."""
     previous = os.umask(PRIVATE)
     try:
@@ -88,6 +88,6 @@ def write(place: Path, code: Code) -> None:
         # Not tempfile, whose files other users cannot read: one user may compile for all.
         temporary = place / f"{FILE_NAME}.{os.getpid()}.{os.urandom(8).hex()}"
         with replacing(place / FILE_NAME, temporary):
-            temporary.write_bytes(encoded(code))
+            temporary.write_bytes(encoded(codes))
     finally:
         os.umask(previous)

@@ -13,7 +13,7 @@ import os
 import pickle
 import struct
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from importlib.machinery import PathFinder
 from itertools import accumulate
 from pathlib import Path
@@ -79,33 +79,36 @@ def _extension(name: str) -> ModuleType:
 
 
 class Machine:
-    """Loaded machine code, stored in ``place``, or a ``note`` why it is not. Raises UnloadableError if an
-    external function is missing."""
+    """Loaded machine ``codes``, stored in ``place``, or a ``note`` why they are not. Raises UnloadableError
+    if an external function is missing."""
 
-    def __init__(self, code: Code, place: Path | None = None, note: str = "") -> None:
+    def __init__(self, codes: Iterable[Code], place: Path | None = None, note: str = "") -> None:
         import llvmlite.binding as llvm
 
         self.place, self.note = place, note
         llvm.initialize_native_target()
         llvm.initialize_native_asmprinter()
-        target = llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine()
-        # First: LLVM knows the functions of the process only after this.
-        self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target)
         runtime = _extension("core.runtime._nrt_python").c_helpers
         helpers = _extension("_helperlib").c_helpers
-        addresses = {f"NRT_{name}": address for name, address in runtime.items()}
-        addresses |= {f"numba_{name}": address for name, address in helpers.items()}
-        addresses |= {one.symbol: one.address() for one in EXTERNALS if one.symbol in code.symbols}
-        for name in code.symbols:
-            if name in addresses:
-                llvm.add_symbol(name, addresses[name])
-            elif llvm.address_of_symbol(name) is None:
-                raise UnloadableError(f"there is no function {name}")
-        for name in code.math:
-            llvm.add_symbol(name, helpers[name])
-        self._engine.add_object_file(llvm.ObjectFileRef.from_data(code.object))
-        self._engine.finalize_object()
-        self._entries = code.entries
+        known = {f"NRT_{name}": address for name, address in runtime.items()}
+        known |= {f"numba_{name}": address for name, address in helpers.items()}
+        self._engines: dict[str, tuple[Any, str]] = {}
+        for code in codes:
+            # A compiler of its own: symbols of another code must not be taken for these.
+            target = llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine()
+            # First: LLVM knows the functions of the process only after this.
+            engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target)
+            addresses = known | {one.symbol: one.address() for one in EXTERNALS if one.symbol in code.symbols}
+            for name in code.symbols:
+                if name in addresses:
+                    llvm.add_symbol(name, addresses[name])
+                elif llvm.address_of_symbol(name) is None:
+                    raise UnloadableError(f"there is no function {name}")
+            for name in code.math:
+                llvm.add_symbol(name, helpers[name])
+            engine.add_object_file(llvm.ObjectFileRef.from_data(code.object))
+            engine.finalize_object()
+            self._engines |= {name: (engine, entry) for name, entry in code.entries.items()}
         release = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
         self._release: Callable[[int], None] = release(runtime["MemInfo_release"])
 
@@ -113,7 +116,8 @@ class Machine:
         """A kernel as a Python function that checks its arguments and releases the GIL."""
         kinds = "".join(argument.kinds for argument in signature.arguments)
         prototype = ctypes.CFUNCTYPE(ctypes.c_int32, *(WORDS[kind] for kind in "pp" + kinds))
-        address = self._engine.get_function_address(self._entries[name])
+        engine, entry = self._engines[name]
+        address = engine.get_function_address(entry)
         call, room = prototype(address), ctypes.c_int64 * max(1, sum(len(r.kinds) for r in signature.results))
 
         def kernel(*values: Any) -> Any:
