@@ -28,11 +28,14 @@ THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 def finer(case: Path, scale: float) -> list[str]:
-    """Options that multiply all spacings of a case."""
+    """Options that multiply all spacings of a case; automatic ones become uniform."""
     options = []
+    check = [sys.executable, "-m", "mlsanm_cli", "check", str(case), "--json"]
+    found = json.loads(subprocess.run(check, check=True, capture_output=True, cwd=ROOT).stdout)
     for body in tomllib.loads(case.read_text())["body"]:
         key = f"body.{body['name']}"
-        options.append(f"{key}.spacing={body['spacing'] * scale}")
+        spacing = body.get("spacing", found["bodies"][body["name"]]["finest"])
+        options.append(f"{key}.spacing={spacing * scale}")
         for number, zone in enumerate(body.get("refine", [])):
             options.append(f"{key}.refine.{number}.spacing={zone['spacing'] * scale}")
     return given(options)

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import hashlib
 from array import array
-from collections import OrderedDict
+from collections import OrderedDict, defaultdict
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
 from typing import Any, TypeAlias, TypeVar
@@ -19,28 +19,28 @@ Arrays: TypeAlias = Mapping[str, np.ndarray[Any, Any]]
 
 
 class Memo:
-    """The latest results of this process, at most ``most``; they must not be modified."""
+    """The latest results of this process, at most ``most`` of each kind; they must not be modified."""
 
     def __init__(self, most: int = 0) -> None:
         self._most = most
-        self._values: OrderedDict[tuple[str, str], Any] = OrderedDict()
+        self._values: defaultdict[str, OrderedDict[str, Any]] = defaultdict(OrderedDict)
         self._found = self._made = 0
 
     def value(self, kind: str, key: str, make: Callable[[], Value]) -> Value:
         """The result of ``make`` for a ``kind`` and ``key``, kept or computed now."""
         if not self._most:
             return make()
-        place = (kind, key)
-        if place in self._values:
+        values = self._values[kind]
+        if key in values:
             self._found += 1
-            self._values.move_to_end(place)
+            values.move_to_end(key)
         else:
             made = make()
             self._made += 1
-            self._values[place] = made
-            while len(self._values) > self._most:
-                self._values.popitem(last=False)
-        kept: Value = self._values[place]
+            values[key] = made
+            while len(values) > self._most:
+                values.popitem(last=False)
+        kept: Value = values[key]
         return kept
 
     @property

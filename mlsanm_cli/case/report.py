@@ -137,6 +137,8 @@ SYNONYMS = {
     "tol": "tolerance",
     "bc": "support",
     "boundary_condition": "support",
+    "force": "platen",
+    "moment": "platen",
 }
 """Names used by other codes and textbooks that no comparison of letters would find."""
 

@@ -39,6 +39,14 @@ _REMOVED = {
     "ghost": '"least-squares", or "collocation" with the hyperbolic contact law',
 }
 """Hints for keys and values that no longer exist."""
+_WEIGHT = 'a weight is a load of kind "body-force", force per volume'
+_ELSEWHERE = {
+    "thickness": "forces are per unit thickness",
+    "density": _WEIGHT,
+    "rho": _WEIGHT,
+    "gravity": _WEIGHT,
+}
+"""Hints for keys that other programs have."""
 _MISSING = {"format": "write format = 1", "model": 'write [model] with plane = "strain" or "stress"'}
 
 
@@ -49,10 +57,9 @@ def faults_of(data: Mapping[str, Any], error: ValidationError) -> Iterator[Fault
 
 
 def unknown_keys(data: Mapping[str, Any], error: ValidationError) -> set[KeyPath]:
-    """The paths of unknown keys if these are all errors of a validation; else none."""
+    """The paths of unknown keys."""
     found = error.errors(include_url=False)
-    only = all(detail["type"] == "extra_forbidden" for detail in found)
-    return {_path(data, detail["loc"]) for detail in found} if only else set()
+    return {_path(data, detail["loc"]) for detail in found if detail["type"] == "extra_forbidden"}
 
 
 def _path(data: Any, location: tuple[int | str, ...]) -> KeyPath:
@@ -92,6 +99,9 @@ def _fault(data: Mapping[str, Any], path: KeyPath, detail: ErrorDetails) -> Faul
             path, hint = (*path, "kind"), suggestion("", _kinds(path))
         case "union_tag_not_found":
             message = "expected a table"
+            hint = f"write single brackets, as in {_heading(path)}" if isinstance(value, tuple) else ""
+        case "model_type" if path[0] == "material" and not isinstance(value, tuple):
+            hint = "write [material.NAME] above its keys"
         case "tuple_type" if _heading(path).startswith("[["):
             hint = f"write {_heading(path)}"
         case "too_short" if not value:
@@ -134,7 +144,7 @@ def _unknown_hint(data: Any, path: KeyPath) -> str:
     keys = [key for keys in properties if keys.get("kind", {}).get("const", kind) == kind for key in keys]
     if path[0] == "load" and path[-1] == "value" and kind in keys:
         return f'the value of this kind is called "{kind}"'
-    return suggestion(path[-1], keys, "valid keys")
+    return _ELSEWHERE.get(str(path[-1]), "") or suggestion(path[-1], keys, "valid keys")
 
 
 def _show(value: Any) -> str:

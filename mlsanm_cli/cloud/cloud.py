@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.cloud.cells import Faces, dual_faces
+from mlsanm_cli.cloud.cells import Faces, Halves, dual_faces
 from mlsanm_cli.cloud.curves import Outline
 from mlsanm_cli.cloud.front import fill_region, halved, relax, with_line_nodes
 from mlsanm_cli.cloud.joined import SMOOTH_ANGLE
@@ -57,6 +57,18 @@ class Cloud:
         """Circumference (...) of the circles of ``points`` (..., 2) of a body of revolution; 1, per unit
         thickness, of a plane one."""
         return 2.0 * np.pi * points[..., 0] if self.revolved else np.ones(points.shape[:-1])
+
+    def around_nodes(self, surface: Surface) -> FloatArray:
+        """Mean circumference (b,) of the part of a ``surface`` that each of its nodes stands for, by the
+        nodes' linear shape functions."""
+        halves, count = Halves.of(surface), len(surface.index)
+        around = self.around(surface.curve.points(halves.arc))
+        sums = [
+            np.bincount(halves.own, halves.length * halves.share * values, count)
+            + np.bincount(halves.other, halves.length * (1.0 - halves.share) * values, count)
+            for values in (around, np.ones_like(around))
+        ]
+        return np.asarray(sums[0] / sums[1])
 
     def radius(self, points: FloatArray) -> FloatArray | None:
         """Distances (e,) of ``points`` (e, 2) from the axis of revolution; None in plane bodies."""

@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.revolution import radius_of
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.roundoff import ROUND_OFF
 
@@ -65,6 +66,9 @@ def pair_up(cloud: Cloud, touching: Collection[str], held: Collection[str]) -> I
     stops = np.unique(
         np.concatenate([np.zeros(0, dtype=np.int64), *ends, *(surfaces[h].index for h in held)])
     )
+    if cloud.revolved:
+        # The body continues behind the axis.
+        stops = stops[radius_of(cloud.points[stops], cloud.points) > 0.0]
     far = np.ones(len(cloud.points), dtype=bool)
     if len(stops):
         far = nearest(cKDTree(cloud.points[stops]), cloud.points)[0] > CLEARANCE * cloud.spacing

@@ -79,8 +79,9 @@ def assemble(
     first_row, total = _first_rows(cloud)
     table = RowTable(first_row, total, total + len(single), model.material.modulus, springs)
     restraints = restrained(held, springs, cloud, model.material)
-    # In nearly incompressible bodies, pairs would make nodal pressures alternate.
-    pieces = Pieces.of(cloud, () if model.material.nearly_incompressible else touching, restraints)
+    # In nearly incompressible plane bodies, pairs would make nodal pressures alternate.
+    unpaired = model.material.nearly_incompressible and not cloud.revolved
+    pieces = Pieces.of(cloud, () if unpaired else touching, restraints)
     count = table.total + 3 * pieces.count
     # Computed on first use, by the equations or for the body's forces.
     loads = cache(partial(pieces.loads, first_row, count, restraints))

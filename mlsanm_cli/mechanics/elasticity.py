@@ -114,8 +114,8 @@ def force_rows(stencils: Stencils, c: FloatArray, arm: FloatArray, normal: Float
     values = np.zeros((3, len(stencils.indices), 2))
     weights, radius = stencils.weights, stencils.radius
     if radius is not None:
-        whole = weights.reshape(len(weights), -1, 3)
-        weights = np.ascontiguousarray(whole[:, :, 1:]).reshape(len(weights), -1)
+        whole = weights.reshape(len(weights), normal.shape[1], 3)
+        weights = np.ascontiguousarray(whole[:, :, 1:]).reshape(len(weights), 2 * normal.shape[1])
         entry = np.repeat(np.arange(len(normal)), np.diff(stencils.indptr))
         hoop = over_radius(whole[:, :, 0], whole[:, :, 1], radius.reshape(normal.shape[:2])[entry])
         pull = traction_of(c[:3, HOOP], normal.reshape(-1, 2)).reshape(normal.shape)

@@ -61,7 +61,8 @@ class Stencils:
         first = np.repeat(self.indptr[:-1], times) - indptr[:-1]
         entry = np.repeat(first, length) + np.arange(indptr[-1])
         target = np.repeat(np.arange(len(length)) % times, length)
-        weights = self.weights.reshape(len(self.weights), times, -1)[entry, target]
+        kinds = self.weights.shape[1] // times
+        weights = self.weights.reshape(len(self.weights), times, kinds)[entry, target]
         image = None if self.image is None else self.image[entry]
         return replace(self, indptr=indptr, indices=self.indices[entry], weights=weights, image=image)
 

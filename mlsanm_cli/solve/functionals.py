@@ -47,7 +47,7 @@ def contact_values(built: CondensedScene, pairing: Pairing, state: State) -> dic
         if pairing.name in built.condensed.tangential:
             own = built.condensed.tangential[pairing.name]
             traction, slip = state.traction[own], state.slip[own]
-            work = float(built.condensed.weight[span] @ state.work[own])
+            work = float(built.condensed.areas[span] @ state.work[own])
     values = {"pressure": pressure, "traction": traction, "gap": gap, "slip": slip, "status": status}
     return values | {"dissipated_work": work}
 

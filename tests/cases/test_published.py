@@ -40,7 +40,14 @@ PIN = PinInHole(10.0, 0.01, 5000.0, 210e3)
 CLEARANCE = ("body.plate.shape.center=[0.0, 0.01]", "body.plate.shape.radii=[10.01, 200.0]")
 COARSE = "contact.interface.accuracy=1e-2"
 
-MOST_NODES = {"hertz": 400, "two_cylinders": 400, "disk_between_plates": 600, "pin_in_hole": 8000}
+MOST_NODES = {
+    "hertz": 400,
+    "two_cylinders": 400,
+    "disk_between_plates": 600,
+    "pin_in_hole": 8000,
+    "ball_on_flat": 2000,
+    "shrink_fit": 4500,
+}
 # Case, figure of its summary, formula, tolerance relative to the largest number of the formula.
 FIGURES: list[tuple[str, str, float | list[float], float]] = [
     ("hertz", "contacts/interface/peak_pressure", HERTZ.peak_pressure, 1e-3),
@@ -53,6 +60,10 @@ FIGURES: list[tuple[str, str, float | list[float], float]] = [
     ("hertz", "forces/block.bottom", [0.0, 226.566], 2e-9),
     ("two_cylinders", "contacts/interface/peak_pressure", CYLINDERS.peak_pressure, 1.5e-3),
     ("two_cylinders", "contacts/interface/half_width", CYLINDERS.half_width, 1.5e-3),
+    ("ball_on_flat", "contacts/under/peak_pressure", 2.0 / np.pi * STEEL * 0.02, 1e-3),
+    ("ball_on_flat", "contacts/under/half_width", 0.1, 8e-3),
+    # Mean pressure by finite elements, in the middle of an interference of 1e-3 of the radius.
+    ("shrink_fit", "contacts/fit/force", [0.39363 * 210.0 * 2.0 * np.pi * 20.0 * 10.0, 0.0], 1e-3),
     ("rigid_cylinder", "contacts/under/peak_pressure", RIGID.peak_pressure, 1e-3),
     ("rigid_cylinder", "contacts/under/half_width", RIGID.half_width, 5e-3),
     ("rigid_cylinder", "contacts/under/reference/pressure_error_l2", 0.0, 3e-3),

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.errors import CaseError
+from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import solve
 from tests.case_text import Scene
 
@@ -125,3 +126,60 @@ def test_refused(change: tuple[str, str], key: str, tmp_path: Path) -> None:
     with pytest.raises(CaseError) as error:
         solve(pipe().changed(*change, count=1), tmp_path / "run")
     assert any(problem.key.startswith(key.split(".")[0]) for problem in error.value.problems)
+
+
+def two_rings(**contact: Any) -> Scene:
+    """A ring in a stiffer one, between planes of symmetry."""
+    scene = ring().material("soft", E=0.5, nu=NU)
+    scene = scene.body("b", "m", 0.05, box=([1.0, 2.0], [0.0, 0.5]))
+    scene = scene.body("inner", "soft", 0.05, box=([0.5, 1.0], [0.0, 0.5]))
+    for side in ("b.bottom", "b.top", "inner.bottom", "inner.top"):
+        scene = scene.support(side, uy=0.0)
+    return scene.item("contact", name="joint", slave="inner.right", master="b.left", **contact)
+
+
+@pytest.mark.parametrize("friction", ["bonded", 0.0])
+def test_ring_in_a_ring(friction: Any, tmp_path: Path) -> None:
+    """Under inner pressure bonded rings and rings in contact are the same: Lame's two layers."""
+    scene = two_rings(friction=friction).load("p", "inner.left", "pressure", pressure=PRESSURE)
+    (edge,) = probed(scene, tmp_path, (2.0, 0.25))
+    rows, shear = [], {0.5: 0.5 / (2.0 * (1.0 + NU)), 1.0: 1.0 / (2.0 * (1.0 + NU))}
+    for modulus in (0.5, 1.0):
+        bulk = shear[modulus] / (1.0 - 2.0 * NU)
+        rows.append(lambda r, bulk=bulk, mu=shear[modulus]: [2.0 * bulk, -2.0 * mu / r**2])
+    matrix = np.zeros((4, 4))
+    matrix[0, :2], matrix[1, 2:], matrix[2, :2] = rows[0](0.5), rows[1](2.0), rows[0](1.0)
+    matrix[2, 2:], matrix[3] = -np.array(rows[1](1.0)), [1.0, 1.0, -1.0, -1.0]
+    _, _, a, b = np.linalg.solve(matrix, [-PRESSURE, 0.0, 0.0, 0.0])
+    assert edge["displacement"][0] == pytest.approx(2.0 * a + b / 2.0, rel=3e-4)
+
+
+def test_hub_pulled_off(tmp_path: Path) -> None:
+    """A press fit slides when the pull is the friction of all of its pressures."""
+    scene = ring().body("b", "m", 0.25, box=([1.0, 2.0], [0.0, 1.0]))
+    scene = scene.body("shaft", "m", 0.25, box=([0.0, 1.0], [-1.0, 2.0])).support("shaft.bottom", uy=0.0)
+    scene = scene.item(
+        "contact", name="fit", slave="b.left", master="shaft.right", interference=1e-3, friction=0.1
+    )
+    scene = scene.load("pull", "b.right", "traction", traction=[0.0, 4e-5])
+    scene = scene.add("[[stage]]\nfit = 1.0\n[[stage]]\npull = 1.0\n").table("mls", degree=2)
+    summary = solve(scene, tmp_path / "run")
+    assert summary["status"] == "failed"
+    assert "slides" in summary["stop_reason"]
+    force = summary["contacts"]["fit"]["force"]
+    assert abs(force[1]) == pytest.approx(0.1 * force[0], rel=1e-3)
+
+
+def test_cone(tmp_path: Path) -> None:
+    """Depth of a cone on a block, from collocation with the kernel of rings of pressure."""
+    stiff, slope, radius = 1.0 / (1.0 - NU**2), 0.1, 0.2
+    scene = ring().body("b", "m", box=([0.0, 1.0], [-1.0, 0.0])).support("b.bottom", ux=0.0, uy=0.0)
+    plane = {"kind": "plane", "point": [0.0, 0.0], "normal": [0.0, -1.0]}
+    scene = scene.item("contact", name="c", slave="b.top", obstacle=plane, gap=f"{slope}*x")
+    force = 0.5 * np.pi * radius**2 * stiff * slope
+    scene = scene.item("load", name="press", kind="obstacle", obstacle="c", fy=-force)
+    summary = solve(scene, tmp_path / "run")
+    assert -read_run(tmp_path / "run").path.displacements["press"][-1, 1] == pytest.approx(
+        0.0289856, rel=1e-3
+    )
+    assert 2.0 * summary["contacts"]["c"]["half_width"] == pytest.approx(0.1995, rel=1e-2)

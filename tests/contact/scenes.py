@@ -44,6 +44,7 @@ def synthetic(
         pairings=(),
         spans={"contact": slice(0, m)},
         weight=weight,
+        around=weight,
         half_plane=np.tile(np.eye(2), (m, 1, 1)),
         tangential={},
         friction_nodes=np.zeros(0, dtype=np.int64),

@@ -216,7 +216,7 @@ class SmallStrain(Analysis):
         for pairing in self._built.condensed.reported:
             chosen = pairing.candidate
             places = pairing.points[chosen], pairing.normal[chosen], slave_arc(pairing)
-            contacts[pairing.name] = ContactNodes(*places, pairing.weight[chosen])
+            contacts[pairing.name] = ContactNodes(*places, pairing.areas[chosen])
         return contacts
 
     def model_datasets(self) -> dict[str, Value]:

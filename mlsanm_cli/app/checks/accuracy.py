@@ -267,7 +267,7 @@ def _effects(
         effects.append(float(np.hypot(*(values + near)[0])))
     for pairing in condensed.pairings:
         force, span = condensed.contact_forces[pairing.name], condensed.spans[pairing.name]
-        size = float(condensed.weight[span] @ state.pressure[span])
+        size = float(condensed.areas[span] @ state.pressure[span])
         apart = float(np.hypot(*(force(*unknowns) - force.constant)))
         effects.append(apart / size if _is_pressed(state, span) else 0.0)
     return effects

@@ -42,14 +42,14 @@ def largest_force(built: CondensedScene, body: str, unknowns: Sequence[FloatArra
     are summed, so that press fits and couples, whose resultants vanish, count."""
     condensed, (factors, _, pressure, _) = built.condensed, unknowns
     sizes = [
-        float(condensed.weight[span] @ np.abs(pressure[span]))
+        float(condensed.areas[span] @ np.abs(pressure[span]))
         for pairing, span in zip(condensed.pairings, condensed.spans.values(), strict=True)
         if body in pairing.bodies
     ]
     for pairing in condensed.bonds.pairings:
         if body in pairing.bodies:
             size = np.hypot(*condensed.bonds.values(pairing.name, unknowns))
-            sizes.append(float(pairing.weight[pairing.candidate] @ size))
+            sizes.append(float(pairing.areas[pairing.candidate] @ size))
     maps = [condensed.forces[load.name] for load in built.case.load if body in load.owners]
     sizes += [abs(factors[number]) * size for number, size in built.scene.sizes[body]]
     sizes.append(built.scene.heat_force(body, factors))
@@ -70,7 +70,7 @@ def force_mismatch(built: CondensedScene, state: State) -> dict[str, float]:
     """Difference of the forces on slave and master over the normal force, by contact."""
     found = {}
     for name, span in built.condensed.spans.items():
-        pressed = float(built.condensed.weight[span] @ np.abs(state.pressure[span]))
+        pressed = float(built.condensed.areas[span] @ np.abs(state.pressure[span]))
         lost = float(np.hypot(*built.condensed.mismatches[name](*state.unknowns)))
         found[name] = lost / pressed if pressed else 0.0
     return found
@@ -191,10 +191,10 @@ def _near_work(built: CondensedScene, state: State) -> dict[str, float]:
         if pairing.grid is None:
             continue
         span = condensed.spans[pairing.name]
-        work = float(condensed.weight[span] @ (state.pressure[span] * gap[span]))
+        work = float(condensed.areas[span] @ (state.pressure[span] * gap[span]))
         if pairing.name in condensed.tangential:
             own = condensed.tangential[pairing.name]
-            work += float(condensed.weight[span] @ (state.traction[own] * slip[own]))
+            work += float(condensed.areas[span] @ (state.traction[own] * slip[own]))
         chosen = pairing.normal[pairing.candidate]
         contact_compliance = [
             float(built.scene.bodies[body].model.material.contact_compliance(chosen).mean())

@@ -1,7 +1,8 @@
 """``[adapt] passes``: solve, refine at contact edges and where fits are poor, solve again.
 
-The regularised law has pressures at nodes: automatic spacings of bodies in contact are refined in the same
-way to ``NODAL_RULE``, without being asked.
+The regularised law, and bodies of revolution, have pressures at nodes, and plastic strains are nodal:
+automatic spacings of bodies in contact are then refined in the same way to ``NODAL_RULE``, all spacings of
+bodies of revolution to ``RING_RULE``, without being asked.
 
 Pressures at nodes are as accurate as the edges of contact are known, to half a spacing, then as the spacing
 under the contact. Every pass requires ``Rule.across`` spacings over the half-width of each patch, and refines
@@ -38,6 +39,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
 from mlsanm_cli.cloud.spacing import Zone, cover
+from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.geometry.profile import Patch, contact_patches, half_width
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.body import ElasticBody
@@ -92,7 +94,8 @@ def _residual(body: ElasticBody, defect: Defect) -> FloatArray:
     """Residual times spacing (n,), with its square averaged over the stencil of each node."""
     cloud, stencils = body.model.cloud, body.model.stencils
     scale = body.model.material.modulus
-    square = (defect.stress**2 * np.array([1.0, 1.0, 2.0])).sum(axis=1) / scale**2
+    times = np.array([1.0, 1.0, 2.0, 1.0])[: defect.stress.shape[1]]
+    square = (defect.stress**2 * times).sum(axis=1) / scale**2
     mean = np.add.reduceat(square[stencils.indices], stencils.indptr[:-1]) / np.diff(stencils.indptr)
     result: FloatArray = np.sqrt(mean) * cloud.spacing * corner_weight(cloud, body.restrained, body.springs)
     return result
@@ -148,8 +151,10 @@ HIGH_DEGREE_RULE = Rule(10.0, 0.5, 256.0, 0.14)
 """Degrees 4 to 6."""
 NODAL_RULE = Rule(10.0, 1.0, 10.0, 0.2)
 """Nodal pressures of the regularised law: even spacings under the patch, as the law smooths its edges."""
+RING_RULE = Rule(20.0, 1.0, 64.0, 0.15)
+"""Nodal pressures on bodies of revolution, at degree 4: peaks and approaches to 5e-4, radii to 5e-3."""
 NODAL_PASSES = 6
-"""Largest number of passes to `NODAL_RULE`; each halves the uncertainty of edges at least."""
+"""Largest number of passes to `NODAL_RULE` and `RING_RULE`; each halves the uncertainty of edges at least."""
 STICK_REFINEMENT = 64.0
 EDGE_TOLERANCE = 0.05
 """Accuracy of contact edges, in half-widths, required for the refinement of stick zones."""
@@ -192,7 +197,7 @@ def adapt(case: Case, prepared: SceneModel, context: RunContext, known: Refineme
         zones = tuple(zone for patch in patches for zone in _patch_zones(patch, rule))
         # The bulk is refined only once the zones of the contacts no longer limit the accuracy.
         more: tuple[Zone, ...] = ()
-        if accuracy.bulk_leads:
+        if accuracy.bulk_leads and rule is not RING_RULE:
             more = residual_zones(built, prepared.boundaries, accuracy.bodies, patches, (*zones, *bulk))
         # By more than the scatter of spacings.
         coarse = [
@@ -213,9 +218,10 @@ def adapt(case: Case, prepared: SceneModel, context: RunContext, known: Refineme
         prepared, bulk, placed = refined, (*bulk, *more), wanted
         history.append(_figures(built, accuracy, history[-1]))
         now = history[-1]
+        moved = now["largest_displacement"]
         context.console.note(
             f"pass {number}: {now['nodes']} nodes, peak pressure {now['peak_pressure']:.6g}, "
-            f"half-width {now['half_width']:.6g}, largest displacement {now['largest_displacement']:.6g}, "
+            f"half-width {now['half_width']:.6g}, {f'largest displacement {moved:.6g}, ' if moved else ''}"
             f"change {now['change']:.2g}"
         )
         if now["change"] <= CHANGE_TOLERANCE:
@@ -226,8 +232,11 @@ def adapt(case: Case, prepared: SceneModel, context: RunContext, known: Refineme
 def _required(case: Case, prepared: SceneModel) -> tuple[Rule, int]:
     """The spacings that contact patches require, and the number of passes."""
     touching = {body for pairing in prepared.pairings for body in pairing.bodies}
+    if case.model.revolved and case.touching and not case.adapt.passes:
+        return RING_RULE, 0 if any(body.has_nodes for body in case.body) else NODAL_PASSES
     smooth = any(contact.regularization.law == "hyperbolic" for contact in case.touching)
-    if smooth and has_automatic_spacings(case, touching) and not case.adapt.passes:
+    flows = any(case.material[body.material].flows for body in case.body if body.name in touching)
+    if (smooth or flows) and has_automatic_spacings(case, touching) and not case.adapt.passes:
         return NODAL_RULE, NODAL_PASSES
     degree = min(model.settings.degree for model in prepared.models.values())
     return LOW_DEGREE_RULE if degree < 4 else HIGH_DEGREE_RULE, case.adapt.passes
@@ -244,11 +253,12 @@ def _solved(
 
 def found_patches(built: CondensedScene, rule: Rule) -> Iterator[Patch]:
     """Patches with an edge in the exact states at the ends of all stages, and stick zones. A surface closed
-    from end to end has no edge to refine."""
+    from end to end has no edge to refine, but its corners on bodies of revolution."""
     for state in built.ends:
         for pairing in built.condensed.pairings:
             span = built.condensed.spans[pairing.name]
-            closed = [patch for patch in contact_patches(pairing, state.active[span]) if len(patch.edges)]
+            patches = contact_patches(pairing, state.active[span], _corners(built, pairing))
+            closed = [patch for patch in patches if len(patch.edges)]
             yield from closed
             if any((patch.uncertainty > EDGE_TOLERANCE * patch.half_width).any() for patch in closed):
                 continue
@@ -259,12 +269,22 @@ def found_patches(built: CondensedScene, rule: Rule) -> Iterator[Patch]:
                     yield replace(patch, finest=max(rule.at_edge / STICK_REFINEMENT, 1.0))
 
 
+def _corners(built: CondensedScene, pairing: Pairing) -> BoolArray | None:
+    """Mask (m,) of the candidates of a contact on bodies of revolution at which it may end at a corner: not
+    on the axis and on sides that are held, as planes of symmetry are."""
+    body = built.scene.bodies[pairing.slave_body]
+    if not body.model.cloud.revolved:
+        return None
+    sides = [body.model.cloud.surfaces[name].index for name, held in body.restrained.items() if any(held)]
+    return ~np.isin(pairing.node[pairing.candidate], np.concatenate([np.zeros(0, dtype=np.int64), *sides]))
+
+
 def _patch_zones(patch: Patch, rule: Rule) -> Iterator[Zone]:
     """Zones under the patch and around its edges."""
     middle = (float(patch.middle[0]), float(patch.middle[1]))
-    reach = rule.reach * patch.half_width + 2.0 * float(patch.uncertainty.max())
+    reach = rule.reach * patch.half_width + 2.0 * float(patch.uncertainty.max(initial=0.0))
     # Finer spacings over all that a patch may cover are wasted until its edges are known.
-    spacing = max(patch.half_width / rule.across, float(patch.uncertainty.max()) / 2.0)
+    spacing = max(patch.half_width / rule.across, float(patch.uncertainty.max(initial=0.0)) / 2.0)
     yield Zone.around(middle, spacing, reach, rule.growth)
     for edge, unsure, apart in zip(patch.edges, patch.uncertainty, patch.apart, strict=True):
         finest = max(patch.finest * patch.half_width / rule.at_edge, float(unsure) / MAX_EDGE_REFINEMENT)

@@ -89,13 +89,12 @@ def prepare(
     memo: Memo = NO_CACHE,
     before: Mapping[str, BodyModel] = NOTHING,
     grids: bool = True,
-    low: bool = False,
 ) -> SceneModel:
     """Stencils, pairs and conditions; models ``before`` are reused where the cloud is the same.
 
-    ``grids``: contacts away from corners may have contact grids; ``low``: "auto" selects the low degree.
-    Raises CaseError for contacts without facing nodes, for forces that nothing resists, for loads without a
-    value at some node, and for probes outside their body.
+    ``grids``: contacts away from corners may have contact grids. Raises CaseError for contacts without facing
+    nodes, for forces that nothing resists, for loads without a value at some node, and for probes outside
+    their body.
     """
     case = boundaries.case
     refuse_conflicts(boundaries)
@@ -114,7 +113,7 @@ def prepare(
             # Nodes of meshes are not suited to wide stencils, and tips of slits are not smooth enough.
             cloud = clouds[body.name]
             difficult = cloud.sight is not None or cloud.spacings_across < MIN_HIGH_SPACINGS
-            models[body.name] = modelled(body, low or body.has_nodes or difficult)
+            models[body.name] = modelled(body, body.has_nodes or difficult)
         except NumericalError:
             if mls_settings(case) == mls_settings(case, low=True):
                 raise
@@ -131,24 +130,27 @@ def prepare(
         | dict.fromkeys(restraining(loads.springs[name], models[name].cloud, models[name].material))
         for name, sides in held.items()
     }
-    # At finite strain pressures are nodal.
+    # At finite strain knots are placed along sides of any kind; bodies of revolution have nodal pressures.
     small = case.model.strain == "small"
     if small:
         check_tips(case, pairings)
-    grids = grids and small
+    grids = grids and small and not case.model.revolved
     fixed = {name: fixed_surfaces(case, boundaries, name) for name in models}
     ranges = contact_ranges(case, models, pairings, occupied, fixed, held_nodes) if grids else {}
-    # Contacts with nodal pressures are less stable at higher degrees; tractions of bonds vary slowly.
+    # Contacts with nodal pressures are less stable at higher degrees, but not on the even nodes of the passes
+    # for bodies of revolution; tractions of bonds vary slowly.
     nodal = [pairing for pairing in pairings if not (pairing.bonded or pairing.name in ranges)]
-    low_bodies = {name for pairing in nodal for name in pairing.bodies} if small else ()
-    models |= {body.name: modelled(body, low=True) for body in case.body if body.name in low_bodies}
+    in_contact = {name for pairing in nodal for name in pairing.bodies} if small else set()
+    if case.model.revolved:
+        in_contact = {name for name in in_contact if models[name].material.nearly_incompressible}
+    models |= {body.name: modelled(body, low=True) for body in case.body if body.name in in_contact}
     try:
         free = constrain_free_rigid_modes(case, clouds, directed(pairings, ranges), rigid, loads, ranges)
     except CaseError:
         if not ranges:
             raise
         # The resisting part of a surface, for instance a chamfer, may lie outside the ranges.
-        return prepare(boundaries, clouds, memo, before, grids=False, low=low)
+        return prepare(boundaries, clouds, memo, before, grids=False)
     ignored = (
         []
         if small

@@ -70,13 +70,9 @@ def _condensed_scene(
 
 
 def _without_grids(prepared: SceneModel, context: RunContext) -> SceneModel:
-    """A scene whose contact grids do not converge, at the low degree, which may help; if it has that, with
-    nodal pressures."""
+    """A scene whose contact grids do not converge, with nodal pressures."""
     placed = {name: model.cloud for name, model in prepared.models.items()}
     with context.phase("operators"):
-        low = prepare(prepared.boundaries, placed, context.memo, prepared.models, low=True)
-        if any(model is not prepared.models[name] for name, model in low.models.items()):
-            return low
         return prepare(prepared.boundaries, placed, context.memo, prepared.models, grids=False)
 
 

@@ -26,7 +26,7 @@ _ONE_AT_A_TIME = threading.Lock()
 
 class SweepPoint(NamedTuple):
     """A run to be made: the case, its changes, directory and options; ``memory`` is the number of results
-    that its process keeps, and ``done`` points are skipped."""
+    of each kind that its process keeps, and ``done`` points are skipped."""
 
     case: Path
     overrides: tuple[str, ...]

@@ -23,8 +23,8 @@ from mlsanm_cli.io.run_reader import finished, held_case
 from mlsanm_cli.memo import digest
 
 TABLE_FILE = "sweep.csv"
-RESULTS_PER_BODY = 8
-"""A process keeps so many of a scene's results for each of its bodies."""
+RESULTS_PER_BODY = 4
+"""A process keeps so many results of each kind for each body of a scene."""
 MAX_NAME_LENGTH = 120
 """Longest name of a run directory, made of the values; longer ones end with a digest."""
 
@@ -123,7 +123,7 @@ def _plan(
             name=place.name,
             threads=threads,
             # Clouds, operators and responses of two geometries.
-            memory=2 * RESULTS_PER_BODY * (1 + len(loaded.case.body)),
+            memory=RESULTS_PER_BODY * len(loaded.case.body),
             argv=argv,
             done=done,
         )

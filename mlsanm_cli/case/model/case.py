@@ -1,7 +1,7 @@
 """The case file as frozen values: one class per table, attributes named like the keys. Any consistent units
 of length, force per unit thickness and stress can be used. All defaults are set here."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
@@ -90,22 +90,25 @@ class Case(Section):
         return any(contact.regularization.law != "exact" for contact in self.touching)
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
-        if not self.body:
+        absent = [*scope.missing("load"), *scope.missing("contact")]
+        known = [*self.moved, *absent]
+        if not scope.names("body"):
             yield Fault(("body",), "the list is empty, at least one item is required", "add [[body]]")
-        if not self.moved:
+        if not known:
             yield Fault(("load",), "no loads", "add [[load]], or interference in a contact")
-        yield from self._stage_faults()
+        if not scope.missing("stage"):
+            yield from self._stage_faults(known, bool(absent))
         if self.model.revolved:
             yield from refused_of_revolution(self, scope)
 
-    def _stage_faults(self) -> Iterator[Fault]:
-        """Stages without loads or with unknown ones, and loads in no stage."""
+    def _stage_faults(self, known: Sequence[str], some_absent: bool) -> Iterator[Fault]:
+        """Stages without loads, unless some are absent, or without ``known`` ones, and loads in no stage."""
         for index, stage in enumerate(self.stage):
-            if not stage and self.moved:
-                yield Fault(("stage", index), "names no load", suggestion("", self.moved, "loads"))
+            if not stage and known and not some_absent:
+                yield Fault(("stage", index), "names no load", suggestion("", known, "loads"))
             for name in stage:
-                if name not in self.moved:
-                    hint = suggestion(name, self.moved, "loads")
+                if name not in known:
+                    hint = suggestion(name, known, "loads")
                     yield Fault(("stage", index, name), f'there is no load "{name}"', hint)
         used = {name for stage in self.stage for name in stage}
         for index, load in enumerate(self.load):

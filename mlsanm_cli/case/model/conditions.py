@@ -151,6 +151,6 @@ class Stop(Section):
             return "load or contact or support", [*names("load"), *names("contact"), *supports]
         if self.what == "displacement":
             rigid = [one.name for one in scope.case.load if one.kind in ("platen", "obstacle")]
-            return "platen or obstacle load or probe", [*rigid, *names("probe")]
+            return "platen or obstacle load or probe", [*rigid, *scope.missing("load"), *names("probe")]
         section = "probe" if self.what == "von_mises" else "contact"
         return section, list(names(section))

@@ -165,11 +165,11 @@ class ObstacleMotion(_RigidMotion):
         yield from scope.finite_only(self.rotation, ("rotation",), "an obstacle that turns")
         obstacles = {contact.name: contact.obstacle for contact in scope.case.contact}
         obstacle = obstacles.get(self.obstacle)
-        if self.obstacle not in obstacles:
+        if self.obstacle not in scope.names("contact"):
             fitting = [name for name in obstacles if obstacles[name] is not None] or obstacles
             hint = suggestion(self.obstacle, fitting, "contacts with an obstacle")
             yield Fault(("obstacle",), f'there is no contact "{self.obstacle}"', hint)
-        elif obstacle is None:
+        elif self.obstacle in obstacles and obstacle is None:
             message = f'contact "{self.obstacle}" has a master and no obstacle'
             yield Fault(("obstacle",), message, 'a load of kind "platen" moves a boundary')
         motions = [load for load in scope.case.load if isinstance(load, ObstacleMotion)]

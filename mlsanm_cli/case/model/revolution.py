@@ -49,4 +49,5 @@ def refused_of_revolution(case: Case, scope: Scope) -> Iterator[Fault]:
             message = "rigid bodies of revolution move along the axis only"
             yield Fault(("load", number), message, "give uy or fy")
     for number, contact in enumerate(case.contact):
-        yield from refused(contact, ("contact", number), "a contact")
+        law = ("contact", number, "regularization", "law")
+        yield from refused(contact.regularization.law != "exact", law, "the regularised law", 'law = "exact"')

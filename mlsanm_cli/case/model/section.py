@@ -56,10 +56,12 @@ class Geometry:
 
 @dataclass(frozen=True)
 class Scope:
-    """A case whose tables are valid by themselves, and the ``geometries`` of its valid shapes by body."""
+    """A case whose tables are valid by themselves, the ``geometries`` of its valid shapes by body, and the
+    section and name of items that are ``absent``, as they are not valid, "" of those with an invalid part."""
 
     case: Case
     geometries: Mapping[str, Geometry] = field(default_factory=dict)
+    absent: tuple[tuple[str, str], ...] = ()
 
     @property
     def strain(self) -> str:
@@ -72,9 +74,14 @@ class Scope:
         return self.case.model.confined
 
     def names(self, section: str) -> tuple[str, ...]:
-        """The names of all items of a section."""
+        """The names of all items of a section, those of absent ones last."""
         items = getattr(self.case, section)
-        return tuple(items) if isinstance(items, dict) else tuple(item.name for item in items)
+        names = tuple(items) if isinstance(items, dict) else tuple(item.name for item in items)
+        return (*names, *filter(None, self.missing(section)))
+
+    def missing(self, section: str) -> tuple[str, ...]:
+        """The names of absent items of a section, "" of those with an invalid part."""
+        return tuple(name for owner, name in self.absent if owner == section)
 
     def refused(self, given: object, key: KeyPath, what: str, hint: str) -> Iterator[Fault]:
         """A fault if something is ``given`` that finite strain does not support."""

@@ -95,16 +95,16 @@ class Solver(Section):
     """Use Padé approximants where they extend a step."""
     increments: Annotated[int, Field(ge=1, le=10_000)] = 10
     """Parts of every stage, at whose ends regularised friction updates its history (backward Euler)."""
-    flow_error: Annotated[float, Field(gt=0.0, lt=1.0), NUMBER] = 1e-3
-    """Largest error of displacements by an increment of plastic flow, relative to the largest displacements;
-    increments are chosen by it."""
+    flow_error: Annotated[float, Field(gt=0.0, lt=1.0), NUMBER] = 5e-3
+    """Largest error of strains by an increment of plastic flow, relative to the largest strains (root mean
+    squares); increments are chosen by it."""
     max_steps: Annotated[int, Field(ge=1, le=1_000_000)] = 2000
     """Largest number of steps; a path that needs more fails."""
     linear: Literal["auto", "superlu"] = "auto"
     """Direct solver: `"auto"` is the built-in sparse Cholesky factorisation."""
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
-        if scope.strain == "finite" and self.method == "active-set" and not scope.case.contact:
+        if scope.strain == "finite" and self.method == "active-set" and not scope.names("contact"):
             yield Fault(("method",), '"active-set" needs a contact', '"anm" or "newton"')
         law = scope.case.touching[0].regularization.law if scope.case.touching else None
         fitting = {"anm": "hyperbolic", "newton": "hyperbolic", "active-set": "exact"}.get(self.method, law)

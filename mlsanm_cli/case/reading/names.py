@@ -32,15 +32,15 @@ def name_faults(scope: Scope) -> Iterator[Fault]:
     """Names declared twice, unknown ones, and materials of no body."""
     for section in PLURALS:
         names = scope.names(section)
-        for number, name in enumerate(names):
+        for number, name in enumerate(names[: len(getattr(scope.case, section))]):
             if name in names[:number]:
                 yield Fault((section, number, "name"), f'another {section} is called "{name}" already')
     for section, key, target in REFERENCES:
         for path, name in _texts(scope, section, key):
             yield from _unknown(path, name, target, scope)
     used = [body.material for body in scope.case.body]
-    for name in scope.names("material"):
-        if name not in used:
+    for name in scope.case.material:
+        if name not in used and not scope.missing("body"):
             hint = f'remove it, or write material = "{name}" in a body'
             yield Fault(("material", name), "no body uses this material", hint)
     for section, key in BOUNDARIES:

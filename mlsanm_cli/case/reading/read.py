@@ -9,6 +9,7 @@ import re
 import tomllib
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from mlsanm_cli.case.model.section import Geometry, Scope, all_faults
 from mlsanm_cli.case.model.shapes import AnyShape
 from mlsanm_cli.case.reading.names import name_faults
 from mlsanm_cli.case.reading.overrides import apply_overrides, key_path
-from mlsanm_cli.case.report import KeyPath, Report, nearest
+from mlsanm_cli.case.report import KeyPath, Report, child, nearest
 from mlsanm_cli.errors import CaseError, CaseProblem, Fault, GeometryError, OutlineError, RunError
 from mlsanm_cli.inputs import MAX_TEXT_BYTES, STDIN, is_text, read_input
 from mlsanm_cli.records import dataclass
@@ -108,44 +109,83 @@ def parse_case(
     data = {key: _frozen(value) for key, value in content.items()}
     report = Report(data, text, source, changed)
     report.add(number_faults(data))
-    case = _validated(data, path.parent, report)
-    if case is not None:
-        case = _with_digests(_check_relations(case, geometry_of, report))
+    case, faulty = _validated(data, path.parent, report)
+    scope = None if case is None else _check_relations(case, geometry_of, report, data, faulty)
     problems = report.problems + bad_overrides
-    if problems or case is None:
+    if problems or scope is None:
         raise CaseError(problems)
+    case = _with_digests(scope)
     return LoadedCase(case, text, path, tuple(overrides), case_hash(case))
 
 
-def _validated(data: Any, folder: Path, report: Report) -> Case | None:
-    """The case of the content of a file, without unknown keys; files are relative to ``folder``. None if a
-    value is invalid or missing. Adds all of these to the report, except where it has a problem already."""
-    try:
-        return Case.model_validate(data, context=folder)
-    except ValidationError as error:
-        from mlsanm_cli.case.schema_errors import faults_of, unknown_keys
+REQUIRED = {"format": 1, "model": {"plane": "stress"}}
+"""Valid content of tables that a case must have."""
 
-        known = report.paths
-        faults = faults_of(data, error)
-        report.add(f for f in faults if not any(f.key[:length] in known for length in range(len(f.key) + 1)))
-        unknown = unknown_keys(data, error)
-        return _validated(_without(data, unknown), folder, report) if unknown else None
+
+def _validated(data: Any, folder: Path, report: Report) -> tuple[Case | None, frozenset[KeyPath]]:
+    """The case of the content of a file, and the paths of what it leaves out: the smallest parts without
+    which the rest is valid, but for unknown keys. None if there is no such rest. Files are relative to
+    ``folder``. Adds all problems to the report, except where it has one already."""
+    unknown, faulty = set[KeyPath](), set[KeyPath]()
+    while True:
+        removed = unknown | faulty
+        # Faults of tables that every case has hide none of others.
+        rest = {**(REQUIRED if faulty else {}), **_without(data, removed)}
+        try:
+            return Case.model_validate(rest, context=folder), frozenset(faulty)
+        except ValidationError as error:
+            from mlsanm_cli.case.schema_errors import faults_of, unknown_keys
+
+            unknown |= {_place(path, removed) for path in unknown_keys(rest, error)}
+            known = report.paths | faulty
+            faults = [replace(fault, key=_place(fault.key, removed)) for fault in faults_of(rest, error)]
+            report.add(f for f in faults if not any(f.key[:n] in known for n in range(len(f.key) + 1)))
+            for path in (fault.key for fault in faults if fault.key not in unknown):
+                while path and (path in faulty or reduce(child, path, data) is None):
+                    path = path[:-1]
+                faulty.add(path)
+            if () in faulty:
+                return None, frozenset(faulty)
 
 
 def _without(value: Any, removed: Collection[KeyPath], path: KeyPath = ()) -> Any:
-    """The content without the removed keys."""
+    """The content without the removed parts."""
     if isinstance(value, dict):
         kept = [key for key in value if (*path, key) not in removed]
         return {key: _without(value[key], removed, (*path, key)) for key in kept}
     if isinstance(value, tuple):
-        return tuple(_without(item, removed, (*path, number)) for number, item in enumerate(value))
+        places = [(*path, number) for number in range(len(value))]
+        return tuple(
+            _without(item, removed, place)
+            for item, place in zip(value, places, strict=True)
+            if place not in removed
+        )
     return value
 
 
-def _check_relations(case: Case, geometry_of: GeometryOf | None, report: Report) -> Scope:
-    """Adds every relation between keys that does not hold; returns the case with the geometries of its
-    bodies. Without ``geometry_of`` nothing that depends on geometry is checked."""
-    scope = Scope(case)
+def _place(path: KeyPath, removed: Collection[KeyPath]) -> KeyPath:
+    """The path in the whole content of a path in the content without the removed parts."""
+    whole: KeyPath = ()
+    for step in path:
+        if isinstance(step, int):
+            for *owner, gone in sorted(removed, key=str):
+                if isinstance(gone, int) and tuple(owner) == whole and gone <= step:
+                    step += 1
+        whole = (*whole, step)
+    return whole
+
+
+def _check_relations(
+    case: Case, geometry_of: GeometryOf | None, report: Report, data: Any, faulty: frozenset[KeyPath]
+) -> Scope:
+    """Adds every relation between keys that does not hold, but for tables of the ``data`` with ``faulty``
+    parts; returns the case with the geometries of its bodies. Without ``geometry_of`` nothing that depends on
+    geometry is checked."""
+    absent = {path[:2]: "" for path in faulty}
+    for path in faulty:
+        if len(path) == 2:
+            absent[path] = str(reduce(child, (*path, "name"), data) or path[1])
+    scope = Scope(case, absent=tuple((str(path[0]), name) for path, name in absent.items()))
     geometries: dict[str, Geometry] = {}
     for index, body in enumerate(case.body):
         key: KeyPath = ("body", index, "shape")
@@ -154,12 +194,15 @@ def _check_relations(case: Case, geometry_of: GeometryOf | None, report: Report)
         try:
             geometries.setdefault(body.name, geometry_of(body.shape))
         except OutlineError as error:
-            report.add(replace(fault, key=(*key, *fault.key)) for fault in error.faults)
+            report.add(replace(fault, key=_place((*key, *fault.key), faulty)) for fault in error.faults)
         except GeometryError as error:
-            report.add([Fault((*key, "file"), error.message, error.hint)])
+            report.add([Fault(_place((*key, "file"), faulty), error.message, error.hint)])
     scope = replace(scope, geometries=geometries)
-    report.add(name_faults(scope))
-    report.add(all_faults(case, scope))
+    tables = {path[:-1] for path in faulty if len(path) > 2 or path[0] not in (*LISTS, "material")}
+    for fault in (*name_faults(scope), *all_faults(case, scope)):
+        place = _place(fault.key, faulty)
+        if not {place, place[:-1]} & tables:
+            report.add([replace(fault, key=place)])
     return scope
 
 
@@ -242,6 +285,8 @@ def _syntax_hint(message: str, line: str) -> str:
     comma = re.search(r"=\s*([-+]?\d+),(\d+)\s*(#.*)?$", line)
     if comma is not None:
         return f"write a decimal point: {comma[1]}.{comma[2]}"
+    if re.search(r"=\s*(True|False)\b", line):
+        return "true and false are written in lower case"
     if sum(map(line.count, "\"'")) % 2:
         return "a quote is missing at the end of the text"
     if message.startswith("Expected '='"):
@@ -249,7 +294,8 @@ def _syntax_hint(message: str, line: str) -> str:
     if message.startswith("Invalid value"):
         return "text needs quotes, numbers need a digit before and after the point"
     if "overwrite" in message.lower():
-        return "the key is defined twice"
+        header = line.lstrip().startswith("[")
+        return "write it below the item to which it belongs" if header else "the key is defined twice"
     name = line.strip().strip("[]").strip()
     if "twice" in message and name in LISTS:
         return f"write [[{name}]] above each one"

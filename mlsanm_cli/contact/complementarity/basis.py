@@ -308,8 +308,10 @@ class Basis:
                 values[count:] += self.left @ (self.held.T @ near[count:])
                 size = np.abs(values).max()
         x = self._response(values)
-        # Equilibrated factors do not show motions that only round-off resists.
-        if MIN_RCOND * np.abs(x).max(initial=0.0) > size:
+        # Equilibrated factors do not show motions that only round-off resists; a response to borders of an
+        # exactly singular matrix is nan.
+        largest = np.abs(x).max(initial=0.0)
+        if np.isnan(largest) or MIN_RCOND * largest > size:
             return self._solved_anew(free, aim, near)
         w = p.product(x)
         missed = self._residual(values, x, w)

@@ -265,11 +265,20 @@ def _jumped(
         return increment(p, state, constant + ahead * load, ahead, point.status)
     except Ray:
         pass
-    # Any small increment finds the first touch of loose bodies; one that takes pivots is no better.
-    for pivoting in (True,) if status.closed.any() else (False, True):
-        for part in INCREMENTS[jumps:]:
-            lam = min(state.lam + part * span, most)
-            found = _tried(p, state, constant + lam * load, lam, pivoting=pivoting)
-            if found is not None:
-                return found
+    ends = [min(state.lam + part * span, most) for part in INCREMENTS[jumps:]]
+    for number, lam in enumerate(ends if not status.closed.any() else ()):
+        found = _tried(p, state, constant + lam * load, lam)
+        if found is None:
+            continue
+        # From a first touch to one at a smaller load.
+        for nearer in reversed(ends[:number]):
+            first = _tried(p, state, constant + nearer * load, nearer, found.status)
+            if first is None:
+                break
+            found = first
+        return found
+    for lam in ends:
+        found = _tried(p, state, constant + lam * load, lam, pivoting=True)
+        if found is not None:
+            return found
     raise Ray(ray.direction, state.lam) from ray

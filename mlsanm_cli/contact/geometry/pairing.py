@@ -28,7 +28,8 @@ class Pairing:
 
     ``position`` (w,) are indices among the slave surface's nodes, -1 for points between nodes; ``points`` (w,
     2) their coordinates, ``arc`` (w,) arc lengths along the slave, increasing over the candidates and
-    continuing past the start of a closed surface, ``weight`` (w,) surface lengths. ``partner`` (w, 2) are the
+    continuing past the start of a closed surface, ``weight`` (w,) surface lengths, ``around`` (w,) the
+    circumferences of these parts of bodies of revolution, else 1. ``partner``  (w, 2) are the
     closest points of the master, ``normal`` (w, 2) its outward normals there, ``gap`` (w,) initial gaps.
     ``candidate`` (w,) marks the points that can touch; the others are only monitored. ``friction`` is
     Coulomb's coefficient, inf for bonded surfaces. ``interference`` reduces the gaps when the load of the
@@ -51,6 +52,7 @@ class Pairing:
     normal: FloatArray
     gap: FloatArray
     spacing: FloatArray
+    around: FloatArray
     candidate: BoolArray
     friction: float = 0.0
     interference: float = 0.0
@@ -62,6 +64,11 @@ class Pairing:
     def bodies(self) -> tuple[str, ...]:
         """The elastic bodies: slave and, if any, master."""
         return (self.slave_body,) if self.master_body is None else (self.slave_body, self.master_body)
+
+    @property
+    def areas(self) -> FloatArray:
+        """Areas (w,) on which the pressures act, of the full turn or per unit thickness."""
+        return self.weight * self.around
 
     @property
     def bonded(self) -> bool:
@@ -160,6 +167,7 @@ def on_grid(pairing: Pairing, grid: ContactGrid) -> Pairing:
         normal=joined(hats.at_places(grid.directions[0]), pairing.normal),
         gap=joined(gap, pairing.gap),
         spacing=joined(hats.weight, pairing.spacing),
+        around=joined(np.ones(count), pairing.around),
         candidate=np.arange(count + int(beyond.sum())) < count,
         grid=grid,
     )
@@ -208,6 +216,7 @@ def pair_surfaces(
         normal=normal[position],
         gap=gap[position],
         spacing=spacing[position],
+        around=slave_cloud.around_nodes(slave)[position],
         candidate=np.ones(len(position), dtype=bool),
         friction=friction,
     )

@@ -138,22 +138,23 @@ class Patch:
     finest: float = 1.0
 
 
-def contact_patches(pairing: Pairing, closed: BoolArray) -> list[Patch]:
-    """Patches of one contact with closed candidates ``closed`` (m,)."""
+def contact_patches(pairing: Pairing, closed: BoolArray, corners: BoolArray | None = None) -> list[Patch]:
+    """Patches of one contact with closed candidates ``closed`` (m,). The first and the last candidate are
+    edges, too, if they are ``corners`` (m,)."""
     arc = pairing.arc[pairing.candidate]
     spacing = pairing.spacing[pairing.candidate]
     patches = []
     for first, after in runs_of(closed):
         last = after - 1
         ends, edges, uncertainty = [arc[first], arc[last]], [], []
-        if first > 0:
-            ends[0] = 0.5 * (arc[first - 1] + arc[first])
-            edges.append(ends[0])
-            uncertainty.append(arc[first] - arc[first - 1])
-        if after < len(arc):
-            ends[1] = 0.5 * (arc[last] + arc[after])
-            edges.append(ends[1])
-            uncertainty.append(arc[after] - arc[last])
+        for place, (node, beyond) in enumerate(((first, first - 1), (last, after))):
+            inside = 0 <= beyond < len(arc)
+            if inside:
+                ends[place] = 0.5 * (arc[beyond] + arc[node])
+            if inside or (corners is not None and last > first and corners[node]):
+                neighbor = beyond if inside else node + (1, -1)[place]
+                edges.append(ends[place])
+                uncertainty.append(abs(float(arc[neighbor] - arc[node])))
         middle = 0.5 * (ends[0] + ends[1])
         nearest = int(np.argmin(np.abs(arc - middle)))
         patches.append(

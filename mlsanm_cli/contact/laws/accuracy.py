@@ -139,6 +139,7 @@ def halved_state(condensed: Condensed, state: ExactState) -> tuple[FloatArray, F
         thin = replace(
             condensed,
             weight=join.T @ condensed.weight,
+            around=condensed.around[rows],
             spans=spans([pairing.name for pairing in condensed.pairings], [len(own) for own in kept]),
             gap=_joined(condensed.gap.take(rows), join),
             slip=_joined(condensed.slip, join),

@@ -54,6 +54,8 @@ def _stability(condensed: Condensed, kept: IntArray, loose: Sequence[int]) -> fl
         ]
     )
     place = np.concatenate([kept, condensed.friction_nodes[friction_nodes]])
+    root = np.sqrt(condensed.around[place])
+    compliance *= root[:, None] / root
     unbalanced = np.zeros((0, len(place)))
     if any(pairing.grid is not None for pairing in condensed.pairings):
         # Near-field displacements of floating bodies have an arbitrary rigid part, even where symmetry

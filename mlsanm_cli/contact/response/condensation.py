@@ -140,7 +140,12 @@ def _condensed(
     gaps = [_gaps(scene, drivers, pairing, seen["gap", pairing.name], many) for pairing in pairings]
     gap = _shifted(stack(gaps, drivers.unknowns), of_obstacles(scene, pairings, drivers.unknowns, "normal"))
     gap = replace(gap, load=gap.load + of_fits(scene, pairings, drivers.unknowns))
-    weight = np.concatenate([[], *(pairing.weight[pairing.candidate] for pairing in pairings)])
+    weight, around = (
+        np.concatenate(
+            [[], *(values[pairing.candidate] for values, pairing in zip(each, pairings, strict=True))]
+        )
+        for each in ([one.weight for one in pairings], [one.around for one in pairings])
+    )
     forces = CondensedForces(
         scene,
         drivers,
@@ -170,6 +175,7 @@ def _condensed(
         pairings=loose.pairings,
         spans=loose.spans,
         weight=weight[free],
+        around=around[free],
         half_plane=half_plane[free],
         tangential=loose.tangential,
         friction_nodes=_numbers([loose.spans[pairing.name] for pairing in loose.frictional]),

@@ -50,13 +50,14 @@ class Condensed:
     """Everything the contact laws need.
 
     ``pairings`` are the contacts with a contact law; those of ``bonds`` are eliminated. ``spans[contact]`` is
-    the range of its candidates among the pressures (m,), ``weight`` (m,) their surface lengths,
-    ``half_plane`` (m, 2, 2) 1/E* there along normal and tangent. ``tangential[contact]`` is the range of a
-    frictional contact among the tractions (n,); ``friction_nodes`` (n,) are the indices of these nodes among
-    the pressures, ``friction`` (n,) their coefficients. ``gap`` maps to the candidates' gaps (m,), ``slip``
-    to the slips (n,), ``watched`` to the gaps of other paired nodes, ``balance`` to the force imbalance of
-    the rigid constraints (k,). ``beyond`` (m + n, m + n) is the part of gaps and slips that is not due to
-    displacements (:func:`correct_short_waves`).
+    the range of its candidates among the pressures (m,), ``weight`` (m,) their surface lengths, ``around``
+    (m,) their circumferences in bodies of revolution, else 1, ``half_plane`` (m, 2, 2) 1/E* there along
+    normal and tangent. ``tangential[contact]`` is the range of a frictional contact among the tractions
+    (n,); ``friction_nodes`` (n,) are the indices of these nodes among the pressures, ``friction`` (n,) their
+    coefficients. ``gap`` maps to the candidates' gaps (m,), ``slip`` to the slips (n,), ``watched`` to the
+    gaps of other paired nodes, ``balance`` to the force imbalance of the rigid constraints (k,). ``beyond``
+    (m + n, m + n) is the part of gaps and slips that is not due to displacements
+    (:func:`correct_short_waves`).
 
     ``forces`` maps each load and support to its force (2,) on its body, ``contact_forces`` each contact to
     its force (2,) on the slave, ``mismatches`` to the sum of this and the force on the master. ``imbalance``
@@ -73,6 +74,7 @@ class Condensed:
     pairings: tuple[Pairing, ...]
     spans: Mapping[str, slice]
     weight: FloatArray
+    around: FloatArray
     half_plane: FloatArray
     tangential: Mapping[str, slice]
     friction_nodes: IntArray
@@ -201,13 +203,18 @@ class Condensed:
         self, body: str, f: FloatArray, q: FloatArray, p: FloatArray, t: FloatArray
     ) -> sparse.csc_array:
         """Right-hand side (r, 1) of a body in one state."""
-        source = self.sources[body] @ self._drive((f, q, p, t))
+        source = self.sources[body] @ self.drive((f, q, p, t))
         own = self.inner[body][0] if body in self.inner else 0.0
         return sparse.csc_array((source + own)[:, None])
 
-    def _drive(self, unknowns: Sequence[FloatArray]) -> FloatArray:
+    def drive(self, unknowns: Sequence[FloatArray]) -> FloatArray:
         """The drivers (drivers,) of one state."""
         return self.drivers.drive(*self.bonds.whole(unknowns))
+
+    @property
+    def areas(self) -> FloatArray:
+        """Areas (m,) on which the pressures act, of the full turn or per unit thickness."""
+        return self.weight * self.around
 
     def overlap(self, gap: FloatArray) -> bool:
         """Whether some ``gap`` (m,) is negative beyond the tolerance of surfaces drawn touching."""
@@ -242,7 +249,7 @@ class Condensed:
         source = self.source(body, f, q, p, t)
         if body in self.solutions:
             own = self.inner[body][1] if body in self.inner else 0.0
-            return (self.solutions[body] @ self._drive(unknowns) + own)[:, None], source
+            return (self.solutions[body] @ self.drive(unknowns) + own)[:, None], source
         return scene.bodies[body].system.solve(source), source
 
     def displacement(self, scene: Scene, body: str, unknowns: Sequence[FloatArray]) -> FloatArray:

@@ -66,26 +66,34 @@ class Eigenstresses:
             loads[name], rows[name] = eigenstress_loads(body), observation.rows(name)
         return cls(scene, loads, rows, own, len(scene.loads), wide)
 
-    def response(self, stresses: Mapping[str, FloatArray]) -> tuple[dict[str, Any], FloatArray]:
+    def response(
+        self, stresses: Mapping[str, FloatArray], quick: bool = False
+    ) -> tuple[dict[str, Any], FloatArray]:
         """Right-hand sides (r,) and displacements (2N,) by body for eigenstresses (n, 3), and the functionals
-        (c,)."""
+        (c,); ``quick``: as accurate as the factors are."""
         inner, seen = {}, np.zeros(self.wide.gap.load.shape[1] - self.count)
         for name, stress in stresses.items():
-            flat = stress.T.ravel()
+            flat, system = stress.T.ravel(), self.scene.bodies[name].system
             source = self.loads[name] @ flat
-            moved = self.scene.bodies[name].system.solve(sparse.csc_array(source[:, None]))[:, 0]
+            column = sparse.csc_array(source[:, None])
+            moved = (system.solve_unrefined(column) if quick else system.solve(column))[:, 0]
             inner[name] = source, moved
             seen = seen + self.rows[name] @ moved - self.own[name] @ flat
         return inner, seen
 
-    def within(self, condensed: Condensed, stresses: Mapping[str, FloatArray]) -> Condensed:
-        """A ``condensed`` scene without eigenstresses under those given (n, 3)."""
-        inner, seen = self.response(stresses)
+    def within(
+        self, condensed: Condensed, stresses: Mapping[str, FloatArray], quick: bool = False
+    ) -> Condensed:
+        """A ``condensed`` scene without eigenstresses under those given (n, 3), see :meth:`response`."""
+        inner, seen = self.response(stresses, quick)
 
         def shifted(linear: LinearMap, wide: LinearMap) -> LinearMap:
             return replace(linear, constant=linear.constant + wide.load[:, self.count :] @ seen)
 
-        return replace(_mapped(condensed, self.wide, shifted), inner=inner)
+        found = replace(_mapped(condensed, self.wide, shifted), inner=inner)
+        # Whatever does not depend on constants, computed at most once.
+        vars(found).update({name: getattr(condensed, name) for name in ("whole", "blocks", "problem")})
+        return found
 
 
 def flowing(scene: Scene) -> list[str]:

@@ -156,13 +156,14 @@ def _on_pieces(
             slave.curve.normals(s),
             master.curve.points(master.curve.closest(slave.curve.points(s))),
         )
+        circle = body.model.cloud.around(slave.curve.points(s))
         share = (s - ends[first]) / (ends[first + 1] - ends[first])
         faces = opposed(pairing, s)
         for end, who, part in ((0, first, 1.0 - share), (1, (first + 1) % len(nodes), share)):
             on = np.flatnonzero((place[who] >= 0) & faces)
             turn = turned_along(slave.end_normals[first[on], end], normal[on])
             along = (turn @ direction[chosen[place[who[on]]], :, None])[:, :, 0]
-            force = -(weight * np.diff(cuts) * part)[on, None] * along
+            force = -(circle * weight * np.diff(cuts) * part)[on, None] * along
             total = total + pieces.per_column(owner[on], points[on], force, place[who[on]], len(chosen))
     return sparse.csr_array(total)
 

@@ -162,6 +162,7 @@ def _on_master(
         halves = Halves.of(slave, FINE)
         share = halves.share[:, None]
         length = halves.length * opposed(pairing, halves.arc)
+        length *= scene.bodies[body].model.cloud.around(slave.curve.points(halves.arc))
         force = length[:, None] * (share * given[halves.own] + (1.0 - share) * given[halves.other])
         arc = master.curve.closest(slave.curve.points(halves.arc))
         around = master.curve.length if master.curve.closed else None
