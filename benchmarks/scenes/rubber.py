@@ -11,6 +11,7 @@ from typing import Any
 
 from benchmarks.scenes.scene import (
     Figure,
+    Result,
     Scene,
     Table,
     body,
@@ -101,3 +102,57 @@ def bulb_seal() -> Scene:
     )
     figures = [Figure("force y", force_at("door", 1, -1.0), 0.7875)]
     return Scene("bulb_seal", "finite strain", given, figures)
+
+
+@scene
+def rubber_ring_rolled() -> Scene:
+    """A thick ring pressed on a rough road and rolled by 1 radian, 5 % further than its hub turns."""
+    given = finite(
+        {"rubber": {"E": 3.0, "nu": 0.3, "law": "neo-hookean"}},
+        [body("ring", "rubber", "annulus", center=[0.0, 1.0], radii=[0.5, 1.0])],
+        load=[
+            platen("press", "ring.inner", uy=-0.05, rotation=0.0, hinge=[0.0, 1.0]),
+            platen("roll", "ring.inner", ux=1.05, rotation=-1.0, hinge=[0.0, 1.0]),
+        ],
+        contact=[on_plane("road", "ring.outer", (0.0, 0.0), (0.0, 1.0), 0.5)],
+        stage=[{"press": 1.0}, {"roll": 1.0}],
+    )
+    # Fifty increments.
+    figures = [
+        Figure("force x", force_at("road", 0), -0.0524, 2.0),
+        Figure("force y", force_at("road", 1), 0.1675),
+    ]
+    return Scene("rubber_ring_rolled", "finite strain", given, figures)
+
+
+def column(name: str, **rest: Any) -> Table:
+    """A column of eight thicknesses, whose foot is clamped; its load is called press."""
+    steel = {"E": 1000.0, "nu": 0.0, "law": "saint-venant-kirchhoff"}
+    column = body(name, "steel", "rectangle", x=[-0.5, 0.5], y=[0.0, 8.0])
+    return finite({"steel": steel}, [column], support=[held(f"{name}.bottom")], **rest)
+
+
+def lost_at(result: Result) -> float:
+    """Position of the first loss of stability."""
+    return float(result.summary["finite_strain"]["bifurcations"][0]["position"])
+
+
+@scene
+def column_buckles() -> Scene:
+    """Straight, under 1.1 of the force that it bears: by 6 x 24 nine-node quads, and Euler's less 1.4 %."""
+    load = {"name": "press", "boundary": "column.top", "kind": "traction", "traction": [0.0, -1.1 * 3.16779]}
+    figures = [Figure("critical part", lost_at, 1.0 / 1.1)]
+    return Scene("column_buckles", "finite strain", column("column", load=[load]), figures)
+
+
+@scene
+def column_between_walls() -> Scene:
+    """Its top goes down by twice the shortening that it bears, and does not turn."""
+    load = {"name": "press", "boundary": "column.top", "kind": "displacement", "uy": -0.2}
+    walls = [
+        on_plane(name, f"column.{name}", (side * 0.7, 0.0), (-side, 0.0))
+        for name, side in (("left", -1.0), ("right", 1.0))
+    ]
+    figures = [Figure("critical part", lost_at, 0.0123908 * 8.0 / 0.2)]
+    given = column("column", load=[load], contact=walls)
+    return Scene("column_between_walls", "finite strain", given, figures)

@@ -17,20 +17,28 @@ Equation (34) of docs/method.md.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.complementarity.basis import Ray
-from mlsanm_cli.contact.laws.contact_state import Linearised
+from mlsanm_cli.contact.laws.contact_state import ContactSolution, Linearised
 from mlsanm_cli.contact.laws.coulomb import CoulombState, increment, unloaded
+from mlsanm_cli.contact.response.condensed import Condensed
+from mlsanm_cli.contact.response.contact_fields import NearFields
+from mlsanm_cli.contact.response.eigenstress import NOTHING
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.mechanics.body_model import BodyModel
+from mlsanm_cli.mechanics.defect import NextDegree
+from mlsanm_cli.mechanics.elasticity import divergence_of_stress, stress_of
 from mlsanm_cli.mechanics.laws.von_mises import HISTORY, plastic_stress
+from mlsanm_cli.mechanics.near_field import as_complex
 from mlsanm_cli.operators.linear.krylov import gmres
+from mlsanm_cli.operators.refinement import FUNCTIONAL_TOLERANCE
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 
@@ -53,15 +61,14 @@ class FlowError(NumericalError):
 
 @dataclass(frozen=True, eq=False)
 class Flow:
-    """A state for given eigenstresses ``unknowns`` (u,): contact, and by body the displacements ``rest``
-    (2N,) of the elastic system, ``strain`` and ``stress`` (n, 4), ``tangent`` (n, 4, 4), ``history`` (n, 5)
-    and ``work`` (n,) of plastic strains so far. ``misfit`` (u,) is what the return map would change, of
-    equilibrium states 0, in the norm of stresses of ``size``. ``updates`` and ``products`` count."""
+    """A state for given eigenstresses ``unknowns`` (u,): contact, and by body ``strain`` and ``stress`` (n,
+    4), ``tangent`` (n, 4, 4), ``history`` (n, 5) and ``work`` (n,) of plastic strains so far. ``misfit``
+    (u,) is what the return map would change, of equilibrium states 0, in the norm of stresses of ``size``.
+    ``updates`` and ``products`` count."""
 
     factors: FloatArray
     unknowns: FloatArray
     contact: CoulombState
-    rest: Mapping[str, FloatArray]
     strain: Mapping[str, FloatArray]
     stress: Mapping[str, FloatArray]
     tangent: Mapping[str, FloatArray]
@@ -76,6 +83,55 @@ class Flow:
     def residual(self) -> float:
         """The misfit relative to the stresses."""
         return float(np.linalg.norm(self.misfit)) / self.size if self.size else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class ElasticStress:
+    """Stresses (3n,) of a body's nodes, xx of all, yy, xy, per driver (3n, d) and, by the near field of each
+    contact ``grids`` names, per nodal pressure and traction (3n, 2m)."""
+
+    model: BodyModel
+    by_drivers: FloatArray
+    by_grids: Mapping[str, FloatArray]
+
+    @classmethod
+    def of(cls, built: CondensedScene, name: str) -> ElasticStress:
+        """The responses of a body, one solution per driver."""
+        condensed, body = built.condensed, built.scene.bodies[name]
+        solutions = condensed.solutions.get(name)
+        if solutions is None:
+            solutions = body.system.solve(condensed.sources[name], FUNCTIONAL_TOLERANCE)
+        model, grids = body.model, dict[str, FloatArray]()
+        z, count = as_complex(model.cloud.points), 3 * len(model.cloud.points)
+        for pairing in condensed.reported:
+            if pairing.grid is None or name not in pairing.bodies:
+                continue
+            unit = np.eye(len(pairing.grid.hats.place))
+            none = np.zeros_like(unit)
+            total = np.zeros((count, 2 * len(unit)))
+            for owner, slave, sign in pairing.sides:
+                if owner == name:
+                    fields = NearFields.at(pairing.grid, model.kernel, slave, z)
+                    parts = [fields(*pair)[1] for pair in ((unit, none), (none, unit))]
+                    near = np.concatenate(parts, axis=2).transpose(1, 0, 2)
+                    total += sign * near.reshape(count, -1)
+            grids[pairing.name] = total
+        return cls(model, np.stack([_stresses(model, one) for one in solutions.T], axis=1), grids)
+
+    def __call__(self, condensed: Condensed, unknowns: Sequence[FloatArray]) -> FloatArray:
+        """The stress (n, 3) in a state f, q, p, t of a scene, also by its eigenstresses."""
+        total = self.by_drivers @ condensed.drive(unknowns)
+        total += _stresses(self.model, condensed.inner[self.model.name][1])
+        for pairing in condensed.reported:
+            if pairing.name in self.by_grids:
+                values = np.concatenate(condensed.contact_values(pairing, unknowns))
+                total += self.by_grids[pairing.name] @ values
+        return np.asarray(total.reshape(3, -1).T)
+
+
+def _stresses(model: BodyModel, displacement: FloatArray) -> FloatArray:
+    """Nodal stresses (3n,) of a displacement (2N,)."""
+    return np.asarray(model.stress(displacement.reshape(-1, 2)).T.ravel())
 
 
 class PlasticScene:
@@ -94,6 +150,7 @@ class PlasticScene:
         known = built.condensed
         gap, slip, balance = map(_homogeneous, (known.gap, known.slip, known.balance))
         self._linear = replace(known, gap=gap, slip=slip, balance=balance)
+        self._elastic = {name: ElasticStress.of(built, name) for name in self.bodies}
 
     def unloaded(self) -> Flow:
         """The state without loads, strains and contact pressures."""
@@ -104,7 +161,6 @@ class PlasticScene:
             factors,
             np.zeros(len(self._root)),
             unloaded(condensed, factors),
-            {name: np.zeros(body.model.unknowns) for name, body in self.bodies.items()},
             none,
             none,
             {},
@@ -158,13 +214,11 @@ class PlasticScene:
             raise FlowError("no contact state balances the loads")
         v = contact.values
         drive = factors, v.motion, v.pressure, v.traction
-        rest, strain, stress, tangent, history, work, misfits = {}, {}, {}, {}, {}, {}, []
+        strain, stress, tangent, history, work, misfits = {}, {}, {}, {}, {}, []
         size = 0.0
         for name, body in self.bodies.items():
             law, model = self.laws[name], body.model
-            rest[name] = condensed.solution(scene, name, drive)[0][:, 0]
-            near = condensed.contact_fields(scene, name, drive)[1]
-            elastic = model.stress(rest[name].reshape(-1, 2)) + near
+            elastic = self._elastic[name](condensed, drive)
             whole = np.zeros((len(elastic), 4))
             whole[:, PLANE] = np.linalg.solve(model.material.stiffness, elastic.T).T
             degrees = scene.degrees(name, factors)
@@ -177,20 +231,55 @@ class PlasticScene:
             size += float(model.cloud.areas @ (elastic**2).sum(axis=1))
         misfit = self._root * np.concatenate(misfits)
         size = float(np.sqrt(size + np.sum((self._root * unknowns) ** 2)))
-        return Flow(factors, unknowns, contact, rest, strain, stress, tangent, history, work, misfit, size)
+        return Flow(factors, unknowns, contact, strain, stress, tangent, history, work, misfit, size)
 
     def growth(self, now: Flow, change: FloatArray) -> float:
-        """Displacements per change of load factors (L,) over those of elastic bodies; unbounded at a limit
-        load."""
+        """Strains per change of load factors (L,) over those of elastic bodies; unbounded at a limit load."""
         linear, none = Linearised(self.built.condensed, now.contact.sets), np.zeros(len(now.unknowns))
         elastic, flowed = self._response(now, linear, none, change)
         unknowns = gmres(partial(self._product, now, linear), self._root * flowed, LARGEST_FORCING)[0]
         plastic = self._response(now, linear, unknowns / self._root, change)[0]
-        sizes = [
-            sum(np.repeat(self.bodies[name].model.cloud.areas, 2) @ one**2 for name, one in rest.items())
-            for rest in (plastic, elastic)
-        ]
-        return float(np.sqrt(sizes[0] / sizes[1])) if sizes[1] else 0.0
+        return self.size(plastic) / (self.size(elastic) or 1.0)
+
+    def size(self, strain: Mapping[str, FloatArray]) -> float:
+        """Norm of strains (n, ...) of all bodies that flow, integrated over these."""
+        squares = (self.bodies[name].model.cloud.areas @ (one**2).sum(axis=1) for name, one in strain.items())
+        return float(np.sqrt(sum(squares)))
+
+    def spatial_error(self, now: Flow) -> float:
+        """Norm of the error of the displacements of a state by the spacings: the defect in equations of the
+        next degree, as of elastic bodies (:mod:`mlsanm_cli.mechanics.defect`), through the tangent.
+
+        With fits B+ of the next degree stresses change by D (B+ - B) u, and their divergence by that of the
+        better fits of nodal stresses. Raises NumericalError if the cloud is too small for these.
+        """
+        scene, v = self.built.scene, now.contact.values
+        stresses = dict(self._split(now.unknowns))
+        condensed = self._eigen.within(self.built.condensed, stresses)
+        drive = now.factors, v.motion, v.pressure, v.traction
+        defect, more = np.zeros(len(now.unknowns)), {}
+        for name, body in self.bodies.items():
+            model, better = body.model, self._better[name]
+            moved = condensed.solution(scene, name, drive)[0].reshape(-1, 2)
+            less = stress_of(model.stencils.derivatives(moved) - better.at_nodes(moved), np.eye(3))
+            tangent = now.tangent[name][:, PLANE][:, :, PLANE]
+            defect[self._places[name]] = np.einsum("nij,nj->ni", tangent, less).T.ravel()
+            stress = model.stress(moved) - stresses[name]
+            lost = model.stress_divergence(stress) - divergence_of_stress(better.at_nodes(stress))
+            more[name] = np.zeros(body.rows)
+            more[name][: lost.size] = lost.T.ravel()
+        linear, none = Linearised(self.built.condensed, now.contact.sets), np.zeros(len(now.factors))
+        flowed = self._response(now, linear, defect, none, more)[1]
+        change = gmres(partial(self._product, now, linear), self._root * flowed, LARGEST_FORCING)[0]
+        condensed, v = self._linearly(linear, defect + change / self._root, none, more)
+        drive = none, v.motion, v.pressure, v.traction
+        return self.size(
+            {name: condensed.solution(scene, name, drive)[0].reshape(-1, 2) for name in self.bodies}
+        )
+
+    @cached_property
+    def _better(self) -> dict[str, NextDegree]:
+        return {name: NextDegree(body.model) for name, body in self.bodies.items()}
 
     def _product(self, now: Flow, linear: Linearised, vector: FloatArray) -> FloatArray:
         """The equations (u,) of a state applied to a change, both weighted by the areas."""
@@ -198,26 +287,40 @@ class PlasticScene:
         flowed = self._response(now, linear, vector / self._root, none)[1]
         return np.asarray(vector - self._root * flowed)
 
-    def _response(
-        self, now: Flow, linear: Linearised, unknowns: FloatArray, factors: FloatArray
-    ) -> tuple[dict[str, FloatArray], FloatArray]:
-        """Changes of displacements (2N,) by body by those of eigenstresses ``unknowns`` (u,) and load
-        ``factors`` (L,), and the eigenstresses (u,) that the return map adds for them."""
-        scene = self.built.scene
-        condensed = self._eigen.within(self._linear, dict(self._split(unknowns)))
+    def _linearly(
+        self,
+        linear: Linearised,
+        unknowns: FloatArray,
+        factors: FloatArray,
+        more: Mapping[str, FloatArray] = NOTHING,
+    ) -> tuple[Condensed, ContactSolution]:
+        """The scene without initial gaps under eigenstresses ``unknowns`` (u,) and ``more`` right-hand sides
+        (r,), and the response of the contacts to both and to load ``factors`` (L,)."""
+        condensed = self._eigen.within(self._linear, dict(self._split(unknowns)), quick=True, more=more)
         rows = condensed.unscaled_rows(factors)
         m, n = len(condensed.gap.constant), len(condensed.slip.constant)
-        v = linear.response(rows[:m], rows[m : m + n], rows[m + n :])
+        return condensed, linear.response(rows[:m], rows[m : m + n], rows[m + n :])
+
+    def _response(
+        self,
+        now: Flow,
+        linear: Linearised,
+        unknowns: FloatArray,
+        factors: FloatArray,
+        more: Mapping[str, FloatArray] = NOTHING,
+    ) -> tuple[dict[str, FloatArray], FloatArray]:
+        """Changes of strains (n, 3) by body by those of eigenstresses ``unknowns`` (u,), load ``factors``
+        (L,) and ``more`` right-hand sides (r,), and the eigenstresses (u,) that the return map adds."""
+        condensed, v = self._linearly(linear, unknowns, factors, more)
         drive = factors, v.motion, v.pressure, v.traction
-        moved, parts = {}, []
+        strains, parts = dict[str, FloatArray](), list[FloatArray]()
         for name, body in self.bodies.items():
             model, tangent = body.model, now.tangent[name][:, PLANE][:, :, PLANE]
-            moved[name] = condensed.solution(scene, name, drive)[0][:, 0]
-            near = condensed.contact_fields(scene, name, drive)[1]
-            elastic = model.stress(moved[name].reshape(-1, 2)) + near
-            strain = np.linalg.solve(model.material.stiffness, elastic.T).T
+            elastic = self._elastic[name](condensed, drive)
+            strain = np.asarray(elastic @ np.linalg.inv(model.material.stiffness), dtype=np.float64)
+            strains[name] = strain
             parts.append((elastic - np.einsum("nij,nj->ni", tangent, strain)).T.ravel())
-        return moved, np.concatenate(parts)
+        return strains, np.asarray(np.concatenate(parts))
 
     def _split(self, unknowns: FloatArray) -> Iterator[tuple[str, FloatArray]]:
         """Eigenstresses (n, 3) by body."""

@@ -1,13 +1,13 @@
 """Path of scenes with bodies that flow, in increments chosen by their error.
 
-Every increment is computed at once and in two halves, which are kept. The difference of the displacements is
-the error of the halves, as the return map is of first order; it is at most ``solver.flow_error`` of the
-largest displacements.
+Every increment is computed at once and in two halves, which are kept. The difference of the strains is
+the error of the halves, as the return map is of first order; its norm is at most ``solver.flow_error`` of the
+largest one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -30,7 +30,7 @@ GROWTH = 2.0
 LEAST_INCREMENT = 2.0**-10
 """Part of a stage within which a limit load is enclosed."""
 COLLAPSE = 10.0
-"""Growth of displacements over that of elastic bodies at the end of a path that counts as collapse."""
+"""Growth of strains over that of elastic bodies at the end of a path that counts as collapse."""
 KEPT = ("stress", "history", "work")
 """Quantities of nodes that continue a path, by body."""
 
@@ -38,7 +38,7 @@ KEPT = ("stress", "history", "work")
 @dataclass(frozen=True)
 class Increment:
     """An increment of ``length``: the states in its ``middle`` and at its ``end``, and the ``error`` of the
-    displacements."""
+    strains."""
 
     length: float
     middle: Flow
@@ -50,26 +50,27 @@ def plastic_path(built: CondensedScene, start: Checkpoint | None = None) -> Iter
     """The path, or its part after a checkpoint. Raises NumericalError at a limit load."""
     scene = PlasticScene(built)
     if start is None:
-        now, position, length, error = scene.unloaded(), 0.0, 1.0, 0.0
-        yield _step(built, now, position, 0.0, length, error)
+        now, position, length, errors = scene.unloaded(), 0.0, 1.0, np.zeros(2)
+        yield _step(built, now, position, 0.0, length, errors)
     else:
         now, position, length = _restored(built, start), start.position, start.pace
-        error = float(start.state.solver["increment_error"][0])
-    largest = _size(built, now.rest)
+        errors = start.state.solver["errors"]
+    largest = scene.size(now.strain)
     for halt in stops(built):
         while halt - position > FINE_ROUND_OFF:
             wanted = min(length, halt - position)
             found = _increment(scene, now, position, wanted, largest)
-            largest = max(largest, _size(built, found.middle.rest), _size(built, found.end.rest))
+            largest = max(largest, scene.size(found.middle.strain), scene.size(found.end.strain))
             allowed = built.case.solver.flow_error * largest
             # Errors of increments grow with the square of the length.
             most = min(GROWTH, float(np.sqrt(allowed / found.error))) if found.error else GROWTH
             length = max(most * found.length, length if found.length == wanted else 0.0)
-            error += found.error / largest if largest else 0.0
             half, now = 0.5 * found.length, found.end
-            yield _step(built, found.middle, position + half, half, length, error)
+            added, spatial = found.error / (largest or 1.0), scene.spatial_error(now)
+            errors = np.array([errors[0] + added, max(errors[1], spatial)])
+            yield _step(built, found.middle, position + half, half, length, errors)
             position = halt if halt - position - found.length <= FINE_ROUND_OFF else position + found.length
-            yield _step(built, now, position, half, length, error)
+            yield _step(built, now, position, half, length, errors)
 
 
 def _increment(scene: PlasticScene, now: Flow, position: float, length: float, largest: float) -> Increment:
@@ -86,8 +87,8 @@ def _increment(scene: PlasticScene, now: Flow, position: float, length: float, l
             if length < LEAST_INCREMENT:
                 raise _beyond(built, scene, now, position, failure) from failure
             continue
-        apart = {name: whole.rest[name] - end.rest[name] for name in built.laws}
-        size, error = max(largest, _size(built, end.rest)), _size(built, apart)
+        apart = {name: whole.strain[name] - end.strain[name] for name in built.laws}
+        size, error = max(largest, scene.size(end.strain)), scene.size(apart)
         if error <= built.case.solver.flow_error * size:
             return Increment(length, middle, end, error)
         whole, length = middle, 0.5 * length
@@ -96,8 +97,8 @@ def _increment(scene: PlasticScene, now: Flow, position: float, length: float, l
 def _beyond(
     built: CondensedScene, scene: PlasticScene, now: Flow, position: float, failure: FlowError
 ) -> NumericalError:
-    """The error of a path that ends at a ``position``: a limit load if displacements grow fast, compared with
-    those of elastic bodies."""
+    """The error of a path that ends at a ``position``: a limit load if strains grow fast, compared with those
+    of elastic bodies."""
     stage = min(int(position), len(built.stages) - 2)
     change = built.stages[stage + 1] - built.stages[stage]
     loads = ", ".join(
@@ -114,23 +115,18 @@ def _beyond(
     flowing = [f"body {name}" for name in built.laws if now.history[name][:, 4].any()]
     return NumericalError(
         f"collapse: {' and '.join(flowing)} reached the limit load at position {position:.6g}, {loads}: "
-        f"displacements grow {growth:.3g} times as fast as elastic ones",
+        f"strains grow {growth:.3g} times as fast as elastic ones",
         "prescribe displacements instead of forces to go on, or give the material hardening",
     )
 
 
-def _size(built: CondensedScene, moved: Mapping[str, FloatArray]) -> float:
-    """Norm of displacements (2N,) of the bodies that flow."""
-    areas = {name: np.repeat(built.scene.bodies[name].model.cloud.areas, 2) for name in moved}
-    return float(np.sqrt(sum(areas[name] @ one**2 for name, one in moved.items())))
-
-
 def _step(
-    built: CondensedScene, flow: Flow, position: float, length: float, pace: float, error: float
+    built: CondensedScene, flow: Flow, position: float, length: float, pace: float, errors: FloatArray
 ) -> PathStep:
-    """A step that ends at a state with an accumulated ``error`` of increments."""
+    """A step that ends at a state, with ``errors`` (2,) so far: the sum of those of the increments, relative,
+    and the largest of displacements by spacings."""
     contact, v = flow.contact, flow.contact.values
-    solver = {"increment_error": np.array([error])}
+    solver = {"errors": errors}
     for name in built.laws:
         solver |= {
             f"history.{name}": flow.history[name],
@@ -153,21 +149,21 @@ def _step(
 
 def _restored(built: CondensedScene, start: Checkpoint) -> Flow:
     """The state of a checkpoint."""
-    state, history, bodies = start.state, start.history, built.scene.bodies
-    condensed = built.at(state).condensed
+    state, history = start.state, start.history
     values = ContactSolution(state.pressure, state.traction, state.motion, state.gap, state.slip)
     sets = ContactStatus(**history["sets"])
     contact = CoulombState(state.factors, values, sets, history["stick_reference"], state.work)
     known = {key: {name: state.solver[f"{key}.{name}"] for name in built.laws} for key in KEPT}
-    strains = known["history"].items()
-    stresses = [plastic_stress(bodies[name].model.material, one).T.ravel() for name, one in strains]
-    rest = {name: condensed.solution(built.scene, name, state.unknowns)[0][:, 0] for name in built.laws}
+    stresses = [
+        plastic_stress(law.linear, known["history"][name]).T.ravel() for name, law in built.laws.items()
+    ]
+    strains = {name: law.elastic_strain(known["stress"][name]) for name, law in built.laws.items()}
+    strains = {name: one + known["history"][name][:, :4] for name, one in strains.items()}
     return Flow(
         state.factors,
         np.concatenate(stresses),
         contact,
-        rest,
-        {},
+        strains,
         known["stress"],
         {},
         known["history"],

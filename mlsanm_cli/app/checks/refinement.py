@@ -1,8 +1,8 @@
 """``[adapt] passes``: solve, refine at contact edges and where fits are poor, solve again.
 
-The regularised law, and bodies of revolution, have pressures at nodes: automatic spacings of bodies in
-contact are refined in the same way to ``NODAL_RULE``, all spacings of bodies of revolution to ``RING_RULE``,
-without being asked.
+The regularised law, and bodies of revolution, have pressures at nodes, and plastic strains are nodal:
+automatic spacings of bodies in contact are then refined in the same way to ``NODAL_RULE``, all spacings of
+bodies of revolution to ``RING_RULE``, without being asked.
 
 Pressures at nodes are as accurate as the edges of contact are known, to half a spacing, then as the spacing
 under the contact. Every pass requires ``Rule.across`` spacings over the half-width of each patch, and refines
@@ -197,7 +197,7 @@ def adapt(case: Case, prepared: SceneModel, context: RunContext, known: Refineme
         zones = tuple(zone for patch in patches for zone in _patch_zones(patch, rule))
         # The bulk is refined only once the zones of the contacts no longer limit the accuracy.
         more: tuple[Zone, ...] = ()
-        if accuracy.bulk_leads and rule is not RING_RULE:
+        if accuracy.bulk_leads and (case.adapt.passes or rule is not RING_RULE):
             more = residual_zones(built, prepared.boundaries, accuracy.bodies, patches, (*zones, *bulk))
         # By more than the scatter of spacings.
         coarse = [
@@ -232,10 +232,12 @@ def adapt(case: Case, prepared: SceneModel, context: RunContext, known: Refineme
 def _required(case: Case, prepared: SceneModel) -> tuple[Rule, int]:
     """The spacings that contact patches require, and the number of passes."""
     touching = {body for pairing in prepared.pairings for body in pairing.bodies}
-    if case.model.revolved and case.touching and not case.adapt.passes:
-        return RING_RULE, 0 if any(body.has_nodes for body in case.body) else NODAL_PASSES
+    if case.model.revolved and case.touching:
+        placed = not any(body.has_nodes for body in case.body)
+        return RING_RULE, case.adapt.passes or placed * NODAL_PASSES
     smooth = any(contact.regularization.law == "hyperbolic" for contact in case.touching)
-    if smooth and has_automatic_spacings(case, touching) and not case.adapt.passes:
+    flows = any(case.material[body.material].flows for body in case.body if body.name in touching)
+    if (smooth or flows) and has_automatic_spacings(case, touching) and not case.adapt.passes:
         return NODAL_RULE, NODAL_PASSES
     degree = min(model.settings.degree for model in prepared.models.values())
     return LOW_DEGREE_RULE if degree < 4 else HIGH_DEGREE_RULE, case.adapt.passes

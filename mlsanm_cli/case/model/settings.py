@@ -95,9 +95,9 @@ class Solver(Section):
     """Use Padé approximants where they extend a step."""
     increments: Annotated[int, Field(ge=1, le=10_000)] = 10
     """Parts of every stage, at whose ends regularised friction updates its history (backward Euler)."""
-    flow_error: Annotated[float, Field(gt=0.0, lt=1.0), NUMBER] = 1e-3
-    """Largest error of displacements by an increment of plastic flow, relative to the largest displacements;
-    increments are chosen by it."""
+    flow_error: Annotated[float, Field(gt=0.0, lt=1.0), NUMBER] = 5e-3
+    """Largest error of strains by an increment of plastic flow, relative to the largest strains (root mean
+    squares); increments are chosen by it."""
     max_steps: Annotated[int, Field(ge=1, le=1_000_000)] = 2000
     """Largest number of steps; a path that needs more fails."""
     linear: Literal["auto", "superlu"] = "auto"

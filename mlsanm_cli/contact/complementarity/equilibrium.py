@@ -8,6 +8,8 @@ slip is not associated with Coulomb's cone.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import scipy.sparse as sparse
 
@@ -65,9 +67,10 @@ def equilibrium(
         (np.tile(-friction, 2), (np.arange(2 * n), np.tile(nodes, 2))), tangential.shape
     )
     limits = (tangential + normal)[np.flatnonzero(may)]
+    conditions: Any = limits if may.any() else None
     found = linprog(
         np.append(np.zeros(count + k), -1.0),
-        A_ub=limits if may.any() else None,
+        A_ub=conditions,
         b_ub=np.zeros(limits.shape[0]) if may.any() else None,
         A_eq=np.hstack([balances * (unit / size), load[:, None] / size]),
         b_eq=-constant / size,

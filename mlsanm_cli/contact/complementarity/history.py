@@ -258,18 +258,27 @@ def _jumped(
     mechanism = collapse(p, constant + (state.lam + INCREMENTS[0] * span) * load) if p.k else None
     if mechanism is not None:
         raise Ray(mechanism, state.lam) from ray
-    reference, ahead = state.w[p.m : p.contacts], state.lam + GRAZING * span
+    reference, ahead = state.w[p.m : p.contacts], min(state.lam + GRAZING * span, most)
     try:
         point = Point(status, state.x, state.w, state.lam, Basis(p, status))
         point = trace(p, point, load, reference, p.everything, ahead)
         return increment(p, state, constant + ahead * load, ahead, point.status)
     except Ray:
         pass
-    # Any small increment finds the first touch of loose bodies; one that takes pivots is no better.
-    for pivoting in (True,) if status.closed.any() else (False, True):
-        for part in INCREMENTS[jumps:]:
-            lam = min(state.lam + part * span, most)
-            found = _tried(p, state, constant + lam * load, lam, pivoting=pivoting)
-            if found is not None:
-                return found
+    ends = [min(state.lam + part * span, most) for part in INCREMENTS[jumps:]]
+    for number, lam in enumerate(ends if not status.closed.any() else ()):
+        found = _tried(p, state, constant + lam * load, lam)
+        if found is None:
+            continue
+        # From a first touch to one at a smaller load.
+        for nearer in reversed(ends[:number]):
+            first = _tried(p, state, constant + nearer * load, nearer, found.status)
+            if first is None:
+                break
+            found = first
+        return found
+    for lam in ends:
+        found = _tried(p, state, constant + lam * load, lam, pivoting=True)
+        if found is not None:
+            return found
     raise Ray(ray.direction, state.lam) from ray

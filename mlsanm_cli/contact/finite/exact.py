@@ -18,8 +18,10 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.finite.iteration import Iteration
 from mlsanm_cli.contact.finite.meeting import Meeting
+from mlsanm_cli.contact.finite.node_curve import wrapped
 from mlsanm_cli.contact.finite.sets import NodeSets
 from mlsanm_cli.contact.finite.side_response import SideResponse
+from mlsanm_cli.contact.finite.touching import touching
 from mlsanm_cli.contact.finite.update import Contacts, ContactSystem, IterationResult, Responses
 from mlsanm_cli.mechanics.finite.stability import STILL, SoftMotion
 from mlsanm_cli.records import dataclass
@@ -85,6 +87,22 @@ class ExactContact(ContactSystem):
             for contact, here, there in self.contacts.each
         )
 
+    def _touched(
+        self, before: FloatArray | None, met: Sequence[Meeting], closed: BoolArray, now: BoolArray
+    ) -> FloatArray | None:
+        """The places ``before`` (c,) from which slips count: for knots that were not ``closed`` (c,), but are
+        ``now`` (c,), where they have touched. Until then they have moved as open knots next to them do."""
+        if before is None:
+            return None
+        found = before.copy()
+        for one, (contact, here, _) in zip(met, self.contacts.each, strict=True):
+            if contact.friction:
+                slave = contact.slave
+                part, beside = touching(slave.weight, closed[here], now[here], slave.around is not None)
+                moved = wrapped(one.place - before[here], contact.around)[beside]
+                found[here] += np.where(one.facing[beside] & ~now[here][beside], part * moved, 0.0)
+        return found
+
     def solved(
         self,
         start: FiniteContactState,
@@ -100,11 +118,12 @@ class ExactContact(ContactSystem):
         free, given = start.free, factors
         settled, traction, updates, spent = False, start.traction, [np.inf], 0
         responses: Responses | None = None
+        since = before
         for count in range(1, most + 1):
             factors = np.concatenate([given, free])
             response = SideResponse.of(self.contacts.sides, self.missing, self.onto, u, traction)
             surface = response.moved(u, traction)
-            met = self.meet(surface, factors, before, start.sets.closed)
+            met = self.meet(surface, factors, since, start.sets.closed)
             args = (u, traction, p, q, sets, met)
             # After slow convergence, as of thin bodies in rotation, derivatives are not reused.
             slow = len(updates) > 2 and updates[-1] > REUSE_RATE * updates[-2]
@@ -128,10 +147,16 @@ class ExactContact(ContactSystem):
             # Estimated next update, assuming the same rate of convergence.
             left = last * min(1.0, last / updates[-1]) if last else 0.0
             updates.append(last)
+            if part == 1.0 and settled and left <= REUSE_BELOW and since is before:
+                # Once: what knots outside have moved by hardly depends on it.
+                since = self._touched(before, met, start.sets.closed, sets.closed)
+                if since is not None and before is not None and not np.array_equal(since, before):
+                    updates = [np.inf]
+                    continue
             if part == 1.0 and settled and left <= tolerance:
                 counts = (left, count, spent, solves)
                 surface = response.moved(u, traction)
-                met = self.meet(surface, np.concatenate([given, free]), before, start.sets.closed)
+                met = self.meet(surface, np.concatenate([given, free]), since, start.sets.closed)
                 return self._state(u, p, q, sets, met, surface, free, counts, result)
         return None
 

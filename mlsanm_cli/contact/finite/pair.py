@@ -57,6 +57,11 @@ class BodyContact:
         """Slave and master."""
         return self.slave, self.master
 
+    @property
+    def around(self) -> float | None:
+        """Length of the master's boundary if it is closed."""
+        return self.master.around
+
     @cached_property
     def _outward(self) -> tuple[float, float]:
         """Signs (1 or -1) for which a tangent rotated by -90 degrees points out of the slave and of the

@@ -44,6 +44,11 @@ class RigidContact:
         """The slave alone."""
         return (self.slave,)
 
+    @property
+    def around(self) -> float | None:
+        """Length of the obstacle's boundary if it is closed."""
+        return 2.0 * np.pi * self.shape.radius if isinstance(self.shape, Round) else None
+
     def start(self, factors: FloatArray) -> FloatArray:
         """The obstacle's normals (c, 2) in the undeformed state."""
         count = self.motion.shape[1] - len(factors)
@@ -88,8 +93,7 @@ class RigidContact:
         tangent = turned(normal)
         count = self.slave.count
         bent, place, scale = self._along(at, outward)
-        around = 2.0 * np.pi * self.shape.radius if isinstance(self.shape, Round) else None
-        slip = np.zeros(count) if before is None else wrapped(place - before, around)
+        slip = np.zeros(count) if before is None else wrapped(place - before, self.around)
         own = sparse.eye_array(count, format="csr")
         none = sparse.csr_array((0, count))
         along = by_component(own, tangent)

@@ -203,11 +203,11 @@ class Condensed:
         self, body: str, f: FloatArray, q: FloatArray, p: FloatArray, t: FloatArray
     ) -> sparse.csc_array:
         """Right-hand side (r, 1) of a body in one state."""
-        source = self.sources[body] @ self._drive((f, q, p, t))
+        source = self.sources[body] @ self.drive((f, q, p, t))
         own = self.inner[body][0] if body in self.inner else 0.0
         return sparse.csc_array((source + own)[:, None])
 
-    def _drive(self, unknowns: Sequence[FloatArray]) -> FloatArray:
+    def drive(self, unknowns: Sequence[FloatArray]) -> FloatArray:
         """The drivers (drivers,) of one state."""
         return self.drivers.drive(*self.bonds.whole(unknowns))
 
@@ -249,7 +249,7 @@ class Condensed:
         source = self.source(body, f, q, p, t)
         if body in self.solutions:
             own = self.inner[body][1] if body in self.inner else 0.0
-            return (self.solutions[body] @ self._drive(unknowns) + own)[:, None], source
+            return (self.solutions[body] @ self.drive(unknowns) + own)[:, None], source
         return scene.bodies[body].system.solve(source), source
 
     def displacement(self, scene: Scene, body: str, unknowns: Sequence[FloatArray]) -> FloatArray:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields, replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,8 @@ from mlsanm_cli.contact.response.observation import ResponseFunctionals
 from mlsanm_cli.mechanics.eigenstress import eigenstress_loads, eigenstress_reaction, values_at
 from mlsanm_cli.mechanics.scene import RigidMotion, Scene
 from mlsanm_cli.records import dataclass
+
+NOTHING: Mapping[str, FloatArray] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -66,26 +69,41 @@ class Eigenstresses:
             loads[name], rows[name] = eigenstress_loads(body), observation.rows(name)
         return cls(scene, loads, rows, own, len(scene.loads), wide)
 
-    def response(self, stresses: Mapping[str, FloatArray]) -> tuple[dict[str, Any], FloatArray]:
+    def response(
+        self,
+        stresses: Mapping[str, FloatArray],
+        quick: bool = False,
+        more: Mapping[str, FloatArray] = NOTHING,
+    ) -> tuple[dict[str, Any], FloatArray]:
         """Right-hand sides (r,) and displacements (2N,) by body for eigenstresses (n, 3), and the functionals
-        (c,)."""
+        (c,); ``quick``: as accurate as the factors are; ``more`` are further right-hand sides (r,)."""
         inner, seen = {}, np.zeros(self.wide.gap.load.shape[1] - self.count)
         for name, stress in stresses.items():
-            flat = stress.T.ravel()
-            source = self.loads[name] @ flat
-            moved = self.scene.bodies[name].system.solve(sparse.csc_array(source[:, None]))[:, 0]
+            flat, system = stress.T.ravel(), self.scene.bodies[name].system
+            source = self.loads[name] @ flat + more.get(name, 0.0)
+            column = sparse.csc_array(source[:, None])
+            moved = (system.solve_unrefined(column) if quick else system.solve(column))[:, 0]
             inner[name] = source, moved
             seen = seen + self.rows[name] @ moved - self.own[name] @ flat
         return inner, seen
 
-    def within(self, condensed: Condensed, stresses: Mapping[str, FloatArray]) -> Condensed:
-        """A ``condensed`` scene without eigenstresses under those given (n, 3)."""
-        inner, seen = self.response(stresses)
+    def within(
+        self,
+        condensed: Condensed,
+        stresses: Mapping[str, FloatArray],
+        quick: bool = False,
+        more: Mapping[str, FloatArray] = NOTHING,
+    ) -> Condensed:
+        """A ``condensed`` scene without eigenstresses under those given (n, 3), see :meth:`response`."""
+        inner, seen = self.response(stresses, quick, more)
 
         def shifted(linear: LinearMap, wide: LinearMap) -> LinearMap:
             return replace(linear, constant=linear.constant + wide.load[:, self.count :] @ seen)
 
-        return replace(_mapped(condensed, self.wide, shifted), inner=inner)
+        found = replace(_mapped(condensed, self.wide, shifted), inner=inner)
+        # Whatever does not depend on constants, computed at most once.
+        vars(found).update({name: getattr(condensed, name) for name in ("whole", "blocks", "problem")})
+        return found
 
 
 def flowing(scene: Scene) -> list[str]:
