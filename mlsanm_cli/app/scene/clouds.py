@@ -21,6 +21,7 @@ from mlsanm_cli.app.scene.contact_spacing import (
     strained_zone,
 )
 from mlsanm_cli.app.scene.default_spacing import (
+    GROWTH,
     PER_THICKNESS,
     arc_zones,
     automatic_spacing,
@@ -76,6 +77,8 @@ def spacing_of(boundaries: Boundaries, body: Body) -> Spacing:
             *field_zones(case, body, far),
             *(zone for curve in clamped for zone in clamped_zones(curve, far, finite and not bends(outline))),
         ]
+    if case.model.revolved:
+        zones += _facing_zones(boundaries, body, far)
     for refine in body.refine:
         if refine.at is not None:
             zones.append(Zone.around(refine.at, refine.spacing, refine.radius, refine.growth))
@@ -120,6 +123,15 @@ def _contact_zones(
                 yield strained_zone(own, far)
             elif obstacle is not None:
                 yield from sharp_ends(rest, own, obstacle, far)
+
+
+def _facing_zones(boundaries: Boundaries, body: Body, far: float) -> Iterator[Zone]:
+    """Zones where a body faces one with finer nodes, as nodal pressures on both need similar spacings."""
+    for contact in boundaries.case.contact:
+        for side, partner in zip(contact.sides, contact.sides[::-1], strict=True):
+            fine = _far(boundaries.case, partner.body)
+            if side.body == body.name != partner.body and fine < far:
+                yield Zone(boundaries.curve(partner, contact.name)[0], fine, fine, GROWTH)
 
 
 def _far(case: Case, name: str) -> float:
