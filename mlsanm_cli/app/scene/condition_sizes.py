@@ -112,7 +112,7 @@ def clamped_ends(domain: Domain) -> Iterator[Zone]:
     curves = [run.part for place in held for run in runs_of(domain.body.shape, place)]
     sides = [side for contact in domain.case.contact for side in contact.sides]
     length = sum(domain.length(curve) for curve in curves)
-    leans = domain.stretch * domain.area > length**2
+    leans = domain.material.stretch * domain.area > length**2
     if domain.bends or leans or all(side.body != domain.body.name for side in sides):
         for curve in curves:
             if not curve.closed:

@@ -32,6 +32,7 @@ from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment, turn
 from mlsanm_cli.cloud.sight import OPPOSITE_COSINE
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.cloud.tips import SMOOTH_TURN
+from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
@@ -49,6 +50,8 @@ both."""
 SINGULAR_RATIO = 4.0
 """The coarse spacing over that where stresses are unbounded: at corners that point into the material, ends of
 clamped sides and of bonds. What is lost there bends a body that should not."""
+FLOW_RATIO = 2.0
+"""Automatic spacing of elastic bodies, of fits of degree 4, over that of bodies that flow, of degree 2."""
 SAMPLES, PER_POINT = 200, 4
 """Samples along a curve, and at least for each of its data points."""
 LEVELS, TURN_RATIO, WIDTH_RATIO = 12, 2.0**-0.5, 2.0**-0.25
@@ -89,14 +92,15 @@ class Domain:
         return [(one, place) for _, one, place in conditions(self.case) if place.body == self.body.name]
 
     @cached_property
-    def stretch(self) -> float:
-        """Ratio of the decay lengths of fields along the axes of the material, 1 if it is isotropic."""
-        return materials(self.case)[self.body.material].stretch
+    def material(self) -> PlaneMaterial:
+        """The material of the body."""
+        return materials(self.case)[self.body.material]
 
     @property
     def finer(self) -> float:
-        """Ratio by which spacings are smaller than those of an isotropic body."""
-        return math.sqrt(self.stretch)
+        """Ratio by which spacings are smaller than those of an isotropic elastic body: the geometric mean for
+        fields that decay at different rates along the axes, and that of bodies that flow."""
+        return math.sqrt(self.material.stretch) * (FLOW_RATIO if self.material.flows else 1.0)
 
     @cached_property
     def free(self) -> list[Curve]:
