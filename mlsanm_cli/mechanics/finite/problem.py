@@ -25,7 +25,7 @@ class FiniteProblem:
     start: FloatArray
     end: FloatArray
     length: float
-    latest: list[Any] = field(default_factory=list, compare=False)
+    latest: list[Any] = field(init=False, default_factory=list, compare=False)
     """The latest series, with its coefficients."""
 
     @property
