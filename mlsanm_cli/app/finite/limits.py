@@ -29,7 +29,7 @@ def slip_ratio(scene: FiniteScene, now: FiniteContactState, found: FiniteContact
     largest = 0.0
     for contact, here, _ in scene.contacts.each:
         closed = found.sets.closed[here] | now.sets.closed[here]
-        if contact.friction and closed.any() and not _slides(now, found, here):
+        if contact.friction and closed.any() and not slides(now, found, here):
             width = float(contact.slave.weight[closed].sum())
             slip = float(np.abs(found.slip[here][closed]).max())
             largest = max(largest, slip / (MAX_SLIP * width))
@@ -81,7 +81,7 @@ def motion_ratio(
     return farthest
 
 
-def _slides(now: FiniteContactState, found: FiniteContactState, here: slice) -> bool:
+def slides(now: FiniteContactState, found: FiniteContactState, here: slice) -> bool:
     """Whether all closed nodes of a contact slide in one direction before and after the increment."""
     senses, least = [], COARSE_ROUND_OFF * float(found.pressure[here].max())
     for state in (now, found):

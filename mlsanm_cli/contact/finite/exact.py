@@ -110,10 +110,12 @@ class ExactContact(ContactSystem):
         tolerance: float,
         most: int,
         before: FloatArray | None = None,
+        earlier: BoolArray | None = None,
     ) -> FiniteContactState | None:
         """The state at load ``factors`` (L,), searched from ``start``, with slips relative to the places
-        ``before`` (c,). None if ``most`` iterations do not converge. Raises LinAlgError or NumericalError for
-        singular derivatives."""
+        ``before`` (c,), where knots were closed ``earlier`` (c,), by default in ``start``. None if ``most``
+        iterations do not converge. Raises LinAlgError or NumericalError for singular derivatives."""
+        touching_before = start.sets.closed if earlier is None else earlier
         u, p, q, sets, solves = start.displacement, start.pressure, start.shear, start.sets, 0
         free, given = start.free, factors
         settled, traction, updates, spent = False, start.traction, [np.inf], 0
@@ -123,7 +125,7 @@ class ExactContact(ContactSystem):
             factors = np.concatenate([given, free])
             response = SideResponse.of(self.contacts.sides, self.missing, self.onto, u, traction)
             surface = response.moved(u, traction)
-            met = self.meet(surface, factors, since, start.sets.closed)
+            met = self.meet(surface, factors, since, touching_before)
             args = (u, traction, p, q, sets, met)
             # After slow convergence, as of thin bodies in rotation, derivatives are not reused.
             slow = len(updates) > 2 and updates[-1] > REUSE_RATE * updates[-2]
@@ -149,14 +151,14 @@ class ExactContact(ContactSystem):
             updates.append(last)
             if part == 1.0 and settled and left <= REUSE_BELOW and since is before:
                 # Once: what knots outside have moved by hardly depends on it.
-                since = self._touched(before, met, start.sets.closed, sets.closed)
+                since = self._touched(before, met, touching_before, sets.closed)
                 if since is not None and before is not None and not np.array_equal(since, before):
                     updates = [np.inf]
                     continue
             if part == 1.0 and settled and left <= tolerance:
                 counts = (left, count, spent, solves)
                 surface = response.moved(u, traction)
-                met = self.meet(surface, np.concatenate([given, free]), since, start.sets.closed)
+                met = self.meet(surface, np.concatenate([given, free]), since, touching_before)
                 return self._state(u, p, q, sets, met, surface, free, counts, result)
         return None
 
