@@ -19,19 +19,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.complementarity.basis import Ray
-from mlsanm_cli.contact.laws.contact_state import Linearised
+from mlsanm_cli.contact.laws.contact_state import ContactSolution, Linearised
 from mlsanm_cli.contact.laws.coulomb import CoulombState, increment, unloaded
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.contact_fields import NearFields
+from mlsanm_cli.contact.response.eigenstress import NOTHING
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.body_model import BodyModel
+from mlsanm_cli.mechanics.defect import NextDegree
+from mlsanm_cli.mechanics.elasticity import divergence_of_stress, stress_of
 from mlsanm_cli.mechanics.laws.von_mises import HISTORY, plastic_stress
 from mlsanm_cli.mechanics.near_field import as_complex
 from mlsanm_cli.operators.linear.krylov import gmres
@@ -243,21 +246,72 @@ class PlasticScene:
         squares = (self.bodies[name].model.cloud.areas @ (one**2).sum(axis=1) for name, one in strain.items())
         return float(np.sqrt(sum(squares)))
 
+    def spatial_error(self, now: Flow) -> float:
+        """Norm of the error of the displacements of a state by the spacings: the defect in equations of the
+        next degree, as of elastic bodies (:mod:`mlsanm_cli.mechanics.defect`), through the tangent.
+
+        With fits B+ of the next degree stresses change by D (B+ - B) u, and their divergence by that of the
+        better fits of nodal stresses. Raises NumericalError if the cloud is too small for these.
+        """
+        scene, v = self.built.scene, now.contact.values
+        stresses = dict(self._split(now.unknowns))
+        condensed = self._eigen.within(self.built.condensed, stresses)
+        drive = now.factors, v.motion, v.pressure, v.traction
+        defect, more = np.zeros(len(now.unknowns)), {}
+        for name, body in self.bodies.items():
+            model, better = body.model, self._better[name]
+            moved = condensed.solution(scene, name, drive)[0].reshape(-1, 2)
+            less = stress_of(model.stencils.derivatives(moved) - better.at_nodes(moved), np.eye(3))
+            tangent = now.tangent[name][:, PLANE][:, :, PLANE]
+            defect[self._places[name]] = np.einsum("nij,nj->ni", tangent, less).T.ravel()
+            stress = model.stress(moved) - stresses[name]
+            lost = model.stress_divergence(stress) - divergence_of_stress(better.at_nodes(stress))
+            more[name] = np.zeros(body.rows)
+            more[name][: lost.size] = lost.T.ravel()
+        linear, none = Linearised(self.built.condensed, now.contact.sets), np.zeros(len(now.factors))
+        flowed = self._response(now, linear, defect, none, more)[1]
+        change = gmres(partial(self._product, now, linear), self._root * flowed, LARGEST_FORCING)[0]
+        condensed, v = self._linearly(linear, defect + change / self._root, none, more)
+        drive = none, v.motion, v.pressure, v.traction
+        return self.size(
+            {name: condensed.solution(scene, name, drive)[0].reshape(-1, 2) for name in self.bodies}
+        )
+
+    @cached_property
+    def _better(self) -> dict[str, NextDegree]:
+        return {name: NextDegree(body.model) for name, body in self.bodies.items()}
+
     def _product(self, now: Flow, linear: Linearised, vector: FloatArray) -> FloatArray:
         """The equations (u,) of a state applied to a change, both weighted by the areas."""
         none = np.zeros(len(now.factors))
         flowed = self._response(now, linear, vector / self._root, none)[1]
         return np.asarray(vector - self._root * flowed)
 
-    def _response(
-        self, now: Flow, linear: Linearised, unknowns: FloatArray, factors: FloatArray
-    ) -> tuple[dict[str, FloatArray], FloatArray]:
-        """Changes of strains (n, 3) by body by those of eigenstresses ``unknowns`` (u,) and load ``factors``
-        (L,), and the eigenstresses (u,) that the return map adds for them."""
-        condensed = self._eigen.within(self._linear, dict(self._split(unknowns)), quick=True)
+    def _linearly(
+        self,
+        linear: Linearised,
+        unknowns: FloatArray,
+        factors: FloatArray,
+        more: Mapping[str, FloatArray] = NOTHING,
+    ) -> tuple[Condensed, ContactSolution]:
+        """The scene without initial gaps under eigenstresses ``unknowns`` (u,) and ``more`` right-hand sides
+        (r,), and the response of the contacts to both and to load ``factors`` (L,)."""
+        condensed = self._eigen.within(self._linear, dict(self._split(unknowns)), quick=True, more=more)
         rows = condensed.unscaled_rows(factors)
         m, n = len(condensed.gap.constant), len(condensed.slip.constant)
-        v = linear.response(rows[:m], rows[m : m + n], rows[m + n :])
+        return condensed, linear.response(rows[:m], rows[m : m + n], rows[m + n :])
+
+    def _response(
+        self,
+        now: Flow,
+        linear: Linearised,
+        unknowns: FloatArray,
+        factors: FloatArray,
+        more: Mapping[str, FloatArray] = NOTHING,
+    ) -> tuple[dict[str, FloatArray], FloatArray]:
+        """Changes of strains (n, 3) by body by those of eigenstresses ``unknowns`` (u,), load ``factors``
+        (L,) and ``more`` right-hand sides (r,), and the eigenstresses (u,) that the return map adds."""
+        condensed, v = self._linearly(linear, unknowns, factors, more)
         drive = factors, v.motion, v.pressure, v.traction
         strains, parts = dict[str, FloatArray](), list[FloatArray]()
         for name, body in self.bodies.items():

@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import finer_nodes
 from mlsanm_cli.contact.complementarity.problem import ContactStatus
 from mlsanm_cli.contact.laws.contact_state import ContactSolution
@@ -49,11 +50,11 @@ def plastic_path(built: CondensedScene, start: Checkpoint | None = None) -> Iter
     """The path, or its part after a checkpoint. Raises NumericalError at a limit load."""
     scene = PlasticScene(built)
     if start is None:
-        now, position, length, error = scene.unloaded(), 0.0, 1.0, 0.0
-        yield _step(built, now, position, 0.0, length, error)
+        now, position, length, errors = scene.unloaded(), 0.0, 1.0, np.zeros(2)
+        yield _step(built, now, position, 0.0, length, errors)
     else:
         now, position, length = _restored(built, start), start.position, start.pace
-        error = float(start.state.solver["increment_error"][0])
+        errors = start.state.solver["errors"]
     largest = scene.size(now.strain)
     for halt in stops(built):
         while halt - position > FINE_ROUND_OFF:
@@ -64,11 +65,12 @@ def plastic_path(built: CondensedScene, start: Checkpoint | None = None) -> Iter
             # Errors of increments grow with the square of the length.
             most = min(GROWTH, float(np.sqrt(allowed / found.error))) if found.error else GROWTH
             length = max(most * found.length, length if found.length == wanted else 0.0)
-            error += found.error / largest if largest else 0.0
             half, now = 0.5 * found.length, found.end
-            yield _step(built, found.middle, position + half, half, length, error)
+            added, spatial = found.error / (largest or 1.0), scene.spatial_error(now)
+            errors = np.array([errors[0] + added, max(errors[1], spatial)])
+            yield _step(built, found.middle, position + half, half, length, errors)
             position = halt if halt - position - found.length <= FINE_ROUND_OFF else position + found.length
-            yield _step(built, now, position, half, length, error)
+            yield _step(built, now, position, half, length, errors)
 
 
 def _increment(scene: PlasticScene, now: Flow, position: float, length: float, largest: float) -> Increment:
@@ -119,11 +121,12 @@ def _beyond(
 
 
 def _step(
-    built: CondensedScene, flow: Flow, position: float, length: float, pace: float, error: float
+    built: CondensedScene, flow: Flow, position: float, length: float, pace: float, errors: FloatArray
 ) -> PathStep:
-    """A step that ends at a state with an accumulated ``error`` of increments."""
+    """A step that ends at a state, with ``errors`` (2,) so far: the sum of those of the increments, relative,
+    and the largest of displacements by spacings."""
     contact, v = flow.contact, flow.contact.values
-    solver = {"increment_error": np.array([error])}
+    solver = {"errors": errors}
     for name in built.laws:
         solver |= {
             f"history.{name}": flow.history[name],

@@ -22,7 +22,7 @@ from mlsanm_cli.app.checks.check import Check, Verdicts, all_of
 from mlsanm_cli.app.checks.end_contacts import End
 from mlsanm_cli.app.checks.ended import EnergyErrors, worst_of
 from mlsanm_cli.app.checks.energy import energy_error, force_balance, force_mismatch
-from mlsanm_cli.app.checks.flow import flow_figures, has_flowed
+from mlsanm_cli.app.checks.flow import flow_error, flow_figures, has_flowed
 from mlsanm_cli.app.checks.limits import summary_limits
 from mlsanm_cli.app.checks.overlaps import overlaps
 from mlsanm_cli.app.checks.peaks import boundary_peaks
@@ -166,10 +166,6 @@ class SmallStrain(Analysis):
             context.console.note(note)
         self._adapted = self._estimated(last)
         known = self._adapted.accuracy
-        if has_flowed(built, last):
-            context.console.note(
-                "errors by spacings are not estimated where bodies flow: compare with halves"
-            )
         yield from end.estimates(built, known.figures(built, last), known.missing)
 
     def _stress_fields(self, state: State) -> Mapping[str, Fields]:
@@ -184,7 +180,7 @@ class SmallStrain(Analysis):
         accuracy = self._adapted.accuracy
         if has_flowed(self._built, last):
             unknown: dict[str, float | None] = {one.name: None for one in self._built.condensed.pairings}
-            accuracy = Accuracy(None, unknown, unknown, accuracy.state)
+            accuracy = Accuracy(flow_error(self._at(last), last), unknown, unknown, accuracy.state)
             return replace(self._adapted, accuracy=accuracy)
         if len(self._built.condensed.friction_nodes):
             with self.context.phase("estimate"):

@@ -16,6 +16,16 @@ def has_flowed(built: CondensedScene, state: State) -> bool:
     return any(state.history(name)[:, 4].any() for name in built.laws)
 
 
+def flow_error(built: CondensedScene, state: State) -> float:
+    """The largest error of displacements by the spacings on the path to a ``state`` of a scene ``built`` with
+    its plastic strains, over the displacements of the bodies that flow (root mean squares)."""
+    squares = 0.0
+    for name in built.laws:
+        moved = built.condensed.displacement(built.scene, name, state.unknowns)
+        squares += float(built.scene.bodies[name].model.cloud.areas @ (moved**2).sum(axis=1))
+    return float(state.solver["errors"][1] / np.sqrt(squares)) if squares else 0.0
+
+
 def flow_figures(built: CondensedScene, state: State) -> dict[str, Any]:
     """The estimated error of the increments up to a state, and of every body that flows its largest plastic
     strain, the part of its area that has any, the work of plastic strains and the stored energy. The work is
@@ -34,4 +44,4 @@ def flow_figures(built: CondensedScene, state: State) -> dict[str, Any]:
         }
     if not bodies:
         return {}
-    return {"flow": {"increment_error": float(state.solver["increment_error"][0]), "bodies": bodies}}
+    return {"flow": {"increment_error": float(state.solver["errors"][0]), "bodies": bodies}}

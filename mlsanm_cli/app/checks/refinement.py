@@ -197,7 +197,7 @@ def adapt(case: Case, prepared: SceneModel, context: RunContext, known: Refineme
         zones = tuple(zone for patch in patches for zone in _patch_zones(patch, rule))
         # The bulk is refined only once the zones of the contacts no longer limit the accuracy.
         more: tuple[Zone, ...] = ()
-        if accuracy.bulk_leads and rule is not RING_RULE:
+        if accuracy.bulk_leads and (case.adapt.passes or rule is not RING_RULE):
             more = residual_zones(built, prepared.boundaries, accuracy.bodies, patches, (*zones, *bulk))
         # By more than the scatter of spacings.
         coarse = [
@@ -232,8 +232,9 @@ def adapt(case: Case, prepared: SceneModel, context: RunContext, known: Refineme
 def _required(case: Case, prepared: SceneModel) -> tuple[Rule, int]:
     """The spacings that contact patches require, and the number of passes."""
     touching = {body for pairing in prepared.pairings for body in pairing.bodies}
-    if case.model.revolved and case.touching and not case.adapt.passes:
-        return RING_RULE, 0 if any(body.has_nodes for body in case.body) else NODAL_PASSES
+    if case.model.revolved and case.touching:
+        placed = not any(body.has_nodes for body in case.body)
+        return RING_RULE, case.adapt.passes or placed * NODAL_PASSES
     smooth = any(contact.regularization.law == "hyperbolic" for contact in case.touching)
     flows = any(case.material[body.material].flows for body in case.body if body.name in touching)
     if (smooth or flows) and has_automatic_spacings(case, touching) and not case.adapt.passes:

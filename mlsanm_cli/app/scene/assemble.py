@@ -99,6 +99,8 @@ def prepare(
     case = boundaries.case
     refuse_conflicts(boundaries)
     stiffness = materials(case)
+    if case.model.revolved:
+        _refuse_on_axis(boundaries, clouds, stiffness)
     loads = acting(case, boundaries, clouds)
     held = {body.name: _held_surfaces(case, boundaries, body.name, clouds[body.name]) for body in case.body}
 
@@ -163,6 +165,41 @@ def prepare(
     notes = (*_support_notes(case, clouds), *free.notes, *ignored)
     probes = _probes(case, clouds)
     return SceneModel(boundaries, models, pairings, held, held_nodes, loads, probes, free, notes, ranges)
+
+
+def _refuse_on_axis(
+    boundaries: Boundaries, clouds: Mapping[str, Cloud], stiffness: Mapping[str, PlaneMaterial]
+) -> None:
+    """CaseError for conditions and contacts on the axis of revolution, but for supports in x, and for
+    materials that are not the same in all directions about it, whose stress there is 0 or unbounded."""
+    case, hint, problems = boundaries.case, "leave out the sides on x = 0", list[CaseProblem]()
+    axis = {
+        (name, side)
+        for name, cloud in clouds.items()
+        for side, surface in cloud.surfaces.items()
+        if cloud.on_axis(surface)
+    }
+    placed = [(key, place) for key, one, place in conditions(case) if prescribes(one) != (True, False)]
+    placed += [
+        (f"contact.{contact.name}.{role}", side)
+        for contact in case.contact
+        for role, side in zip(("slave", "master"), contact.sides, strict=False)
+    ]
+    for key, place in placed:
+        if any((place.body, name) in axis for name in boundaries.names(place)):
+            problems.append(CaseProblem(key, "a side on the axis of revolution stays there", hint=hint))
+    for number, body in enumerate(case.body):
+        c, free = stiffness[body.material].stiffness, stiffness[body.material].free_expansion
+        apart = max(abs(c[0, 0] - c[3, 3]), abs(c[0, 1] - c[1, 3])) / np.abs(c).max()
+        uneven = apart > ROUND_OFF or abs(free[0] - free[3]) > ROUND_OFF * np.abs(free).max()
+        if uneven and any(name == body.name for name, _ in axis):
+            message = (
+                f'material "{body.material}" differs along the radius and around the axis, which it touches'
+            )
+            hint = "E1 = E3, nu23 = nu12 E2 / E1, equal expansions, or a bore along the axis"
+            problems.append(CaseProblem(f"body.{number}.material", message, hint=hint))
+    if problems:
+        raise CaseError(tuple(problems))
 
 
 def _model(

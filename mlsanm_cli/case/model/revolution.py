@@ -37,6 +37,7 @@ def refused_of_revolution(case: Case, scope: Scope) -> Iterator[Fault]:
         hint = "give the constants of an isotropic or orthotropic material"
         key = ("material", name)
         yield from refused(material.stiffness, (*key, "stiffness"), "a plane stiffness", hint)
+        yield from refused(material.flows, (*key, "yield_stress"), "plasticity", "leave yield_stress out")
         yield from refused(material.angle, (*key, "angle"), "a turned orthotropic material", "angle = 0.0")
         yield from refused(material.yield_stress, (*key, "yield_stress"), "plasticity")
     for number, support in enumerate(case.support):

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields, replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,8 @@ from mlsanm_cli.contact.response.observation import ResponseFunctionals
 from mlsanm_cli.mechanics.eigenstress import eigenstress_loads, eigenstress_reaction, values_at
 from mlsanm_cli.mechanics.scene import RigidMotion, Scene
 from mlsanm_cli.records import dataclass
+
+NOTHING: Mapping[str, FloatArray] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -67,14 +70,17 @@ class Eigenstresses:
         return cls(scene, loads, rows, own, len(scene.loads), wide)
 
     def response(
-        self, stresses: Mapping[str, FloatArray], quick: bool = False
+        self,
+        stresses: Mapping[str, FloatArray],
+        quick: bool = False,
+        more: Mapping[str, FloatArray] = NOTHING,
     ) -> tuple[dict[str, Any], FloatArray]:
         """Right-hand sides (r,) and displacements (2N,) by body for eigenstresses (n, 3), and the functionals
-        (c,); ``quick``: as accurate as the factors are."""
+        (c,); ``quick``: as accurate as the factors are; ``more`` are further right-hand sides (r,)."""
         inner, seen = {}, np.zeros(self.wide.gap.load.shape[1] - self.count)
         for name, stress in stresses.items():
             flat, system = stress.T.ravel(), self.scene.bodies[name].system
-            source = self.loads[name] @ flat
+            source = self.loads[name] @ flat + more.get(name, 0.0)
             column = sparse.csc_array(source[:, None])
             moved = (system.solve_unrefined(column) if quick else system.solve(column))[:, 0]
             inner[name] = source, moved
@@ -82,10 +88,14 @@ class Eigenstresses:
         return inner, seen
 
     def within(
-        self, condensed: Condensed, stresses: Mapping[str, FloatArray], quick: bool = False
+        self,
+        condensed: Condensed,
+        stresses: Mapping[str, FloatArray],
+        quick: bool = False,
+        more: Mapping[str, FloatArray] = NOTHING,
     ) -> Condensed:
         """A ``condensed`` scene without eigenstresses under those given (n, 3), see :meth:`response`."""
-        inner, seen = self.response(stresses, quick)
+        inner, seen = self.response(stresses, quick, more)
 
         def shifted(linear: LinearMap, wide: LinearMap) -> LinearMap:
             return replace(linear, constant=linear.constant + wide.load[:, self.count :] @ seen)
