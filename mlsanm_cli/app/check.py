@@ -1,4 +1,4 @@
-"""``mlsanm check``: everything except solving."""
+"""``mlsanm check``: everything except solving; ``mlsanm warmup``: compilation of the kernels."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from mlsanm_cli.app.checks.references import check_reference
 from mlsanm_cli.app.context import Clock, Console, RunContext
 from mlsanm_cli.app.output.parts import model_bodies
 from mlsanm_cli.app.scene.assemble import SceneModel
-from mlsanm_cli.app.scene.build import build_scene
+from mlsanm_cli.app.scene.build import build_scene, load_kernels
 from mlsanm_cli.app.scene.outlines import load_with_files
 from mlsanm_cli.app.scene.size_estimate import cpu_seconds, memory_mb, node_counts
 from mlsanm_cli.case import (
@@ -31,6 +31,7 @@ from mlsanm_cli.case import (
 )
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.io.vtu import write_parts
+from mlsanm_cli.kernels.aot.jit import is_warm
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 NOTED_RATIO = 1.5
@@ -184,3 +185,19 @@ def _notes(prepared: SceneModel, quality: Quality, warnings: Collection[str]) ->
                 f"{model.settings.stencil_size}; an even cloud (lower growth) avoids that"
             )
     return notes
+
+
+def warmup(console: Console) -> Mapping[str, Any]:
+    """Compiles the kernels, or loads them if they are compiled. Returns CPU ``seconds``, whether they were
+    ``compiled`` now, whether the code is ``kept`` for later runs, and the ``cache_directory`` (None if it is
+    not kept)."""
+    clock = Clock()
+    with clock.phase("jit"):
+        warm = is_warm()
+    place = load_kernels(RunContext(clock, console)).place
+    return {
+        "seconds": clock.seconds["jit"],
+        "compiled": not warm,
+        "kept": place is not None,
+        "cache_directory": None if place is None else str(place),
+    }

@@ -155,7 +155,7 @@ def info(settings: Settings, rundir: Path) -> int:
 @declare.command(declare.THREADS)
 def warmup(settings: Settings, threads: int) -> int:
     """Compile the kernels before the first run."""
-    print_tables(settings, called(settings, "warmup.warmup", threads))
+    print_tables(settings, called(settings, "check.warmup", threads))
     return 0
 
 

@@ -14,6 +14,11 @@ def radius_of(points: FloatArray, nodes: FloatArray) -> FloatArray:
     return np.where(x > ROUND_OFF * np.abs(nodes).max(), x, 0.0)
 
 
+def at_axis(points: FloatArray, revolved: bool) -> BoolArray | None:
+    """Mask (m,) of the ``points`` (m, 2) of a contact that are on the axis; None in plane scenes."""
+    return np.asarray(radius_of(points, points) == 0.0) if revolved else None
+
+
 def on_axis(points: FloatArray, edges: IntArray) -> BoolArray:
     """Mask (b,) of the ``edges`` (b, 2) of an outline that run along the axis."""
     return np.asarray((radius_of(points, points)[edges] == 0.0).all(axis=1))

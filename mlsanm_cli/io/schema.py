@@ -198,7 +198,6 @@ CONTACT_ARRAYS = (
     "contact_stress",
     "contact",
 )
-OBSTACLE_ARRAYS = ("displacement", "obstacle")
 """The arrays of fields_0000.vtu, contacts_0000.vtu, obstacles_0000.vtu and so on, quantities of the same
 names; boundary_tag, contact and obstacle are numbers, contact_stress is pressure and traction on the slave as
 a vector."""

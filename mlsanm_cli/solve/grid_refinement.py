@@ -60,10 +60,10 @@ def sampled(scene: Scene, answers: BodyResponses, grids: Mapping[str, ContactGri
         kernel = answers.smooth(pairing)
         size = grid.coefficients(kernel)
         aim, last = SAMPLE_TOLERANCE * float(log), float(size[-2:].max())
-        # Coefficients of smooth functions decay geometrically: those of as many more orders by as much again.
+        # Coefficients of smooth functions decay geometrically; few tell how fast, so that more are looked at.
         half = max(float(size[grid.count // 2 - 2 : grid.count // 2].max()), last)
         decay, count = last / (half or 1.0), grid.count
-        while last > aim and count < MAX_SAMPLES:
+        while last > aim and count < min(MAX_SAMPLES, 4 * grid.count):
             last, decay, count = last * decay**2, decay**2, 2 * count
         if count > grid.count:
             result[pairing.name] = replace(grids[pairing.name], count=count)

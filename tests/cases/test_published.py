@@ -61,7 +61,7 @@ FIGURES: list[tuple[str, str, float | list[float], float]] = [
     ("two_cylinders", "contacts/interface/peak_pressure", CYLINDERS.peak_pressure, 1.5e-3),
     ("two_cylinders", "contacts/interface/half_width", CYLINDERS.half_width, 1.5e-3),
     ("ball_on_flat", "contacts/under/peak_pressure", 2.0 / np.pi * STEEL * 0.02, 1e-3),
-    ("ball_on_flat", "contacts/under/half_width", 0.1, 8e-3),
+    ("ball_on_flat", "contacts/under/half_width", 0.2, 8e-3),
     # Mean pressure by finite elements, in the middle of an interference of 1e-3 of the radius.
     ("shrink_fit", "contacts/fit/force", [0.39363 * 210.0 * 2.0 * np.pi * 20.0 * 10.0, 0.0], 1e-3),
     ("rigid_cylinder", "contacts/under/peak_pressure", RIGID.peak_pressure, 1e-3),

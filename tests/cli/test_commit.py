@@ -15,7 +15,17 @@ from mlsanm_cli import commit as module
 from mlsanm_cli.cli import main
 
 ROOT = Path(__file__).parents[2]
-SETUP = "[metadata]\nname = mlsanm\nversion = 1\n[options]\npackages = mlsanm_cli\n"
+PROJECT = """[project]
+name = "mlsanm"
+version = "1"
+dynamic = ["readme"]
+[project.urls]
+Repository = "https://somewhere.org"
+[tool.setuptools]
+packages = ["mlsanm_cli"]
+[tool.setuptools.package-data]
+mlsanm_cli = ["commit.txt"]
+"""
 
 
 def git(directory: Path, *arguments: str) -> str:
@@ -41,7 +51,8 @@ def test_what_is_built_tells_its_commit(tmp_path: Path) -> None:
     source = tmp_path / "source"
     (source / "mlsanm_cli").mkdir(parents=True)
     (source / "mlsanm_cli" / "__init__.py").write_text("")
-    (source / "setup.cfg").write_text(SETUP + "[options.package_data]\nmlsanm_cli = commit.txt\n")
+    (source / "pyproject.toml").write_text(PROJECT)
+    (source / "README.md").write_text("[a page](docs/a.md) ![a picture](docs/a.png) [b](https://b.org)\n")
     for name in ("setup.py", "MANIFEST.in"):
         shutil.copy(ROOT / name, source)
     carried = ("CHANGELOG.md", "cases/a.toml", "docs/a.md", "tests/data/a.inp", "benchmarks/results/a.json")
@@ -60,6 +71,9 @@ def test_what_is_built_tells_its_commit(tmp_path: Path) -> None:
     shutil.unpack_archive(next((tmp_path / "dist").iterdir()), tmp_path / "unpacked")
     unpacked = next((tmp_path / "unpacked").iterdir())
     assert [name for name in carried if not (unpacked / name).exists()] == []
+    text = (unpacked / "PKG-INFO").read_text()
+    for link in ("(https://somewhere.org/blob/main/docs/a.md)", "/raw/main/docs/a.png)", "(https://b.org)"):
+        assert link in text
     build(unpacked, "build_py", "--build-lib", str(tmp_path / "again"))
     assert (tmp_path / "again" / "mlsanm_cli" / "commit.txt").read_text() == f"{revision}\n"
     assert not (source / "mlsanm_cli" / "commit.txt").exists()

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.errors import GeometryError
+from mlsanm_cli.io import self_contained
 from mlsanm_cli.io.point_files import read_points
 
 TABLE = """x, y, tag, nx, ny
@@ -104,3 +105,15 @@ def test_files_made_to_mislead_are_refused(tmp_path: Path) -> None:
     }.items():
         with pytest.raises(GeometryError, match=words):
             read_points(tmp_path / name)
+
+
+@pytest.mark.parametrize("reader", ["while True: pass", "import os; os.abort()"])
+def test_a_file_that_the_library_does_not_read_to_an_end_is_refused(
+    reader: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["x"], file["y"], file["tag"] = np.zeros(1), np.zeros(1), np.array([b""])
+    monkeypatch.setattr(self_contained, "READER", reader)
+    monkeypatch.setattr(self_contained, "MAX_SECONDS", 1.0)
+    with pytest.raises(GeometryError, match="damaged"):
+        read_points(tmp_path / "a.h5")

@@ -19,6 +19,7 @@ from mlsanm_cli.app.output.parts import contact_figures, contact_part, obstacle_
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import PlaneObstacle
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.revolution import at_axis
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.io.vtu import VtuPart
@@ -154,7 +155,8 @@ def contact_summary(built: CondensedScene, pairing: Pairing, state: State) -> di
             "closed_nodes": len(pressure),
             "stick_nodes": len(pressure),
         }
-    figures = contact_figures(values, slave_arc(pairing), pressure, force)
+    axis = at_axis(pairing.points[pairing.candidate], built.case.model.revolved)
+    figures = contact_figures(values, slave_arc(pairing), pressure, force, axis)
     profile = reference_profile(built, pairing, state)
     if profile is not None:
         figures["reference"] = {

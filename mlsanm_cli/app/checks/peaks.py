@@ -28,7 +28,7 @@ from mlsanm_cli.mechanics.corners import reentrant_corners, thickness
 from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.near_field import as_real
 from mlsanm_cli.mechanics.springs import FREE, NO_SPRING
-from mlsanm_cli.roundoff import FINE_ROUND_OFF
+from mlsanm_cli.roundoff import FINE_ROUND_OFF, ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import Fields, State
 
@@ -152,7 +152,8 @@ def _peak(
             tops[node] = float(stress[node] + missing[nodes[place]].max())
     if not tops:
         return None
-    worst = max(tops, key=tops.__getitem__)
+    # Of equal peaks the first.
+    worst = next(node for node, top in tops.items() if top >= (1.0 - ROUND_OFF) * max(tops.values()))
     x, y = (
         float(value) if abs(value) > FINE_ROUND_OFF * thickness(cloud) else 0.0
         for value in cloud.points[worst]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.app.scene.assemble import SceneModel
-from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import AnyObstacle, Case, DiskObstacle, ObstacleMotion, PlaneObstacle
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.complementarity.problem import OPEN, SLIP, STICK
@@ -45,13 +45,18 @@ class ContactNodes(NamedTuple):
 
 
 def contact_figures(
-    record: Mapping[str, Any], arc: FloatArray, pressure: FloatArray, force: FloatArray
+    record: Mapping[str, Any],
+    arc: FloatArray,
+    pressure: FloatArray,
+    force: FloatArray,
+    axis: BoolArray | None = None,
 ) -> dict[str, Any]:
     """Summary figures from the quantities ``record`` of a contact, its ``pressure`` (c,) at ``arc`` lengths
-    (c,), which are contiguous also on a closed surface, and its ``force`` (2,)."""
+    (c,), which are contiguous also on a closed surface, and its ``force`` (2,); ``axis`` (c,) marks nodes on
+    an axis of revolution."""
     return {
         "peak_pressure": float(pressure.max(initial=0.0)),
-        "half_width": half_width(arc, pressure),
+        "half_width": half_width(arc, pressure, axis),
         "singular_ends": is_singular(arc, pressure),
         "force": force.tolist(),
         "closed_nodes": int((record["status"] != OPEN).sum()),

@@ -11,7 +11,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from mlsanm_cli.case import stored_case
 from mlsanm_cli.case.vary import flat
+from mlsanm_cli.cloud.revolution import at_axis
 from mlsanm_cli.contact.geometry.profile import half_width
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_dir
@@ -50,10 +52,13 @@ def _unfinished(run: RunData) -> dict[str, Any]:
     known |= {"steps": max(run.rows - 1, 0), "nodes": int(run.attributes.get("nodes", 0))}
     if not run.rows:
         return known
+    revolved = stored_case(run.case_resolved).model.revolved
     contacts = {
         name: {
             "peak_pressure": float(contact.pressure[-1].max(initial=0.0)),
-            "half_width": half_width(contact.arc_length, contact.pressure[-1]),
+            "half_width": half_width(
+                contact.arc_length, contact.pressure[-1], at_axis(contact.points, revolved)
+            ),
             "min_gap": float(contact.gap[-1].min()),
         }
         for name, contact in run.contacts.items()

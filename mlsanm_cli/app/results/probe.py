@@ -20,6 +20,7 @@ from mlsanm_cli.app.results.path_lookup import (
 )
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, stored_case
+from mlsanm_cli.cloud.revolution import at_axis
 from mlsanm_cli.contact.geometry.profile import half_width
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.columns import force_on_slave
@@ -86,7 +87,7 @@ def probe_contact(
 def probe_everything(rundir: Path | RunData, at: Sequence[float]) -> list[Row]:
     """Largest pressure, half-width and force on the slave of all contacts at every position of ``at``; of a
     run without contacts the forces of loads and supports."""
-    run, _ = _read(rundir)
+    run, case = _read(rundir)
     rows = []
     for level in _levels(run, at):
         for name in run.contacts or run.path.resultants:
@@ -95,9 +96,10 @@ def probe_everything(rundir: Path | RunData, at: Sequence[float]) -> list[Row]:
             if name in run.contacts:
                 pressure = level[f"contacts/{name}/pressure"]
                 order, arc = along_surface(run.contacts[name], pressure)
+                axis = at_axis(run.contacts[name].points[order], case.model.revolved)
                 row |= {
                     "peak_pressure": float(pressure.max(initial=0.0)),
-                    "half_width": half_width(arc, pressure[order]),
+                    "half_width": half_width(arc, pressure[order], axis),
                 }
             rows.append(row | force)
     return rows

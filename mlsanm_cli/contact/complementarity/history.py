@@ -258,7 +258,7 @@ def _jumped(
     mechanism = collapse(p, constant + (state.lam + INCREMENTS[0] * span) * load) if p.k else None
     if mechanism is not None:
         raise Ray(mechanism, state.lam) from ray
-    reference, ahead = state.w[p.m : p.contacts], state.lam + GRAZING * span
+    reference, ahead = state.w[p.m : p.contacts], min(state.lam + GRAZING * span, most)
     try:
         point = Point(status, state.x, state.w, state.lam, Basis(p, status))
         point = trace(p, point, load, reference, p.everything, ahead)

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.records import dataclass
+from mlsanm_cli.roundoff import LAST_DIGITS
 
 FEASIBLE = 1e-10
 """Violation of a condition that is round-off, relative to the largest pressure: a condition number of 1e6
@@ -218,10 +219,10 @@ class Problem:
         return np.asarray(self.rows * (self.unscaled @ (self.columns * x)))
 
     def size(self, x: FloatArray) -> float:
-        """Largest pressure or traction, which round-off is relative to; of motions without any, what they
-        would cause."""
+        """Largest pressure or traction, which round-off is relative to; of motions without any, that of which
+        the round-off is the last digits of the motions."""
         pressed = float(np.abs(x[: self.contacts]).max(initial=0.0))
-        return max(pressed, WEAK * float(np.abs(x[self.contacts :]).max(initial=0.0)))
+        return max(pressed, LAST_DIGITS / FEASIBLE * float(np.abs(x[self.contacts :]).max(initial=0.0)))
 
     def aim(self, reference: FloatArray) -> FloatArray:
         """Values (N,) of active rows with nodes sticking at slips ``reference`` (n,)."""

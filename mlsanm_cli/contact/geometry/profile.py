@@ -20,9 +20,10 @@ END_JUMP, END_SLOPE, LEAST_NODES = 0.01, 3.0, 10
 on at least so many nodes: less than 2.8 for a profile that falls with the root of the distance."""
 
 
-def half_width(arc_length: FloatArray, pressure: FloatArray) -> float:
+def half_width(arc_length: FloatArray, pressure: FloatArray, axis: BoolArray | None = None) -> float:
     """Half the distance between the outermost crossings of 1 % of the regular peak, which unlike a singular
-    one does not depend on the grid.
+    one does not depend on the grid; the whole distance, a radius, if one of them is a node on an ``axis``
+    (m,) of revolution.
 
     ``arc_length`` (m,) is increasing, ``pressure`` (m,) piecewise linear. A profile still above the threshold
     at the last node ends there.
@@ -35,7 +36,8 @@ def half_width(arc_length: FloatArray, pressure: FloatArray) -> float:
     above = np.flatnonzero(pressure > level)
     if level <= 0.0 or not len(above):
         return 0.0
-    return 0.5 * (
+    part = 0.5 if axis is None or not axis[above[[0, -1]]].any() else 1.0
+    return part * (
         _crossing(arc_length, pressure, level, above[-1], 1)
         - _crossing(arc_length, pressure, level, above[0], -1)
     )

@@ -154,15 +154,7 @@ class Pattern:
         """Pattern of the equations and their elimination order."""
         rows, strong = self.rows(np.ones((len(self.whole.nodes), 2)))
         owner = np.tile(np.arange(self.elastic.pieces.count), 3)
-        return Symbolic.of(rows, strong, owner, self.elastic.model.cloud.points, self.middle)
-
-    @cached_property
-    def middle(self) -> FloatArray:
-        """Means (k, 2) over the nodes of every piece."""
-        labels, count = self.elastic.pieces.labels, self.elastic.pieces.count
-        points = self.elastic.model.cloud.points.T
-        sums = np.stack([np.bincount(labels, one, count) for one in points], axis=1)
-        return np.asarray(sums / np.bincount(labels, minlength=count)[:, None])
+        return Symbolic.of(rows, strong, owner, self.elastic.model.cloud.points, self.elastic.pieces.middle)
 
 
 def _through(keys: IntArray, entries: Entries, stencils: Stencils) -> IntArray:

@@ -87,7 +87,7 @@ class Projector:
         count = 3 * body.count
         loads = sparse.csr_array(sparse.diags_array(weights, format="csr")[split:])
         owner, none = np.arange(count) % body.count, sparse.csr_array((0, count))
-        strong = Strong(strong_rows, loads, owner, body.centers @ nodes, none)
+        strong = Strong(strong_rows, loads, owner, body.elastic.pieces.middle, none)
         system = least_squares.factorise(rows, weights[:split], nodes, solver, strong, body.pattern.symbolic)
         rest = np.zeros(body.elastic.rows)
         if keeps:

@@ -241,3 +241,13 @@ def test_a_body_that_may_slide_does_not_in_the_mean(tmp_path: Path) -> None:
     (ax, ay), (bx, by) = (np.subtract(points[triangles[:, k]], points[triangles[:, 0]]).T for k in (1, 2))
     areas = np.bincount(triangles.ravel(), np.repeat(np.abs(ax * by - ay * bx), 3))
     assert abs(areas @ moved[:, 0] / areas.sum()) <= 1e-4
+
+
+def test_a_free_body_on_a_flat_that_shrinks_and_grows_carries_nothing(tmp_path: Path) -> None:
+    """Cooled, and heated again to its first size, all of its face just touches: there is a state, without
+    pressures."""
+    text = scene("strain", alpha=1e-5).body("free", "steel", 0.5, box=([-1.0, 1.0], [0.0, 1.0]))
+    text = text.body("fixed", "steel", 0.5, box=([-2.0, 2.0], [-2.0, 0.0]), clamped="bottom")
+    text = text.contact("c", "free.bottom", "fixed.top")
+    text = text.heat("cool", "free", -100.0).stages("cool", "cool=0.0", "cool=-1.0", "cool=0.0")
+    assert solve(text, tmp_path / "run")["contacts"]["c"]["peak_pressure"] == pytest.approx(0.0, abs=1e-6)
