@@ -12,6 +12,7 @@ Equation (26) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -50,7 +51,8 @@ class FiniteContactState:
     (2s,) at the knots of all sides in turn and their displacements ``surface`` (2s,), with near
     fields; the ``free`` motions (d,). ``residual`` is the estimated next update over the typical
     displacement, ``stability`` the least resistance of a contact to pressures that oscillate from knot to
-    knot, ``soft`` the softest motion with contacts that neither open nor close.
+    knot, ``soft`` the softest motion with contacts that neither open nor close. ``dragged``
+    (c,) are the slips in the whole increment, also before knots touch.
     """
 
     displacement: FloatArray
@@ -70,6 +72,7 @@ class FiniteContactState:
     solves: int
     stability: float = np.inf
     soft: SoftMotion = STILL
+    dragged: FloatArray = field(default_factory=lambda: np.zeros(0))
 
 
 class ExactContact(ContactSystem):
@@ -159,7 +162,11 @@ class ExactContact(ContactSystem):
                 counts = (left, count, spent, solves)
                 surface = response.moved(u, traction)
                 met = self.meet(surface, np.concatenate([given, free]), since, touching_before)
-                return self._state(u, p, q, sets, met, surface, free, counts, result)
+                state = self._state(u, p, q, sets, met, surface, free, counts, result)
+                if since is before:
+                    return state
+                whole = self.meet(surface, np.concatenate([given, free]), before, touching_before)
+                return replace(state, dragged=np.concatenate([one.slip for one in whole]))
         return None
 
     def _until_touch(self, met: Sequence[Meeting], result: IterationResult) -> float:
@@ -203,7 +210,7 @@ class ExactContact(ContactSystem):
         stable = result.stability(self, met)
         args = (u, p, q, gap, place, slip, normal, sets, traction, surface, free)
         soft = result.linearised.softest(u, p, q, sets.status)
-        return FiniteContactState(*args, *counts, stable, soft)
+        return FiniteContactState(*args, *counts, stable, soft, slip)
 
 
 def _stalls(updates: Sequence[float], last: float) -> bool:
