@@ -48,7 +48,7 @@ class Corner:
     ``length`` is that of the shorter face; forces farther from the tip than ``reach`` do not need the corner.
     The force densities act along the whole infinite wedge. If faces are ``curved``, or would cut the body,
     they act along the actual faces up to ``span``, fading out before, and their fields end at a ``center`` in
-    the void, if any.
+    the void, if any. Those of forces beyond its reach are left out if it ``fades``.
     """
 
     wedge: Wedge
@@ -58,6 +58,7 @@ class Corner:
     curved: tuple[Face, Face] | None = None
     span: float = np.inf
     center: complex | None = None
+    fades: bool = False
 
     @cached_property
     def faces(self) -> tuple[Face, Face]:
@@ -80,6 +81,11 @@ class Corner:
     def distance(self, z: ComplexArray) -> FloatArray:
         """Distances (e,) of points on the first face from the tip."""
         return self.faces[0].distance(z)
+
+    def share(self, away: FloatArray) -> FloatArray:
+        """Share (k,) of the densities of forces at distances ``away`` (k,): if it fades all within its reach,
+        none beyond twice that."""
+        return smooth_step(away / self.reach - 1.0) if self.fades else np.ones(len(away))
 
     def reflected(self, away: FloatArray, image: Image) -> FloatArray:
         """Distances (e,) of the images of points at distances ``away`` (e,), reflected at the face's end."""
@@ -150,11 +156,11 @@ class Corner:
     def with_images(
         self, away: FloatArray, force: FloatArray, images: Sequence[Image]
     ) -> tuple[FloatArray, FloatArray]:
-        """Distances (k + i,), and forces (k + i, 2, c), of forces (k, 2, c) at distances ``away`` (k,) and
-        their ``images``."""
-        places = [away, *(self.reflected(away, image) for image in images)]
+        """Distances (k + i,), and the shares (k + i, 2, c) with densities, of forces (k, 2, c) at distances
+        ``away`` (k,) and their ``images``."""
+        places = np.concatenate([away, *(self.reflected(away, image) for image in images)])
         forces = [force, *(np.einsum("fd,kdc->kfc", image.matrix, force) for image in images)]
-        return np.concatenate(places), np.concatenate(forces)
+        return places, np.concatenate(forces) * self.share(places)[:, None, None]
 
     def beyond_wedge(
         self, z: ComplexArray, images: Sequence[Image] = (), seen: ComplexArray | None = None
@@ -220,16 +226,25 @@ class CorneredForces:
         exactly zero on a corner's straight faces by the forces with this corner's densities."""
         for corner in self.corners:
             z = corner.off_tip(z, normal)
-        total = self.own.traction(z, normal, curvature)
         seen = [(image.points(z), image.directions(normal), curvature) for image in self.images]
+        total = self._left(self.own.traction(z, normal, curvature), z, normal)
         for image, at in zip(self.images, seen, strict=True):
-            total += image.matrix.T @ self.own.traction(*at)
-        for corner in self.corners:
-            total[corner.cleared(z, normal)[1]] = 0.0
+            total += self._left(image.matrix.T @ self.own.traction(*at), z, normal, image)
         total += self._by_corners(z, normal, curvature)
         for image, at in zip(self.images, seen, strict=True) if self.corners else ():
             total += image.matrix.T @ self._by_corners(*at)
         return total
+
+    def _left(
+        self, values: FloatArray, z: ComplexArray, normal: ComplexArray, image: Image | None = None
+    ) -> FloatArray:
+        """Tractions (e, k, 2, 2) by the forces, or by an ``image`` of these, without what densities cancel on
+        second faces."""
+        for corner in self.corners:
+            away = corner.distance(self.place)
+            share = corner.share(away if image is None else corner.reflected(away, image))
+            values[corner.cleared(z, normal)[1]] *= (1.0 - share)[:, None, None]
+        return values
 
     def _by_corners(self, z: ComplexArray, normal: ComplexArray, curvature: FloatArray) -> FloatArray:
         """Tractions (e, k, 2, 2) by what acts along the faces of corners, except on these faces."""

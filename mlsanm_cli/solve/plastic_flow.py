@@ -44,7 +44,7 @@ from mlsanm_cli.solve.condensed_scene import CondensedScene
 
 PLANE = [0, 1, 3]
 """Strains and stresses in the plane among xx, yy, zz, xy."""
-MOST_UPDATES, LEAST_STEP = 30, 2.0**-6
+MOST_UPDATES, LEAST_STEP = 20, 2.0**-6
 """Newton steps, and the shortest part of one, before a smaller increment is tried."""
 DECREASE = 1e-4
 """Least decrease of the residual per step (Dennis and Schnabel 1996, doi:10.1137/1.9781611971200)."""

@@ -54,7 +54,12 @@ def plastic_path(built: CondensedScene, start: Checkpoint | None = None) -> Iter
         yield _step(built, now, position, 0.0, length, errors)
     else:
         now, position, length = _restored(built, start), start.position, start.pace
-        errors = start.state.solver["errors"]
+        errors, half = start.state.solver["errors"], float(start.history["half"][0])
+        if half:
+            # The second half of an increment.
+            position = _rounded(built, position + half)
+            now = scene.advanced(now, factors_at(built.stages, position))
+            yield _step(built, now, position, half, length, errors)
     largest = scene.size(now.strain)
     for halt in stops(built):
         while halt - position > FINE_ROUND_OFF:
@@ -68,9 +73,14 @@ def plastic_path(built: CondensedScene, start: Checkpoint | None = None) -> Iter
             half, now = 0.5 * found.length, found.end
             added, spatial = found.error / (largest or 1.0), scene.spatial_error(now)
             errors = np.array([errors[0] + added, max(errors[1], spatial)])
-            yield _step(built, found.middle, position + half, half, length, errors)
-            position = halt if halt - position - found.length <= FINE_ROUND_OFF else position + found.length
+            yield _step(built, found.middle, position + half, half, length, errors, half)
+            position = _rounded(built, position + found.length)
             yield _step(built, now, position, half, length, errors)
+
+
+def _rounded(built: CondensedScene, position: float) -> float:
+    """A position, or the requested one that it is up to round-off."""
+    return next((halt for halt in stops(built) if abs(halt - position) <= FINE_ROUND_OFF), position)
 
 
 def _increment(scene: PlasticScene, now: Flow, position: float, length: float, largest: float) -> Increment:
@@ -121,10 +131,16 @@ def _beyond(
 
 
 def _step(
-    built: CondensedScene, flow: Flow, position: float, length: float, pace: float, errors: FloatArray
+    built: CondensedScene,
+    flow: Flow,
+    position: float,
+    length: float,
+    pace: float,
+    errors: FloatArray,
+    half: float = 0.0,
 ) -> PathStep:
-    """A step that ends at a state, with ``errors`` (2,) so far: the sum of those of the increments, relative,
-    and the largest of displacements by spacings."""
+    """A step that ends at a state, of which another ``half`` follows at once, with ``errors`` (2,) so far:
+    the sum of those of the increments, relative, and the largest of displacements by spacings."""
     contact, v = flow.contact, flow.contact.values
     solver = {"errors": errors}
     for name in built.laws:
@@ -137,13 +153,14 @@ def _step(
     values = (v.pressure, v.gap, v.motion, status, 0.0, v.traction, v.slip, contact.work)
     state = State(position, flow.factors, *values, solver=solver)
     state = replace(state, residual=residual(built.at(state).condensed, contact))
+    history = friction_history(contact.sets, contact.stick_reference) | {"half": np.array([half])}
     return PathStep(
         state,
         (state,) if position in output_positions(built) else (),
         length,
         iterations=flow.updates,
         solves=flow.products,
-        checkpoint=Checkpoint(state, friction_history(contact.sets, contact.stick_reference), pace=pace),
+        checkpoint=Checkpoint(state, history, pace=pace),
     )
 
 

@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.gallery_entries import ENTRIES
 from mlsanm_cli.app.run import run
-from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.io.run_reader import RunData, read_run
 from tests.app.runs import undeclared, warned
 from tests.app.scenes import Quiet
 from tests.case_text import Scene, scene
+from tests.cases.test_published import CASES
 
 Y = 1e-3
 LIMIT = 2.0 / np.sqrt(3.0) * Y * np.log(2.0)
@@ -75,7 +76,7 @@ def test_a_plate_collapses_at_its_limit_load(tmp_path: Path) -> None:
     """A clamped plate in tension: the section away from the clamp carries the yield stress."""
     text = (
         scene("stress", E=1.0, nu=0.3, yield_stress=Y)
-        .body("plate", "steel", 0.125, box=([0.0, 1.0], [0.0, 2.0]), clamped="bottom")
+        .body("plate", "steel", 0.25, box=([0.0, 1.0], [0.0, 2.0]), clamped="bottom")
         .load("pull", "plate.top", "traction", traction=[0.0, Y])
         .stages("pull=1.2")
     )
@@ -85,36 +86,15 @@ def test_a_plate_collapses_at_its_limit_load(tmp_path: Path) -> None:
     assert data.path.factors["pull"][-1] == pytest.approx(1.0, abs=0.015)
 
 
-def beam(spacing: float) -> Scene:
-    """A beam of height 1 bent by its right end, factor 1 at first yield."""
-    return (
-        scene("stress", E=1.0, nu=0.3, yield_stress=Y)
-        .body("beam", "steel", spacing, box=([0.0, 2.0], [-0.5, 0.5]))
-        .support("beam.left", ux=0.0)
-        .pin("beam", [0.0, 0.0], uy=0.0)
-        .load("bend", "beam.right", "displacement", ux="0.004*y")
-    )
-
-
-def moment(height: FloatArray, stress: FloatArray) -> float:
-    """The moment of stresses over that at first yield, from the nodes by a fit over the height."""
-    place = np.linspace(-0.5, 0.5, 17)
-    mean = [stress[np.abs(height - y) < 1.0 / 32.0].mean() for y in place]
-    return float(np.trapezoid(np.array(mean) * place, place)) * 6.0 / Y
-
-
-def test_a_beam_keeps_residual_stresses(tmp_path: Path) -> None:
-    """Bent to 1.4 times the moment at first yield and back: sigma = Y clip(y / c) - 1.4 Y y / h."""
-    ratio = 1.4
-    core = 0.5 * np.sqrt(3.0 - 2.0 * ratio)
-    text = beam(0.0625).stages(f"bend={0.5 / core}", f"bend={0.5 / core - ratio}")
-    _, data = solved(text.table("output", at=[1.0, 2.0]), tmp_path / "beam")
-    y = data.bodies["beam"].points[:, 1]
-    loaded = Y * np.clip(y / core, -1.0, 1.0)
-    for state, expected in zip(data.states, (loaded, loaded - ratio * Y * y / 0.5), strict=True):
-        error = state.bodies["beam"]["stress"][:, 0] - expected
-        assert np.sqrt((error**2).mean()) < 0.01 * Y
-    assert moment(y, data.states[0].bodies["beam"]["stress"][:, 0]) == pytest.approx(ratio, rel=0.02)
+@pytest.mark.parametrize("name", ["springback", "indentation"])
+def test_published_cases(name: str, tmp_path: Path) -> None:
+    """Residual stresses of a beam against beam theory; forces of an indenter against finite elements."""
+    summary = run(CASES / f"{name}.toml", out=tmp_path / name, console=Quiet())
+    assert summary["status"] == "done"
+    judge = ENTRIES[name].judge
+    assert judge is not None
+    errors = judge(read_run(tmp_path / name))
+    assert max(errors.values()) < (0.01 if name == "springback" else 0.005)
 
 
 def test_a_cycle_dissipates_the_work_of_the_loads(tmp_path: Path) -> None:

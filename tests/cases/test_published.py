@@ -45,8 +45,8 @@ MOST_NODES = {
     "two_cylinders": 400,
     "disk_between_plates": 600,
     "pin_in_hole": 8000,
-    "ball_on_flat": 2000,
-    "shrink_fit": 4500,
+    "ball_on_flat": 3000,
+    "shrink_fit": 3500,
 }
 # Case, figure of its summary, formula, tolerance relative to the largest number of the formula.
 FIGURES: list[tuple[str, str, float | list[float], float]] = [

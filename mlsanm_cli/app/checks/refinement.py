@@ -32,8 +32,8 @@ from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.build import place
-from mlsanm_cli.app.scene.clouds import spacing_of
 from mlsanm_cli.app.scene.condense import condense_scene
+from mlsanm_cli.app.scene.condition_sizes import spacing_of
 from mlsanm_cli.app.scene.refinement import Refinement, has_automatic_spacings
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Case
@@ -151,8 +151,8 @@ HIGH_DEGREE_RULE = Rule(10.0, 0.5, 256.0, 0.14)
 """Degrees 4 to 6."""
 NODAL_RULE = Rule(10.0, 1.0, 10.0, 0.2)
 """Nodal pressures of the regularised law: even spacings under the patch, as the law smooths its edges."""
-RING_RULE = Rule(20.0, 1.0, 64.0, 0.15)
-"""Nodal pressures on bodies of revolution, at degree 4: peaks and approaches to 5e-4, radii to 5e-3."""
+RING_RULE = Rule(24.0, 1.0, 96.0, 0.15)
+"""Nodal pressures on bodies of revolution: peaks and approaches to 1e-3, radii to 5e-3."""
 NODAL_PASSES = 6
 """Largest number of passes to `NODAL_RULE` and `RING_RULE`; each halves the uncertainty of edges at least."""
 STICK_REFINEMENT = 64.0

@@ -105,6 +105,8 @@ class SmallComparison(Comparison):
 
     @classmethod
     def refuse(cls, case: Case, methods: Sequence[str], analytic: bool) -> None:
+        if any(case.material[body.material].flows for body in case.body):
+            raise RunError("bodies with a yield stress have one method only", "use mlsanm run")
         if not case.touching:
             raise RunError(
                 "the case has no unilateral [[contact]]: it is linear, and all methods are the same",

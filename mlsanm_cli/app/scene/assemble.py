@@ -139,13 +139,10 @@ def prepare(
     grids = grids and small and not case.model.revolved
     fixed = {name: fixed_surfaces(case, boundaries, name) for name in models}
     ranges = contact_ranges(case, models, pairings, occupied, fixed, held_nodes) if grids else {}
-    # Contacts with nodal pressures are less stable at higher degrees, but not on the even nodes of the passes
-    # for bodies of revolution; tractions of bonds vary slowly.
+    # Contacts with nodal pressures are less stable at higher degrees; tractions of bonds vary slowly.
     nodal = [pairing for pairing in pairings if not (pairing.bonded or pairing.name in ranges)]
-    in_contact = {name for pairing in nodal for name in pairing.bodies} if small else set()
-    if case.model.revolved:
-        in_contact = {name for name in in_contact if models[name].material.nearly_incompressible}
-    models |= {body.name: modelled(body, low=True) for body in case.body if body.name in in_contact}
+    low_bodies = {name for pairing in nodal for name in pairing.bodies} if small else ()
+    models |= {body.name: modelled(body, low=True) for body in case.body if body.name in low_bodies}
     try:
         free = constrain_free_rigid_modes(case, clouds, directed(pairings, ranges), rigid, loads, ranges)
     except CaseError:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mlsanm_cli.app.scene.contact_spacing import valleys
+from mlsanm_cli.app.scene.condition_sizes import valleys
 from mlsanm_cli.app.scene.corners import END_CLEARANCE, Restraints, SmoothPart, shared_planes, stretches_of
 from mlsanm_cli.app.scene.facing import ALIKE, RAYS, facing_of, minimum
 from mlsanm_cli.app.scene.void import void_center

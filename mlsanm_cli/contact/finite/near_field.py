@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -30,7 +31,7 @@ class NearField:
     @cached_property
     def _grid(self) -> ContactGrid:
         side = self.side
-        ends, corners = side.ends, tuple(filter(None, side.wedges))
+        ends, corners = side.ends, tuple(replace(one, fades=True) for one in side.wedges if one)
         hats = Hats.on(ends, (True, True), side.around)
         around = (self.center, None), (corners, ()), side.planes
         return ContactGrid(Facing(side.geometry, None), float(ends[0]), float(ends[-1]), 1, hats, *around)

@@ -1,1 +1,1 @@
-"""Surfaces that face each other: pairs, contact grids, obstacles, offsets."""
+"""Surfaces that face each other: pairs, contact grids, obstacles."""

@@ -66,6 +66,11 @@ class Pairing:
         return (self.slave_body,) if self.master_body is None else (self.slave_body, self.master_body)
 
     @property
+    def revolved(self) -> bool:
+        """Whether its bodies are those of revolution."""
+        return bool((self.around != 1.0).any())
+
+    @property
     def areas(self) -> FloatArray:
         """Areas (w,) on which the pressures act, of the full turn or per unit thickness."""
         return self.weight * self.around

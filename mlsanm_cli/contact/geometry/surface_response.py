@@ -116,7 +116,8 @@ class SurfaceResponse:
                 seen = here if image is None else corner.reflected(here, image)
                 moved = np.empty_like(values)
                 for c, d in product((0, 1), repeat=2):
-                    moved[:, :, c, d] = (integrals @ corner.wedge.compliance(seen, x, c, d).T).T
+                    table = corner.wedge.compliance(seen, x, c, d) * corner.share(x)
+                    moved[:, :, c, d] = (integrals @ table.T).T
                 values += moved if image is None else image.matrix.T @ moved
         copies = np.split(values, len(grid.unfolding.copies), axis=1)
         each = zip(copies, grid.unfolding.copies, strict=True)

@@ -29,13 +29,12 @@ from mlsanm_cli.contact.response.balance import (
 from mlsanm_cli.contact.response.bonds import bind
 from mlsanm_cli.contact.response.compressed import COMPRESSED_CONTACT, COMPRESSED_TOTAL
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.contact.response.drivers import Drivers
+from mlsanm_cli.contact.response.drivers import Drivers, of_fits, of_obstacles
 from mlsanm_cli.contact.response.eigenstress import Eigenstresses, flowing, narrowed, widened
 from mlsanm_cli.contact.response.linear_map import LinearMap, stack
 from mlsanm_cli.contact.response.load_vectors import body_load_vectors
 from mlsanm_cli.contact.response.near_field_response import add_fields, near_field_response, with_singular
 from mlsanm_cli.contact.response.observation import ResponseFunctionals, observe, used_columns
-from mlsanm_cli.contact.response.offsets import of_fits, of_obstacles
 from mlsanm_cli.contact.response.short_waves import correct_short_waves
 from mlsanm_cli.contact.response.walls import wall_forces
 from mlsanm_cli.mechanics.probes import Probe, stress_of_expansion

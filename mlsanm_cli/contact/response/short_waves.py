@@ -45,6 +45,9 @@ def correct_short_waves(
     a body does not receive exactly the resultant of a short-wave pressure, and the resulting motion does not
     decrease with the spacing as the short-wave compliance does.
 
+    On bodies of revolution short waves only get this compliance: fits of one of two coupled responses would
+    cost flexible rings their positivity.
+
     Also returned is the effect of pressures and tractions beyond gaps from displacements and fitted slips
     (m + n, m + n).
     """
@@ -58,6 +61,13 @@ def correct_short_waves(
         own, facing = slips[pairing.name], gaps[pairing.name]
         fit = slip_fit(pairing).toarray()
         short = np.eye(len(fit)) - fit
+        shortest = (
+            ALTERNATING_COMPLIANCE * contact_compliance[pairing.name] * pairing.spacing[pairing.candidate]
+        )
+        if pairing.revolved:
+            by_traction[m:][own, own] = shortest[:, None] * short
+            slip.traction[own, own] += by_traction[m:][own, own]
+            continue
         by_traction[:m, own] = -gap.traction[:, own] @ short
         gap.traction[:, own] += by_traction[:m, own]
         compliance = slip.traction[own, own].copy()
@@ -66,9 +76,6 @@ def correct_short_waves(
         by_pressure[m:][own, facing] = -slip.pressure[own, facing] @ short
         slip.pressure[own, facing] += by_pressure[m:][own, facing]
         by_own = compliance - short @ compliance @ _linear_part(pairing)
-        shortest = (
-            ALTERNATING_COMPLIANCE * contact_compliance[pairing.name] * pairing.spacing[pairing.candidate]
-        )
         slip.traction[own, own] = by_own + shortest[:, None] * short
         by_traction[m:][own, own] = slip.traction[own, own] - fit @ compliance
     return gap, slip, sparse.csr_array(beyond)

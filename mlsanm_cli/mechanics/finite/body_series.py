@@ -19,7 +19,7 @@ class BodySeries:
     value."""
 
     def __init__(self, body: FiniteBody, orders: int) -> None:
-        self.body = body
+        self.body, self.orders = body, orders
         inner, held, loaded = (one.count for one in body.points)
         stressed, total, warm = inner + held, inner + held + loaded, bool(body.loads.warming)
         self._held, self._loaded = slice(inner, stressed), slice(stressed, total)

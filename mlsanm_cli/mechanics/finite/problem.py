@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import field
+from typing import Any
+
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
@@ -22,6 +25,8 @@ class FiniteProblem:
     start: FloatArray
     end: FloatArray
     length: float
+    latest: list[Any] = field(init=False, default_factory=list, compare=False)
+    """The latest series, with its coefficients."""
 
     @property
     def size(self) -> int:
@@ -62,7 +67,7 @@ class FiniteProblem:
 
     def series_rhs(self, x: FloatArray, lam: FloatArray) -> FloatArray:
         """Minus the coefficient (2N,) of the next order, from those of lower orders."""
-        series = self._series(x, lam, len(x))
+        series = self._series(x, lam)
         series.put(len(x), None, np.zeros(len(self.start)))
         return -self.projector.displaced(series.rows(len(x))) / self.length
 
@@ -70,10 +75,24 @@ class FiniteProblem:
         """Whether det F > 0 everywhere."""
         return bool(np.isfinite(x).all()) and self.projector.body.least_volume(x) > 0.0
 
-    def _series(self, x: FloatArray, lam: FloatArray, orders: int) -> BodySeries:
-        series = BodySeries(self.projector.body, orders)
-        for order in range(len(x)):
+    def _series(self, x: FloatArray, lam: FloatArray) -> BodySeries:
+        """The series of the body with coefficients ``x`` and ``lam`` and room for another one: the last one
+        with its next coefficients if it begins with the same. Room for twice as many makes the work per
+        order independent of their number."""
+        series, known = None, 0
+        if self.latest:
+            series, *before = self.latest
+            known = len(before[0])
+            same = known < len(x) <= series.orders and all(
+                np.array_equal(now[:known], then) for now, then in zip((x, lam), before, strict=True)
+            )
+            if not same:
+                series = None
+        if series is None:
+            series, known = BodySeries(self.projector.body, 2 * len(x)), 0
+        for order in range(known, len(x)):
             series.put(order, x[order], self._part(lam, order))
+        self.latest[:] = [series, x.copy(), lam.copy()]
         return series
 
     def _part(self, lam: FloatArray, order: int) -> FloatArray:
@@ -100,19 +119,3 @@ class FiniteTangent:
             return -self.factorised.solve_unrefined(projector.scaled(rows_of_force(body, force)))
 
         return softest_motion(displaced, [Stressed(body, x, factors)])
-
-    def orders(
-        self, x: FloatArray, lam: FloatArray, slope: FloatArray, normal: FloatArray, size: float
-    ) -> None:
-        """Compute the coefficients of orders from 2 on of ``x`` (N + 1, 2N) and ``lam`` (N + 1,)."""
-        problem, last = self.problem, len(lam) - 1
-        series = problem._series(x[:2], lam[:2], last)
-        nothing = np.zeros(len(problem.start))
-        for order in range(2, last + 1):
-            series.put(order, None, nothing)
-            left = problem.projector.scaled(series.rows(order))
-            free = -self.factorised.solve(left)
-            lam[order] = -float(normal @ free) / size
-            x[order] = free + lam[order] * slope
-            if order < last:
-                series.put(order, x[order], problem._part(lam, order))

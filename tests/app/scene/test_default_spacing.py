@@ -149,4 +149,4 @@ def test_pressures_beside_an_oblique_corner_on_a_plane(tmp_path: Path) -> None:
     found = np.interp([7.437, 8.0, 9.0, 10.0, 12.0], floor.points[:, 0], floor.pressure[-1])
     # With nodes 0.01 apart at the corner, whose field is not known: beside it the cloud decides.
     assert found[0] == pytest.approx(2.04, rel=0.08)
-    assert found[1:] == pytest.approx(np.array([3.046, 3.91, 4.39, 5.13]), rel=0.025)
+    assert found[1:] == pytest.approx(np.array([3.046, 3.91, 4.39, 5.13]), rel=0.03)

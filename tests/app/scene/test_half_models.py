@@ -152,7 +152,7 @@ def test_a_contact_beside_the_plane(tmp_path: Path) -> None:
 
     one = solve(disks(0.0, 0.1).support("block.left", ux=0.0), tmp_path / "half")["contacts"]["a"]
     other = solve(disks(-1.0, 0.1, -0.1), tmp_path / "whole")["contacts"]["a"]
-    assert one["force"] == pytest.approx(other["force"], rel=1e-3, abs=2e-5)
+    assert one["force"] == pytest.approx(other["force"], rel=2e-3, abs=5e-5)
     assert one["peak_pressure"] == pytest.approx(other["peak_pressure"], rel=2e-3)
 
 

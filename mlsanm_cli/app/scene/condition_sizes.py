@@ -1,0 +1,385 @@
+"""The size function of a body, and its sources by what acts on it.
+
+Tractions and displacements that end where a boundary continues, or vary along it, have a length scale
+independent of the size of the body: a pressure on a fiftieth of a block's side would fall between two nodes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
+
+import numpy as np
+
+from mlsanm_cli.app.scene.boundaries import Boundaries
+from mlsanm_cli.app.scene.conditions import prescribes
+from mlsanm_cli.app.scene.contact_pairs import shape_of
+from mlsanm_cli.app.scene.load_profiles import profiles, runs_of
+from mlsanm_cli.app.scene.outlines import drawn
+from mlsanm_cli.app.scene.sizes import (
+    GROWTH,
+    LEVELS,
+    OUTLINE_SOURCES,
+    PER_ROOT,
+    SINGULAR_RATIO,
+    Domain,
+    along,
+    banded,
+    places_along,
+    zone_at,
+)
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.case import (
+    Body,
+    BodyForce,
+    Centrifugal,
+    Contact,
+    Displacement,
+    ExpressionError,
+    Pressure,
+    Temperature,
+    Traction,
+    value_at,
+)
+from mlsanm_cli.case.model.conditions import Support
+from mlsanm_cli.case.model.shapes import AnyShape
+from mlsanm_cli.cloud.curves import Curve, turn
+from mlsanm_cli.cloud.joined import BoundaryRun
+from mlsanm_cli.cloud.membership import inside_polygon
+from mlsanm_cli.cloud.spacing import Spacing, Zone
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
+
+PER_PART, PER_PART_AT_ENDS, PER_PART_AT_FIXED_ENDS = 8.0, 32.0, 256.0
+"""Length of a loaded or fixed part over the spacing along it, and over that at its ends."""
+MIN_SPACING = 2.0**-14
+"""Least spacing relative to that far away: with 6e-6 of it factors lose their digits."""
+LINEARITY_TOLERANCE = 0.02
+"""Largest deviation of values from linear over a spacing, relative to the largest value."""
+FIELD_SAMPLES, OVERLAP = 5, 1.5
+"""Samples per direction of a square, and size of the sampled region over that of the square, so that a kink
+lies inside one."""
+MAX_SQUARES = 64
+"""Largest number of squares of one size that are divided: along lines of discontinuity no size suffices."""
+CURVE_SAMPLES = 100
+"""Chords per curve of an outline, to determine which points are inside."""
+PER_CONTACT_DEPTH, PER_END_DISTANCE, PER_CRACK = 5.0, 10.0, 40.0
+"""Spacings between a contact and the nearest other boundary, between the outermost of several minima of the
+gap and the end of the surface, and over the length of a crack."""
+EQUAL_MINIMA = 0.05
+"""Another minimum of the gap counts if it is larger by less than this part of its distance from the end."""
+TOUCHING, TIP_RADIUS = 0.01, 3.0
+"""Largest gap at a corner that touches: relative to the span over which its fields decay, or the spacing;
+and the span over the radius of the fine zone where curved conforming surfaces end in a corner."""
+SHARP_RATIO, RIGHT = 16.0, 0.05
+"""The coarse spacing over that at oblique corners on rigid obstacles, to which pressures answer within three
+spacings, and the difference from a right angle (radian) below which pressures even out."""
+BOND_RATIO = 2.0
+"""The spacing of the finer body over that along bonds that end on a surface that continues."""
+SMOOTH = float(np.cos(np.radians(10.0)))
+"""Faces whose normals have at least this cosine form no corner."""
+STRAINED_RATIO, STRAINED_BAND = 1.5, 3.0
+"""The coarse spacing over that along surfaces in contact at finite strain, where strains are largest, and
+depth of the fine band in its spacings."""
+
+
+@lru_cache(maxsize=64)
+def spacing_of(boundaries: Boundaries, body: Body) -> Spacing:
+    """The size function of a body whose nodes are placed."""
+    far, zones = body.spacing, list[Zone]()
+    if isinstance(far, str):
+        domain = Domain.of(boundaries, body)
+        far = domain.far
+        for source in (*OUTLINE_SOURCES, *CONDITION_SOURCES):
+            for zone in source(domain):
+                if zone.spacing < far:
+                    size = max(zone.spacing, MIN_SPACING * far)
+                    zones.append(Zone(zone.curve, size, zone.radius, zone.growth))
+    for refine in body.refine:
+        if refine.at is not None:
+            zones.append(Zone.around(refine.at, refine.spacing, refine.radius, refine.growth))
+        else:
+            outline = boundaries.drawn[body.name]
+            for number in outline.numbers(str(refine.along).rpartition(".")[2]):
+                zones.append(Zone(outline.curves[number], refine.spacing, refine.radius, refine.growth))
+    return Spacing(far, tuple(zones))
+
+
+def clamped_ends(domain: Domain) -> Iterator[Zone]:
+    """Zones at both ends of clamped sides, where stresses are singular beside a free one. They determine the
+    stiffness of the clamping, which matters to bodies that bend, that extend so far from their clamped sides
+    that these turn them, or that have no contact."""
+    held = [place for condition, place in domain.conditions if all(prescribes(condition))]
+    curves = [run.part for place in held for run in runs_of(domain.body.shape, place)]
+    sides = [side for contact in domain.case.contact for side in contact.sides]
+    length = sum(domain.length(curve) for curve in curves)
+    leans = domain.material.stretch * domain.area > length**2
+    if domain.bends or leans or all(side.body != domain.body.name for side in sides):
+        for curve in curves:
+            if not curve.closed:
+                yield from _singular_ends(domain, curve)
+
+
+def _singular_ends(domain: Domain, curve: Curve) -> Iterator[Zone]:
+    ends = curve.points(np.array([0.0, curve.length]))
+    for end in ends[~domain.on_plane(ends)]:
+        yield zone_at(end, domain.far / SINGULAR_RATIO)
+
+
+def loaded_parts(domain: Domain) -> Iterator[Zone]:
+    """Zones along loaded and fixed parts of sides, and at their ends where the boundary continues
+    smoothly."""
+    for condition, place in domain.conditions:
+        sprung = isinstance(condition, Support) and condition.spring is not None
+        loose = sprung or isinstance(condition, Pressure | Traction)
+        for run in runs_of(domain.body.shape, place):
+            curve, first, length = run.part, run.range[0], domain.length(run.part)
+            ends = np.array([0.0, curve.length])
+            edges = [k for k in (0, 1) if not curve.closed and _continues(run, first + float(ends[k]), k)]
+            if edges:
+                yield Zone(curve, length / PER_PART, 0.0, GROWTH)
+            for end in curve.points(ends[edges]):
+                yield zone_at(end, length / (PER_PART_AT_ENDS if loose else PER_PART_AT_FIXED_ENDS))
+
+
+def _continues(run: BoundaryRun, at: float, end: int) -> bool:
+    """Whether the boundary continues smoothly at arc length ``at`` of a run: inside it, or beyond its first
+    (0) or last (1) ``end``."""
+    if run.continues(at):
+        return True
+    number = run.numbers[-end]
+    sides = (number, run.outline.neighbours(number)[end])[:: 1 if end else -1]
+    return bool(np.cos(turn(*(run.outline.curves[side] for side in sides))) > SMOOTH)
+
+
+def varying_loads(domain: Domain) -> Iterator[Zone]:
+    """Zones along boundaries where a load varies, and at its discontinuities."""
+    far = domain.far
+    for load in domain.case.load:
+        if not isinstance(load, Pressure | Traction | Displacement) or load.owner != domain.body.name:
+            continue
+        for profile in profiles(domain.body.shape, load):
+            curve = profile.run.part
+            arc = np.linspace(0.0, curve.length, len(profile.values))
+            sizes = resolved_sizes(profile.values, curve.length, far)
+            marks = np.array([0.0, *profile.jumps, curve.length])
+            for before, jump, after in zip(marks, marks[1:], marks[2:], strict=False):
+                apart = float(min(jump - before, after - jump))
+                least = apart / PER_PART_AT_ENDS
+                # On each side of a jump the load is resolved by linear interpolation.
+                near = np.abs(0.5 * (arc[1:] + arc[:-1]) - jump) < 0.5 * apart
+                sizes = np.where(near, np.maximum(sizes, least), sizes)
+                yield zone_at(curve.points(np.array([jump]))[0], least)
+            yield from banded(curve, sizes)
+
+
+def resolved_sizes(values: FloatArray, length: float, far: float) -> FloatArray:
+    """Spacings (s,) of at most ``far`` over which ``values`` (s + 1, c) at even steps along a ``length`` are
+    nearly linear, by repeated halving of the length; s is a power of two.
+
+    >>> resolved_sizes(np.array([[0.0], [0.0], [0.0], [0.0], [1.0]]), 1.0, 0.5).tolist()
+    [0.5, 0.5, 0.25, 0.25]
+    """
+    count = len(values) - 1
+    sizes, width = np.full(count, far), count
+    while width > 1:
+        # Windows overlap by half, so that a kink lies inside one.
+        starts = np.arange(0, count - width + 1, width // 2)
+        rows = values[starts[:, None] + np.arange(width + 1)]
+        share = np.linspace(0.0, 1.0, width + 1)[:, None]
+        lines = (1.0 - share) * rows[:, :1] + share * rows[:, -1:]
+        width //= 2
+        for start in starts[np.abs(rows - lines).max(axis=(1, 2)) > LINEARITY_TOLERANCE].tolist():
+            inside = slice(start, start + 2 * width)
+            sizes[inside] = np.minimum(sizes[inside], width * length / count)
+    return sizes
+
+
+def varying_fields(domain: Domain) -> Iterator[Zone]:
+    """Zones where temperatures and body forces vary within a spacing."""
+    for load in domain.case.load:
+        if isinstance(load, Temperature | BodyForce | Centrifugal) and load.body == domain.body.name:
+            given = [load.temperature] if isinstance(load, Temperature) else load.body_force
+            for expression in given:
+                if isinstance(expression, str):
+                    yield from _field_zones(domain.body.shape, expression, domain.far)
+
+
+@lru_cache(maxsize=64)
+def _field_zones(shape: AnyShape, expression: str, far: float) -> tuple[Zone, ...]:
+    """Zones of squares, halved until the field is linear in each."""
+    curves, found = drawn(shape).curves, list[Zone]()
+    chains = [curve.points(np.linspace(0.0, curve.length, CURVE_SAMPLES + 1)) for curve in curves]
+    edges = np.concatenate([np.hstack([points[:-1], points[1:]]) for points in chains])
+    low, high = edges[:, :2].min(axis=0), edges[:, :2].max(axis=0)
+    size = float((high - low).max())
+    count = int(np.ceil(size / far))
+    size /= count
+    ticks = size * (np.arange(count) - 0.5 * (count - 1))
+    centers = 0.5 * (low + high) + np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(-1, 2)
+    scale = 0.0
+    for level in range(LEVELS):
+        near = OVERLAP * size * np.linspace(-0.5, 0.5, FIELD_SAMPLES)
+        points = centers[:, None] + np.stack(np.meshgrid(near, near), axis=-1).reshape(-1, 2)
+        values = _sampled(expression, edges, points)
+        if not level:
+            scale = float(np.nanmax(np.abs(values), initial=0.0))
+        parts = zip(values, points, strict=True)
+        bent = np.array([_nonlinearity(*square) > LINEARITY_TOLERANCE * scale for square in parts])
+        if scale == 0.0 or not bent.any() or (level and bent.sum() > MAX_SQUARES):
+            break
+        size *= 0.5
+        found += [zone_at(center, size, size) for center in centers[bent]]
+        quarters = 0.5 * size * np.array([[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]])
+        centers = (centers[bent][:, None] + quarters).reshape(-1, 2)
+    return tuple(found)
+
+
+def _sampled(expression: str, edges: FloatArray, points: FloatArray) -> FloatArray:
+    """Values (k, s) at ``points`` (k, s, 2), nan outside the ``edges`` of the body and without a value, which
+    is reported when loads are evaluated at the nodes."""
+    values = np.full(points.shape[:2], np.nan)
+    inside = inside_polygon(edges, points.reshape(-1, 2)).reshape(values.shape)
+    for row, column in np.argwhere(inside).tolist():
+        try:
+            values[row, column] = value_at(expression, *points[row, column].tolist())
+        except ExpressionError:
+            continue
+    return values
+
+
+def _nonlinearity(values: FloatArray, points: FloatArray) -> float:
+    """Largest deviation of values (s,) at points (s, 2) from the best linear function."""
+    known = np.isfinite(values)
+    if known.sum() <= FIELD_SAMPLES:
+        return 0.0
+    basis = np.column_stack([np.ones(int(known.sum())), points[known] - points.mean(axis=0)])
+    return float(np.abs(values[known] - basis @ np.linalg.lstsq(basis, values[known])[0]).max())
+
+
+def contacts(domain: Domain) -> Iterator[Zone]:
+    """Zones at all contacts of a body."""
+    boundaries, name = domain.boundaries, domain.body.name
+    bonds = [contact.name for contact in domain.case.contact if contact.bonded]
+    tips = [end for bond in bonds for end in boundaries.bond_ends(bond)]
+    for contact in domain.case.contact:
+        places = boundaries.keyed(contact.name)
+        curves = [boundaries.curve(place, key) for place, key in places]
+        for (place, _), (own, rest), (other, _) in zip(places, curves, curves[::-1], strict=True):
+            partner = next((p.body for p, _ in places[::-1] if p is not place), name)
+            if place.body == name and contact.bonded:
+                yield from _bond(own, boundaries.bond_ends(contact.name), _finest(domain, partner))
+            elif place.body == name:
+                if domain.case.model.revolved and partner != name:
+                    # Nodal pressures need similar spacings on both surfaces.
+                    fine = _finest(domain, partner)
+                    yield Zone(other, fine, fine, GROWTH)
+                yield from _contact(domain, contact, own, rest, other if len(curves) > 1 else None)
+                yield from _crack(curves[0][0], tips)
+
+
+def _finest(domain: Domain, partner: str) -> float:
+    """The finer one of the coarse spacings of a body and its ``partner``."""
+    body = next(body for body in domain.case.body if body.name == partner)
+    if isinstance(body.spacing, float) or body.has_nodes:
+        return min(domain.far, body.spacing if isinstance(body.spacing, float) else np.inf)
+    return min(domain.far, Domain.of(domain.boundaries, body).far)
+
+
+def _bond(own: Curve, ends: Sequence[tuple[float, float]], fine: float) -> Iterator[Zone]:
+    """Zones along a bonded boundary with the spacing ``fine`` of the finer body, and at the ``ends`` of the
+    bond where a surface continues, at which stresses are singular; then also finer along it."""
+    yield Zone(own, fine / (BOND_RATIO if ends else 1.0), 0.0, GROWTH)
+    for end in ends:
+        yield Zone.around(end, fine / SINGULAR_RATIO, 0.0, GROWTH)
+
+
+def _crack(part: Curve, tips: Sequence[tuple[float, float]]) -> Iterator[Zone]:
+    """Zones where the ``part`` of a surface in contact ends at one of the ``tips`` of bonds."""
+    for end in part.points(np.array([0.0, part.length])):
+        if any(np.hypot(*(end - tip)) <= COARSE_ROUND_OFF * part.length for tip in tips):
+            yield zone_at(end, part.length / PER_CRACK)
+
+
+def _contact(
+    domain: Domain, contact: Contact, own: Curve, rest: Sequence[Curve], other: Curve | None
+) -> Iterator[Zone]:
+    """Zones of a body where its boundary ``own`` is nearest to the ``other`` surface or to the obstacle, if
+    the ``rest`` of its outline or an end is close."""
+    points = along(own)
+    if other is not None:
+        partner = other.points(other.closest(points))
+    else:
+        assert contact.obstacle is not None
+        partner, _ = shape_of(contact.obstacle).closest(points, own.normals(places_along(own)))
+    gap = np.hypot(*(points - partner).T)
+    nearest = np.flatnonzero(gap <= gap.min() + COARSE_ROUND_OFF * own.length)
+    place = points[nearest[len(nearest) // 2]]
+    beside = [np.zeros((0, 2)), *(along(curve) for curve in rest)]
+    if not own.closed:
+        ends = points[[0, -1]][~domain.on_plane(points[[0, -1]])]
+        beside.append(ends)
+        yield from _several_minima(points, gap, ends)
+        if other is not None or domain.case.model.strain == "small":
+            yield from _corner_ends(domain, own, rest, gap, other is None)
+    distance = float(np.hypot(*(np.concatenate(beside) - place).T).min(initial=np.inf))
+    if distance > COARSE_ROUND_OFF * own.length:
+        yield zone_at(place, distance / PER_CONTACT_DEPTH, distance)
+    if domain.case.model.strain == "finite":
+        fine = domain.far / STRAINED_RATIO
+        yield Zone(own, fine, STRAINED_BAND * fine, GROWTH)
+
+
+def _several_minima(points: FloatArray, gap: FloatArray, ends: FloatArray) -> Iterator[Zone]:
+    """Zones at those ``ends`` (e, 2) of a surface near which the outermost of several minima of the ``gap``
+    (s,) at its ``points`` (s, 2) is."""
+    step = float(np.hypot(*(points[1] - points[0])))
+    least = np.array(valleys(gap, COARSE_ROUND_OFF * len(gap) * step), dtype=int)
+    for end in ends:
+        away = np.hypot(*(points[least] - end).T)
+        close = gap[least] <= gap.min() + EQUAL_MINIMA * away
+        distance = float(away[close].min(initial=np.inf))
+        if close.sum() > 1 and distance > 0.0:
+            yield zone_at(end, distance / PER_END_DISTANCE, distance)
+
+
+def _corner_ends(
+    domain: Domain, own: Curve, rest: Sequence[Curve], gap: FloatArray, flat: bool
+) -> Iterator[Zone]:
+    """Zones where a surface that touches ends in a corner: if it is curved, as in a fit, or if the other side
+    is a ``flat`` obstacle, on which other than right corners leave a trace of strain in smooth fits."""
+    curved = float(np.abs(own.curvature(places_along(own))).max())
+    for arc, apart in ((0.0, gap[0]), (own.length, gap[-1])):
+        at = np.array([arc])
+        for curve in rest:
+            ends = np.array([0.0, curve.length])
+            joins = np.hypot(*(curve.points(ends) - own.points(at)).T) <= COARSE_ROUND_OFF * own.length
+            for cosine in (curve.normals(ends) @ own.normals(at)[0])[joins].tolist():
+                span = min(own.length, curve.length, 1.0 / curved if curved else np.inf)
+                if not flat and curved and cosine < SMOOTH and apart < TOUCHING * span:
+                    yield zone_at(own.points(at)[0], span / PER_ROOT, span / TIP_RADIUS)
+                # The cosine of the angle to a right one, away from 0 and from 1.
+                oblique = np.sin(RIGHT) < abs(cosine) < np.cos(RIGHT)
+                if flat and oblique and apart <= TOUCHING * domain.far:
+                    yield zone_at(own.points(at)[0], domain.far / SHARP_RATIO)
+
+
+def valleys(values: FloatArray, slack: float) -> list[int]:
+    """Indices of the local minima of ``values`` (n,) between rises and falls of more than ``slack``, which
+    ignores round-off."""
+    found, falling, lowest, highest = list[int](), True, 0, 0
+    row = values.tolist()
+    for k, value in enumerate(row):
+        if falling:
+            lowest = k if value < row[lowest] else lowest
+            if value > row[lowest] + slack:
+                found.append(lowest)
+                falling, highest = False, k
+        else:
+            highest = k if value > row[highest] else highest
+            if value < row[highest] - slack:
+                falling, lowest = True, k
+    return [*found, lowest] if falling else found
+
+
+CONDITION_SOURCES = (clamped_ends, loaded_parts, varying_loads, varying_fields, contacts)
+"""Sources of the size function by what acts on a body."""

@@ -1,0 +1,354 @@
+"""The size function h of a body, the spacing of its nodes, by its outline; `condition_sizes` adds what acts
+on it.
+
+Every source k asks for a spacing h_k within r_k of a curve or point c_k, and h is the least of the body's
+coarse spacing and of what sources ask for (table in docs/method.md):
+
+    h(x) = min(far, min_k (h_k + 0.15 max(|x - c_k| - r_k, 0))).
+
+Sides on planes of symmetry ask for nothing, but for contacts beside them, and lengths are those of the whole
+body: a half has half of the nodes of the whole. Contacts need no fine nodes, as the fields of their pressures
+are known in closed form. Fields of bodies whose stiffness depends on the direction decay at different rates
+along its axes: their spacings are smaller by the geometric mean of these.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from mlsanm_cli.app.scene.boundaries import Boundaries
+from mlsanm_cli.app.scene.conditions import Condition, conditions, prescribes
+from mlsanm_cli.app.scene.materials import materials
+from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.case import Body, Case, Place
+from mlsanm_cli.case.model.conditions import Support
+from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment, turn
+from mlsanm_cli.cloud.sight import OPPOSITE_COSINE
+from mlsanm_cli.cloud.spacing import Zone
+from mlsanm_cli.cloud.tips import SMOOTH_TURN
+from mlsanm_cli.mechanics.material import PlaneMaterial
+from mlsanm_cli.records import dataclass
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
+
+PER_SIZE, PER_THICKNESS = 20.0, 6.0
+"""Spacings over the size of a body, and over its thickness: the mean one is twice its area divided by its
+perimeter."""
+PER_RADIUS, PER_CONCAVE_RADIUS = 5.0, 14.0
+"""Spacings over the radius of an arc; stresses concentrate around holes and in hollows."""
+GROWTH = 0.15
+"""Increase of the spacing per unit length: with faster growth the wide, flat stencils hardly resist
+displacements that alternate from node to node."""
+PER_ROOT = 20.0
+"""Spacings along sides between two corners that point into the material: fits then know the fields of
+both."""
+SINGULAR_RATIO = 4.0
+"""The coarse spacing over that where stresses are unbounded: at corners that point into the material, ends of
+clamped sides and of bonds. What is lost there bends a body that should not."""
+FLOW_RATIO = 2.0
+"""Automatic spacing of elastic bodies, of fits of degree 4, over that of bodies that flow, of degree 2."""
+SAMPLES, PER_POINT = 200, 4
+"""Samples along a curve, and at least for each of its data points."""
+LEVELS, TURN_RATIO, WIDTH_RATIO = 12, 2.0**-0.5, 2.0**-0.25
+"""Number of the spacings that are tried, and their ratio on curves and in narrow parts."""
+HOLLOW_ANGLE = 0.5
+"""Curves that turn to the concave side by more than this angle (radian) within a coarse spacing are
+hollows."""
+SAMPLES_PER_SPACING = 2
+"""Samples of the outline per coarse spacing in the search for narrow parts; of every curve at least
+four times as many."""
+
+
+@dataclass(frozen=True, eq=False)
+class Domain:
+    """A ``body`` whose spacing is asked for, and the ``planes`` of symmetry on its outline: axis and
+    coordinate by the number of the curve on them."""
+
+    boundaries: Boundaries
+    body: Body
+    planes: dict[int, tuple[int, float]]
+
+    @classmethod
+    def of(cls, boundaries: Boundaries, body: Body) -> Domain:
+        return cls(boundaries, body, _planes(boundaries, body))
+
+    @property
+    def case(self) -> Case:
+        return self.boundaries.case
+
+    @property
+    def outline(self) -> Outline:
+        """The outline without cuts."""
+        return self.boundaries.drawn[self.body.name]
+
+    @cached_property
+    def conditions(self) -> list[tuple[Condition, Place]]:
+        """Supports and loads on the boundaries of the body."""
+        return [(one, place) for _, one, place in conditions(self.case) if place.body == self.body.name]
+
+    @cached_property
+    def material(self) -> PlaneMaterial:
+        """The material of the body."""
+        return materials(self.case)[self.body.material]
+
+    @property
+    def finer(self) -> float:
+        """Ratio by which spacings are smaller than those of an isotropic elastic body: the geometric mean for
+        fields that decay at different rates along the axes, and that of bodies that flow."""
+        return math.sqrt(self.material.stretch) * (FLOW_RATIO if self.material.flows else 1.0)
+
+    @cached_property
+    def free(self) -> list[Curve]:
+        """The curves of the outline that are not on planes of symmetry."""
+        return [curve for number, curve in enumerate(self.outline.curves) if number not in self.planes]
+
+    @cached_property
+    def copies(self) -> int:
+        """The body and its images in the whole."""
+        return int(2 ** len(self.planes))
+
+    def unfolded(self, vectors: FloatArray, directions: bool = False) -> FloatArray:
+        """Points or ``directions`` (n, 2), followed by their images behind the planes of symmetry."""
+        for axis, at in self.planes.values():
+            image = vectors.copy()
+            image[:, axis] = (0.0 if directions else 2.0 * at) - image[:, axis]
+            vectors = np.concatenate([vectors, image])
+        return vectors
+
+    def on_plane(self, points: FloatArray) -> BoolArray:
+        """Mask (n,) of ``points`` (n, 2) on planes of symmetry."""
+        on = np.zeros(len(points), dtype=bool)
+        for axis, at in self.planes.values():
+            on |= np.abs(points[:, axis] - at) <= COARSE_ROUND_OFF * self.size
+        return on
+
+    def length(self, curve: Curve) -> float:
+        """The length of a curve and of its images that continue it."""
+        ends = curve.points(np.array([0.0, curve.length]))
+        return float(curve.length * 2 ** self.on_plane(ends).sum())
+
+    @cached_property
+    def area(self) -> float:
+        """Area of the whole."""
+        area = 0.0
+        for curve in self.outline.curves:
+            (x, y), (ahead_x, ahead_y) = (points := along(curve))[:-1].T, points[1:].T
+            area += 0.5 * float((x * ahead_y - ahead_x * y).sum())
+        return self.copies * area
+
+    @cached_property
+    def size(self) -> float:
+        """The longer side of the smallest bounding box of the whole parallel to a straight side, or the
+        largest width of a body without one: invariant under rotation."""
+        points = [along(curve) for curve in self.free]
+        straight = [c.points(np.array([0.0, c.length])) for c in self.free if isinstance(c, Segment)]
+        axes = np.concatenate([np.diff(chain, axis=0) for chain in straight or points])
+        axes = axes[np.hypot(*axes.T) > 0.0]
+        axes /= np.hypot(*axes.T)[:, None]
+        both = np.stack([axes, axes[:, ::-1] * [-1.0, 1.0]])
+        places = self.unfolded(np.concatenate(points))
+        sides = np.ptp(np.einsum("nc,bkc->bkn", places, both), axis=2).max(axis=0)
+        return float(sides.min() if straight else sides.max())
+
+    @cached_property
+    def thickness(self) -> float:
+        """Mean thickness of the whole."""
+        return 2.0 * self.area / (self.copies * sum(curve.length for curve in self.free))
+
+    @property
+    def bends(self) -> bool:
+        """Whether the thickness, and not the size, determines the coarse spacing."""
+        return self.thickness / PER_THICKNESS < self.size / PER_SIZE
+
+    @cached_property
+    def far(self) -> float:
+        """The coarse spacing."""
+        return min(self.size / PER_SIZE, self.thickness / PER_THICKNESS) / self.finer
+
+
+def _planes(boundaries: Boundaries, body: Body) -> dict[int, tuple[int, float]]:
+    """The straight sides that are held in their normal component only, with all of the body on one side, by
+    number: axis and coordinate. Of two parallel ones, between which the whole is without end, none; nor of
+    bodies of revolution those at a radius."""
+    outline, held, planes = boundaries.drawn[body.name], dict[int, set[int]](), dict[int, tuple[int, float]]()
+    for _, condition, place in conditions(boundaries.case):
+        if place.body != body.name:
+            continue
+        roller = isinstance(condition, Support) and place.ends is None
+        components = {axis for axis, fixed in enumerate(prescribes(condition)) if fixed}
+        for number in outline.numbers(*place.edges):
+            # What moves, or holds a part of a side, is no symmetry.
+            held.setdefault(number, set()).update(components if roller else {0, 1})
+    points = np.concatenate([along(curve) for curve in outline.curves])
+    for number, components in held.items():
+        curve = outline.curves[number]
+        if not isinstance(curve, Segment) or len(components) != 1:
+            continue
+        (axis,), at = components, curve.points(np.zeros(1))[0]
+        across = abs(curve.normals(np.zeros(1))[0, axis]) > 1.0 - ROUND_OFF
+        away = (points - at) @ curve.normals(np.zeros(1))[0]
+        if axis == 0 and boundaries.case.model.revolved:
+            continue
+        if across and away.max() <= ROUND_OFF * float(np.ptp(points, axis=0).max()):
+            planes[number] = axis, float(at[axis])
+    axes = [axis for axis, _ in planes.values()]
+    return {number: plane for number, plane in planes.items() if axes.count(plane[0]) == 1}
+
+
+def along(curve: Curve) -> FloatArray:
+    """Points (s, 2) along a curve, both ends included."""
+    return curve.points(places_along(curve))
+
+
+def places_along(curve: Curve) -> FloatArray:
+    """Arc lengths (s,) that sample a curve."""
+    return np.linspace(0.0, curve.length, max(SAMPLES, PER_POINT * curve.data_points) + 1)
+
+
+def zone_at(point: FloatArray, spacing: float, radius: float = 0.0, growth: float = GROWTH) -> Zone:
+    """The zone about a ``point`` (2,)."""
+    x, y = point.tolist()
+    return Zone.around((x, y), spacing, radius, growth)
+
+
+def banded(curve: Curve, sizes: FloatArray, depth: float = 0.0) -> Iterator[Zone]:
+    """Zones with the spacings ``sizes`` (m,) on m equal parts of a curve, each within ``depth`` times its
+    spacing."""
+    ends = np.linspace(0.0, curve.length, len(sizes) + 1)
+    for first, last in pairwise([0, *(np.flatnonzero(np.diff(sizes)) + 1).tolist(), len(sizes)]):
+        size, whole = float(sizes[first]), last - first == len(sizes)
+        piece = curve if whole else curve.part(float(ends[first]), float(ends[last]))
+        yield Zone(piece, size, depth * size, GROWTH)
+
+
+def curved_parts(domain: Domain) -> Iterator[Zone]:
+    """Zones along arcs, and where other curves turn; finer in hollows, the more so in bodies whose fields
+    decay at different rates."""
+    convex, concave = PER_RADIUS * domain.finer, PER_CONCAVE_RADIUS * domain.finer**2
+    for curve in domain.free:
+        if isinstance(curve, Arc):
+            yield Zone(curve, curve.radius / (convex if curve.sweep > 0.0 else concave), 0.0, GROWTH)
+        elif not isinstance(curve, Segment):
+            yield from banded(curve, _turning_sizes(curve, domain.far, convex, concave))
+
+
+def _turning_sizes(curve: Curve, far: float, convex: float, concave: float) -> FloatArray:
+    """Spacings (s,) within which a curve turns by no more than 1 / ``convex``, in hollows 1 / ``concave``.
+    The turning angle counts, not the curvature: shallow waves, however short, need no fine nodes."""
+    count = max(SAMPLES, PER_POINT * curve.data_points)
+    x, y = curve.normals(np.linspace(0.0, curve.length, count + 1)).T
+    angle, step = np.unwrap(np.arctan2(y, x)), curve.length / count
+    sizes = np.full(count + 1, np.inf)
+    hollow = _turns(angle, max(round(far / step), 1), curve.closed)[2] < -HOLLOW_ANGLE
+    for level in range(LEVELS):
+        size = far * TURN_RATIO**level
+        width = round(size / step)
+        if width < 1 or np.isfinite(sizes).all():
+            break
+        least, most, net = _turns(angle, width, curve.closed)
+        allowed = np.where(hollow & (net < 0.0), 1.0 / concave, 1.0 / convex)
+        sizes = np.where(np.isinf(sizes) & (most - least <= allowed), size, sizes)
+    return np.where(np.isinf(sizes), far * TURN_RATIO**LEVELS, sizes)[:-1]
+
+
+def _turns(angle: FloatArray, width: int, closed: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Least and largest direction (n,) within a window of ``width`` steps about each sample with the
+    direction ``angle`` (n,), and the turning angle over the window."""
+    before, after = width // 2, width - width // 2
+    if closed:
+        around = angle[-1] - angle[0]
+        before, after = min(before, len(angle) - 1), min(after, len(angle) - 1)
+        start, end = angle[len(angle) - 1 - before : -1] - around, angle[1 : 1 + after] + around
+    else:
+        start, end = np.full(before, angle[0]), np.full(after, angle[-1])
+    windows = np.lib.stride_tricks.sliding_window_view(
+        np.concatenate([start, angle, end]), before + after + 1
+    )
+    return windows.min(axis=1), windows.max(axis=1), windows[:, -1] - windows[:, 0]
+
+
+def short_sides(domain: Domain) -> Iterator[Zone]:
+    """Zones along straight sides, whose ends are nodes; finer at roots of slits, between two corners that
+    point into the material."""
+    for number, curve in enumerate(domain.outline.curves):
+        if isinstance(curve, Segment) and number not in domain.planes:
+            ends = number, domain.outline.neighbours(number)[1]
+            root = all(_reentrant(domain.outline, corner) for corner in ends)
+            yield Zone(curve, domain.length(curve) / (PER_ROOT if root else 1.0), 0.0, GROWTH)
+
+
+def _reentrant(outline: Outline, number: int) -> bool:
+    """Whether the corner at which a curve begins points into the material."""
+    before = outline.curves[outline.neighbours(number)[0]]
+    return turn(before, outline.curves[number]) < -SMOOTH_TURN
+
+
+def reentrant_corners(domain: Domain) -> Iterator[Zone]:
+    """Zones at corners that point into the material. Those of sides in contact have none, as pressures would
+    follow the trace of the singular field into the corner; nor have those at finite strain."""
+    if domain.case.model.strain == "finite":
+        return
+    boundaries = domain.boundaries
+    keyed = [pair for name in boundaries.sides for pair in boundaries.keyed(name)]
+    touching = [boundaries.curve(side, key)[0] for side, key in keyed if side.body == domain.body.name]
+    for number, curve in enumerate(domain.outline.curves):
+        if _reentrant(domain.outline, number):
+            corner = curve.points(np.zeros(1))
+            away = [np.hypot(*(side.points(side.closest(corner)) - corner)[0]) for side in touching]
+            small = [COARSE_ROUND_OFF * side.length for side in touching]
+            if all(distance > slack for distance, slack in zip(away, small, strict=True)):
+                yield zone_at(corner[0], domain.far / SINGULAR_RATIO)
+
+
+def narrow_parts(domain: Domain) -> Iterator[Zone]:
+    """Zones with as many spacings between opposite faces as over the thickness. Faces that meet in a corner
+    are excluded: wedges would have arbitrarily fine nodes."""
+    outline, far, across = domain.outline, domain.far, PER_THICKNESS * domain.finer
+    arcs = [_places(curve, far) for curve in domain.free]
+    count = len(domain.free)
+    owner = np.tile(np.repeat(np.arange(count), [len(s) for s in arcs]), domain.copies)
+    copy = np.repeat(np.arange(domain.copies), len(owner) // domain.copies)
+    step = np.concatenate([np.full(len(s), 2.0 * s[0]) for s in arcs])
+    parts = zip(domain.free, arcs, strict=True)
+    points, normals = (
+        np.concatenate(one) for one in zip(*((c.points(s), c.normals(s)) for c, s in parts), strict=True)
+    )
+    points, normals = domain.unfolded(points), domain.unfolded(normals, directions=True)
+    beside = np.array([[_beside(outline, one, other) for other in domain.free] for one in domain.free])
+    pairs = cKDTree(points).query_pairs(across * far, output_type="ndarray")
+    near, opposite = np.concatenate([pairs, pairs[:, ::-1]]).T
+    kept = (normals[near] * normals[opposite]).sum(axis=1) < -OPPOSITE_COSINE
+    kept &= ~(beside[owner[near], owner[opposite]] & (copy[near] == copy[opposite])) & (copy[near] == 0)
+    near, opposite = near[kept], opposite[kept]
+    away = points[near] - points[opposite]
+    depth = (away * normals[near]).sum(axis=1)
+    aside = np.sqrt(np.maximum((away**2).sum(axis=1) - depth**2, 0.0))
+    # The opposite point may lie between samples.
+    aside = np.maximum(aside - np.tile(step, domain.copies)[opposite], 0.0)
+    inside, width = depth > 0.0, np.full(len(step), np.inf)
+    np.minimum.at(width, near[inside], depth[inside] + aside[inside] ** 2 / depth[inside])
+    level = np.ceil(np.log(np.minimum(width / (across * far), 1.0)) / np.log(WIDTH_RATIO) - COARSE_ROUND_OFF)
+    sizes = far * WIDTH_RATIO ** np.clip(level, 0, LEVELS)
+    for number, curve in enumerate(domain.free):
+        yield from banded(curve, sizes[owner[: len(step)] == number], 0.5 * across)
+
+
+def _places(curve: Curve, far: float) -> FloatArray:
+    """Arc lengths (m,) in the middle of equal parts of a curve, shorter than the spacing ``far``."""
+    count = 4 * max(SAMPLES_PER_SPACING, math.ceil(0.25 * SAMPLES_PER_SPACING * curve.length / far))
+    return np.asarray((np.arange(count) + 0.5) * (curve.length / count))
+
+
+def _beside(outline: Outline, one: Curve, other: Curve) -> bool:
+    """Whether two curves of an outline meet at an end."""
+    number, following = outline.curves.index(one), outline.curves.index(other)
+    return number != following and following in outline.neighbours(number)
+
+
+OUTLINE_SOURCES = (curved_parts, short_sides, reentrant_corners, narrow_parts)
+"""Sources of the size function by the outline alone."""
