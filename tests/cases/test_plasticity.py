@@ -76,11 +76,12 @@ def test_a_plate_collapses_at_its_limit_load(tmp_path: Path) -> None:
     """A clamped plate in tension: the section away from the clamp carries the yield stress."""
     text = (
         scene("stress", E=1.0, nu=0.3, yield_stress=Y)
-        .body("plate", "steel", 0.25, box=([0.0, 1.0], [0.0, 2.0]), clamped="bottom")
+        .body("plate", "steel", 0.25, box=([0.0, 1.0], [0.0, 1.5]), clamped="bottom")
         .load("pull", "plate.top", "traction", traction=[0.0, Y])
-        .stages("pull=1.2")
+        .stages("pull=1.1")
     )
-    summary, data = solved(text, tmp_path / "plate")
+    # Close to collapse accurate increments are short.
+    summary, data = solved(text.table("solver", flow_error=0.3), tmp_path / "plate")
     assert summary["status"] == "failed"
     assert summary["stop_reason"].startswith("collapse: body plate")
     assert data.path.factors["pull"][-1] == pytest.approx(1.0, abs=0.015)
