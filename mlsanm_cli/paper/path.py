@@ -28,7 +28,8 @@ SYMBOLS = {"pressure": "p", "gap": "h", "motion": "q", "traction": "t"}
 def paper_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
     """Path of the scene, or its remaining part. NumericalError if the path cannot be continued."""
     system, stages, solver = System(built), built.stages, built.case.solver
-    parts = solver.increments if len(system.law.mu) else 1
+    asked = 10 if solver.increments == "auto" else solver.increments
+    parts = asked if len(system.law.mu) else 1
     ends, stage, position = np.arange(1.0, parts + 1.0) / parts, 0, 0.0
     options: AnmOptions | NewtonOptions = NewtonOptions(solver.tolerance, sys.maxsize)
     if solver.method != "newton":

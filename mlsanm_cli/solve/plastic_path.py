@@ -1,8 +1,8 @@
 """Path of scenes with bodies that flow, in increments chosen by their error.
 
 Every increment is computed at once and in two halves, which are kept. The difference of the strains is
-the error of the halves, as the return map is of first order; its norm is at most ``solver.flow_error`` of the
-largest one.
+the error of the halves, as the return map is of first order; its norm is at most ``solver.increment_error``
+of the largest one.
 """
 
 from __future__ import annotations
@@ -63,10 +63,10 @@ def plastic_path(built: CondensedScene, start: Checkpoint | None = None) -> Iter
     largest = scene.size(now.strain)
     for halt in stops(built):
         while halt - position > FINE_ROUND_OFF:
-            wanted = min(length, halt - position)
+            wanted = min(length, halt - position, built.case.solver.largest_increment)
             found = _increment(scene, now, position, wanted, largest)
             largest = max(largest, scene.size(found.middle.strain), scene.size(found.end.strain))
-            allowed = built.case.solver.flow_error * largest
+            allowed = built.case.solver.increment_error * largest
             # Errors of increments grow with the square of the length.
             most = min(GROWTH, float(np.sqrt(allowed / found.error))) if found.error else GROWTH
             length = max(most * found.length, length if found.length == wanted else 0.0)
@@ -99,7 +99,7 @@ def _increment(scene: PlasticScene, now: Flow, position: float, length: float, l
             continue
         apart = {name: whole.strain[name] - end.strain[name] for name in built.laws}
         size, error = max(largest, scene.size(end.strain)), scene.size(apart)
-        if error <= built.case.solver.flow_error * size:
+        if error <= built.case.solver.increment_error * size:
             return Increment(length, middle, end, error)
         whole, length = middle, 0.5 * length
 

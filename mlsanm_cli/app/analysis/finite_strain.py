@@ -251,6 +251,8 @@ class FiniteStrain(Analysis):
             with self.context.phase("estimate"), suppress(NumericalError, np.linalg.LinAlgError):
                 missing = missing_figures(self.scene, last, self._missed())
         errors = {"energy": energy_estimate(tally)} | missing
+        if any(one.friction for one in self.scene.contacts.pairs):
+            errors["increments"] = float(last.solver["increment_error"])
         self._estimates = last, errors
         return errors
 

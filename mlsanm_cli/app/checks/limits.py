@@ -78,6 +78,7 @@ STATE: Mapping[str, Limit] = {
 """Checks of every state of the path."""
 
 END: Mapping[str, Limit] = {
+    "increment_error": Limit(0.015, None, "estimated error of forces by increments of friction"),
     "bifurcation": Limit(ANY, None, "bifurcations of the path where no asymmetry of the scene decides"),
     "linear_residual": Limit(None, 1e-6, "change of an elastic solution by one more iterative refinement"),
     "pressed_spacings": Limit(None, 4.0, "ratio of the spacings of surfaces pressed on each other by nodes"),

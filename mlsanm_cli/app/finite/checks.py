@@ -104,6 +104,16 @@ def estimates(end: FiniteEnd) -> Iterator[Check]:
         yield from pressure_estimate("rough_pressure_error", end.case, name, bodies, pressures.get(name))
 
 
+def increments(end: FiniteEnd) -> Iterator[Check]:
+    """Error of the increments of friction."""
+    if "increments" in end.errors:
+        error = end.errors["increments"]
+        message = f"forces are estimated to be off by {100 * error:.2g} % by the increments of friction"
+        yield Check(
+            "increment_error", error, message, "use a smaller solver.increment_error or max_increment"
+        )
+
+
 def bifurcations(end: FiniteEnd) -> Iterator[Check]:
     """Bifurcations of the path: the first one, and where it leads."""
     found = [one for one in end.tally["bifurcations"] if not (one["followed"] and one["decided"])]
@@ -161,7 +171,7 @@ def pointed(scene: FiniteScene, state: State) -> dict[str, float]:
 
 
 END: Sequence[Callable[[FiniteEnd], Iterator[Check]]] = (
-    *(energy_estimate, estimates, located, bifurcations),
+    *(energy_estimate, estimates, located, increments, bifurcations),
     *COMMON,
 )
 """Checks of a completed path at finite strain."""

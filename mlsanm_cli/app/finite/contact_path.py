@@ -10,10 +10,11 @@ from typing import NoReturn
 import numpy as np
 
 from mlsanm_cli.app.finite.accuracy import Missing, missed_in_contact
-from mlsanm_cli.app.finite.limits import dissipated, motion_ratio, slip_ratio, work_ratio
+from mlsanm_cli.app.finite.limits import dissipated, motion_ratio, slides, slip_ratio, work_ratio
 from mlsanm_cli.app.finite.scene import TOUCH_TOLERANCE, FiniteScene
 from mlsanm_cli.app.finite.states import place_of
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.complementarity.problem import STICK
 from mlsanm_cli.contact.finite.exact import ExactContact, FiniteContactState, undeformed
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.sets import NodeSets
@@ -60,7 +61,8 @@ def contact_path(
     path = _Path(scene, coarse)
     wanted = sorted({*(scene.case.output.at or [float(len(scene.stages) - 1)]), *at})
     history = any(contact.friction for contact in scene.contacts.pairs)
-    steps, size, position = 0, 1.0 if coarse and not history else FIRST_INCREMENT, 0.0
+    most = scene.case.solver.largest_increment
+    steps, size, position = 0, 1.0 if coarse and not history else min(FIRST_INCREMENT, most), 0.0
     if checkpoint is None:
         path.start()
         first = path.state(0.0)
@@ -78,6 +80,7 @@ def contact_path(
                 raise NumericalError(
                     f"the path stopped at position {reached:.6g}: max steps", "raise solver.max_steps"
                 )
+            size = min(size, most) * path.measured(position, reached)
             state = path.state(reached)
             missed = path.missed(state)
             done = path.finished(state, reached - position, (state,) if reached in wanted else ())
@@ -101,6 +104,8 @@ class _Path:
         self._fresh: frozenset[str] = frozenset()
         self._settled = False
         self.bifurcations: tuple[Bifurcation, ...] = ()
+        self._earlier: list[tuple[FiniteContactState, float]] = []
+        self.error, self._largest = 0.0, 0.0
         self._missing = beyond_clouds(scene.compliances, contacts.sides)
         self.spent, self._iterations, self._solves = len(scene.bodies), 0, 0
 
@@ -124,6 +129,7 @@ class _Path:
         """Continue from a checkpoint."""
         scene, state, history = self._scene, checkpoint.state, checkpoint.history
         self.now, self._slip, self._work, self._settled = _solution(state), state.slip, state.work, True
+        self.error, self._largest = history["increment_error"].tolist()
         counts = [body.loads.count for body in scene.bodies.values()]
         acting = np.split(history["acting"], np.cumsum(counts)[:-1])
         kept = {name for name, keeps in zip(scene.bodies, history["keeps"], strict=True) if keeps}
@@ -140,6 +146,7 @@ class _Path:
             "base_state": np.concatenate([one.base_state for one in every]),
             "acting": np.concatenate([one.factors for one in every]),
             "keeps": np.array([bool(one.rest.any()) for one in every]),
+            "increment_error": np.array([self.error, self._largest]),
         }
         return Checkpoint(state, history, pace=size)
 
@@ -168,6 +175,7 @@ class _Path:
                 far = self._excess(found, position, reached)
                 if self.bifurcations or (far <= 1.0 and self._stretched(found)[0] <= MAX_STRETCH):
                     self._add_slip(found)
+                    self._earlier = [*self._earlier[-1:], (self.now, position)]
                     self._before, self.now = self.now.place, found
                     longer = 1.6 if 3 * found.iterations <= MAX_ITERATIONS else 1.0
                     return reached, size * min(longer, 0.9 / far if far else longer)
@@ -232,16 +240,55 @@ class _Path:
         mean = 0.5 * (found.pressure + self.now.pressure)
         self._work = self._work + dissipated(self._scene, self.now, found, mean)
 
-    def _solved(self, position: float, start: FiniteContactState | None = None) -> FiniteContactState | None:
-        """The state at a ``position``, searched from the present one or another ``start``."""
+    def measured(self, position: float, reached: float) -> float:
+        """Factor of the next increment after those to ``position`` and to ``reached``. If both have friction
+        with a memory, their error is what one increment in their place changes of the forces; nodes that
+        stick keep it."""
+        if self._coarse or len(self._earlier) < 2 or int(position) == position:
+            return 1.0
+        (first, _), (middle, _) = self._earlier
+        self._earlier = []
+        contacts = self._scene.contacts
+        if all(not one.friction or slides(middle, self.now, here) for one, here, _ in contacts.each):
+            return 1.0
+        whole = self._solved(reached, self.now, first)
+        if whole is None:
+            return 1.0
+        work = contacts.weight * np.abs(self.now.shear)
+        kept = (self.now.sets.status == STICK) & (first.sets.status == STICK)
+        memory = float(work @ kept) / float(work.sum()) if work.any() else 0.0
+        forces = [self._force(state) for state in (self.now, whole)]
+        self._largest = max(self._largest, float(np.hypot(*forces[0].T).max()))
+        change = float(np.hypot(*(forces[1] - forces[0]).T).max())
+        self.error = memory * self.error + change
+        allowed = self._scene.case.solver.increment_error * self._largest
+        return float(np.clip(np.sqrt(allowed / change), 0.5, 1.0)) if change else 1.0
+
+    def _force(self, state: FiniteContactState) -> FloatArray:
+        """Forces (contacts, 2) on the slaves."""
+        each = self._scene.contacts.each
+        parts = ((one.slave, state.traction[there].reshape(-1, 2)) for one, _, there in each)
+        return np.array([slave.weight @ traction[: slave.count] for slave, traction in parts])
+
+    def _solved(
+        self,
+        position: float,
+        start: FiniteContactState | None = None,
+        earlier: FiniteContactState | None = None,
+    ) -> FiniteContactState | None:
+        """The state at a ``position``, searched from the present one or another ``start``, after the present
+        one or an ``earlier`` one."""
+        begin = earlier or self.now
         factors = factors_at(self._scene.stages, position)
         system, tolerance = self._system(), self._scene.case.solver.tolerance
         if self._coarse:
             tolerance = max(tolerance, COARSE_TOLERANCE)
-        before = self.now.place if self._settled else None
+        before = begin.place if self._settled else None
         with np.errstate(all="ignore"):
             try:
-                found = system.solved(start or self.now, factors, tolerance, MAX_ITERATIONS, before)
+                found = system.solved(
+                    start or self.now, factors, tolerance, MAX_ITERATIONS, before, begin.sets.closed
+                )
             except (np.linalg.LinAlgError, NumericalError):
                 found = None
         tried = MAX_ITERATIONS if found is None else found.iterations
@@ -309,6 +356,7 @@ class _Path:
             self.spent += 1
             renewed = True
         if renewed:
+            self._earlier = []
             self.now = replace(self.now, free=self._repinned())
         counts = (length, 0, self._iterations, self.spent, self._solves)
         step = PathStep(state, saved, *counts, renewed=renewed, kept=kept, bifurcations=self.bifurcations)
@@ -348,6 +396,7 @@ class _Path:
             "surface": now.surface,
             "stability": np.array(now.stability),
             "unstable": np.array(now.soft.unstable),
+            "increment_error": np.array(self.error / self._largest if self._largest else 0.0),
         }
         return State(position, factors, *contact, self._slip, self._work, now.displacement, solver)
 

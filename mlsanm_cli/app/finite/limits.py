@@ -6,7 +6,7 @@ import numpy as np
 
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.complementarity.problem import SLIP
+from mlsanm_cli.contact.complementarity.problem import SLIP, STICK
 from mlsanm_cli.contact.finite.exact import FiniteContactState
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.geometry.obstacles import Round
@@ -29,7 +29,7 @@ def slip_ratio(scene: FiniteScene, now: FiniteContactState, found: FiniteContact
     largest = 0.0
     for contact, here, _ in scene.contacts.each:
         closed = found.sets.closed[here] | now.sets.closed[here]
-        if contact.friction and closed.any() and not _slides(now, found, here):
+        if contact.friction and closed.any() and not slides(now, found, here):
             width = float(contact.slave.weight[closed].sum())
             slip = float(np.abs(found.slip[here][closed]).max())
             largest = max(largest, slip / (MAX_SLIP * width))
@@ -40,9 +40,11 @@ def dissipated(
     scene: FiniteScene, now: FiniteContactState, found: FiniteContactState, pressure: FloatArray
 ) -> FloatArray:
     """Work (c,) per length that friction dissipates in an increment under ``pressure`` (c,): nodes slip at
-    the limit of friction only, whatever they carried before."""
+    the limit of friction only, whatever they carried before. Those that enter or leave the contact count with
+    the slip of the increment under half of the pressure that they have in it."""
     closed = found.sets.closed | now.sets.closed
-    return np.asarray(np.where(closed, scene.contacts.friction * pressure * np.abs(found.slip), 0.0))
+    way = np.abs(np.where(found.sets.status == STICK, found.slip, found.dragged))
+    return np.asarray(np.where(closed, scene.contacts.friction * pressure * way, 0.0))
 
 
 def work_ratio(
@@ -81,7 +83,7 @@ def motion_ratio(
     return farthest
 
 
-def _slides(now: FiniteContactState, found: FiniteContactState, here: slice) -> bool:
+def slides(now: FiniteContactState, found: FiniteContactState, here: slice) -> bool:
     """Whether all closed nodes of a contact slide in one direction before and after the increment."""
     senses, least = [], COARSE_ROUND_OFF * float(found.pressure[here].max())
     for state in (now, found):

@@ -21,6 +21,8 @@ from mlsanm_cli.case.model.section import (
 )
 from mlsanm_cli.errors import Fault
 
+MAX_INCREMENTS = 10_000
+"""Largest number of increments of a stage."""
 MAX_NEIGHBORS_PER_TERM = 20
 """Largest number of nodes of a stencil per coefficient of its polynomial."""
 
@@ -93,17 +95,31 @@ class Solver(Section):
     """Largest allowed scaled residual on the path."""
     pade: bool = True
     """Use Padé approximants where they extend a step."""
-    increments: Annotated[int, Field(ge=1, le=10_000)] = 10
-    """Parts of every stage, at whose ends regularised friction updates its history (backward Euler)."""
-    flow_error: Annotated[float, Field(gt=0.0, lt=1.0), NUMBER] = 5e-3
-    """Largest error of strains by an increment of plastic flow, relative to the largest strains (root mean
-    squares); increments are chosen by it."""
+    increments: AutoCount = "auto"
+    """Least number of increments of every stage, at most 10,000; `"auto"` is 10 for regularised friction,
+    whose history is updated at their ends (backward Euler), and otherwise as many as `increment_error` takes.
+    """
+    max_increment: Annotated[float, Field(gt=0.0, le=1.0), NUMBER] = 1.0
+    """Largest increment, as a part of a stage, of plastic flow and of contact at finite strain."""
+    increment_error: Annotated[float, Field(gt=0.0, lt=1.0), NUMBER] = 5e-3
+    """Largest error by an increment: of strains by plastic flow, relative to the largest strains (root mean
+    squares), or of the forces of contacts with friction at finite strain, relative to the largest one;
+    increments are chosen by it."""
     max_steps: Annotated[int, Field(ge=1, le=1_000_000)] = 2000
     """Largest number of steps; a path that needs more fails."""
     linear: Literal["auto", "superlu"] = "auto"
     """Direct solver: `"auto"` is the built-in sparse Cholesky factorisation."""
 
+    @property
+    def largest_increment(self) -> float:
+        """Largest increment, as a part of a stage."""
+        return min(self.max_increment, 1.0 if self.increments == "auto" else 1.0 / self.increments)
+
     def faults(self, scope: Scope) -> Iterator[Fault]:
+        if self.increments != "auto" and self.increments > MAX_INCREMENTS:
+            yield Fault(
+                ("increments",), f"{self.increments} increments are too many", f"at most {MAX_INCREMENTS}"
+            )
         if scope.strain == "finite" and self.method == "active-set" and not scope.names("contact"):
             yield Fault(("method",), '"active-set" needs a contact', '"anm" or "newton"')
         law = scope.case.touching[0].regularization.law if scope.case.touching else None

@@ -12,6 +12,7 @@ Equation (26) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -50,7 +51,8 @@ class FiniteContactState:
     (2s,) at the knots of all sides in turn and their displacements ``surface`` (2s,), with near
     fields; the ``free`` motions (d,). ``residual`` is the estimated next update over the typical
     displacement, ``stability`` the least resistance of a contact to pressures that oscillate from knot to
-    knot, ``soft`` the softest motion with contacts that neither open nor close.
+    knot, ``soft`` the softest motion with contacts that neither open nor close. ``dragged``
+    (c,) are the slips in the whole increment, also before knots touch.
     """
 
     displacement: FloatArray
@@ -70,6 +72,7 @@ class FiniteContactState:
     solves: int
     stability: float = np.inf
     soft: SoftMotion = STILL
+    dragged: FloatArray = field(default_factory=lambda: np.zeros(0))
 
 
 class ExactContact(ContactSystem):
@@ -110,10 +113,12 @@ class ExactContact(ContactSystem):
         tolerance: float,
         most: int,
         before: FloatArray | None = None,
+        earlier: BoolArray | None = None,
     ) -> FiniteContactState | None:
         """The state at load ``factors`` (L,), searched from ``start``, with slips relative to the places
-        ``before`` (c,). None if ``most`` iterations do not converge. Raises LinAlgError or NumericalError for
-        singular derivatives."""
+        ``before`` (c,), where knots were closed ``earlier`` (c,), by default in ``start``. None if ``most``
+        iterations do not converge. Raises LinAlgError or NumericalError for singular derivatives."""
+        touching_before = start.sets.closed if earlier is None else earlier
         u, p, q, sets, solves = start.displacement, start.pressure, start.shear, start.sets, 0
         free, given = start.free, factors
         settled, traction, updates, spent = False, start.traction, [np.inf], 0
@@ -123,7 +128,7 @@ class ExactContact(ContactSystem):
             factors = np.concatenate([given, free])
             response = SideResponse.of(self.contacts.sides, self.missing, self.onto, u, traction)
             surface = response.moved(u, traction)
-            met = self.meet(surface, factors, since, start.sets.closed)
+            met = self.meet(surface, factors, since, touching_before)
             args = (u, traction, p, q, sets, met)
             # After slow convergence, as of thin bodies in rotation, derivatives are not reused.
             slow = len(updates) > 2 and updates[-1] > REUSE_RATE * updates[-2]
@@ -149,15 +154,19 @@ class ExactContact(ContactSystem):
             updates.append(last)
             if part == 1.0 and settled and left <= REUSE_BELOW and since is before:
                 # Once: what knots outside have moved by hardly depends on it.
-                since = self._touched(before, met, start.sets.closed, sets.closed)
+                since = self._touched(before, met, touching_before, sets.closed)
                 if since is not None and before is not None and not np.array_equal(since, before):
                     updates = [np.inf]
                     continue
             if part == 1.0 and settled and left <= tolerance:
                 counts = (left, count, spent, solves)
                 surface = response.moved(u, traction)
-                met = self.meet(surface, np.concatenate([given, free]), since, start.sets.closed)
-                return self._state(u, p, q, sets, met, surface, free, counts, result)
+                met = self.meet(surface, np.concatenate([given, free]), since, touching_before)
+                state = self._state(u, p, q, sets, met, surface, free, counts, result)
+                if since is before:
+                    return state
+                whole = self.meet(surface, np.concatenate([given, free]), before, touching_before)
+                return replace(state, dragged=np.concatenate([one.slip for one in whole]))
         return None
 
     def _until_touch(self, met: Sequence[Meeting], result: IterationResult) -> float:
@@ -201,7 +210,7 @@ class ExactContact(ContactSystem):
         stable = result.stability(self, met)
         args = (u, p, q, gap, place, slip, normal, sets, traction, surface, free)
         soft = result.linearised.softest(u, p, q, sets.status)
-        return FiniteContactState(*args, *counts, stable, soft)
+        return FiniteContactState(*args, *counts, stable, soft, slip)
 
 
 def _stalls(updates: Sequence[float], last: float) -> bool:
