@@ -173,8 +173,10 @@ class Domain:
 
 def _planes(boundaries: Boundaries, body: Body) -> dict[int, tuple[int, float]]:
     """The straight sides that are held in their normal component only, with all of the body on one side, by
-    number: axis and coordinate. Of two parallel ones, between which the whole is without end, none; nor of
-    bodies of revolution those at a radius."""
+    number: axis and coordinate. Of two parallel ones, between which the whole is without end, none; nor in
+    bodies of revolution, which are supported rather than cut there."""
+    if boundaries.case.model.revolved:
+        return {}
     outline, held, planes = boundaries.drawn[body.name], dict[int, set[int]](), dict[int, tuple[int, float]]()
     for _, condition, place in conditions(boundaries.case):
         if place.body != body.name:
@@ -192,8 +194,6 @@ def _planes(boundaries: Boundaries, body: Body) -> dict[int, tuple[int, float]]:
         (axis,), at = components, curve.points(np.zeros(1))[0]
         across = abs(curve.normals(np.zeros(1))[0, axis]) > 1.0 - ROUND_OFF
         away = (points - at) @ curve.normals(np.zeros(1))[0]
-        if axis == 0 and boundaries.case.model.revolved:
-            continue
         if across and away.max() <= ROUND_OFF * float(np.ptp(points, axis=0).max()):
             planes[number] = axis, float(at[axis])
     axes = [axis for axis, _ in planes.values()]
