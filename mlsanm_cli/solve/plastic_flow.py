@@ -26,7 +26,7 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.complementarity.basis import Ray
 from mlsanm_cli.contact.laws.contact_state import ContactSolution, Linearised
-from mlsanm_cli.contact.laws.coulomb import CoulombState, increment, unloaded
+from mlsanm_cli.contact.laws.coulomb import CoulombState, increment, residual, unloaded
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.contact_fields import NearFields
 from mlsanm_cli.contact.response.eigenstress import NOTHING
@@ -37,6 +37,7 @@ from mlsanm_cli.mechanics.defect import NextDegree
 from mlsanm_cli.mechanics.elasticity import divergence_of_stress, stress_of
 from mlsanm_cli.mechanics.laws.von_mises import HISTORY, plastic_stress
 from mlsanm_cli.mechanics.near_field import as_complex
+from mlsanm_cli.mechanics.rigid import ROTATION
 from mlsanm_cli.operators.linear.krylov import gmres
 from mlsanm_cli.operators.refinement import FUNCTIONAL_TOLERANCE
 from mlsanm_cli.records import dataclass
@@ -80,7 +81,7 @@ class Flow:
     products: int = 0
 
     @property
-    def residual(self) -> float:
+    def error(self) -> float:
         """The misfit relative to the stresses."""
         return float(np.linalg.norm(self.misfit)) / self.size if self.size else 0.0
 
@@ -145,8 +146,12 @@ class PlasticScene:
         counts = [3 * len(body.model.cloud.points) for body in self.bodies.values()]
         ends = np.cumsum([0, *counts]).tolist()
         self._places = {n: slice(a, b) for n, a, b in zip(self.bodies, ends[:-1], ends[1:], strict=True)}
-        areas = [np.tile(body.model.cloud.areas, 3) for body in self.bodies.values()]
-        self._root = np.sqrt(np.concatenate(areas))
+        clouds = [body.model.cloud for body in self.bodies.values()]
+        self._root = np.sqrt(np.concatenate([np.tile(cloud.areas, 3) for cloud in clouds]))
+        self._area = sum(float(cloud.areas.sum()) for cloud in clouds)
+        volume, length = sum(float(cloud.volumes.sum()) for cloud in clouds), np.sqrt(self._area)
+        levers = [length if one.component == ROTATION else 1.0 for _, one in built.scene.unknown_motions]
+        self._sections = volume / length * np.array(levers)
         known = built.condensed
         gap, slip, balance = map(_homogeneous, (known.gap, known.slip, known.balance))
         self._linear = replace(known, gap=gap, slip=slip, balance=balance)
@@ -177,7 +182,7 @@ class PlasticScene:
         now = self._trial(before, factors, before.unknowns if first is None else first, before.contact)
         forcing, products, seen = LARGEST_FORCING, 0, [float(np.linalg.norm(now.misfit))]
         for updates in range(MOST_UPDATES + 1):
-            if now.residual <= tolerance:
+            if now.error <= tolerance:
                 return replace(now, updates=updates, products=products)
             try:
                 linear = Linearised(self.built.condensed, now.contact.sets)
@@ -190,7 +195,7 @@ class PlasticScene:
             rate = seen[-1] / seen[-2]
             safe = FORCING * forcing**2
             forcing = min(LARGEST_FORCING, max(FORCING * rate**2, safe if safe > LARGEST_FORCING else 0.0))
-            forcing = max(forcing, 0.5 * tolerance / max(now.residual, tolerance))
+            forcing = max(forcing, 0.5 * tolerance / max(now.error, tolerance))
         raise FlowError(f"plastic strains have not settled after {MOST_UPDATES} updates")
 
     def _stepped(self, before: Flow, now: Flow, change: FloatArray, most: float) -> Flow:
@@ -232,6 +237,15 @@ class PlasticScene:
         misfit = self._root * np.concatenate(misfits)
         size = float(np.sqrt(size + np.sum((self._root * unknowns) ** 2)))
         return Flow(factors, unknowns, contact, strain, stress, tangent, history, work, misfit, size)
+
+    def residual(self, now: Flow) -> float:
+        """The largest residual of a state: of its plastic strains, and of contacts and balances, relative to
+        the root mean square of stresses and their forces and moments on sections as long as the root of the
+        area."""
+        stresses = dict(self._split(now.unknowns))
+        stress = now.size / np.sqrt(self._area)
+        condensed = self._eigen.within(self.built.condensed, stresses)
+        return max(now.error, residual(condensed, now.contact, stress, stress * self._sections))
 
     def growth(self, now: Flow, change: FloatArray) -> float:
         """Strains per change of load factors (L,) over those of elastic bodies; unbounded at a limit load."""

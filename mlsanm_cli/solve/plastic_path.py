@@ -8,7 +8,6 @@ of the largest one.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import finer_nodes
 from mlsanm_cli.contact.complementarity.problem import ContactStatus
 from mlsanm_cli.contact.laws.contact_state import ContactSolution
-from mlsanm_cli.contact.laws.coulomb import CoulombState, residual
+from mlsanm_cli.contact.laws.coulomb import CoulombState
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.laws.von_mises import plastic_stress
 from mlsanm_cli.records import dataclass
@@ -51,7 +50,7 @@ def plastic_path(built: CondensedScene, start: Checkpoint | None = None) -> Iter
     scene = PlasticScene(built)
     if start is None:
         now, position, length, errors = scene.unloaded(), 0.0, 1.0, np.zeros(2)
-        yield _step(built, now, position, 0.0, length, errors)
+        yield _step(scene, now, position, 0.0, length, errors)
     else:
         now, position, length = _restored(built, start), start.position, start.pace
         errors, half = start.state.solver["errors"], float(start.history["half"][0])
@@ -59,7 +58,7 @@ def plastic_path(built: CondensedScene, start: Checkpoint | None = None) -> Iter
             # The second half of an increment.
             position = _rounded(built, position + half)
             now = scene.advanced(now, factors_at(built.stages, position))
-            yield _step(built, now, position, half, length, errors)
+            yield _step(scene, now, position, half, length, errors)
     largest = scene.size(now.strain)
     for halt in stops(built):
         while halt - position > FINE_ROUND_OFF:
@@ -73,9 +72,9 @@ def plastic_path(built: CondensedScene, start: Checkpoint | None = None) -> Iter
             half, now = 0.5 * found.length, found.end
             added, spatial = found.error / (largest or 1.0), scene.spatial_error(now)
             errors = np.array([errors[0] + added, max(errors[1], spatial)])
-            yield _step(built, found.middle, position + half, half, length, errors, half)
+            yield _step(scene, found.middle, position + half, half, length, errors, half)
             position = _rounded(built, position + found.length)
-            yield _step(built, now, position, half, length, errors)
+            yield _step(scene, now, position, half, length, errors)
 
 
 def _rounded(built: CondensedScene, position: float) -> float:
@@ -131,7 +130,7 @@ def _beyond(
 
 
 def _step(
-    built: CondensedScene,
+    scene: PlasticScene,
     flow: Flow,
     position: float,
     length: float,
@@ -141,7 +140,7 @@ def _step(
 ) -> PathStep:
     """A step that ends at a state, of which another ``half`` follows at once, with ``errors`` (2,) so far:
     the sum of those of the increments, relative, and the largest of displacements by spacings."""
-    contact, v = flow.contact, flow.contact.values
+    built, contact, v = scene.built, flow.contact, flow.contact.values
     solver = {"errors": errors}
     for name in built.laws:
         solver |= {
@@ -150,9 +149,8 @@ def _step(
             f"work.{name}": flow.work[name],
         }
     status = contact.sets.status(built.condensed.friction_nodes)
-    values = (v.pressure, v.gap, v.motion, status, 0.0, v.traction, v.slip, contact.work)
+    values = v.pressure, v.gap, v.motion, status, scene.residual(flow), v.traction, v.slip, contact.work
     state = State(position, flow.factors, *values, solver=solver)
-    state = replace(state, residual=residual(built.at(state).condensed, contact))
     history = friction_history(contact.sets, contact.stick_reference) | {"half": np.array([half])}
     return PathStep(
         state,

@@ -81,7 +81,7 @@ def test_a_plate_collapses_at_its_limit_load(tmp_path: Path) -> None:
         .stages("pull=1.1")
     )
     # Close to collapse accurate increments are short.
-    summary, data = solved(text.table("solver", flow_error=0.3), tmp_path / "plate")
+    summary, data = solved(text.table("solver", increment_error=0.3), tmp_path / "plate")
     assert summary["status"] == "failed"
     assert summary["stop_reason"].startswith("collapse: body plate")
     assert data.path.factors["pull"][-1] == pytest.approx(1.0, abs=0.015)
@@ -120,3 +120,52 @@ def test_a_cycle_dissipates_the_work_of_the_loads(tmp_path: Path) -> None:
     assert bar["plastic_work"] == pytest.approx(2.0 * float(np.trapezoid(force, plastic)), rel=1e-3)
     # Elastic energy, and that of the back stress, which is reversible.
     assert bar["stored_energy"] == pytest.approx(force[-1] ** 2 + 0.1 * plastic[-1] ** 2, rel=1e-3)
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.01])
+def test_a_plate_bends_a_beam_and_lets_go(slope: float, tmp_path: Path) -> None:
+    """Pure bending to about 1.4 times the elastic moment, by a plate without force, and back: beam theory."""
+    across = np.linspace(-0.5, 0.5, 20001)
+    curvature = 2.0 * np.sqrt(5.0) * Y
+    elastic = curvature * across
+    stress = np.sign(across) * np.minimum(np.abs(elastic), (Y + slope * np.abs(elastic)) / (1.0 + slope))
+    moment = float(np.trapezoid(stress * across, across))
+    assert slope or moment == pytest.approx(1.4 * Y / 6.0, rel=1e-6)
+    text = (
+        scene("stress", E=1.0, nu=0.3, yield_stress=Y, hardening=slope)
+        .body("beam", "steel", 1 / 16, box=([0.0, 2.0], [-0.5, 0.5]))
+        .support("beam.left", ux=0.0)
+        .pin("beam", [0.0, 0.0], uy=0.0)
+        .load("bend", "beam.right", "platen", fx=0.0, moment=-moment)
+        .stages("bend", "bend=0.0")
+        .table("output", at=[1.0, 2.0])
+    )
+    summary, data = solved(text, tmp_path / "beam")
+    assert summary["status"] == "done"
+    points = data.bodies["beam"].points
+    bent, left = (state.bodies["beam"] for state in data.states[-2:])
+    end = np.isclose(points[:, 0], 2.0)
+    for fields, expected in ((bent, curvature), (left, curvature - 12.0 * moment)):
+        turned = np.polyfit(points[end, 1], fields["displacement"][end, 0], 1)[0]
+        assert turned == pytest.approx(2.0 * expected, abs=0.02 * curvature)
+    middle = np.abs(points[:, 0] - 1.0) < 0.5
+    remains = np.interp(points[:, 1], across, stress) - 12.0 * moment * points[:, 1]
+    assert np.abs(left["stress"][middle, 0] - remains[middle]).max() < 0.03 * Y
+
+
+def test_a_plate_pulls_a_bar_and_lets_go(tmp_path: Path) -> None:
+    """Beyond yield, unloaded to no force, and pushed: a uniform bar follows its law."""
+    text = (
+        scene("stress", E=1.0, nu=0.0, yield_stress=Y, hardening=0.05)
+        .body("bar", "steel", 0.25, box=([0.0, 1.0], [0.0, 1.0]))
+        .support("bar.left", ux=0.0)
+        .support("bar.bottom", uy=0.0)
+        .load("pull", "bar.top", "platen", fy=1.5 * Y)
+        .stages("pull", "pull=0.0", "pull=-0.6")
+        .table("output", at=[1.0, 2.0, 3.0])
+    )
+    summary, data = solved(text, tmp_path / "bar")
+    assert summary["status"] == "done"
+    moved = [state.bodies["bar"]["displacement"][:, 1].max() for state in data.states[-3:]]
+    assert moved == pytest.approx([11.5 * Y, 10.0 * Y, 9.1 * Y], rel=1e-6)
+    assert np.abs(data.states[-2].bodies["bar"]["stress"]).max() < 1e-6 * Y

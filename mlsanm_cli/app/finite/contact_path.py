@@ -163,13 +163,13 @@ class _Path:
         while True:
             reached = end if position + INCREMENT_SLACK * size >= end else position + size
             reached = min(reached, float(stage + 1))
-            size, found = reached - position, self._solved(reached)
-            shorter, bracket = 0.5 * size, BRACKET * (reached - stage)
+            length, found = reached - position, self._solved(reached)
+            shorter, bracket = 0.5 * length, BRACKET * (reached - stage)
             if found is not None and self.now.soft.stable and not found.soft.stable:
-                if size <= bracket:
+                if length <= bracket:
                     found = self._branched(position, reached, found)
                 else:
-                    shorter = min(max(BELOW * size * self._stable_part(found), 0.5 * bracket), shorter)
+                    shorter = min(max(BELOW * length * self._stable_part(found), 0.5 * bracket), shorter)
                     found = None
             if found is not None:
                 far = self._excess(found, position, reached)

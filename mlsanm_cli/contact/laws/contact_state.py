@@ -55,15 +55,20 @@ def kkt_residual(
     unknowns: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
     closed: BoolArray,
     held: FloatArray,
+    stress: float = 0.0,
+    forces: FloatArray | float = 0.0,
 ) -> float:
     """Largest residual of contact conditions, friction and balances, relative to peak pressure, elastic gap
     and forces. ``unknowns`` are load factors, motions, pressures and tractions, ``closed`` (m,) the closed
-    nodes, ``held`` (n,) the stick references, nan for nodes that do not stick."""
+    nodes, ``held`` (n,) the stick references, nan for nodes that do not stick. Eigenstresses remain when
+    loads vanish: pressures are measured by at least their ``stress``, balances by the ``forces`` (k,) that
+    it exerts on a section."""
     factors, motion, pressure, traction = unknowns
     gap_map, balance = condensed.gap, condensed.balance
     moved = float(np.abs(gap_map.motion @ motion).max(initial=0.0))
     largest_compliance = condensed.largest_compliance
     least = COARSE_ROUND_OFF * moved / largest_compliance if largest_compliance > 0.0 else 0.0
+    least = max(least, stress)
     typical = max(float(np.abs(pressure).max(initial=0.0)), least) or 1.0
     m, n = len(pressure), len(traction)
     elastic = max(condensed.elastic_gap(pressure), least * largest_compliance) or 1.0
@@ -73,7 +78,7 @@ def kkt_residual(
     overlap = np.where(closed, np.abs(gap), -gap)
     limit = condensed.friction * pressure[condensed.friction_nodes]
     size = np.maximum(np.abs(pressure), least)
-    force = np.abs(balance.load @ factors) + np.abs(balance.pressure) @ size
+    force = forces + np.abs(balance.load @ factors) + np.abs(balance.pressure) @ size
     force += np.abs(balance.traction) @ (condensed.friction * size[condensed.friction_nodes])
     # Pressures are known to round-off of the largest: so are the forces on what is pressed little.
     slack = FEASIBLE * typical * np.abs(balance.pressure).sum(axis=1)

@@ -99,11 +99,13 @@ def _without_undecided(problem: Problem, status: ContactStatus) -> ContactStatus
     )
 
 
-def residual(condensed: Condensed, state: CoulombState) -> float:
+def residual(
+    condensed: Condensed, state: CoulombState, stress: float = 0.0, forces: FloatArray | float = 0.0
+) -> float:
     """Largest violation of contact conditions, friction and balances, see :func:`kkt_residual`."""
     v, sets = state.values, state.sets
-    unknowns = (state.factors, v.motion, v.pressure, v.traction)
-    return kkt_residual(condensed, unknowns, sets.closed, np.where(sets.stuck, state.stick_reference, np.nan))
+    unknowns, held = (state.factors, v.motion, v.pressure, v.traction), state.stick_reference
+    return kkt_residual(condensed, unknowns, sets.closed, np.where(sets.stuck, held, np.nan), stress, forces)
 
 
 def start(condensed: Condensed, factors: FloatArray, typical: float = 0.0) -> CoulombState:
