@@ -7,17 +7,20 @@ of the largest one.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import finer_nodes
-from mlsanm_cli.contact.complementarity.problem import ContactStatus
+from mlsanm_cli.case import Case, finer_nodes
+from mlsanm_cli.contact.complementarity.problem import STICK, ContactStatus
+from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.laws.contact_state import ContactSolution
 from mlsanm_cli.contact.laws.coulomb import CoulombState
+from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.mechanics.laws.von_mises import plastic_stress
+from mlsanm_cli.mechanics.laws.von_mises import VonMises, plastic_stress
+from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene, factors_at
@@ -75,6 +78,26 @@ def plastic_path(built: CondensedScene, start: Checkpoint | None = None) -> Iter
             yield _step(scene, found.middle, position + half, half, length, errors, half)
             position = _rounded(built, position + found.length)
             yield _step(scene, now, position, half, length, errors)
+
+
+def touching_states(
+    case: Case, scene: Scene, stages: FloatArray, laws: Mapping[str, VonMises], condensed: Condensed
+) -> tuple[ExactState, ...]:
+    """The states of the path of a scene, as far as there are any, or up to one whose contacts reach an end of
+    a grid that is no end of a surface."""
+    built, found = CondensedScene(case, scene, condensed, stages, (), np.nan, laws), list[ExactState]()
+    try:
+        for step in plastic_path(built):
+            state, closed = step.state, step.state.closed
+            stuck = np.asarray(state.status == STICK)
+            shift = built.at(state).condensed.watched.constant - condensed.watched.constant
+            values = state.pressure, state.gap, state.motion, state.traction, closed, stuck, 0, state.residual
+            found.append(ExactState(state.factors, *values, shift))
+            if condensed.cut(state.pressure):
+                break
+    except NumericalError:
+        pass
+    return tuple(found)
 
 
 def _rounded(built: CondensedScene, position: float) -> float:
