@@ -92,7 +92,8 @@ def test_series_of_a_path_meet_newtons_method(law: Law) -> None:
     slope = -tangent.solve(problem.load_derivative(start, 0.4))
     x, lam = np.zeros((11, problem.size)), np.zeros(11)
     x[:2], lam[:2] = [start, slope], [0.4, 1.0]
-    tangent.orders(x, lam, slope, np.zeros(problem.size), 1.0)
+    for order in range(2, len(x)):
+        x[order] = tangent.solve(problem.series_rhs(x[:order], lam[:order]))
     end = step ** np.arange(11) @ x
     np.testing.assert_allclose(end, newton(problem, end, 0.4 + step), atol=1e-8)
 

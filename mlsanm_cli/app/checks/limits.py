@@ -102,6 +102,7 @@ END: Mapping[str, Limit] = {
     "pressure_error": Limit(0.02, None, "estimated error of frictionless pressures on contact grids (L2)"),
     "rough_pressure_error": Limit(0.05, None, "estimated error of pressures with friction or on nodes (L2)"),
     "located_contacts": Limit(ANY, None, "path beyond the position up to which its contacts were located"),
+    "folded_nodes": Limit(ANY, None, "nodes at which the deformation is not invertible: without stresses"),
     "energy_estimate": Limit(0.015, None, "estimated error of the energy at finite strain"),
     "finite_force_error": Limit(0.015, None, "estimated error of a contact force over the largest force"),
 }

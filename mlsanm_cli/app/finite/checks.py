@@ -20,7 +20,7 @@ from mlsanm_cli.app.checks.ended import (
 )
 from mlsanm_cli.app.checks.limits import level
 from mlsanm_cli.app.finite.estimate import energy_errors, work_error
-from mlsanm_cli.app.finite.fields import SceneForces
+from mlsanm_cli.app.finite.fields import SceneForces, fields_of
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.case import Case
 from mlsanm_cli.records import dataclass
@@ -149,6 +149,17 @@ def located(end: FiniteEnd) -> Iterator[Check]:
         )
 
 
+def folded(end: FiniteEnd) -> Iterator[Check]:
+    """Nodes, next to singular points, where the fields shown are not invertible."""
+    for name, fields in fields_of(end.scene, end.last).items():
+        volume = fields["volume_ratio"]
+        count, least = int((volume <= 0.0).sum()), int(np.argmin(volume))
+        x, y = end.scene.bodies[name].elastic.model.cloud.points[least]
+        message = f"body {name}: no stresses at {count} nodes, above all at ({x:.6g}, {y:.6g}), where the "
+        message += f"deformation between nodes is not invertible (det F = {volume[least]:.3g})"
+        yield Check("folded_nodes", float(count), message, "use finer nodes there", f"body {name}")
+
+
 def pointed(scene: FiniteScene, state: State) -> dict[str, float]:
     """Increase of the displacements of bodies held at single nodes when the spacing is halved, relative to
     the deformation."""
@@ -171,7 +182,7 @@ def pointed(scene: FiniteScene, state: State) -> dict[str, float]:
 
 
 END: Sequence[Callable[[FiniteEnd], Iterator[Check]]] = (
-    *(energy_estimate, estimates, located, increments, bifurcations),
+    *(energy_estimate, estimates, located, increments, bifurcations, folded),
     *COMMON,
 )
 """Checks of a completed path at finite strain."""

@@ -19,7 +19,7 @@ from mlsanm_cli.contact.geometry.profile import unrolled
 from mlsanm_cli.io.columns import Quantities
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.finite.forces import Forces
-from mlsanm_cli.mechanics.laws.law import Law, gradient_of, stretches
+from mlsanm_cli.mechanics.laws.law import Law, determinant, gradient_of, stretches
 from mlsanm_cli.operators.stencils import build_stencils
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.solve.state import Fields, State
@@ -35,10 +35,13 @@ def fields_at(
     the temperature change ``degrees`` (n,): displacement (n, 2), Cauchy stress xx, yy, xy (n, 3) and zz (n,),
     von Mises stress (n,), principal in-plane stretches (n, 2), the larger first, and volume ratio J = det F
     (n,), which includes the stretch in z. ``mean`` (n,) is the mean stress of volume changes of nearly
-    incompressible bodies, fitted to nodal values; else None."""
+    incompressible bodies, fitted to nodal values; else None. Stresses are nan where the deformation is not
+    invertible: no law has any there."""
     gradient = gradient_of(derivatives)
-    response = law.state(gradient, degrees, apart=mean is not None)
-    xx, yy, across, xy = response.cauchy
+    volume = 1.0 + determinant(gradient)
+    folded = volume <= 0.0
+    response = law.state(np.where(folded, 0.0, gradient), degrees, apart=mean is not None)
+    xx, yy, across, xy = np.where(folded, np.nan, response.cauchy)
     if mean is not None:
         xx, yy, across = xx + mean, yy + mean, across + mean
     stress = np.stack([xx, yy, xy], axis=1)
@@ -48,7 +51,7 @@ def fields_at(
         "stress_zz": across,
         "von_mises": von_mises(stress, across),
         "stretch": stretches(gradient).T,
-        "volume_ratio": response.volume,
+        "volume_ratio": np.where(folded, volume, response.volume),
     }
 
 

@@ -59,7 +59,7 @@ def nodal(run: RunData, case: Case, state: SavedState, body: str) -> Quantities:
             stress = np.column_stack([stress, fields["stress_zz"]])
         fields["von_mises"] = von_mises(stress, material.out_of_plane_stress(stress))
     if np.isnan(fields.get("von_mises", 0.0)).any():
-        # For a plane stiffness the out-of-plane stress is unknown.
+        # Unknown: out of plane for a plane stiffness, and where a deformation is not invertible.
         del fields["von_mises"]
     return {"displacement": np.zeros_like(run.bodies[body].points), **fields}
 

@@ -154,9 +154,9 @@ class ExactContact(ContactSystem):
             updates.append(last)
             if part == 1.0 and settled and left <= REUSE_BELOW and since is before:
                 # Once: what knots outside have moved by hardly depends on it.
-                since = self._touched(before, met, touching_before, sets.closed)
-                if since is not None and before is not None and not np.array_equal(since, before):
-                    updates = [np.inf]
+                touched = self._touched(before, met, touching_before, sets.closed)
+                if touched is not None and before is not None and not np.array_equal(touched, before):
+                    since, updates = touched, [np.inf]
                     continue
             if part == 1.0 and settled and left <= tolerance:
                 counts = (left, count, spent, solves)

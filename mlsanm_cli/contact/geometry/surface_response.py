@@ -109,15 +109,17 @@ class SurfaceResponse:
         grid, (log, turn) = self.grid, self.tensors
         by_log, by_turn = (grid.pairs.at(one, at)[..., None, None] for one in (LOGARITHM, SIGN))
         values = by_log * log + by_turn * turn
-        points, integrals = grid.unfolded[0].towards_ends
+        hats = grid.unfolded[0]
+        points, integrals = hats.towards_ends
         for corner in grid.corners_of(self.slave):
             x, here = self._away(corner, points), self._away(corner, at)
+            # The share at the place of a hat, as of the force that stands for it in the rest of the response.
+            share = corner.share(self._away(corner, hats.place))[:, None]
             for image in (None, *grid.images_of(self.slave)):
                 seen = here if image is None else corner.reflected(here, image)
                 moved = np.empty_like(values)
                 for c, d in product((0, 1), repeat=2):
-                    table = corner.wedge.compliance(seen, x, c, d) * corner.share(x)
-                    moved[:, :, c, d] = (integrals @ table.T).T
+                    moved[:, :, c, d] = (share * (integrals @ corner.wedge.compliance(seen, x, c, d).T)).T
                 values += moved if image is None else image.matrix.T @ moved
         copies = np.split(values, len(grid.unfolding.copies), axis=1)
         each = zip(copies, grid.unfolding.copies, strict=True)

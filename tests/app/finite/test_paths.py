@@ -204,7 +204,7 @@ def test_a_thick_ring_is_blown_up_to_twice_its_radius(tmp_path: Path) -> None:
         errors = inner / 0.99916251 - 1.0, outer / 0.68679359 - 1.0
         assert np.abs(errors).max() < limit
         told = summary["error_estimate"]["displacement"]
-        assert told == pytest.approx(np.abs(errors).mean(), rel=1.0)
+        assert 0.5 <= told / np.abs(errors).mean() <= 4.0
         assert told > np.abs(errors).max() / 3.0
 
 
