@@ -130,7 +130,7 @@ def _beyond(
     built: CondensedScene, scene: PlasticScene, now: Flow, position: float, failure: FlowError
 ) -> NumericalError:
     """The error of a path that ends at a ``position``: a limit load if strains grow fast, compared with those
-    of elastic bodies."""
+    of elastic bodies, and some body does not harden."""
     stage = min(int(position), len(built.stages) - 2)
     change = built.stages[stage + 1] - built.stages[stage]
     loads = ", ".join(
@@ -139,14 +139,16 @@ def _beyond(
         if moved
     )
     growth = scene.growth(now, change)
-    if growth < COLLAPSE:
+    perfect = [f"body {name}" for name, law in built.laws.items() if not law.hardens(now.history[name])]
+    if growth < COLLAPSE or not perfect:
+        hint = [finer_nodes(built.case, list(built.laws))]
+        hint += [f"give {' and '.join(perfect)} some hardening, 1 % of E"] if perfect else []
         return FlowError(
-            f"no equilibrium beyond position {position:.6g}, {loads}: {failure.message}",
-            f"{finer_nodes(built.case, list(built.laws))}, or give the material some hardening, 1 % of E",
+            f"no equilibrium is found beyond position {position:.6g}, {loads}: {failure.message}",
+            ", or ".join(hint),
         )
-    flowing = [f"body {name}" for name in built.laws if now.history[name][:, 4].any()]
     return NumericalError(
-        f"collapse: {' and '.join(flowing)} reached the limit load at position {position:.6g}, {loads}: "
+        f"collapse: {' and '.join(perfect)} reached the limit load at position {position:.6g}, {loads}: "
         f"strains grow {growth:.3g} times as fast as elastic ones",
         "prescribe displacements instead of forces to go on, or give the material hardening",
     )
