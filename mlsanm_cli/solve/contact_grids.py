@@ -47,6 +47,8 @@ ends of contact in all states."""
 Wanted: TypeAlias = Literal["ends", "known", "every", "between"]
 """States at the ends of the stages, of those that had one to start from, all that count, or some on the way
 that show where surfaces touch."""
+Path: TypeAlias = Callable[[Condensed], tuple[ExactState, ...]]
+"""The states of the path of a condensed scene whose bodies flow, or those up to one at an end of a grid."""
 Search = Callable[[Condensed, Sequence[ContactStatus], Wanted, Sequence[ExactState]], tuple[ExactState, ...]]
 """The exact states of a condensed scene, searched from sets if there are any; some may be known."""
 
@@ -58,10 +60,12 @@ def find_grids(
     ranges: Mapping[str, ContactRange],
     search: Search,
     memo: Memo,
+    path: Path | None = None,
 ) -> tuple[Condensed, tuple[ExactState, ...]] | None:
     """Condense a scene on grids that are wide and fine enough, with the exact states at the ends of its
     stages; None if a contact is too close to a corner, or its range does not converge. The search begins on
-    coarse grids over all facing places."""
+    coarse grids over all facing places. If given, it ends with the states of the ``path`` of bodies that
+    flow, whose contacts are wider than those of elastic ones."""
     grids, passed = {name: first_grid(one) for name, one in ranges.items()}, touching_first(ranges)
     starts, common = list[ContactStatus](), dict[str, float]()
     places = len(case.contact) + sum(one.places - 1 for one in ranges.values())
@@ -71,7 +75,7 @@ def find_grids(
     limits = COMPRESSED_LIMITS if exact else DENSE_LIMITS
     responses = resolved = None
     known: tuple[ExactState, ...] = ()
-    looked = False
+    looked = flows = settled = False
     every, turnings = False, MAX_TURNS * (2 if scene.held_motions else 1)
     condensed: Condensed | None = None
     some = _on_grids(pairings, grids, pairings)
@@ -80,9 +84,11 @@ def find_grids(
             responses = BodyResponses.of(scene, some, memo)
         if condensed is None:
             condensed = condense(scene, some, memo, responses)
+        if settled:
+            return condensed, search(condensed, [_starting_status(condensed.pairings)], "ends", ())
         which: Wanted = "every" if every else "known" if starts else "ends"
         starts = starts or [_starting_status(condensed.pairings)]
-        states = search(condensed, starts, which, known)
+        states = path(condensed) if path and flows else search(condensed, starts, which, known)
         known = ()
         begun = begun_open(condensed, grids, ranges, states)
         if begun:
@@ -100,8 +106,11 @@ def find_grids(
             wanted, resolved = sampled(scene, responses, grids), responses
         if _same(wanted, grids):
             wanted = refined(condensed, grids, ranges, _loaded(states), accuracy, not every, limits)
+            settled = flows
         if _same(wanted, grids):
             turned = None
+            if settled:
+                continue
             if every and turnings:
                 turned = _turned(scene, condensed, states, grids, common)
             if turned is None and every:
@@ -111,8 +120,10 @@ def find_grids(
                 )
                 between = () if looked or whole else search(condensed, (), "between", ())
                 if not passed_beyond(condensed, ranges, between, passed):
-                    ends = search(condensed, starts, "ends", states)
-                    return condensed, ends
+                    if path is None:
+                        return condensed, search(condensed, starts, "ends", states)
+                    flows = True
+                    continue
                 looked = True
                 continue
             every = True

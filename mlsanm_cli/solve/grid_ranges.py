@@ -116,7 +116,7 @@ def ranged(
     """Grids with ranges fitted to the contact, and where it ``passed`` on its way; None if it comes to the
     end of the available range. Nodes beyond a grid that touch are included in its range from then on: they
     are paired in directions other than those of the grid, and may be open on it."""
-    touched = [condensed.touched(*state.unknowns) for state in states]
+    touched = [condensed.touched(*state.unknowns, state.shift) for state in states]
     result = dict(grids)
     for pairing in condensed.pairings:
         name = pairing.name
@@ -279,7 +279,7 @@ def summits(condensed: Condensed, name: str, room: ContactRange, states: Sequenc
     beyond = (places < hats.nodes[0]) | (places > hats.nodes[-1])
     chosen = np.zeros(len(places), dtype=bool)
     for state in states:
-        gap = condensed.watched(*state.unknowns)[watched]
+        gap = (condensed.watched(*state.unknowns) + state.shift)[watched]
         moved = np.concatenate([state.gap[span] - own, gap - others])
         closed = state.active[span]
         touching = np.pad(closed, 2)

@@ -7,17 +7,20 @@ of the largest one.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import finer_nodes
-from mlsanm_cli.contact.complementarity.problem import ContactStatus
+from mlsanm_cli.case import Case, finer_nodes
+from mlsanm_cli.contact.complementarity.problem import STICK, ContactStatus
+from mlsanm_cli.contact.laws.active_set import ExactState
 from mlsanm_cli.contact.laws.contact_state import ContactSolution
 from mlsanm_cli.contact.laws.coulomb import CoulombState
+from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.mechanics.laws.von_mises import plastic_stress
+from mlsanm_cli.mechanics.laws.von_mises import VonMises, plastic_stress
+from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene, factors_at
@@ -77,6 +80,26 @@ def plastic_path(built: CondensedScene, start: Checkpoint | None = None) -> Iter
             yield _step(scene, now, position, half, length, errors)
 
 
+def touching_states(
+    case: Case, scene: Scene, stages: FloatArray, laws: Mapping[str, VonMises], condensed: Condensed
+) -> tuple[ExactState, ...]:
+    """The states of the path of a scene, as far as there are any, or up to one whose contacts reach an end of
+    a grid that is no end of a surface."""
+    built, found = CondensedScene(case, scene, condensed, stages, (), np.nan, laws), list[ExactState]()
+    try:
+        for step in plastic_path(built):
+            state, closed = step.state, step.state.closed
+            stuck = np.asarray(state.status == STICK)
+            shift = built.at(state).condensed.watched.constant - condensed.watched.constant
+            values = state.pressure, state.gap, state.motion, state.traction, closed, stuck, 0, state.residual
+            found.append(ExactState(state.factors, *values, shift))
+            if condensed.cut(state.pressure):
+                break
+    except NumericalError:
+        pass
+    return tuple(found)
+
+
 def _rounded(built: CondensedScene, position: float) -> float:
     """A position, or the requested one that it is up to round-off."""
     return next((halt for halt in stops(built) if abs(halt - position) <= FINE_ROUND_OFF), position)
@@ -107,7 +130,7 @@ def _beyond(
     built: CondensedScene, scene: PlasticScene, now: Flow, position: float, failure: FlowError
 ) -> NumericalError:
     """The error of a path that ends at a ``position``: a limit load if strains grow fast, compared with those
-    of elastic bodies."""
+    of elastic bodies, and some body does not harden."""
     stage = min(int(position), len(built.stages) - 2)
     change = built.stages[stage + 1] - built.stages[stage]
     loads = ", ".join(
@@ -116,14 +139,16 @@ def _beyond(
         if moved
     )
     growth = scene.growth(now, change)
-    if growth < COLLAPSE:
+    perfect = [f"body {name}" for name, law in built.laws.items() if not law.hardens(now.history[name])]
+    if growth < COLLAPSE or not perfect:
+        hint = [finer_nodes(built.case, list(built.laws))]
+        hint += [f"give {' and '.join(perfect)} some hardening, 1 % of E"] if perfect else []
         return FlowError(
-            f"no equilibrium beyond position {position:.6g}, {loads}: {failure.message}",
-            f"{finer_nodes(built.case, list(built.laws))}, or give the material some hardening, 1 % of E",
+            f"no equilibrium is found beyond position {position:.6g}, {loads}: {failure.message}",
+            ", or ".join(hint),
         )
-    flowing = [f"body {name}" for name in built.laws if now.history[name][:, 4].any()]
     return NumericalError(
-        f"collapse: {' and '.join(flowing)} reached the limit load at position {position:.6g}, {loads}: "
+        f"collapse: {' and '.join(perfect)} reached the limit load at position {position:.6g}, {loads}: "
         f"strains grow {growth:.3g} times as fast as elastic ones",
         "prescribe displacements instead of forces to go on, or give the material hardening",
     )

@@ -227,15 +227,23 @@ def reach_error(contact: str, gap: float) -> NumericalError:
     )
 
 
-def passing_error(contact: str, gap: float, position: float) -> NumericalError:
-    """Error of a contact with automatic reach that comes to a place where it is at no end of a stage."""
+def passing_error(contact: str, gap: float, position: float, flows: bool = False) -> NumericalError:
+    """Error of a contact with automatic reach that comes to a place where it is at no end of a stage; if
+    bodies flow, in no state that was computed before the path begins."""
     if gap < 0.0:
         return reach_error(contact, gap)
     return NumericalError(
-        f"contact {contact}: at position {position:.3g} the surfaces touch at a place that is open at the "
-        "ends of the stages",
-        f"add {position:.3g} to output.at: contacts are found there before the path begins",
+        f"contact {contact}: at position {position:.3g} the surfaces touch at a place that is open "
+        + ("in the states from which its grid was found" if flows else "at the ends of the stages"),
+        passing_hint(position, flows),
     )
+
+
+def passing_hint(position: float, flows: bool) -> str:
+    """What makes a contact known before the path begins."""
+    if flows:
+        return "quarter solver.max_increment: contacts are found along the path before it is followed"
+    return f"add {position:.3g} to output.at: contacts are found there before the path begins"
 
 
 LEVELS_BETWEEN = 8

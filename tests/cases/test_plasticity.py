@@ -169,3 +169,26 @@ def test_a_plate_pulls_a_bar_and_lets_go(tmp_path: Path) -> None:
     moved = [state.bodies["bar"]["displacement"][:, 1].max() for state in data.states[-3:]]
     assert moved == pytest.approx([11.5 * Y, 10.0 * Y, 9.1 * Y], rel=1e-6)
     assert np.abs(data.states[-2].bodies["bar"]["stress"]).max() < 1e-6 * Y
+
+
+def test_contacts_of_bodies_that_flow_are_wider(tmp_path: Path) -> None:
+    """A cylinder on a block: the pressures vanish at the ends of a contact far wider than that of elastic
+    bodies, and what remains of them after unloading is no error."""
+    text = (
+        scene("strain", E=1000.0, nu=0.3, yield_stress=1.0, hardening=50.0)
+        .body("block", "steel", box=([-2.0, 2.0], [-2.0, 0.0]))
+        .support("block.bottom", uy=0.0)
+        .pin("block", [0.0, -2.0], ux=0.0)
+        .contact("c", "block.top", friction=0.0, disk=([0.0, 4.0], 4.0))
+        .pushed("push", "c", fy=-1.3)
+        .stages("push", "push=0.0")
+        .table("output", at=[1.0, 2.0])
+        .table("solver", increment_error=0.05)
+    )
+    summary, data = solved(text, tmp_path / "block")
+    assert summary["status"] == "done"
+    contact = data.contacts["c"]
+    pressure = contact.pressure[data.path.position.tolist().index(1.0)]
+    assert pressure[[0, -1]].max() < 1e-3 * pressure.max()
+    elastic = 4.0 * np.sqrt(1.3 * (1.0 - 0.3**2) / (np.pi * 1000.0))
+    assert np.ptp(contact.points[pressure > 0.0, 0]) > 1.5 * 2.0 * elastic

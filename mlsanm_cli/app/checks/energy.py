@@ -109,7 +109,9 @@ def energy_error(built: CondensedScene, state: State, fields: Mapping[str, Field
                 material.stiffness
             )
             energies[name] = over_body(cloud, rest[1], strain)
-            turnover = float(cloud.areas @ np.abs(rest[1] * strain).sum(axis=1))
+            # The work that has been done remains when loads vanish.
+            spent = np.abs(rest[1] * strain).sum(axis=1) + state.solver[f"work.{name}"]
+            turnover = float(cloud.areas @ spent)
         else:
             energies[name] = twice_strain_energy(cloud, material, rest[1])
             energies[name] += energy_at_tips(body.model, rest[0], rest[1])

@@ -15,7 +15,7 @@ from mlsanm_cli.contact.complementarity.uniqueness import undetermined
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.direction_updates import turned_by_loads
 from mlsanm_cli.solve.limit_loads import moving_bodies
-from mlsanm_cli.solve.stage_ends import passing_error, reach_error
+from mlsanm_cli.solve.stage_ends import passing_error, passing_hint, reach_error
 from mlsanm_cli.solve.state import State
 
 
@@ -49,18 +49,22 @@ def friction_limit(built: CondensedScene, state: State) -> Iterator[Check]:
 
 
 def contact_reach(built: CondensedScene, state: State) -> Iterator[Check]:
-    """Nodes that are no candidates of their contact but touch the other surface."""
+    """Nodes that are no candidates of their contact but touch the other surface, and pressures at an
+    end of a grid although the surface goes on."""
     reaches = {contact.name: contact.reach for contact in built.case.contact}
-    touched = built.condensed.touched(*state.unknowns)
+    touched, cut = built.condensed.touched(*state.unknowns), built.condensed.cut(state.pressure)
     for pairing in built.condensed.pairings:
         name, gaps = pairing.name, pairing.gap[touched[pairing.name]]
         message, hint = "", ""
         if len(gaps):
             gap = float(gaps.max())
-            found = passing_error(name, gap, state.position)
+            found = passing_error(name, gap, state.position, bool(built.laws))
             error = found if reaches[name] == "auto" else reach_error(name, gap)
             message, hint = error.message, error.hint
-        yield Check("contact_reach", len(gaps), message, hint, f"contact {name}")
+        elif name in cut:
+            message = f"contact {name}: at position {state.position:.3g} it is wider than its grid"
+            hint = passing_hint(state.position, bool(built.laws))
+        yield Check("contact_reach", len(gaps) + (name in cut), message, hint, f"contact {name}")
 
 
 def body_rotation(built: CondensedScene, state: State) -> Iterator[Check]:

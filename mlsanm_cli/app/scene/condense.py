@@ -23,6 +23,7 @@ from mlsanm_cli.solve.coercivity import check_candidates_coercivity, check_coerc
 from mlsanm_cli.solve.condensed_scene import CondensedScene, stage_factors
 from mlsanm_cli.solve.contact_grids import find_grids
 from mlsanm_cli.solve.limit_loads import beyond_limit
+from mlsanm_cli.solve.plastic_path import touching_states
 from mlsanm_cli.solve.stage_ends import exact_ends, reach_error, searched_ends, touched_nodes
 
 REACH_GROWTH = 1.5
@@ -54,11 +55,12 @@ def _condensed_scene(
     with context.phase("operators"):
         bodies = before.bodies if before is not None else NOTHING
         scene = assemble_bodies(case, prepared, case.solver.linear, factorising, context.memo, bodies)
-    stages = stage_factors(case)
+    stages, laws = stage_factors(case), flow_laws(case)
     if prepared.ranges:
         with context.phase("condensation", "refining contact grids"):
             search = partial(searched_ends, case, scene, stages)
-            found = find_grids(case, scene, prepared.pairings, prepared.ranges, search, context.memo)
+            path = partial(touching_states, case, scene, stages, laws) if laws else None
+            found = find_grids(case, scene, prepared.pairings, prepared.ranges, search, context.memo, path)
         if found is None:
             return _condensed_scene(case, _without_grids(prepared, context), context, None)
         condensed, ends = found
@@ -66,7 +68,7 @@ def _condensed_scene(
         condensed, ends = _condense(case, scene, prepared.pairings, stages, context)
     with context.phase("condensation"):
         stability = check_coercivity(case, scene, condensed, ends, context.memo)
-    return CondensedScene(case, scene, condensed, stages, ends, stability, flow_laws(case))
+    return CondensedScene(case, scene, condensed, stages, ends, stability, laws)
 
 
 def _without_grids(prepared: SceneModel, context: RunContext) -> SceneModel:

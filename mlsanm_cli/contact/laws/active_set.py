@@ -27,7 +27,8 @@ class ExactState:
 
     ``active`` (m,) marks closed nodes, ``stuck`` (m,) those held by friction; ``solves`` counts dense
     systems; ``residual`` is the largest violation of contact conditions and balances, relative to the peak
-    pressure, its elastic gap and the forces.
+    pressure, its elastic gap and the forces. Eigenstresses change the gaps of other paired nodes by
+    ``shift`` (w,).
     """
 
     factors: FloatArray
@@ -39,6 +40,7 @@ class ExactState:
     stuck: BoolArray
     solves: int
     residual: float
+    shift: FloatArray | float = 0.0
 
     @property
     def unknowns(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

@@ -179,15 +179,29 @@ class Condensed:
         """The same scaled as in :attr:`problem`."""
         return self.problem.rows * self.unscaled_rows(factors, rates)
 
-    def touched(self, f: FloatArray, q: FloatArray, p: FloatArray, t: FloatArray) -> dict[str, BoolArray]:
-        """Mask (w,) per contact of paired nodes that overlap without being candidates."""
-        overlap = self.watched(f, q, p, t) < 0.0
+    def touched(
+        self, f: FloatArray, q: FloatArray, p: FloatArray, t: FloatArray, shift: FloatArray | float = 0.0
+    ) -> dict[str, BoolArray]:
+        """Mask (w,) per contact of paired nodes that overlap, after a ``shift`` (w,), without being
+        candidates."""
+        overlap = self.watched(f, q, p, t) + shift < 0.0
         masks = {}
         for pairing in self.pairings:
             mask = np.zeros(len(pairing.position), dtype=bool)
             mask[~pairing.candidate] = overlap[self.watched_of(pairing.name)]
             masks[pairing.name] = mask
         return masks
+
+    def cut(self, pressure: FloatArray) -> list[str]:
+        """The contacts with a ``pressure`` (m,) at an outermost node of a grid that is not at the end of a
+        surface."""
+        found, closed = [], pressure > ROUND_OFF * pressure.max(initial=0.0)
+        for pairing in self.pairings:
+            if pairing.grid is not None:
+                ends = closed[self.spans[pairing.name]][[0, -1]]
+                if (ends & ~np.array(pairing.grid.hats.whole)).any():
+                    found.append(pairing.name)
+        return found
 
     def watched_of(self, name: str) -> slice:
         """Range of a contact's paired nodes that are no candidates, among those of all contacts."""

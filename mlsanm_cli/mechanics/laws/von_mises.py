@@ -81,6 +81,12 @@ class VonMises(SaintVenantKirchhoff):
         """Flow stress without plastic strain."""
         return float(self.hardening.flow(np.zeros(1))[0][0])
 
+    def hardens(self, history: FloatArray) -> bool:
+        """Whether the flow stress, or the back stress, increases at all points of a ``history`` (n, 5) that
+        have flowed."""
+        amount = history[:, 4]
+        return bool(self.hardening.kinematic or (self.hardening.flow(amount[amount > 0.0])[1] > 0.0).all())
+
     def elastic_strain(self, stress: FloatArray) -> FloatArray:
         """Strains (n, 4) that cause a ``stress`` (n, 4)."""
         mean = stress[:, DIRECT].mean(axis=1)[:, None] * np.array([1.0, 1.0, 1.0, 0.0])

@@ -153,7 +153,7 @@ def test_friction_up_to_corners(
     if ux:
         assert summary["factorizations"] <= 40
     else:
-        assert abs(lateral) <= 0.004 * abs(down)
+        assert abs(lateral) <= 0.01 * abs(down)
         # Without the residual that renewed equations keep, 0.0394.
         assert summary["error_estimate"]["energy"] >= 0.042
 
