@@ -138,8 +138,8 @@ def test_friction_up_to_corners(
 ) -> None:
     """A block with friction up to its corners, three tenths down, stays upright, also a fifth aside: it
     swayed, and stopped at 0.75 to 0.9 of the path, as corners had two tractions, and as new equations moved
-    it. Forces are those of blocks bonded to the lid, with nodes eight times finer at all corners. The estimate
-    of the energy tells by how much the first one is too stiff."""
+    it. Forces are those of blocks bonded to the lid, with nodes eight times finer at all corners. The
+    estimate of the energy tells by how much the first one is too stiff."""
     text = (
         rubber(1.0, poisson)
         + body("block", "rubber", None, box([0.0, 1.0], [0.0, 1.0]))
