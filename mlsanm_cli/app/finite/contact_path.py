@@ -104,7 +104,7 @@ class _Path:
         self._fresh: frozenset[str] = frozenset()
         self._settled = False
         self.bifurcations: tuple[Bifurcation, ...] = ()
-        self._earlier: list[tuple[FiniteContactState, float]] = []
+        self._earlier: list[FiniteContactState] = []
         self.error, self._largest = 0.0, 0.0
         self._missing = beyond_clouds(scene.compliances, contacts.sides)
         self.spent, self._iterations, self._solves = len(scene.bodies), 0, 0
@@ -130,6 +130,10 @@ class _Path:
         scene, state, history = self._scene, checkpoint.state, checkpoint.history
         self.now, self._slip, self._work, self._settled = _solution(state), state.slip, state.work, True
         self.error, self._largest = history["increment_error"].tolist()
+        if len(history["earlier_status"]):
+            # Of the state before, the places and statuses are what an increment over both begins with.
+            sets = NodeSets(history["earlier_status"], history["earlier_sign"])
+            self._earlier = [replace(self.now, place=history["earlier_place"], sets=sets)]
         counts = [body.loads.count for body in scene.bodies.values()]
         acting = np.split(history["acting"], np.cumsum(counts)[:-1])
         kept = {name for name, keeps in zip(scene.bodies, history["keeps"], strict=True) if keeps}
@@ -141,12 +145,15 @@ class _Path:
     def checkpoint(self, state: State, size: float) -> Checkpoint:
         """Checkpoint at a ``state`` with the ``size`` of the next increment, and the equations: their states
         and load factors, and whether those of each body keep a residual."""
-        every = self._projectors.values()
+        every, earlier = self._projectors.values(), next(reversed(self._earlier), None)
         history = {
             "base_state": np.concatenate([one.base_state for one in every]),
             "acting": np.concatenate([one.factors for one in every]),
             "keeps": np.array([bool(one.rest.any()) for one in every]),
             "increment_error": np.array([self.error, self._largest]),
+            "earlier_place": earlier.place if earlier else np.zeros(0),
+            "earlier_status": earlier.sets.status if earlier else np.zeros(0, dtype=np.int8),
+            "earlier_sign": earlier.sets.slip_sign if earlier else np.zeros(0),
         }
         return Checkpoint(state, history, pace=size)
 
@@ -175,7 +182,7 @@ class _Path:
                 far = self._excess(found, position, reached)
                 if self.bifurcations or (far <= 1.0 and self._stretched(found)[0] <= MAX_STRETCH):
                     self._add_slip(found)
-                    self._earlier = [*self._earlier[-1:], (self.now, position)]
+                    self._earlier = [*self._earlier[-1:], self.now]
                     self._before, self.now = self.now.place, found
                     longer = 1.6 if 3 * found.iterations <= MAX_ITERATIONS else 1.0
                     return reached, size * min(longer, 0.9 / far if far else longer)
@@ -246,7 +253,7 @@ class _Path:
         stick keep it."""
         if self._coarse or len(self._earlier) < 2 or int(position) == position:
             return 1.0
-        (first, _), (middle, _) = self._earlier
+        first, middle = self._earlier
         self._earlier = []
         contacts = self._scene.contacts
         if all(not one.friction or slides(middle, self.now, here) for one, here, _ in contacts.each):
