@@ -221,11 +221,9 @@ COLUMN = (
 def test_a_column_buckles_beyond_a_right_angle(tmp_path: Path) -> None:
     """Its end turns by 122 degrees (elastica). With equations of the undeformed column it met limit points,
     went back to negative loads, and crashed there."""
-    summary = done(COLUMN, tmp_path / "run")
+    summary = done(COLUMN, tmp_path / "run", "body.column.spacing=0.125")
     assert not summary["finite_strain"]["limit_points"]
-    assert summary["probes"]["end"]["displacement"][1] == pytest.approx(8.004, rel=0.01)
-    # Two spacings across: 9 % too stiff (9.2 with twice as many).
-    assert any("work of stresses" in one for one in summary["warnings"])
+    assert summary["probes"]["end"]["displacement"][1] == pytest.approx(8.004, rel=0.005)
 
 
 def test_new_equations_keep_what_the_state_leaves(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
