@@ -33,6 +33,7 @@ class Entry:
 
 
 def _only(run: RunData) -> Dataset:
+    contact: Dataset
     (contact,) = run.contacts.values()
     return contact
 
