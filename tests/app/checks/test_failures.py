@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.analysis import small_strain
-from mlsanm_cli.app.checks import end_contacts
+from mlsanm_cli.app.checks import end
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.io.summary import read_summary
@@ -86,11 +86,11 @@ def system_of_one_body(patch: pytest.MonkeyPatch, bad: float) -> None:
 
 
 def returned(name: str) -> Mutation:
-    return lambda patch, bad: patch.setattr(end_contacts, name, lambda *arguments: bad)
+    return lambda patch, bad: patch.setattr(end, name, lambda *arguments: bad)
 
 
 def lost(patch: pytest.MonkeyPatch, bad: float) -> None:
-    patch.setattr(end_contacts, "force_mismatch", lambda built, state: {"interface": bad})
+    patch.setattr(end, "force_mismatch", lambda built, state: {"interface": bad})
 
 
 NO_FIELDS = ("output.fields=[]", "output.at=[0.5, 1.0]")
