@@ -10,8 +10,7 @@ import pytest
 
 from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.clouds import clouds
-from mlsanm_cli.app.scene.contact_pairs import pair
-from mlsanm_cli.app.scene.contact_pairs import check_tips
+from mlsanm_cli.app.scene.contact_pairs import check_tips, pair
 from mlsanm_cli.app.scene.outlines import load_with_files
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import CaseError
