@@ -1,7 +1,6 @@
-"""``mlsanm sweep``: a case solved for all combinations of given values, each in its own run directory, by this
-process, several local ones, or a Dask cluster. Points of one geometry are consecutive, so that a process can
-reuse their operators. Other processes are spawned: a fork would copy the state of threads of numba and BLAS.
-"""
+"""``mlsanm sweep``: a case solved for all combinations of given values, each in its own run directory, by
+this process, several local ones, or a Dask cluster. Points of one geometry are consecutive, and share operators.
+Other processes are spawned: a fork would copy the state of threads of numba and BLAS."""
 
 from __future__ import annotations
 
@@ -25,7 +24,7 @@ from mlsanm_cli.app.results.info import as_csv, collect
 from mlsanm_cli.app.run import RESULTS, run
 from mlsanm_cli.app.scene.outlines import load_with_files
 from mlsanm_cli.case import Case, resolved_mapping
-from mlsanm_cli.case.vary import parse_vary, points
+from mlsanm_cli.case.reading.overrides import parse_vary, points
 from mlsanm_cli.errors import CaseError, CaseProblem, Interrupted, MlsanmError, RunError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.files import write_text
