@@ -1,6 +1,6 @@
 """``mlsanm sweep``: a case solved for all combinations of given values, each in its own run directory, by
-this process, several local ones, or a Dask cluster. Points of one geometry are consecutive, and share operators.
-Other processes are spawned: a fork would copy the state of threads of numba and BLAS."""
+this process, several local ones, or a Dask cluster. Points of one geometry are consecutive and share
+operators. Other processes are spawned: a fork would copy the state of threads of numba and BLAS."""
 
 from __future__ import annotations
 
@@ -20,14 +20,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from mlsanm_cli.app.context import Console, Silent
-from mlsanm_cli.app.results.info import as_csv, collect
+from mlsanm_cli.app.results.info import collect, write_rows
 from mlsanm_cli.app.run import RESULTS, run
 from mlsanm_cli.app.scene.outlines import load_with_files
 from mlsanm_cli.case import Case, resolved_mapping
 from mlsanm_cli.case.reading.overrides import parse_vary, points
 from mlsanm_cli.errors import CaseError, CaseProblem, Interrupted, MlsanmError, RunError
 from mlsanm_cli.io import run_dir
-from mlsanm_cli.io.files import write_text
 from mlsanm_cli.io.run_reader import finished, held_case
 from mlsanm_cli.memo import Memo, digest
 
@@ -217,7 +216,7 @@ def sweep(
         except KeyboardInterrupt:
             console.warning("stopped by a signal; repeat the command to continue with the remaining points")
     table = directory / TABLE_FILE
-    write_text(table, as_csv(collect([point.directory for group in planned for point in group])))
+    write_rows(table, collect([point.directory for group in planned for point in group]))
     statuses = [row["status"] for row in rows]
     return {
         "directory": str(directory),

@@ -17,6 +17,7 @@ from mlsanm_cli.cloud.revolution import at_axis
 from mlsanm_cli.contact.geometry.profile import half_width
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_dir
+from mlsanm_cli.io.files import write_text
 from mlsanm_cli.io.run_dir import holder
 from mlsanm_cli.io.run_reader import RunData, read_origin, read_run
 from mlsanm_cli.io.summary import read_summary
@@ -108,6 +109,11 @@ def as_csv(rows: Sequence[Mapping[str, Any]]) -> str:
 def _cell(value: Any) -> Any:
     """A value of a table; text that spreadsheets would compute as a formula begins with an apostrophe."""
     return f"'{value}" if isinstance(value, str) and value.startswith(FORMULA_SIGNS) else value
+
+
+def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Writes the rows as a CSV file, atomically. Raises RunError if that fails."""
+    write_text(path, as_csv(rows))
 
 
 def _run(directory: Path) -> tuple[Row, dict[str, Any], dict[str, Any]]:
