@@ -47,7 +47,7 @@ from mlsanm_cli.memo import digest
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.solve.coercivity import stability_limit
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.fields import NO_STARTS, fields_of
+from mlsanm_cli.solve.fields import fields_of
 from mlsanm_cli.solve.functionals import cone_ratio, plates_turned, quantities, slave_arc
 from mlsanm_cli.solve.limit_loads import at_limit
 from mlsanm_cli.solve.paths import load_path
@@ -102,7 +102,7 @@ class SmallStrain(Analysis):
     def _starts(self) -> Mapping[str, Any]:
         """Approximate solutions by body, from the error estimate."""
         if self._adapted is None:
-            return NO_STARTS
+            return NOTHING
         return {name: body.solution for name, body in self._adapted.accuracy.bodies.items()}
 
     def set_up(self, verdicts: Verdicts) -> None:

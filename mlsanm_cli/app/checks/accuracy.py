@@ -18,7 +18,6 @@ import numpy as np
 from mlsanm_cli.app.checks.ended import EnergyErrors
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import finer_nodes
-from mlsanm_cli.contact.complementarity.problem import STICK
 from mlsanm_cli.contact.geometry.grid import l2
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.laws.accuracy import (
@@ -26,10 +25,10 @@ from mlsanm_cli.contact.laws.accuracy import (
     changes_of,
     frozen_change,
     halved_state,
-    rough_state,
     roughness_of,
 )
-from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
+from mlsanm_cli.contact.laws.contact_state import ContactState
+from mlsanm_cli.contact.laws.frictionless import solve_exact
 from mlsanm_cli.contact.response.bonds import Bonds
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.errors import NumericalError
@@ -67,7 +66,7 @@ class Accuracy:
     displacement: float | None
     from_bulk: Mapping[str, float | None]
     from_contact: Mapping[str, float | None]
-    state: ExactState
+    state: ContactState
     largest: float | None = None
     bodies: Mapping[str, Corrected] = field(default_factory=dict)
     deflection: float = 0.0
@@ -143,8 +142,7 @@ def assess_accuracy(built: CondensedScene) -> Accuracy:
 
     try:
         halved = halved_state(condensed, state) if _has_nodal_pressures(built) else None
-        rough = rough_state(condensed, scene, state, bodies).pressure - state.pressure
-        return _estimated(built, state, bodies, moved, rough, halved)
+        return _estimated(built, state, bodies, moved, halved)
     except NumericalError as error:  # the corrected scene has no contact state
         hint = finer_nodes(built.case, scene.bodies)
         missing = f"with bodies corrected for their errors, {error.message}; {hint}"
@@ -157,28 +155,20 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo:
     condensed = built.condensed
     if not len(condensed.friction_nodes) or not state.closed.any():
         return accuracy
-    values = (state.factors, state.pressure, state.gap, state.motion, state.traction)
-    last = ExactState(*values, state.closed, state.status == STICK, 0, state.residual)
+    last = state.contacts(condensed.friction_nodes)
+
+    def moved(by: Changes) -> Moved:
+        change = frozen_change(condensed, last, by)
+        return change.motion, change.pressure, change.traction
+
     try:
         bodies = _corrected(built, state.unknowns, memo)
-        rough = _frozen(built, last, roughness_of(condensed, built.scene, bodies))[1]
-        halved = _halved(built, last)
-        return _estimated(built, last, bodies, partial(_frozen, built, last), rough, halved)
+        return _estimated(built, last, bodies, moved, _halved(built, last))
     except NumericalError as error:  # a cloud too small for the next degree, or a singular contact
         return replace(accuracy, missing=error.advice)
 
 
-def _frozen(built: CondensedScene, state: ExactState, by: Changes) -> Moved:
-    """Response of the contact, with its status as it is, to changes ``by`` something else."""
-    condensed = built.condensed
-    # The residual gaps of a regularised law are no error of the bodies.
-    gaps = np.where(state.active, 0.0, state.gap)
-    stuck = state.stuck[condensed.friction_nodes]
-    change = frozen_change(condensed, state.pressure, state.traction, gaps, state.active, stuck, by)
-    return change.motion, change.pressure, change.traction
-
-
-def _halved(built: CondensedScene, state: ExactState) -> Halved | None:
+def _halved(built: CondensedScene, state: ContactState) -> Halved | None:
     """Motions and pressures from every second node, with the tractions of the state as loads and motions
     along the contacts, which friction resists, as they are; None if there is no contact with nodal pressures,
     or no solution."""
@@ -212,16 +202,15 @@ def _halved(built: CondensedScene, state: ExactState) -> Halved | None:
 
 def _estimated(
     built: CondensedScene,
-    state: ExactState,
+    state: ContactState,
     bodies: Mapping[str, Corrected],
     moved: Callable[[Changes], Moved],
-    rough: FloatArray,
     halved: Halved | None,
 ) -> Accuracy:
     """The estimates of a ``state``: from the corrections of ``bodies``, by which contacts have ``moved``, of
-    what these may miss, from pressures ``rough`` (m,) without smoothing, and from nodal contacts of half as
-    many nodes."""
+    what these may miss, without smoothing, and from nodal contacts of half as many nodes."""
     condensed, scene, parts = built.condensed, built.scene, [bodies]
+    rough = moved(roughness_of(condensed, scene, bodies))[1]
     if any(one.uncertain.any() for one in bodies.values()):
         parts.append({name: one.missed for name, one in bodies.items()})
     effects, pressures = [], []
@@ -249,7 +238,7 @@ def _estimated(
 
 
 def _effects(
-    built: CondensedScene, bodies: Mapping[str, Corrected], state: ExactState, bonds: Bonds, moved: Moved
+    built: CondensedScene, bodies: Mapping[str, Corrected], state: ContactState, bonds: Bonds, moved: Moved
 ) -> list[float]:
     """Effects of the changes of ``bodies``, of ``bonds`` and of what has ``moved``: on all displacements
     (L2), on that at each probe, and on the force of each contact over the sum of its pressures."""
@@ -299,7 +288,7 @@ def _largest_of(displacements: list[FloatArray]) -> float:
 
 def _pressure_errors(
     built: CondensedScene,
-    state: ExactState,
+    state: ContactState,
     corrected: Sequence[FloatArray],
     rough: FloatArray,
     halved: Halved | None,
@@ -322,7 +311,7 @@ def _pressure_errors(
 
 
 def distance(
-    built: CondensedScene, pairing: Pairing, state: ExactState, pressure: FloatArray
+    built: CondensedScene, pairing: Pairing, state: ContactState, pressure: FloatArray
 ) -> float | None:
     """Relative L2 distance of the pressures of a contact from the exact ones; None without pressure over a
     length."""
@@ -333,7 +322,7 @@ def distance(
     return l2(arc, pressure[span] - exact) / l2(arc, exact)
 
 
-def _is_pressed(state: ExactState, span: slice) -> bool:
+def _is_pressed(state: ContactState, span: slice) -> bool:
     """Whether the pressures of a contact are more than round-off of those of others."""
     return bool(state.pressure[span].max(initial=0.0) > COARSE_ROUND_OFF * state.pressure.max(initial=0.0))
 
