@@ -149,8 +149,8 @@ class RangeOfValidity:
 
 
 def _growth(before: tuple[float, float], after: tuple[float, float], power: float) -> float:
-    """Return the power of the length as which the residual grows between two trials (length, residual), from 1
-    (round-off of the first coefficients) to ``power``, which is kept where it cannot be measured."""
+    """Return the power of the length as which the residual grows between two trials (length, residual): from
+    1 (round-off of the first coefficients) to ``power``, which is kept where it cannot be measured."""
     (a, error), (b, other) = before, after
     if not (0.0 < error < np.inf and 0.0 < other < np.inf) or a == b:
         return power
