@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.app.scene.boundaries import Boundaries
-from mlsanm_cli.app.scene.condition_sizes import spacing_of
+from mlsanm_cli.app.scene.clouds import spacing_of
 from mlsanm_cli.arrays import runs_of
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.spacing import Zone
