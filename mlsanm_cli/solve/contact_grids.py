@@ -20,8 +20,9 @@ from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.geometry.pairing import Pairing, on_grid
 from mlsanm_cli.contact.laws.contact_state import ContactState
-from mlsanm_cli.contact.response.condensation import BodyResponses, condense
+from mlsanm_cli.contact.response.condensation import condense
 from mlsanm_cli.contact.response.condensed import Condensed
+from mlsanm_cli.contact.response.responses import BodyResponses
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import Memo
 from mlsanm_cli.roundoff import ROUND_OFF
@@ -209,7 +210,7 @@ def _on_grids(
 ) -> tuple[Pairing, ...]:
     """Contacts ``pairings`` with pressures on their ``grids``; those on grids ``before`` are kept."""
     return tuple(
-        old if old.grid is grids.get(new.name) else on_grid(new, grids[new.name])
+        old if old.contact_grid is grids.get(new.name) else on_grid(new, grids[new.name])
         for new, old in zip(pairings, before, strict=True)
     )
 
@@ -220,7 +221,7 @@ def _starting_status(pairings: Sequence[Pairing]) -> ContactStatus:
     found = [np.zeros(0, dtype=bool)]
     for pairing in pairings:
         gap = pairing.gap[pairing.candidate]
-        if pairing.grid is None:
+        if pairing.nodal:
             found.append(gap <= gap.min())
             continue
         place, least = pairing.grid.hats.place, int(np.argmin(gap))
@@ -238,13 +239,9 @@ def _moved(condensed: Condensed, after: Sequence[Pairing], state: ContactState) 
         span = condensed.spans[old.name]
         own = [state.closed[span].astype(float)]
         if old.friction:
-            own += [
-                *(
-                    each[condensed.tangential[old.name]]
-                    for each in (state.status.stuck, np.sign(state.traction))
-                )
-            ]
-        if old.grid is not None and new.grid is not None:
+            rubbing = condensed.tangential[old.name]
+            own += [state.status.stuck[rubbing], np.sign(state.traction[rubbing])]
+        if not (old.nodal or new.nodal):
             place, before = new.grid.hats.place, old.grid.hats.place
             own = [np.interp(place, before, values, 0.0, 0.0) for values in own]
         closed.append(own[0])

@@ -98,7 +98,7 @@ class Accuracy:
 
     def _at(self, built: CondensedScene, probe: str) -> float:
         """Relative error of the displacement at a probe."""
-        moved = float(np.hypot(*built.condensed.probes[probe](*self.state.unknowns)[:2]))
+        moved = float(np.hypot(*built.condensed.quantities["probe"][probe](*self.state.unknowns)[:2]))
         size = max(moved, LEAST_MOVED * (self.largest or 0.0))
         return float(np.hypot(self.probes[probe] / size, self.deflection)) if size > 0.0 else 0.0
 
@@ -141,7 +141,7 @@ def assess_accuracy(built: CondensedScene) -> Accuracy:
         return after.motion - state.motion, after.pressure - state.pressure, np.zeros_like(state.traction)
 
     try:
-        halved = halved_state(condensed, state) if _has_nodal_pressures(built) else None
+        halved = halved_state(condensed, state) if condensed.nodal else None
         return _estimated(built, state, bodies, moved, halved)
     except NumericalError as error:  # the corrected scene has no contact state
         hint = finer_nodes(built.case, scene.bodies)
@@ -173,7 +173,7 @@ def _halved(built: CondensedScene, state: ContactState) -> Halved | None:
     along the contacts, which friction resists, as they are; None if there is no contact with nodal pressures,
     or no solution."""
     condensed = built.condensed
-    if not _has_nodal_pressures(built):
+    if not condensed.nodal:
         return None
     across, along = (
         np.abs(linear.motion).max(axis=0, initial=0.0) for linear in (condensed.gap, condensed.slip)
@@ -255,7 +255,7 @@ def _effects(
         values = scene.bodies[probe.body].model.values(probe.point, rests[probe.body])
         effects.append(float(np.hypot(*(values + near)[0])))
     for pairing in condensed.pairings:
-        force, span = condensed.contact_forces[pairing.name], condensed.spans[pairing.name]
+        force, span = condensed.quantities["contact"][pairing.name], condensed.spans[pairing.name]
         size = float(condensed.areas[span] @ state.pressure[span])
         apart = float(np.hypot(*(force(*unknowns) - force.constant)))
         effects.append(apart / size if _is_pressed(state, span) else 0.0)
@@ -274,11 +274,6 @@ def _corrected(
         own = [surface for owner, surface in plates if owner == name]
         found[name] = correct(body, source, moved, own, memo)
     return found
-
-
-def _has_nodal_pressures(built: CondensedScene) -> bool:
-    """Whether a contact has no contact grid."""
-    return any(pairing.grid is None for pairing in built.condensed.pairings)
 
 
 def _largest_of(displacements: list[FloatArray]) -> float:
@@ -302,7 +297,7 @@ def _pressure_errors(
             *(distance(built, pair, state, one) for one in corrected),
             distance(built, pair, state, state.pressure + ROUGH_SHARE * rough),
         )
-        if pair.grid is not None:
+        if not pair.nodal:
             errors = grid_errors(built.condensed, pair.name, [state])
             from_contact[pair.name] = float(np.linalg.norm(errors))
         else:

@@ -73,9 +73,7 @@ def finer_views(built: CondensedScene, boundaries: Boundaries, memo: Memo = NO_C
 
 
 def _zones(condensed: Condensed, ends: Sequence[ContactState], model: BodyModel) -> Iterator[Zone]:
-    for pairing in condensed.pairings:
-        if pairing.grid is None:
-            continue
+    for pairing in condensed.on_grids:
         span = condensed.spans[pairing.name]
         closed = np.any([state.closed[span] for state in ends], axis=0)
         # A hat ends at the node beyond the one after it.

@@ -15,10 +15,10 @@ from mlsanm_cli.contact.complementarity.problem import ContactStatus
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.laws.contact_state import ContactState, Linearised
 from mlsanm_cli.contact.laws.frictionless import solve_exact
+from mlsanm_cli.contact.response.basis import changes
 from mlsanm_cli.contact.response.bonds import Bonds
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.drivers import spans
-from mlsanm_cli.contact.response.functionals import changes
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.defect import Corrected
 from mlsanm_cli.mechanics.scene import Scene
@@ -42,9 +42,7 @@ class Changes:
         """The exact state after them. Raises NumericalError if there is none."""
         if not (self.gaps.any() or self.imbalance.any()):
             return before
-        gap, balance = condensed.gap, condensed.balance
-        gap = replace(gap, constant=gap.constant + self.gaps)
-        balance = replace(balance, constant=balance.constant + self.imbalance)
+        gap, balance = condensed.gap.shifted(self.gaps), condensed.balance.shifted(self.imbalance)
         return solve_exact(replace(condensed, gap=gap, balance=balance), before.factors, before.closed)
 
 
@@ -61,7 +59,7 @@ def changes_of(condensed: Condensed, scene: Scene, bodies: Mapping[str, Correcte
     corrections = {name: one.change.reshape(-1, 2) for name, one in bodies.items()}
     gaps, slips = _summed(condensed, scene, corrections)
     bonds = condensed.bonds
-    opened = np.zeros((2, len(bonds.pressure.constant)))
+    opened = np.zeros((2, len(bonds.own) // 2))
     for pairing in bonds.pairings:
         opened[:, bonds.spans[pairing.name]] = _moved(pairing, scene, corrections, False)
     bonds = bonds.opened(*opened)
@@ -76,7 +74,7 @@ def changes_of(condensed: Condensed, scene: Scene, bodies: Mapping[str, Correcte
                 carried = carried + np.array([fx, fy, moment - x * fy + y * fx])
                 imbalance[row] += motion.direction @ carried
     if bonds.pairings:
-        followed = condensed.by_bonds @ np.concatenate([bonds.pressure.constant, bonds.traction.constant])
+        followed = bonds.effects @ bonds.tractions.constant
         more = np.split(followed, np.cumsum([len(gaps), len(slips)]))
         gaps, slips, imbalance = gaps + more[0], slips + more[1], imbalance + more[2]
     return Changes(gaps, slips, imbalance, bonds)
