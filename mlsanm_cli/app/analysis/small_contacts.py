@@ -126,7 +126,7 @@ def sliding_distance(
 def contact_summary(built: CondensedScene, pairing: Pairing, state: State) -> dict[str, Any]:
     """The figures of a contact, with those of the reference solution if the case has one."""
     values = contact_values(built, pairing, state)
-    pressure, force = values["pressure"], built.condensed.contact_forces[pairing.name](*state.unknowns)
+    pressure, force = values["pressure"], built.condensed.quantities["contact"][pairing.name](*state.unknowns)
     if pairing.bonded:
         return {
             "peak_pressure": float(pressure.max(initial=0.0)),
@@ -195,7 +195,7 @@ def worst_state(
                 x, y = pairing.points[chosen[node - span.start]].tolist()
                 figures = {name: float(one[node]) for name, one in values.items()}
                 rows[node] = {"contact": pairing.name, "x": x, "y": y, **figures}
-        if pairing.grid is None:
+        if pairing.nodal:
             # A node of several contacts shows the one with the larger residual.
             there, own = data[pairing.slave_body], pairing.node[chosen]
             worse = ~(residual[span] <= there["residual"][own])

@@ -71,8 +71,7 @@ def set_up(
     prepared, built, accuracy, refinement = adapt(case, prepared, context, refinement)
     if refinement.failed:
         verdicts.judge([Check("refinement_pass", 1.0, refinement.failed)])
-    nodal = [pairing for pairing in built.condensed.pairings if pairing.grid is None]
-    verdicts.judge(nodal_contacts(prepared, nodal, prepared.models))
+    verdicts.judge(nodal_contacts(prepared, built.condensed.nodal, prepared.models))
     return prepared, built, accuracy, refinement
 
 
@@ -147,7 +146,7 @@ class SmallStrain(Analysis):
 
     def forces(self, state: State) -> Mapping[str, FloatArray]:
         condensed = self._at(state).condensed
-        maps = {**condensed.contact_forces, **condensed.forces}
+        maps = {**condensed.quantities["contact"], **condensed.quantities["force"]}
         return {name: force(*state.unknowns) for name, force in maps.items()}
 
     def judge(self, last: State, tally: dict[str, Any]) -> Iterator[Check]:
@@ -225,9 +224,9 @@ class SmallStrain(Analysis):
 
     def model_datasets(self) -> dict[str, Value]:
         datasets, bonds = super().model_datasets(), self._built.condensed.bonds
-        for name, own in bonds.spans.items() if bonds.pairings else ():
-            pair = (bonds.pressure.take(own), bonds.traction.take(own))
-            datasets[place("maps", "bonds", name)] = np.concatenate([one.matrix for one in pair])
+        for name, own in bonds.spans.items():
+            both = [part[own] for part in np.split(bonds.tractions.matrix, 2)]
+            datasets[place("maps", "bonds", name)] = np.concatenate(both)
         return datasets
 
     @property
@@ -240,7 +239,8 @@ class SmallStrain(Analysis):
     def series_maps(self) -> dict[str, Value]:
         condensed = self._built.condensed
         slips = {name: condensed.slip.take(own) for name, own in condensed.tangential.items()}
-        kinds = (("forces", condensed.forces), ("slip", slips), ("probes", condensed.probes))
+        forces, probes = (condensed.quantities[kind] for kind in ("force", "probe"))
+        kinds = (("forces", forces), ("slip", slips), ("probes", probes))
         return {place("maps", kind, name): one.matrix for kind, maps in kinds for name, one in maps.items()}
 
     def quantities(self, state: State) -> Quantities:
@@ -325,7 +325,7 @@ class SmallStrain(Analysis):
             | {"max_cone_ratio": cone.get(one.name), "force_mismatch": lost.get(one.name)}
             for one in built.condensed.reported
         }
-        plates = {"plates": plates_turned(built, state)} if built.condensed.moments else {}
+        plates = {"plates": plates_turned(built, state)} if built.condensed.quantities["moment"] else {}
         return (
             plates
             | flow_figures(built, state)

@@ -18,7 +18,6 @@ import numpy as np
 from mlsanm_cli.app.checks.ended import EnergyErrors
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import finer_nodes
-from mlsanm_cli.contact.complementarity.problem import STICK
 from mlsanm_cli.contact.geometry.grid import l2
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.laws.accuracy import (
@@ -26,10 +25,10 @@ from mlsanm_cli.contact.laws.accuracy import (
     changes_of,
     frozen_change,
     halved_state,
-    rough_state,
     roughness_of,
 )
-from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
+from mlsanm_cli.contact.laws.contact_state import ContactState
+from mlsanm_cli.contact.laws.frictionless import solve_exact
 from mlsanm_cli.contact.response.bonds import Bonds
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.errors import NumericalError
@@ -64,7 +63,7 @@ class Accuracy:
 
     displacement: float | None
     pressures: Mapping[str, tuple[float | None, float | None]]
-    state: ExactState
+    state: ContactState
     largest: float | None = None
     bodies: Mapping[str, Corrected] = field(default_factory=dict)
     deflection: float = 0.0
@@ -92,7 +91,7 @@ class Accuracy:
             pressure[one.name] = together(*self.pressures[one.name], away)
         probes = {}
         for name, error in self.probes.items():
-            moved = float(np.hypot(*condensed.probes[name](*self.state.unknowns)[:2]))
+            moved = float(np.hypot(*condensed.quantities["probe"][name](*self.state.unknowns)[:2]))
             size = max(moved, LEAST_MOVED * (self.largest or 0.0))
             probes[name] = float(np.hypot(error / size, self.deflection)) if size > 0.0 else 0.0
         more = {"force": dict(self.forces), "probes": probes}
@@ -137,10 +136,8 @@ def assess_accuracy(built: CondensedScene) -> Accuracy:
         return after.motion - state.motion, after.pressure - state.pressure, np.zeros_like(state.traction)
 
     try:
-        nodal = any(pairing.grid is None for pairing in condensed.pairings)
-        halved = halved_state(condensed, state) if nodal else None
-        rough = rough_state(condensed, scene, state, bodies).pressure - state.pressure
-        return _estimated(built, state, bodies, moved, rough, halved)
+        halved = halved_state(condensed, state) if condensed.nodal else None
+        return _estimated(built, state, bodies, moved, halved)
     except NumericalError as error:  # the corrected scene has no contact state
         hint = finer_nodes(built.case, scene.bodies)
         missing = f"with bodies corrected for their errors, {error.message}; {hint}"
@@ -153,29 +150,25 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo:
     condensed = built.condensed
     if not len(condensed.friction_nodes) or not state.closed.any():
         return accuracy
-    values = (state.factors, state.pressure, state.gap, state.motion, state.traction)
-    last = ExactState(*values, state.closed, state.status == STICK, 0, state.residual)
+    last = state.contacts(condensed.friction_nodes)
 
     def moved(by: Changes) -> Moved:
-        # The residual gaps of a regularised law are no error of the bodies.
-        gaps, stuck = np.where(last.active, 0.0, last.gap), last.stuck[condensed.friction_nodes]
-        change = frozen_change(condensed, last.pressure, last.traction, gaps, last.active, stuck, by)
+        change = frozen_change(condensed, last, by)
         return change.motion, change.pressure, change.traction
 
     try:
         bodies = _corrected(built, state.unknowns, memo)
-        rough = moved(roughness_of(condensed, built.scene, bodies))[1]
-        return _estimated(built, last, bodies, moved, rough, _halved(built, last))
+        return _estimated(built, last, bodies, moved, _halved(built, last))
     except NumericalError as error:  # a cloud too small for the next degree, or a singular contact
         return replace(accuracy, missing=error.advice)
 
 
-def _halved(built: CondensedScene, state: ExactState) -> Halved | None:
+def _halved(built: CondensedScene, state: ContactState) -> Halved | None:
     """Motions and pressures from every second node, with the tractions of the state as loads and motions
     along the contacts, which friction resists, as they are; None if there is no contact with nodal pressures,
     or no solution."""
     condensed = built.condensed
-    if all(pairing.grid is not None for pairing in condensed.pairings):
+    if not condensed.nodal:
         return None
     across, along = (
         np.abs(linear.motion).max(axis=0, initial=0.0) for linear in (condensed.gap, condensed.slip)
@@ -204,16 +197,15 @@ def _halved(built: CondensedScene, state: ExactState) -> Halved | None:
 
 def _estimated(
     built: CondensedScene,
-    state: ExactState,
+    state: ContactState,
     bodies: Mapping[str, Corrected],
     moved: Callable[[Changes], Moved],
-    rough: FloatArray,
     halved: Halved | None,
 ) -> Accuracy:
     """The estimates of a ``state``: from the corrections of ``bodies``, by which contacts have ``moved``, of
-    what these may miss, from pressures ``rough`` (m,) without smoothing, and from nodal contacts of half as
-    many nodes."""
+    what these may miss, without smoothing, and from nodal contacts of half as many nodes."""
     condensed, scene, parts = built.condensed, built.scene, [bodies]
+    rough = moved(roughness_of(condensed, scene, bodies))[1]
     if any(one.uncertain.any() for one in bodies.values()):
         parts.append({name: one.missed for name, one in bodies.items()})
     effects, corrected = [], []
@@ -230,7 +222,7 @@ def _estimated(
     for one in condensed.pairings:
         others = (*corrected, state.pressure + ROUGH_SHARE * rough)
         bulk = together(*(distance(built, one, state, pressure) for pressure in others))
-        if one.grid is not None:
+        if not one.nodal:
             own: float | None = float(np.linalg.norm(grid_errors(condensed, one.name, [state])))
         else:
             own = None if halved is None else distance(built, one, state, halved[1])
@@ -249,7 +241,7 @@ def _estimated(
 
 
 def _effects(
-    built: CondensedScene, bodies: Mapping[str, Corrected], state: ExactState, bonds: Bonds, moved: Moved
+    built: CondensedScene, bodies: Mapping[str, Corrected], state: ContactState, bonds: Bonds, moved: Moved
 ) -> list[float]:
     """Effects of the changes of ``bodies``, of ``bonds`` and of what has ``moved``: on all displacements
     (L2), on that at each probe, and on the force of each contact over the sum of its pressures."""
@@ -266,7 +258,7 @@ def _effects(
         values = scene.bodies[probe.body].model.values(probe.point, rests[probe.body])
         effects.append(float(np.hypot(*(values + near)[0])))
     for pairing in condensed.pairings:
-        force, span = condensed.contact_forces[pairing.name], condensed.spans[pairing.name]
+        force, span = condensed.quantities["contact"][pairing.name], condensed.spans[pairing.name]
         size = float(condensed.areas[span] @ state.pressure[span])
         apart = float(np.hypot(*(force(*unknowns) - force.constant)))
         effects.append(apart / size if _is_pressed(state, span) else 0.0)
@@ -292,7 +284,7 @@ def _largest_of(displacements: Sequence[FloatArray]) -> float:
 
 
 def distance(
-    built: CondensedScene, pairing: Pairing, state: ExactState, pressure: FloatArray
+    built: CondensedScene, pairing: Pairing, state: ContactState, pressure: FloatArray
 ) -> float | None:
     """Relative L2 distance of the pressures of a contact from the exact ones; None without pressure."""
     span, arc = built.condensed.spans[pairing.name], pairing.arc[pairing.candidate]
@@ -302,7 +294,7 @@ def distance(
     return l2(arc, pressure[span] - exact) / l2(arc, exact)
 
 
-def _is_pressed(state: ExactState, span: slice) -> bool:
+def _is_pressed(state: ContactState, span: slice) -> bool:
     """Whether the pressures of a contact are more than round-off of those of others."""
     return bool(state.pressure[span].max(initial=0.0) > COARSE_ROUND_OFF * state.pressure.max(initial=0.0))
 

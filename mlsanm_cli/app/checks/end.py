@@ -65,9 +65,7 @@ class End:
 def pressed_spacings(end: End) -> Iterator[Check]:
     """Spacings of surfaces with nodal pressures in contact: of too different ones they look plausible."""
     clouds = {name: body.model.cloud for name, body in end.built.scene.bodies.items()}
-    for pairing in end.built.condensed.pairings:
-        if pairing.grid is not None:
-            continue
+    for pairing in end.built.condensed.nodal:
         closed, place = np.zeros_like(pairing.candidate), f"contact {pairing.name}"
         closed[pairing.candidate] = end.last.closed[end.built.condensed.spans[pairing.name]]
         ratio = spacing_ratio(replace(pairing, candidate=closed), clouds)
@@ -244,8 +242,8 @@ def held_motion(end: End) -> Iterator[Check]:
     turned = turns(built.scene, built.condensed, built.ends[-1])
     angles = [
         (abs(turned[pairing.name] - pairing.grid.facing.turn), sorted(held & set(pairing.bodies)))
-        for pairing in built.condensed.pairings
-        if pairing.grid is not None and pairing.name in turned and held & set(pairing.bodies)
+        for pairing in built.condensed.on_grids
+        if pairing.name in turned and held & set(pairing.bodies)
     ]
     if angles:
         angle, bodies = max(angles)
@@ -312,14 +310,14 @@ def estimates(built: CondensedScene, figures: Mapping[str, Any], missing: str) -
         name, bodies = pairing.name, pairing.bodies
         if name in figures.get("force", {}):
             yield force_estimate("force_error", case, name, built.scene.bodies, figures["force"][name])
-        finer = f" and a smaller contact.{name}.accuracy" if pairing.grid and pairing.friction else ""
+        finer = f" and a smaller contact.{name}.accuracy" if pairing.friction and not pairing.nodal else ""
         error = figures["pressure"].get(name)
         yield from pressure_estimate(pressure_limit(pairing), case, name, bodies, error, finer)
 
 
 def pressure_limit(pairing: Pairing) -> str:
     """The limit of the error of pressures: frictionless ones on grids show that bodies are too coarse."""
-    return "pressure_error" if pairing.grid is not None and not pairing.friction else "rough_pressure_error"
+    return "rough_pressure_error" if pairing.nodal or pairing.friction else "pressure_error"
 
 
 def estimate_limits(condensed: Condensed) -> dict[str, Any]:
@@ -329,5 +327,5 @@ def estimate_limits(condensed: Condensed) -> dict[str, Any]:
         "displacement": displacement,
         "pressure": {one.name: level(pressure_limit(one)) for one in condensed.pairings},
         "force": {one.name: level("force_error") for one in condensed.pairings},
-        "probes": dict.fromkeys(condensed.probes, displacement),
+        "probes": dict.fromkeys(condensed.quantities["probe"], displacement),
     }

@@ -196,7 +196,7 @@ def _left_out(
                 touching[NEIGHBORHOOD].append(there)
                 continue
             closed = state.closed[built.condensed.spans[pairing.name]]
-            if pairing.grid is None:
+            if pairing.nodal:
                 touching[NEIGHBORHOOD].append(there[closed])
                 continue
             # A hat ends at the node beyond the one after it.

@@ -37,6 +37,7 @@ from mlsanm_cli.app.scene.refinement import Refinement, has_automatic_spacings
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.spacing import Zone, cover
+from mlsanm_cli.contact.complementarity.problem import STICK
 from mlsanm_cli.contact.geometry.profile import Patch, contact_patches, half_width
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.corners import corner_weight
@@ -234,14 +235,15 @@ def found_patches(built: CondensedScene, rule: Rule) -> Iterator[Patch]:
                 held = [body.model.cloud.surfaces[name].index for name in sides]
                 nodes = np.concatenate([np.zeros(0, dtype=np.int64), *held])
                 corners = ~np.isin(pairing.node[pairing.candidate], nodes)
-            patches = contact_patches(pairing, state.active[span], corners)
+            patches = contact_patches(pairing, state.closed[span], corners)
             closed = [patch for patch in patches if len(patch.edges)]
             yield from closed
             if any((patch.uncertainty > EDGE_TOLERANCE * patch.half_width).any() for patch in closed):
                 continue
             # Single sticking nodes among sliding ones are no zone.
             least = MIN_STICK_ZONE * max((patch.half_width for patch in closed), default=np.inf)
-            for patch in contact_patches(pairing, state.stuck[span]):
+            stuck = state.status.status(built.condensed.friction_nodes)[span] == STICK
+            for patch in contact_patches(pairing, stuck):
                 if patch.half_width > least and len(patch.edges):
                     yield replace(patch, finest=max(rule.at_edge / STICK_REFINEMENT, 1.0))
 
