@@ -74,7 +74,27 @@ class Domain:
 
     @classmethod
     def of(cls, boundaries: Boundaries, body: Body) -> Domain:
-        return cls(boundaries, body, _planes(boundaries, body))
+        """Its planes of symmetry are the straight sides that are held in their normal component only, with
+        all of the body on one side. Of two parallel ones, between which the whole is without end, none; nor
+        in bodies of revolution, which are supported rather than cut there."""
+        outline, held = boundaries.drawn[body.name], dict[int, set[int]]()
+        planes: dict[int, tuple[int, float]] = {}
+        for _, condition, place in conditions(boundaries.case):
+            roller = isinstance(condition, Support) and place.ends is None
+            # What moves, or holds a part of a side, is no symmetry.
+            components = {axis for axis, fixed in enumerate(prescribes(condition)) if fixed or not roller}
+            for number in outline.numbers(*place.edges) if place.body == body.name else ():
+                held.setdefault(number, set()).update(components)
+        points = np.concatenate([along(curve) for curve in outline.curves])
+        slack = ROUND_OFF * float(np.ptp(points, axis=0).max())
+        for number, components in held.items():
+            curve = outline.curves[number]
+            if isinstance(curve, Segment) and len(components) == 1 and not boundaries.case.model.revolved:
+                (axis,), (at,), (normal,) = components, curve.points(np.zeros(1)), curve.normals(np.zeros(1))
+                if abs(normal[axis]) > 1.0 - ROUND_OFF and ((points - at) @ normal).max() <= slack:
+                    planes[number] = axis, float(at[axis])
+        axes = [axis for axis, _ in planes.values()]
+        return cls(boundaries, body, {k: plane for k, plane in planes.items() if axes.count(plane[0]) == 1})
 
     @property
     def case(self) -> Case:
@@ -92,7 +112,6 @@ class Domain:
 
     @cached_property
     def material(self) -> PlaneMaterial:
-        """The material of the body."""
         return materials(self.case)[self.body.material]
 
     @property
@@ -168,35 +187,6 @@ class Domain:
     def far(self) -> float:
         """The coarse spacing."""
         return min(self.size / PER_SIZE, self.thickness / PER_THICKNESS) / self.finer
-
-
-def _planes(boundaries: Boundaries, body: Body) -> dict[int, tuple[int, float]]:
-    """The straight sides that are held in their normal component only, with all of the body on one side, by
-    number: axis and coordinate. Of two parallel ones, between which the whole is without end, none; nor in
-    bodies of revolution, which are supported rather than cut there."""
-    if boundaries.case.model.revolved:
-        return {}
-    outline, held, planes = boundaries.drawn[body.name], dict[int, set[int]](), dict[int, tuple[int, float]]()
-    for _, condition, place in conditions(boundaries.case):
-        if place.body != body.name:
-            continue
-        roller = isinstance(condition, Support) and place.ends is None
-        components = {axis for axis, fixed in enumerate(prescribes(condition)) if fixed}
-        for number in outline.numbers(*place.edges):
-            # What moves, or holds a part of a side, is no symmetry.
-            held.setdefault(number, set()).update(components if roller else {0, 1})
-    points = np.concatenate([along(curve) for curve in outline.curves])
-    for number, components in held.items():
-        curve = outline.curves[number]
-        if not isinstance(curve, Segment) or len(components) != 1:
-            continue
-        (axis,), at = components, curve.points(np.zeros(1))[0]
-        across = abs(curve.normals(np.zeros(1))[0, axis]) > 1.0 - ROUND_OFF
-        away = (points - at) @ curve.normals(np.zeros(1))[0]
-        if across and away.max() <= ROUND_OFF * float(np.ptp(points, axis=0).max()):
-            planes[number] = axis, float(at[axis])
-    axes = [axis for axis, _ in planes.values()]
-    return {number: plane for number, plane in planes.items() if axes.count(plane[0]) == 1}
 
 
 def along(curve: Curve) -> FloatArray:
@@ -308,17 +298,18 @@ def narrow_parts(domain: Domain) -> Iterator[Zone]:
     """Zones with as many spacings between opposite faces as over the thickness. Faces that meet in a corner
     are excluded: wedges would have arbitrarily fine nodes."""
     outline, far, across = domain.outline, domain.far, PER_THICKNESS * domain.finer
-    arcs = [_places(curve, far) for curve in domain.free]
-    count = len(domain.free)
+    arcs, count = list[FloatArray](), len(domain.free)
+    for curve in domain.free:
+        parts = 4 * max(SAMPLES_PER_SPACING, math.ceil(0.25 * SAMPLES_PER_SPACING * curve.length / far))
+        arcs.append((np.arange(parts) + 0.5) * (curve.length / parts))
     owner = np.tile(np.repeat(np.arange(count), [len(s) for s in arcs]), domain.copies)
     copy = np.repeat(np.arange(domain.copies), len(owner) // domain.copies)
     step = np.concatenate([np.full(len(s), 2.0 * s[0]) for s in arcs])
-    parts = zip(domain.free, arcs, strict=True)
-    points, normals = (
-        np.concatenate(one) for one in zip(*((c.points(s), c.normals(s)) for c, s in parts), strict=True)
-    )
-    points, normals = domain.unfolded(points), domain.unfolded(normals, directions=True)
-    beside = np.array([[_beside(outline, one, other) for other in domain.free] for one in domain.free])
+    placed = list(zip(domain.free, arcs, strict=True))
+    points = domain.unfolded(np.concatenate([curve.points(s) for curve, s in placed]))
+    normals = domain.unfolded(np.concatenate([curve.normals(s) for curve, s in placed]), directions=True)
+    numbers = [number for number in range(len(outline.curves)) if number not in domain.planes]
+    beside = np.array([[b != a and b in outline.neighbours(a) for b in numbers] for a in numbers])
     pairs = cKDTree(points).query_pairs(across * far, output_type="ndarray")
     near, opposite = np.concatenate([pairs, pairs[:, ::-1]]).T
     kept = (normals[near] * normals[opposite]).sum(axis=1) < -OPPOSITE_COSINE
@@ -335,18 +326,6 @@ def narrow_parts(domain: Domain) -> Iterator[Zone]:
     sizes = far * WIDTH_RATIO ** np.clip(level, 0, LEVELS)
     for number, curve in enumerate(domain.free):
         yield from banded(curve, sizes[owner[: len(step)] == number], 0.5 * across)
-
-
-def _places(curve: Curve, far: float) -> FloatArray:
-    """Arc lengths (m,) in the middle of equal parts of a curve, shorter than the spacing ``far``."""
-    count = 4 * max(SAMPLES_PER_SPACING, math.ceil(0.25 * SAMPLES_PER_SPACING * curve.length / far))
-    return np.asarray((np.arange(count) + 0.5) * (curve.length / count))
-
-
-def _beside(outline: Outline, one: Curve, other: Curve) -> bool:
-    """Whether two curves of an outline meet at an end."""
-    number, following = outline.curves.index(one), outline.curves.index(other)
-    return number != following and following in outline.neighbours(number)
 
 
 OUTLINE_SOURCES = (curved_parts, short_sides, reentrant_corners, narrow_parts)
