@@ -14,7 +14,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Curve, Outline, Segment
 from mlsanm_cli.cloud.membership import cross, numbered, signed_area, turns
-from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
+from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.sight import triangulate, visibility_criterion
 from mlsanm_cli.cloud.splines import NodeSpline, Spline
 from mlsanm_cli.cloud.surface import Surface
@@ -71,16 +71,12 @@ def cloud_of_nodes(points: FloatArray, outline: Outline, normals: FloatArray | N
 def mirrored(cloud: Cloud, line: SymmetryLine) -> Cloud | None:
     """The same cloud with its symmetry about a ``line``; None if its nodes are not symmetric or the line runs
     along its outline."""
-    image = line.images(cloud.points, cloud.spacing)
-    if image is None:
+    mirror = line.mirror(cloud.points, cloud.spacing, cloud.edges)
+    if mirror is None:
         return None
-    own = image == np.arange(len(image))
-    if own[cloud.edges].all(axis=1).any():
-        return None
-    side = np.where(own, 0, np.sign(cloud.points[:, line.axis] - line.at)).astype(np.int64)
     # The image of a quadrilateral may be split along its other diagonal: neighbour distances then differ.
-    spacing = 0.5 * (cloud.spacing + cloud.spacing[image])
-    return Cloud(cloud.points, spacing, cloud.surfaces, Mirror(line, image, side))
+    spacing = 0.5 * (cloud.spacing + cloud.spacing[mirror.image])
+    return Cloud(cloud.points, spacing, cloud.surfaces, mirror)
 
 
 def _node_arcs(curve: Curve, points: FloatArray) -> FloatArray:
