@@ -15,7 +15,6 @@ import numpy as np
 from mlsanm_cli.app.scene.boundaries import prescribes
 from mlsanm_cli.app.scene.contact_pairs import shape_of
 from mlsanm_cli.app.scene.load_profiles import amounts_of, profiles, runs_of
-from mlsanm_cli.app.scene.outlines import drawn
 from mlsanm_cli.app.scene.sizes import (
     GROWTH,
     LEVELS,
@@ -37,8 +36,7 @@ from mlsanm_cli.case import (
     value_at,
 )
 from mlsanm_cli.case.model.conditions import Support
-from mlsanm_cli.case.model.shapes import AnyShape
-from mlsanm_cli.cloud.curves import Curve, turn
+from mlsanm_cli.cloud.curves import Curve, Outline, turn
 from mlsanm_cli.cloud.joined import BoundaryRun
 from mlsanm_cli.cloud.membership import inside_polygon
 from mlsanm_cli.cloud.spacing import Zone
@@ -80,7 +78,7 @@ def clamped_ends(domain: Domain) -> Iterator[Zone]:
     stiffness of the clamping, which matters to bodies that bend, that extend so far from their clamped sides
     that these turn them, or that have no contact."""
     held = [place for condition, place in domain.conditions if all(prescribes(condition))]
-    curves = [run.part for place in held for run in runs_of(domain.body.shape, place)]
+    curves = [run.part for place in held for run in runs_of(domain.outline, place)]
     sides = [side for contact in domain.case.contact for side in contact.sides]
     length = sum(domain.length(curve) for curve in curves)
     leans = domain.material.stretch * domain.area > length**2
@@ -97,7 +95,7 @@ def loaded_parts(domain: Domain) -> Iterator[Zone]:
     for condition, place in domain.conditions:
         sprung = isinstance(condition, Support) and condition.spring is not None
         loose = sprung or isinstance(condition, Pressure | Traction)
-        for run in runs_of(domain.body.shape, place):
+        for run in runs_of(domain.outline, place):
             curve, first, length = run.part, run.range[0], domain.length(run.part)
             ends = np.array([0.0, curve.length])
             edges = [k for k in (0, 1) if not curve.closed and _continues(run, first + float(ends[k]), k)]
@@ -123,7 +121,7 @@ def varying_loads(domain: Domain) -> Iterator[Zone]:
     for load in domain.case.load:
         if not isinstance(load, Pressure | Traction | Displacement) or load.owner != domain.body.name:
             continue
-        for profile in profiles(domain.body.shape, load):
+        for profile in profiles(domain.outline, load):
             curve = profile.run.part
             arc = np.linspace(0.0, curve.length, len(profile.values))
             sizes = resolved_sizes(profile.values, curve.length, far)
@@ -166,14 +164,14 @@ def varying_fields(domain: Domain) -> Iterator[Zone]:
         if load.owner == domain.body.name and not load.places:
             for amount in amounts_of(load):
                 if isinstance(amount, str):
-                    yield from _field_zones(domain.body.shape, amount, domain.far)
+                    yield from _field_zones(domain.outline, amount, domain.far)
 
 
 @lru_cache(maxsize=64)
-def _field_zones(shape: AnyShape, expression: str, far: float) -> tuple[Zone, ...]:
+def _field_zones(outline: Outline, expression: str, far: float) -> tuple[Zone, ...]:
     """Zones of squares, halved until the field is linear in each."""
-    curves, found = drawn(shape).curves, list[Zone]()
-    chains = [curve.points(np.linspace(0.0, curve.length, CURVE_SAMPLES + 1)) for curve in curves]
+    found, samples = list[Zone](), np.linspace(0.0, 1.0, CURVE_SAMPLES + 1)
+    chains = [curve.points(curve.length * samples) for curve in outline.curves]
     edges = np.concatenate([np.hstack([points[:-1], points[1:]]) for points in chains])
     low, high = edges[:, :2].min(axis=0), edges[:, :2].max(axis=0)
     size = float((high - low).max())
@@ -216,12 +214,11 @@ def contacts(domain: Domain) -> Iterator[Zone]:
     bonds = [contact.name for contact in domain.case.contact if contact.bonded]
     bond_ends = {bond: boundaries.bond_ends(bond) for bond in bonds}
     for contact in domain.case.contact:
-        places = boundaries.sides[contact.name]
-        curves = [boundaries.curve(place, key) for place, key in places]
-        for (place, _), (own, rest), (other, _) in zip(places, curves, curves[::-1], strict=True):
+        sides = boundaries.sides[contact.name]
+        for (place, run), (other_place, other_run) in zip(sides, sides[::-1], strict=True):
             if place.body != name:
                 continue
-            partner = next((p.body for p, _ in places[::-1] if p is not place), name)
+            partner, own, other = other_place.body, run.part, other_run.part
             if contact.bonded:
                 fine, ends = _finest(domain, partner), bond_ends[contact.name]
                 yield Zone(own, fine / (BOND_RATIO if ends else 1.0), 0.0, GROWTH)
@@ -232,8 +229,10 @@ def contacts(domain: Domain) -> Iterator[Zone]:
                 # Nodal pressures need similar spacings on both surfaces.
                 fine = _finest(domain, partner)
                 yield Zone(other, fine, fine, GROWTH)
-            yield from _contact(domain, contact, own, rest, other if len(curves) > 1 else None)
-            slave = curves[0][0]
+            outline = domain.outline
+            rest = [curve for k, curve in enumerate(outline.curves) if k not in run.numbers]
+            yield from _contact(domain, contact, own, rest, other if len(sides) > 1 else None)
+            slave = sides[0][1].part
             for end in slave.points(np.array([0.0, slave.length])):
                 away = [np.hypot(*(end - tip)) for tips in bond_ends.values() for tip in tips]
                 if min(away, default=np.inf) <= COARSE_ROUND_OFF * slave.length:

@@ -22,7 +22,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial import cKDTree
 
-from mlsanm_cli.app.scene.boundaries import Boundaries, Condition, conditions, prescribes
+from mlsanm_cli.app.scene.boundaries import Boundaries, Condition, prescribes
 from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Body, Case, Place
@@ -79,7 +79,7 @@ class Domain:
         in bodies of revolution, which are supported rather than cut there."""
         outline, held = boundaries.drawn[body.name], dict[int, set[int]]()
         planes: dict[int, tuple[int, float]] = {}
-        for _, condition, place in conditions(boundaries.case):
+        for _, condition, place in boundaries.conditions:
             roller = isinstance(condition, Support) and place.ends is None
             # What moves, or holds a part of a side, is no symmetry.
             components = {axis for axis, fixed in enumerate(prescribes(condition)) if fixed or not roller}
@@ -108,7 +108,7 @@ class Domain:
     @cached_property
     def conditions(self) -> list[tuple[Condition, Place]]:
         """Supports and loads on the boundaries of the body."""
-        return [(one, place) for _, one, place in conditions(self.case) if place.body == self.body.name]
+        return [(one, place) for _, one, place in self.boundaries.conditions if place.body == self.body.name]
 
     @cached_property
     def material(self) -> PlaneMaterial:
@@ -282,9 +282,8 @@ def reentrant_corners(domain: Domain) -> Iterator[Zone]:
     follow the trace of the singular field into the corner; nor have those at finite strain."""
     if domain.case.model.strain == "finite":
         return
-    boundaries = domain.boundaries
-    keyed = [side for sides in boundaries.sides.values() for side in sides]
-    touching = [boundaries.curve(side, key)[0] for side, key in keyed if side.body == domain.body.name]
+    sides = [side for sides in domain.boundaries.sides.values() for side in sides]
+    touching = [run.part for place, run in sides if place.body == domain.body.name]
     for number, curve in enumerate(domain.outline.curves):
         if _reentrant(domain.outline, number):
             corner = curve.points(np.zeros(1))
@@ -301,7 +300,7 @@ def narrow_parts(domain: Domain) -> Iterator[Zone]:
     arcs, count = list[FloatArray](), len(domain.free)
     for curve in domain.free:
         parts = 4 * max(SAMPLES_PER_SPACING, math.ceil(0.25 * SAMPLES_PER_SPACING * curve.length / far))
-        arcs.append((np.arange(parts) + 0.5) * (curve.length / parts))
+        arcs.append(np.asarray((np.arange(parts) + 0.5) * (curve.length / parts)))
     owner = np.tile(np.repeat(np.arange(count), [len(s) for s in arcs]), domain.copies)
     copy = np.repeat(np.arange(domain.copies), len(owner) // domain.copies)
     step = np.concatenate([np.full(len(s), 2.0 * s[0]) for s in arcs])
