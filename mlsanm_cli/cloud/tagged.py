@@ -37,7 +37,8 @@ class TaggedNodes:
 def tagged_loops(nodes: TaggedNodes) -> tuple[Loop, ...]:
     """Closed loops through the tagged nodes, the material on the left. A corner between two tags is the end
     node at which the outline turns more; it belongs to both. Raises GeometryError, naming the place in the
-    file, for coincident nodes, an open or unordered boundary, loops side by side and nodes outside."""
+    file, for coincident nodes, an open or unordered boundary, loops side by side, nodes outside, and given
+    normals that do not point out of the material."""
     pairs = coincident(nodes.points)
     if len(pairs):
         one, other = np.sort(pairs[np.argmin(pairs.max(axis=1))])
@@ -67,11 +68,11 @@ def tagged_loops(nodes: TaggedNodes) -> tuple[Loop, ...]:
     if len(outside):
         place = nodes.places[outside[0]]
         raise GeometryError(f"{place}: the node {nodes.at(outside[0])} lies outside the boundary")
+    _check_normals(nodes, loops)
     return tuple(loops)
 
 
-def check_normals(nodes: TaggedNodes, loops: Sequence[Loop]) -> None:
-    """Raise GeometryError for a given normal that does not point out of the material."""
+def _check_normals(nodes: TaggedNodes, loops: Sequence[Loop]) -> None:
     for loop in loops:
         place, given = nodes.points[loop.nodes], nodes.normals[loop.nodes]
         before, after = place - np.roll(place, 1, axis=0), np.roll(place, -1, axis=0) - place

@@ -244,7 +244,7 @@ def _finest(domain: Domain, partner: str) -> float:
     body = next(body for body in domain.case.body if body.name == partner)
     if isinstance(body.spacing, float) or body.has_nodes:
         return min(domain.far, body.spacing if isinstance(body.spacing, float) else np.inf)
-    return min(domain.far, Domain.of(domain.boundaries, body).far)
+    return min(domain.far, Domain(domain.boundaries, body).far)
 
 
 def _contact(
