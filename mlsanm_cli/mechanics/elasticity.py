@@ -22,7 +22,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.kernels.forces import add_forces
+from mlsanm_cli.kernels.assembly import add_forces
 from mlsanm_cli.operators.rows import pair_rows, scalar_rows
 from mlsanm_cli.operators.stencil_weights import Stencils
 
