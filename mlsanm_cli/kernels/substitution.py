@@ -164,8 +164,8 @@ def products(
         # Columns with entries in the front or its children, and the position of each among them.
         bottom = depth
         while bottom > 0 and parent[owner[bottom - 1]] == f:
-            for column in active[bottom]:
-                mark[column] = f
+            for other in active[bottom]:
+                mark[other] = f
             bottom -= 1
         for entry in range(indptr[2 * first], indptr[2 * end]):
             mark[indices[entry]] = f

@@ -30,9 +30,8 @@ from mlsanm_cli.mechanics.springs import FREE, NO_SPRING, Held, Springs, restrai
 from mlsanm_cli.memo import digest
 from mlsanm_cli.operators import least_squares
 from mlsanm_cli.operators.least_squares import Strong
-from mlsanm_cli.operators.linear.interface import LinearSolver
+from mlsanm_cli.operators.linear.interface import LinearSolver, compact
 from mlsanm_cli.operators.rows import nodal_pairs, nodal_rows
-from mlsanm_cli.operators.structure import compact
 from mlsanm_cli.operators.system import LinearSystem
 from mlsanm_cli.records import dataclass
 

@@ -19,8 +19,7 @@ from scipy.linalg.lapack import dgeqp3
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.springs import Springs
-from mlsanm_cli.operators.refinement import FULL_TOLERANCE
-from mlsanm_cli.operators.system import Equations, LinearSystem
+from mlsanm_cli.operators.system import FULL_TOLERANCE, Equations, LinearSystem
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 
