@@ -70,9 +70,9 @@ def _estimates(
 ) -> dict[str, float]:
     """Estimates of all contacts with ``closed`` nodes (m,). UnstableError if one is too small."""
     loose = {one.name for one in scene.rigid_constraints if one.floats}
-    numbers = [number for number, name in enumerate(scene.bodies) if name in loose]
+    names = [name for name in scene.bodies if name in loose]
     estimates = {
-        pairing.name: _contact(condensed, _bearing(closed, condensed.spans[pairing.name]), numbers, memo)
+        pairing.name: _contact(condensed, _bearing(closed, condensed.spans[pairing.name]), names, memo)
         for pairing in condensed.pairings
         if closed[condensed.spans[pairing.name]].any()
     }
@@ -87,7 +87,7 @@ def _estimates(
     return estimates
 
 
-def _contact(condensed: Condensed, bearing: BoolArray, loose: Sequence[int], memo: Memo) -> float:
+def _contact(condensed: Condensed, bearing: BoolArray, loose: Sequence[str], memo: Memo) -> float:
     key = digest(condensed.content, bearing, list(loose))
     return memo.value("contact stability", key, lambda: contact_stability(condensed, bearing, loose))
 

@@ -20,8 +20,9 @@ from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.geometry.pairing import Pairing, on_grid
 from mlsanm_cli.contact.laws.active_set import ExactState
-from mlsanm_cli.contact.response.condensation import BodyResponses, condense
+from mlsanm_cli.contact.response.condensation import condense
 from mlsanm_cli.contact.response.condensed import Condensed
+from mlsanm_cli.contact.response.responses import BodyResponses
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import Memo
 from mlsanm_cli.roundoff import ROUND_OFF
@@ -207,7 +208,7 @@ def _on_grids(
 ) -> tuple[Pairing, ...]:
     """Contacts ``pairings`` with pressures on their ``grids``; those on grids ``before`` are kept."""
     return tuple(
-        old if old.grid is grids.get(new.name) else on_grid(new, grids[new.name])
+        old if old.contact_grid is grids.get(new.name) else on_grid(new, grids[new.name])
         for new, old in zip(pairings, before, strict=True)
     )
 
@@ -218,7 +219,7 @@ def _starting_status(pairings: Sequence[Pairing]) -> ContactStatus:
     found = [np.zeros(0, dtype=bool)]
     for pairing in pairings:
         gap = pairing.gap[pairing.candidate]
-        if pairing.grid is None:
+        if pairing.nodal:
             found.append(gap <= gap.min())
             continue
         place, least = pairing.grid.hats.place, int(np.argmin(gap))
@@ -237,7 +238,7 @@ def _moved(condensed: Condensed, after: Sequence[Pairing], state: ExactState) ->
         own = [state.active[span].astype(float)]
         if old.friction:
             own += [state.stuck[span], np.sign(state.traction[condensed.tangential[old.name]])]
-        if old.grid is not None and new.grid is not None:
+        if not (old.nodal or new.nodal):
             place, before = new.grid.hats.place, old.grid.hats.place
             own = [np.interp(place, before, values, 0.0, 0.0) for values in own]
         closed.append(own[0])

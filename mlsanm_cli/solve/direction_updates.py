@@ -55,10 +55,10 @@ def turns(scene: Scene, condensed: Condensed, state: ExactState) -> dict[str, fl
     found: dict[str, float] = {}
     solved: dict[str, FloatArray] = {}
     unknowns = state.unknowns
-    for pairing in condensed.pairings:
+    for pairing in condensed.on_grids:
         span, grid = condensed.spans[pairing.name], pairing.grid
         closed = np.flatnonzero(state.active[span])
-        if grid is None or not len(closed) or closed[-1] - closed[0] >= len(closed):
+        if not len(closed) or closed[-1] - closed[0] >= len(closed):
             continue
         place, share = grid.hats.place, grid.hats.weight * state.pressure[span]
         if not share.sum() > 0.0:
@@ -149,10 +149,10 @@ def unturned(
         return {}
     reach = max(float(np.hypot(*way[:2])) for motion in held for way in motion.values())
     work, along, sizes, pressed = np.zeros(len(held)), list[FloatArray](), dict[str, float](), 0.0
-    for pairing in condensed.pairings:
+    for pairing in condensed.on_grids:
         span = condensed.spans[pairing.name]
         size = float(condensed.weight[span] @ state.pressure[span])
-        if pairing.grid is None or size <= 0.0:  # round-off where it is open
+        if size <= 0.0:  # round-off where it is open
             continue
         force = pairing.grid.resultants(True, (0.0, 0.0))[0] @ state.pressure[span]
         middle = condensed.weight[span] * state.pressure[span] @ pairing.grid.hats.place / size

@@ -246,10 +246,8 @@ def passed_beyond(
     """Whether surfaces touch in some states beyond the ranges of their grids; ``passed`` is then extended to
     the first and last of these places."""
     beyond = False
-    for pairing in condensed.pairings:
+    for pairing in condensed.on_grids if states else ():
         grid, span = pairing.grid, condensed.spans[pairing.name]
-        if grid is None or pairing.bonded or not states:
-            continue
         touched = [pairing.arc[condensed.touched(*one.unknowns)[pairing.name]] for one in states]
         seen = summits(condensed, pairing.name, ranges[pairing.name], states)
         closed = grid.hats.place[np.any([state.active[span] for state in states], axis=0)]
@@ -265,7 +263,6 @@ def summits(condensed: Condensed, name: str, room: ContactRange, states: Sequenc
     """Places (e,) of overlaps in a state away from its contact: summits of a profile between the nodes of a
     grid; within the grid, where halving decides, also places of possible overlaps."""
     pairing = condensed.pairing_of(name)
-    assert pairing.grid is not None
     hats, span, watched = pairing.grid.hats, condensed.spans[name], condensed.watched_of(name)
     places, drawn = room.drawn_gaps
     own = pairing.grid.gap

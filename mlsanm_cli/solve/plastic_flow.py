@@ -104,18 +104,17 @@ class ElasticStress:
             solutions = body.system.solve(condensed.sources[name], FUNCTIONAL_TOLERANCE)
         model, grids = body.model, dict[str, FloatArray]()
         z, count = as_complex(model.cloud.points), 3 * len(model.cloud.points)
-        for pairing in condensed.reported:
-            if pairing.grid is None or name not in pairing.bodies:
+        for pairing in condensed.drivers.on_grids:
+            if name not in pairing.bodies:
                 continue
             unit = np.eye(len(pairing.grid.hats.place))
             none = np.zeros_like(unit)
             total = np.zeros((count, 2 * len(unit)))
-            for owner, slave, sign in pairing.sides:
-                if owner == name:
-                    fields = NearFields.at(pairing.grid, model.kernel, slave, z)
-                    parts = [fields(*pair)[1] for pair in ((unit, none), (none, unit))]
-                    near = np.concatenate(parts, axis=2).transpose(1, 0, 2)
-                    total += sign * near.reshape(count, -1)
+            for slave, sign in pairing.sides_of(name):
+                fields = NearFields.at(pairing.grid, model.kernel, slave, z)
+                parts = [fields(*pair)[1] for pair in ((unit, none), (none, unit))]
+                near = np.concatenate(parts, axis=2).transpose(1, 0, 2)
+                total += sign * near.reshape(count, -1)
             grids[pairing.name] = total
         return cls(model, np.stack([_stresses(model, one) for one in solutions.T], axis=1), grids)
 

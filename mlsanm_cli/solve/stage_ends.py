@@ -128,10 +128,12 @@ def check_slips(condensed: Condensed, ends: Sequence[ExactState]) -> None:
     if not len(condensed.balance.constant):
         return
     for name, tangential in condensed.tangential.items():
-        grid, span = condensed.pairing_of(name).grid, condensed.spans[name]
-        if grid is None or grid.facing.other is None:
+        pairing, span = condensed.pairing_of(name), condensed.spans[name]
+        if pairing.nodal or pairing.grid.facing.other is None:
             continue
-        curvature = [float(one.curvature(np.array([0.5 * one.length]))[0]) for one in grid.facing.curves]
+        curvature = [
+            float(one.curvature(np.array([0.5 * one.length]))[0]) for one in pairing.grid.facing.curves
+        ]
         if min(curvature) <= 0.0:
             continue
         for end in ends:

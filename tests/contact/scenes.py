@@ -18,7 +18,7 @@ from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.response.coercivity import contact_stability
 from mlsanm_cli.contact.response.condensation import condense
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.contact.response.linear_map import Columns, LinearMap
+from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.solve.condensed_scene import stage_factors
 from tests.case_text import head, load
@@ -38,7 +38,7 @@ def synthetic(
     m = len(gap)
     load = np.zeros((m, 1)) if load is None else load
     motion = np.zeros((m, 0)) if motion is None else motion
-    columns = Columns(load.shape[1], motion.shape[1], m)
+    none = LinearMap.zeros(0, (load.shape[1], motion.shape[1], m, 0))
     weight = np.ones(m)
     return Condensed(
         pairings=(),
@@ -50,13 +50,11 @@ def synthetic(
         friction_nodes=np.zeros(0, dtype=np.int64),
         friction=np.zeros(0),
         gap=LinearMap(gap, load, motion, compliance, np.zeros((m, 0))),
-        slip=columns.zeros(0),
-        watched=columns.zeros(0),
-        balance=columns.zeros(0) if balance is None else balance,
+        slip=none,
+        watched=none,
+        balance=none if balance is None else balance,
         beyond=sparse.csr_array((0, 0)),
-        forces={},
-        contact_forces={},
-        imbalance=columns.zeros(0),
+        quantities={"imbalance": {}},
         sources={},
         solutions={},
         solves=0,

@@ -17,7 +17,7 @@ from mlsanm_cli.contact.laws.active_set import solve_exact
 from mlsanm_cli.contact.laws.contact_state import ContactSolution
 from mlsanm_cli.contact.laws.coulomb import CoulombState, increment, residual, unloaded
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.contact.response.linear_map import Columns, LinearMap
+from mlsanm_cli.contact.response.linear_map import Counts, LinearMap
 from mlsanm_cli.errors import NumericalError
 from tests.contact.friction import half_planes
 from tests.contact.scenes import synthetic
@@ -32,17 +32,17 @@ def random_compliance(m: int, rng: np.random.Generator, skew: float = 0.0) -> Fl
     return np.asarray(root @ root.T / m + 0.05 * np.eye(m) + skew * (lean - lean.T))
 
 
-def of_pressures(columns: Columns, rows: FloatArray) -> LinearMap:
+def of_pressures(counts: Counts, rows: FloatArray) -> LinearMap:
     """A map (r, m) of the pressures alone."""
-    return replace(columns.zeros(len(rows)), pressure=rows)
+    return replace(LinearMap.zeros(len(rows), counts), pressure=rows)
 
 
 def platen(compliance: FloatArray, gap: FloatArray, force: float) -> Condensed:
     """The same surface on a platen that a force presses: gap + q, sum of pressures = force."""
     m = len(gap)
-    columns = Columns(1, 1, m)
-    push = columns.of_loads(np.array([[-force]]))
-    sums = of_pressures(columns, np.ones((1, m)))
+    counts = (1, 1, m, 0)
+    push = LinearMap.of_loads(np.array([[-force]]), counts)
+    sums = of_pressures(counts, np.ones((1, m)))
     return synthetic(compliance, gap, np.zeros((m, 1)), push + sums, np.ones((m, 1)))
 
 
@@ -91,8 +91,8 @@ def test_a_platen_pulled_off_is_refused() -> None:
 
 
 def test_a_direction_that_nothing_resists_is_refused() -> None:
-    columns = Columns(1, 1, 2)
-    push = columns.of_loads(np.array([[1.0]]))
+    counts = (1, 1, 2, 0)
+    push = LinearMap.of_loads(np.array([[1.0]]), counts)
     condensed = synthetic(np.eye(2), np.array([-1.0, -1.0]), np.zeros((2, 1)), push, np.zeros((2, 1)))
     with pytest.raises(NumericalError, match="no contact pressure balances the loads"):
         solve_exact(condensed, FULL)
@@ -101,8 +101,8 @@ def test_a_direction_that_nothing_resists_is_refused() -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_a_body_that_rests_on_its_ends_unloaded_is_found(seed: int) -> None:
     x = np.linspace(-1.0, 1.0, 19)
-    columns, motion = Columns(1, 2, 19), np.stack([np.ones(19), x], axis=1)
-    balance = columns.of_loads(np.zeros((2, 1))) + of_pressures(columns, motion.T)
+    counts, motion = (1, 2, 19, 0), np.stack([np.ones(19), x], axis=1)
+    balance = LinearMap.of_loads(np.zeros((2, 1)), counts) + of_pressures(counts, motion.T)
     compliance = random_compliance(19, np.random.default_rng(seed))
     condensed = synthetic(compliance, 0.3 + 0.1 * (1.0 - x**2), np.zeros((19, 1)), balance, motion)
     state = solve_exact(condensed, FULL)
@@ -116,8 +116,8 @@ def test_an_unloaded_body_that_overlaps_as_drawn_is_moved(seed: int, walls: tupl
     """In a round hole, with walls that it overlaps: nothing presses where it comes to rest."""
     rng = np.random.default_rng(seed)
     angle = np.linspace(0.0, 2.0 * np.pi, 9, endpoint=False)
-    motion, columns = np.stack([np.cos(angle), np.sin(angle)], axis=1), Columns(1, 2, 9)
-    balance = columns.of_loads(np.zeros((2, 1))) + of_pressures(columns, motion.T)
+    motion, counts = np.stack([np.cos(angle), np.sin(angle)], axis=1), (1, 2, 9, 0)
+    balance = LinearMap.of_loads(np.zeros((2, 1)), counts) + of_pressures(counts, motion.T)
     gap = rng.uniform(1e-7, 4e-7, 9)
     gap[list(walls)] = [-4e-9, -3.1e-9][: len(walls)]
     condensed = synthetic(random_compliance(9, rng), gap, np.zeros((9, 1)), balance, motion)
@@ -130,8 +130,8 @@ def test_an_unloaded_body_that_overlaps_as_drawn_is_moved(seed: int, walls: tupl
 def test_a_body_between_soft_supports_moves_out_of_an_overlap_without_pressure() -> None:
     """The supports give way under a common pressure by far more than under one of its nodes."""
     side = np.repeat([1.0, -1.0], 25)
-    motion, columns = side[:, None], Columns(1, 1, 50)
-    balance = columns.of_loads(np.zeros((1, 1))) + of_pressures(columns, motion.T)
+    motion, counts = side[:, None], (1, 1, 50, 0)
+    balance = LinearMap.of_loads(np.zeros((1, 1)), counts) + of_pressures(counts, motion.T)
     compliance = 1e-5 * np.eye(50) + 1e-3 * (side[:, None] == side)
     gap = np.where(side > 0.0, 1e-3, -1e-4)
     state = solve_exact(synthetic(compliance, gap, np.zeros((50, 1)), balance, motion), FULL)
@@ -147,7 +147,7 @@ def random_problem(m: int, seed: int, friction: float) -> Condensed:
     whole = root @ root.T / (2 * m) + 0.3 * np.eye(2 * m)
     gap, load = rng.normal(size=m), rng.normal(size=(m, 1))
     motion = np.zeros((m, 0))
-    columns = Columns(1, 0, m, m)
+    counts = 1, 0, m, m
     return replace(
         synthetic(whole[:m, :m], gap, load),
         tangential={"contact": slice(0, m)},
@@ -155,8 +155,8 @@ def random_problem(m: int, seed: int, friction: float) -> Condensed:
         friction=np.full(m, friction),
         gap=LinearMap(gap, load, motion, whole[:m, :m], whole[:m, m:]),
         slip=LinearMap(np.zeros(m), rng.normal(size=(m, 1)), motion, whole[m:, :m], whole[m:, m:]),
-        watched=columns.zeros(0),
-        balance=columns.zeros(0),
+        watched=LinearMap.zeros(0, counts),
+        balance=LinearMap.zeros(0, counts),
     )
 
 

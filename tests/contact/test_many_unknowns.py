@@ -12,7 +12,7 @@ from mlsanm_cli.contact.geometry.hat_pairs import HatPairs
 from mlsanm_cli.contact.laws.active_set import solve_exact
 from mlsanm_cli.contact.response.compressed import Compressed, as_array, compressed, stacked
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.contact.response.linear_map import Columns
+from mlsanm_cli.contact.response.linear_map import LinearMap
 from tests.contact.scenes import synthetic
 
 LOG, TURN = -0.3 * np.eye(2), np.array([[0.0, 0.2], [-0.2, 0.0]])
@@ -56,8 +56,7 @@ def apart(one: FloatArray, other: FloatArray) -> float:
 def pressed(hats: Hats, compliance: FloatArray, gap: FloatArray, force: float) -> Condensed:
     """A rigid obstacle with a ``gap`` (m,), pressed on a half-plane by a ``force``."""
     count = len(hats.place)
-    columns = Columns(1, 1, count)
-    balance = columns.split(np.concatenate([[-force, 0.0], hats.weight])[None])
+    balance = LinearMap.of_rows(np.concatenate([[-force, 0.0], hats.weight])[None], (1, 1, count, 0))
     return synthetic(compliance, gap, balance=balance, motion=-np.ones((count, 1)))
 
 

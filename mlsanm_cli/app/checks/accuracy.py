@@ -99,7 +99,7 @@ class Accuracy:
 
     def _at(self, built: CondensedScene, probe: str) -> float:
         """Relative error of the displacement at a probe."""
-        moved = float(np.hypot(*built.condensed.probes[probe](*self.state.unknowns)[:2]))
+        moved = float(np.hypot(*built.condensed.quantities["probe"][probe](*self.state.unknowns)[:2]))
         size = max(moved, LEAST_MOVED * (self.largest or 0.0))
         return float(np.hypot(self.probes[probe] / size, self.deflection)) if size > 0.0 else 0.0
 
@@ -142,7 +142,7 @@ def assess_accuracy(built: CondensedScene) -> Accuracy:
         return after.motion - state.motion, after.pressure - state.pressure, np.zeros_like(state.traction)
 
     try:
-        halved = halved_state(condensed, state) if _has_nodal_pressures(built) else None
+        halved = halved_state(condensed, state) if condensed.nodal else None
         rough = rough_state(condensed, scene, state, bodies).pressure - state.pressure
         return _estimated(built, state, bodies, moved, rough, halved)
     except NumericalError as error:  # the corrected scene has no contact state
@@ -183,7 +183,7 @@ def _halved(built: CondensedScene, state: ExactState) -> Halved | None:
     along the contacts, which friction resists, as they are; None if there is no contact with nodal pressures,
     or no solution."""
     condensed = built.condensed
-    if not _has_nodal_pressures(built):
+    if not condensed.nodal:
         return None
     across, along = (
         np.abs(linear.motion).max(axis=0, initial=0.0) for linear in (condensed.gap, condensed.slip)
@@ -266,7 +266,7 @@ def _effects(
         values = scene.bodies[probe.body].model.values(probe.point, rests[probe.body])
         effects.append(float(np.hypot(*(values + near)[0])))
     for pairing in condensed.pairings:
-        force, span = condensed.contact_forces[pairing.name], condensed.spans[pairing.name]
+        force, span = condensed.quantities["contact"][pairing.name], condensed.spans[pairing.name]
         size = float(condensed.areas[span] @ state.pressure[span])
         apart = float(np.hypot(*(force(*unknowns) - force.constant)))
         effects.append(apart / size if _is_pressed(state, span) else 0.0)
@@ -285,11 +285,6 @@ def _corrected(
         own = [surface for owner, surface in plates if owner == name]
         found[name] = correct(body, source, moved, own, memo)
     return found
-
-
-def _has_nodal_pressures(built: CondensedScene) -> bool:
-    """Whether a contact has no contact grid."""
-    return any(pairing.grid is None for pairing in built.condensed.pairings)
 
 
 def _largest_of(displacements: list[FloatArray]) -> float:
@@ -313,7 +308,7 @@ def _pressure_errors(
             *(distance(built, pair, state, one) for one in corrected),
             distance(built, pair, state, state.pressure + ROUGH_SHARE * rough),
         )
-        if pair.grid is not None:
+        if not pair.nodal:
             errors = grid_errors(built.condensed, pair.name, [state])
             from_contact[pair.name] = float(np.linalg.norm(errors))
         else:

@@ -32,8 +32,8 @@ from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.build import place
+from mlsanm_cli.app.scene.clouds import spacing_of
 from mlsanm_cli.app.scene.condense import condense_scene
-from mlsanm_cli.app.scene.condition_sizes import spacing_of
 from mlsanm_cli.app.scene.refinement import Refinement, has_automatic_spacings
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Case

@@ -179,8 +179,8 @@ def node_fields(built: CondensedScene, found: Diagnosis) -> dict[str, dict[str, 
     for body, elastic in built.scene.bodies.items():
         count = len(elastic.model.cloud.points)
         fields[body] = {name: np.full(count, np.nan) for name in found} | {"worst": np.zeros(count)}
-        for pairing in built.condensed.pairings:
-            if pairing.slave_body != body or pairing.grid is not None:
+        for pairing in built.condensed.nodal:
+            if pairing.slave_body != body:
                 continue
             nodes, span = pairing.node[pairing.candidate], built.condensed.spans[pairing.name]
             # A node of several contacts shows the one with the larger residual.

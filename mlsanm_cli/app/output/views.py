@@ -14,7 +14,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.app.scene.boundaries import Boundaries
-from mlsanm_cli.app.scene.condition_sizes import spacing_of
+from mlsanm_cli.app.scene.clouds import spacing_of
 from mlsanm_cli.arrays import runs_of
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.spacing import Zone
@@ -73,9 +73,7 @@ def finer_views(built: CondensedScene, boundaries: Boundaries, memo: Memo = NO_C
 
 
 def _zones(condensed: Condensed, ends: Sequence[ExactState], model: BodyModel) -> Iterator[Zone]:
-    for pairing in condensed.pairings:
-        if pairing.grid is None:
-            continue
+    for pairing in condensed.on_grids:
         span = condensed.spans[pairing.name]
         closed = np.any([state.active[span] for state in ends], axis=0)
         # A hat ends at the node beyond the one after it.

@@ -15,10 +15,10 @@ from mlsanm_cli.contact.complementarity.problem import ContactStatus
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
 from mlsanm_cli.contact.laws.contact_state import ContactSolution, Linearised
+from mlsanm_cli.contact.response.basis import changes
 from mlsanm_cli.contact.response.bonds import Bonds
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.drivers import spans
-from mlsanm_cli.contact.response.functionals import changes
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.defect import Corrected
@@ -43,8 +43,8 @@ class Changes:
         """The exact state after them. Raises NumericalError if there is none."""
         changed = replace(
             condensed,
-            gap=_shifted(condensed.gap, self.gaps),
-            balance=_shifted(condensed.balance, self.imbalance),
+            gap=condensed.gap.shifted(self.gaps),
+            balance=condensed.balance.shifted(self.imbalance),
         )
         return solve_exact(changed, before.factors, before.active)
 
@@ -73,7 +73,7 @@ def changes_of(condensed: Condensed, scene: Scene, bodies: Mapping[str, Correcte
     corrections = {name: one.change.reshape(-1, 2) for name, one in bodies.items()}
     gaps, slips = _summed(condensed, scene, corrections)
     bonds = condensed.bonds
-    opened = np.zeros((2, len(bonds.pressure.constant)))
+    opened = np.zeros((2, len(bonds.own) // 2))
     for pairing in bonds.pairings:
         opened[:, bonds.spans[pairing.name]] = _moved(pairing, scene, corrections)
     bonds = bonds.opened(*opened)
@@ -88,7 +88,7 @@ def changes_of(condensed: Condensed, scene: Scene, bodies: Mapping[str, Correcte
                 carried = carried + np.array([fx, fy, moment - x * fy + y * fx])
                 imbalance[row] += motion.direction @ carried
     if bonds.pairings:
-        followed = condensed.by_bonds @ np.concatenate([bonds.pressure.constant, bonds.traction.constant])
+        followed = bonds.effects @ bonds.tractions.constant
         more = np.split(followed, np.cumsum([len(gaps), len(slips)]))
         gaps, slips, imbalance = gaps + more[0], slips + more[1], imbalance + more[2]
     return Changes(gaps, slips, imbalance, bonds)
@@ -148,10 +148,6 @@ def halved_state(condensed: Condensed, state: ExactState) -> tuple[FloatArray, F
         found = solve_exact(thin, state.factors, state.active[rows])
         motion, pressure = motion + 0.5 * found.motion, pressure + 0.5 * (join @ found.pressure)
     return motion, pressure
-
-
-def _shifted(linear: LinearMap, change: FloatArray) -> LinearMap:
-    return replace(linear, constant=linear.constant + change)
 
 
 def _joined(linear: LinearMap, join: FloatArray) -> LinearMap:
