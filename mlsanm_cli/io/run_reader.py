@@ -20,9 +20,9 @@ from mlsanm_cli.io import schema
 from mlsanm_cli.io.columns import path_table
 from mlsanm_cli.io.files import check_seal
 from mlsanm_cli.io.run_dir import RUN_FILE, SUMMARY_FILE
-from mlsanm_cli.io.run_file import FORMAT
 from mlsanm_cli.io.summary import read_summary
 
+FORMAT = 1
 MAX_LISTED = 5
 """Largest number of directories listed in a hint."""
 RESULTS = ("bodies", "path", "contacts", "probes", "maps", "fields")
@@ -161,7 +161,7 @@ def finished(directory: Path, case_hash: str) -> Mapping[str, Any] | None:
 
 def read_path(rundir: Path) -> Mapping[str, NDArray[Any]]:
     """Reads the columns of path.csv, also of a run in progress. Raises RunError as `read_run` does."""
-    return _reading(rundir, lambda root, file: path_table(root))
+    return path_table(dict(flat(read_run(rundir, ("path", "contacts")))))
 
 
 def read_series(rundir: Path, step: int) -> Dataset:
@@ -240,10 +240,20 @@ def _completed(members: dict[str, Any]) -> dict[str, Any]:
 
 def _tree(group: Any) -> dict[str, Any]:
     """The content of a group: groups as mappings, texts, lists of texts, arrays."""
-    return {name: _tree(item) if hasattr(item, "items") else _value(item) for name, item in group.items()}
+    return {name: _tree(item) if hasattr(item, "items") else read_value(item) for name, item in group.items()}
 
 
-def _value(item: Any) -> Any:
+def flat(group: Any, above: str = "") -> Iterator[tuple[str, Any]]:
+    """The datasets of a group by path, in their order."""
+    for name, item in group.items():
+        if hasattr(item, "items"):
+            yield from flat(item, f"{above}{name}/")
+        else:
+            yield f"{above}{name}", item
+
+
+def read_value(item: Any) -> Any:
+    """The content of a dataset: an array, a text, or texts."""
     if not h5py.check_string_dtype(item.dtype):
         return item[...]
     text = item.asstr()[()]
