@@ -41,7 +41,7 @@ def row(path: Mapping[str, float], quantities: Quantities) -> dict[str, Any]:
 
 
 def path_table(run: Mapping[str, Any]) -> Mapping[str, NDArray[Any]]:
-    """Columns (S+1,) of the path of a run, given its datasets by path; empty without a path. Position and stage,
+    """Columns (S+1,) of the path of a run, given its datasets by path; none without a path. Position, stage,
     load factors, displacements of platens and the work of their forces, forces of loads and supports; for
     every contact the force on the slave, the largest pressure, the closed length and the dissipated work."""
     position = run.get("path/position", ())

@@ -18,9 +18,8 @@ from mlsanm_cli import __version__
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import schema
 from mlsanm_cli.io.columns import path_table
-from mlsanm_cli.io.files import check_seal
+from mlsanm_cli.io.files import check_seal, read_summary
 from mlsanm_cli.io.run_dir import RUN_FILE, SUMMARY_FILE
-from mlsanm_cli.io.summary import read_summary
 
 FORMAT = 1
 MAX_LISTED = 5
@@ -61,7 +60,7 @@ class Dataset(Mapping[str, Any]):
 
 
 class SavedState(NamedTuple):
-    """Fields saved at one position: body name -> field name -> array (n, ...)."""
+    """Fields (n, ...) saved at one position, by body and name."""
 
     position: float
     bodies: Dataset
@@ -125,7 +124,15 @@ def read_run(rundir: Path, groups: Sequence[str] = RESULTS) -> RunData:
     another format."""
 
     def read(root: Any, file: Path) -> RunData:
-        attributes = _head(root, file)
+        attributes: dict[str, str | int | float] = {}
+        for name, value in root.attrs.items():
+            plain = value.item() if isinstance(value, np.generic) else value
+            attributes[name] = plain if isinstance(plain, str | int | float) else str(plain)
+        if "mlsanm_version" not in attributes or "status" not in attributes:
+            raise RunError(f"{file} was not written by mlsanm", hint="give the directory of a run")
+        if attributes.get("format") != FORMAT:
+            message = f"{file} has format {attributes.get('format')}, this version reads format {FORMAT}"
+            raise RunError(message, f"it was written by mlsanm {attributes['mlsanm_version']}")
         members = {name: _tree(root[name]) if name in root else {} for name in ("case", *groups)}
         return RunData(file.parent, _completed(members), attributes)
 
@@ -194,25 +201,8 @@ def _reading(rundir: Path, read: Callable[[Any, Path], Read]) -> Read:
         raise RunError(f"{file} cannot be read: {error.strerror}") from error
     except (OSError, LookupError, ValueError, RuntimeError, TypeError, AttributeError, MemoryError) as error:
         # A damaged dataset may have no shape, be None, or claim to be too large for the memory.
-        raise RunError(
-            f"{file} cannot be read: it is damaged ({error})", hint="run the case again with --force"
-        ) from error
-
-
-def _head(root: Any, file: Path) -> dict[str, str | int | float]:
-    """The attributes of the file. Raises RunError if it is not a run of this format."""
-    attributes: dict[str, str | int | float] = {}
-    for name, value in root.attrs.items():
-        plain = value.item() if isinstance(value, np.generic) else value
-        attributes[name] = plain if isinstance(plain, str | int | float) else str(plain)
-    if "mlsanm_version" not in attributes or "status" not in attributes:
-        raise RunError(f"{file} was not written by mlsanm", hint="give the directory of a run")
-    if attributes.get("format") != FORMAT:
-        raise RunError(
-            f"{file} has format {attributes.get('format')}, this version reads format {FORMAT}",
-            hint=f"it was written by mlsanm {attributes['mlsanm_version']}",
-        )
-    return attributes
+        message = f"{file} cannot be read: it is damaged ({error})"
+        raise RunError(message, hint="run the case again with --force") from error
 
 
 def _completed(members: dict[str, Any]) -> dict[str, Any]:
