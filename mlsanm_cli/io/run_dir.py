@@ -83,8 +83,8 @@ def check(directory: Path, force: bool) -> None:
 def prepare(directory: Path, force: bool) -> None:
     """Prepares ``directory``, which the caller has locked, for a new run: it is created with its parents if
     it does not exist, and with ``force`` the files of an earlier run are removed, and no others. Raises
-    RunError if the directory holds a run or other files and ``force`` is not given, if another file in it has a name
-    that the run needs, or if it is not writable."""
+    RunError if the directory holds a run or other files and ``force`` is not given, if another file in it has
+    a name that the run needs, or if it is not writable."""
     _remove(_replaced(directory, force), directory)
 
 

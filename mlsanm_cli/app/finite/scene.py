@@ -12,9 +12,8 @@ from mlsanm_cli.app.finite.free_motions import plated, unknown_motions
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.contact_pairs import shape_of
-from mlsanm_cli.app.scene.corners import ends_of
+from mlsanm_cli.app.scene.corners import ends_of, void_center
 from mlsanm_cli.app.scene.materials import laws_of
-from mlsanm_cli.app.scene.void import void_center
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Displacement, ObstacleMotion, Place, Platen, Pressure
 from mlsanm_cli.cloud.cells import FINE, Halves
@@ -262,7 +261,7 @@ def _supports(case: Case, boundaries: Boundaries) -> dict[str, tuple[tuple[str, 
     found |= {load.name: (load.place,) for load in case.load if isinstance(load, Displacement)}
     found |= {load.name: tuple(load.places) for load in case.load if isinstance(load, Platen)}
     return {
-        label: tuple((place.body, name) for place in places for name in boundaries.names(place))
+        label: tuple((place.body, name) for place in places for name in boundaries.names[place])
         for label, places in found.items()
     }
 
