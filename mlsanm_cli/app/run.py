@@ -74,8 +74,7 @@ def run(
 
 
 def analysis_of(loaded: LoadedCase, context: RunContext, refinement: Refinement | None = None) -> Analysis:
-    """The analysis of a case, on the refined clouds of an earlier process. Raises CaseError for a case that
-    cannot be run."""
+    """The analysis of a case, on refined clouds if given. Raises CaseError if it cannot be run."""
     case, zones = loaded.case, refinement.zones if refinement is not None else ()
     prepared = build_scene(loaded, context, zones)
     # A run imports that of its strain only.
@@ -122,8 +121,7 @@ def ending_of(part: Callable[[], Ending], directory: Path) -> Ending:
 
 
 def follow(analysis: Analysis, recorder: Recorder) -> Ending:
-    """Sets a scene up and follows its path; all states are checked and recorded. Raises NumericalError as
-    soon as a state is not reliable."""
+    """Follows the path of a scene; states are checked and recorded. Raises NumericalError for a bad one."""
     context = analysis.context
     analysis.set_up(recorder.verdicts)
     context.stop_gently()

@@ -37,7 +37,7 @@ def sweep(settings: Settings, /, case: Path, varied: tuple[str, ...], **options:
     For instance --vary contact.interface.friction=0:0.5:11 or --vary body.block.spacing=0.1,0.2,0.4.
     Completed points are skipped: the same command continues an interrupted sweep.
     """
-    function, argv = "sweep.run_sweep.sweep", tuple(sys.argv)
+    function, argv = "sweep.sweep", tuple(sys.argv)
     result = called(settings, function, options["threads"], case, varied, argv=argv, **options)
     shown = {key: value for key, value in result.items() if key not in ("trouble", "directories")}
     print_tables(settings, result, shown)
