@@ -39,11 +39,9 @@ class Commands(click.Group):
     """The group of commands. Suggests similar names, and imports commands of other modules on demand."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """All names, in the order of the help."""
         return [name for names in SECTIONS.values() for name in names]
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """The commands by section."""
         room = formatter.width - 6 - max(map(len, self.list_commands(ctx)))
         for title, names in SECTIONS.items():
             commands = [(name, self.get_command(ctx, name)) for name in names]
@@ -51,7 +49,6 @@ class Commands(click.Group):
                 formatter.write_dl([(name, one.get_short_help_str(room)) for name, one in commands if one])
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """The command of this name, or None."""
         for module in [module for module, names in MODULES.items() if cmd_name in names]:
             commands = importlib.import_module(f"mlsanm_cli.cli.{module}")
             command: click.Command = getattr(commands, cmd_name.replace("-", "_"))

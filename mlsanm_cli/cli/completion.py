@@ -35,14 +35,12 @@ def keys(context: click.Context, parameter: click.Parameter, incomplete: str) ->
 
 
 def plain_keys(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
-    """Keys as for ``explain``."""
     from mlsanm_cli.case.explain import value_keys
 
     return [key for key in value_keys() if key.startswith(incomplete)]
 
 
 def kinds(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
-    """Kinds of starter cases."""
     from mlsanm_cli.case.starters import kinds as known
 
     return [kind for kind in known() if kind.startswith(incomplete)]

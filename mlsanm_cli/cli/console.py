@@ -53,7 +53,6 @@ class TerminalConsole(Closing):
         self._thread: threading.Thread | None = None
 
     def phase(self, text: str) -> None:
-        """Starts a phase."""
         with self._lock:
             self._finish_steps()
             if self._live:
@@ -77,7 +76,6 @@ class TerminalConsole(Closing):
             self._show_step(row)
 
     def note(self, text: str) -> None:
-        """A note."""
         self._message("" if self._quiet else text)
 
     def warning(self, text: str) -> None:
@@ -90,7 +88,6 @@ class TerminalConsole(Closing):
         self._message(hint, "hint:", YELLOW)
 
     def close(self) -> None:
-        """Cleans up the terminal: the last step remains, the phase is erased."""
         self._over.set()
         with self._lock:
             self._doing = ""
@@ -112,7 +109,6 @@ class TerminalConsole(Closing):
             self._line("  ".join(row).rstrip())
 
     def _finish_steps(self) -> None:
-        """Ends a sequence of steps: the last one remains."""
         if self._last is None:
             return
         if self._waiting:
@@ -144,7 +140,6 @@ class TerminalConsole(Closing):
         self._put(_CLEAR + paint(f"{text}{elapsed}"[:width], style, self._color))
 
     def _beat(self) -> None:
-        """Shows the elapsed time about once per interval while the line does not change."""
         while not self._over.wait(self._interval):
             elapsed = time.monotonic() - self._since
             if elapsed >= self._interval:
@@ -156,7 +151,6 @@ class TerminalConsole(Closing):
                 self._draw([Stopper.message] if Stopper.message else self._row, f"  {seconds:.0f} s")
 
     def _columns(self) -> int:
-        """Width of the terminal of the stream."""
         try:
             stream = self._stream or sys.stderr
             return self._width or os.get_terminal_size(stream.fileno()).columns or 80

@@ -49,7 +49,6 @@ def _contact(name: str, contact: Mapping[str, Any], summary: Mapping[str, Any]) 
 
 
 def has_friction(contact: Mapping[str, Any]) -> bool:
-    """Whether a contact of a summary has friction."""
     return contact.get("max_cone_ratio") is not None or "closed_nodes" not in contact
 
 
@@ -107,7 +106,6 @@ _VERDICTS = {"agree": "the methods agree", "disagree": "the methods disagree", "
 
 
 def _listed(summary: Mapping[str, Any], keys: Sequence[str]) -> str:
-    """Counts with their names."""
     return ", ".join(f"{number(summary[key])} {label(key)}" for key in keys if summary.get(key) is not None)
 
 

@@ -13,7 +13,6 @@ BOLD, RED, YELLOW, DIM = "1", "31", "33", "2"
 
 
 def paint(text: str, code: str, color: bool) -> str:
-    """The text in a terminal style, or unchanged."""
     return f"\x1b[{code}m{text}\x1b[0m" if color and text else text
 
 
@@ -35,7 +34,6 @@ def _line(line: str) -> str:
 
 
 def as_json(value: Any) -> str:
-    """Indented JSON."""
     return json.dumps(plain(value), indent=2, allow_nan=False)
 
 
