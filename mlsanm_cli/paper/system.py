@@ -12,7 +12,7 @@ from mlsanm_cli.contact.response.nodal import NodalBasis
 from mlsanm_cli.contact.response.short_waves import slip_fit
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators.linear.superlu import THRESHOLD, elimination_order, factor_in_order
-from mlsanm_cli.operators.refinement import FULL_TOLERANCE, Progress, refine
+from mlsanm_cli.operators.system import FULL_TOLERANCE, Progress, refine
 from mlsanm_cli.paper.collocation import Collocation
 from mlsanm_cli.paper.law import LENGTH, Law
 from mlsanm_cli.solve.condensed_scene import CondensedScene
@@ -194,7 +194,8 @@ class Tangent:
             return by_factor(rhs - system.linear(unloaded, y[:, 0]) - self._local @ y[:, 0])
 
         start = by_factor(rhs)
-        return np.asarray(refine(start, update, Progress.of(start, FULL_TOLERANCE))[0][:, 0])
+        progress = Progress.of(np.linalg.norm(start, axis=0), FULL_TOLERANCE)
+        return np.asarray(refine(start, update, progress)[0][:, 0])
 
 
 def _relative_motions(built: CondensedScene) -> list[sparse.csr_array]:

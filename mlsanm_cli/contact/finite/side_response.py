@@ -34,7 +34,7 @@ from mlsanm_cli.mechanics.finite.tangent import load_columns
 from mlsanm_cli.mechanics.near_field import ComplexArray
 from mlsanm_cli.mechanics.remainder import remainder_sources
 from mlsanm_cli.mechanics.rigid import free_motions
-from mlsanm_cli.operators.refinement import BLOCK_COLUMNS
+from mlsanm_cli.operators.system import BLOCK_COLUMNS
 from mlsanm_cli.records import dataclass
 
 DEEP = 0.5

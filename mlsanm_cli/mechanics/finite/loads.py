@@ -12,8 +12,8 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.eigenstress import Heating
 from mlsanm_cli.mechanics.finite.faces import FacePoints, outline_points
-from mlsanm_cli.mechanics.heat import Heating
 from mlsanm_cli.mechanics.springs import FREE
 from mlsanm_cli.records import dataclass
 
