@@ -20,7 +20,7 @@ from mlsanm_cli.app.checks.limits import ANY, level
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.finite.rigid import RigidContact
-from mlsanm_cli.continuation import Outcome
+from mlsanm_cli.continuation import Follower
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.laws.law import determinant
 from mlsanm_cli.solve.state import CONTACT_LIMIT, State
@@ -158,13 +158,13 @@ def _least_volume(scene: FiniteScene, name: str, displacement: FloatArray) -> tu
 
 
 def path_failure(
-    scene: FiniteScene, position: float, factors: FloatArray, displacement: FloatArray, outcome: Outcome
+    scene: FiniteScene, position: float, factors: FloatArray, displacement: FloatArray, follower: Follower
 ) -> NumericalError:
     """Error of a path of one body that cannot be continued from its last state."""
     name, body = scene.alone
     waves = body.ellipticity(displacement, factors)
     soft = int(np.argmin(waves))
-    where = f"the path stopped at position {position:.6g}: {outcome.reason.value} ({outcome.message})"
+    where = f"the path stopped at position {position:.6g}: {follower.reason.value} ({follower.message})"
     if waves[soft] < level("ellipticity"):
         place = place_of(scene, name, soft)
         close = f"{place} is close to losing ellipticity (acoustic tensor {waves[soft]:.2g})"
