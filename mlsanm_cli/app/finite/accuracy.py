@@ -19,7 +19,6 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.contact.finite.exact import ExactContact, FiniteContactState
 from mlsanm_cli.contact.finite.iteration import Iteration
-from mlsanm_cli.contact.finite.side_response import SideResponse
 from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.defect import DEGREES, next_degree
@@ -74,7 +73,7 @@ def missed_in_contact(
     """Of the solution ``now`` at load ``factors`` (L + d,), with slips since the places ``before`` (c,).
     Raises NumericalError or LinAlgError."""
     sides, left = system.contacts.sides, {}
-    response = SideResponse.of(sides, system.missing, system.onto, now.displacement, now.traction)
+    response = system.response(now.displacement, now.traction)
     surface = response.moved(now.displacement, now.traction)
     turns = (side.turned(surface[here].reshape(-1, 2))[0] for side, here in sides)
     turn = np.concatenate([np.zeros(0, dtype=complex), *turns])
@@ -91,11 +90,10 @@ def missed_in_contact(
         along, size = scaled @ system.projectors[name].scaled(left[name]), scaled @ scaled
         left[name] -= known * (np.clip(along / size, 0.0, 1.0) if size else 0.0)
     met = system.meet(surface, factors, before, now.sets.closed)
-    step = Iteration(system, factors, response, left=left)
     state = (now.displacement, now.traction, now.pressure, now.shear, now.sets, met)
-    result = step.taken(*state, first=False)
-    pressure = np.where(now.sets.closed | result.sets.closed, result.dp, 0.0)
-    return Missing(result.du, pressure, result.traction)
+    step = Iteration(system, factors, response, *state, first=False, left=left)
+    pressure = np.where(now.sets.closed | step.sets.closed, step.dp, 0.0)
+    return Missing(step.du, pressure, step.traction)
 
 
 def _of_tractions(projector: Projector, better: FiniteBody, traction: FloatArray) -> FloatArray:

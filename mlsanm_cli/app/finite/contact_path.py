@@ -8,16 +8,16 @@ from functools import partial
 from typing import NoReturn
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mlsanm_cli.app.finite.accuracy import Missing, missed_in_contact
 from mlsanm_cli.app.finite.limits import dissipated, motion_ratio, slides, slip_ratio, work_ratio
 from mlsanm_cli.app.finite.scene import TOUCH_TOLERANCE, FiniteScene
 from mlsanm_cli.app.finite.states import place_of
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.complementarity.problem import STICK
+from mlsanm_cli.contact.complementarity.problem import OPEN, STICK, ContactStatus
 from mlsanm_cli.contact.finite.exact import ExactContact, FiniteContactState, undeformed
 from mlsanm_cli.contact.finite.rigid import RigidContact
-from mlsanm_cli.contact.finite.sets import NodeSets
 from mlsanm_cli.contact.finite.side_response import beyond_clouds
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.body import far_from, most_stretched
@@ -132,7 +132,7 @@ class _Path:
         self.error, self._largest = history["increment_error"].tolist()
         if len(history["earlier_status"]):
             # Of the state before, the places and statuses are what an increment over both begins with.
-            sets = NodeSets(history["earlier_status"], history["earlier_sign"])
+            sets = _status(history["earlier_status"], history["earlier_sign"])
             self._earlier = [replace(self.now, place=history["earlier_place"], sets=sets)]
         counts = [body.loads.count for body in scene.bodies.values()]
         acting = np.split(history["acting"], np.cumsum(counts)[:-1])
@@ -152,7 +152,7 @@ class _Path:
             "keeps": np.array([bool(one.rest.any()) for one in every]),
             "increment_error": np.array([self.error, self._largest]),
             "earlier_place": earlier.place if earlier else np.zeros(0),
-            "earlier_status": earlier.sets.status if earlier else np.zeros(0, dtype=np.int8),
+            "earlier_status": _plain(earlier.sets) if earlier else np.zeros(0, dtype=np.int8),
             "earlier_sign": earlier.sets.slip_sign if earlier else np.zeros(0),
         }
         return Checkpoint(state, history, pace=size)
@@ -262,7 +262,7 @@ class _Path:
         if whole is None:
             return 1.0
         work = contacts.weight * np.abs(self.now.shear)
-        kept = (self.now.sets.status == STICK) & (first.sets.status == STICK)
+        kept = self.now.sets.stuck & first.sets.stuck
         memory = float(work @ kept) / float(work.sum()) if work.any() else 0.0
         forces = [self._force(state) for state in (self.now, whole)]
         self._largest = max(self._largest, float(np.hypot(*forces[0].T).max()))
@@ -393,7 +393,7 @@ class _Path:
     def state(self, position: float) -> State:
         """The present solution as a state of the path."""
         factors, now = factors_at(self._scene.stages, position), self.now
-        contact = (now.pressure, now.gap, now.free, now.sets.status, now.residual, now.shear)
+        contact = (now.pressure, now.gap, now.free, _plain(now.sets), now.residual, now.shear)
         solver = {
             "place": now.place,
             "normal": now.normal,
@@ -408,6 +408,16 @@ class _Path:
         return State(position, factors, *contact, self._slip, self._work, now.displacement, solver)
 
 
+def _status(status: NDArray[np.int8], slip_sign: FloatArray) -> ContactStatus:
+    """The status of knots, all of which may have friction, from their ``status`` (c,) as stored."""
+    return ContactStatus(status != OPEN, status == STICK, slip_sign)
+
+
+def _plain(sets: ContactStatus) -> NDArray[np.int8]:
+    """OPEN, STICK or SLIP of all knots (c,)."""
+    return sets.status(np.arange(len(sets.closed)))
+
+
 def _solution(state: State) -> FiniteContactState:
     """The solution of a state of the path."""
     own = state.solver
@@ -419,7 +429,7 @@ def _solution(state: State) -> FiniteContactState:
         place=own["place"],
         slip=own["increment"],
         normal=own["normal"],
-        sets=NodeSets(state.status, own["slip_sign"]),
+        sets=_status(state.status, own["slip_sign"]),
         traction=own["side_traction"],
         surface=own["surface"],
         free=state.motion,

@@ -10,8 +10,7 @@ import numpy as np
 
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.case import Case
-from mlsanm_cli.contact.finite.free import DrivenObstacle, LooseMotions, Plate
-from mlsanm_cli.contact.finite.update import Contacts
+from mlsanm_cli.contact.finite.contacts import Contacts, DrivenObstacle, LooseMotions, Plate
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.loads import Loads, Turning
 from mlsanm_cli.mechanics.rigid import ROTATION, free_motions, pins

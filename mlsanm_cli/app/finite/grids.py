@@ -19,10 +19,10 @@ from mlsanm_cli.app.finite.contact_path import contact_path
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.complementarity.problem import OPEN, STICK
+from mlsanm_cli.contact.finite.contacts import AnyContact
 from mlsanm_cli.contact.finite.node_curve import wrapped
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.sides import ContactSide, SideNodes
-from mlsanm_cli.contact.finite.update import AnyContact
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF

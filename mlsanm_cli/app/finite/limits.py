@@ -6,7 +6,6 @@ import numpy as np
 
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.complementarity.problem import SLIP, STICK
 from mlsanm_cli.contact.finite.exact import FiniteContactState
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.geometry.obstacles import Round
@@ -43,7 +42,7 @@ def dissipated(
     the limit of friction only, whatever they carried before. Those that enter or leave the contact count with
     the slip of the increment under half of the pressure that they have in it."""
     closed = found.sets.closed | now.sets.closed
-    way = np.abs(np.where(found.sets.status == STICK, found.slip, found.dragged))
+    way = np.abs(np.where(found.sets.stuck, found.slip, found.dragged))
     return np.asarray(np.where(closed, scene.contacts.friction * pressure * way, 0.0))
 
 
@@ -88,6 +87,7 @@ def slides(now: FiniteContactState, found: FiniteContactState, here: slice) -> b
     senses, least = [], COARSE_ROUND_OFF * float(found.pressure[here].max())
     for state in (now, found):
         # Nodes without pressure have no history of friction.
-        closed, sense = state.pressure[here] > least, state.sets.slip_sign[here]
-        senses += np.where(state.sets.status[here][closed] == SLIP, sense[closed], 0.0).tolist()
+        closed, sense, sets = state.pressure[here] > least, state.sets.slip_sign[here], state.sets
+        slips = sets.closed[here] & ~sets.stuck[here]
+        senses += np.where(slips[closed], sense[closed], 0.0).tolist()
     return len(set(senses)) == 1 and senses[0] != 0.0

@@ -19,11 +19,11 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Displacement, ObstacleMotion, Place, Platen, Pressure
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.surface import Surface
+from mlsanm_cli.contact.finite.contacts import AnyContact, Contacts
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.side_response import Compliance, rotated
 from mlsanm_cli.contact.finite.sides import ContactSide, SideNodes, with_more, with_sides
-from mlsanm_cli.contact.finite.update import AnyContact, Contacts
 from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.body import FiniteBody
