@@ -1,9 +1,9 @@
 """The case file: a TOML text is turned into a frozen, validated `Case`, or into a list of all problems."""
 
-from mlsanm_cli.case.model.bodies import Body as Body
 from mlsanm_cli.case.model.case import Case as Case
 from mlsanm_cli.case.model.case import finer_nodes as finer_nodes
 from mlsanm_cli.case.model.case import rounded as rounded
+from mlsanm_cli.case.model.conditions import Place as Place
 from mlsanm_cli.case.model.conditions import Stop as Stop
 from mlsanm_cli.case.model.contacts import AnyObstacle as AnyObstacle
 from mlsanm_cli.case.model.contacts import Contact as Contact
@@ -22,11 +22,11 @@ from mlsanm_cli.case.model.materials import Material as Material
 from mlsanm_cli.case.model.motions import AnyLoad as AnyLoad
 from mlsanm_cli.case.model.motions import ObstacleMotion as ObstacleMotion
 from mlsanm_cli.case.model.motions import Platen as Platen
-from mlsanm_cli.case.model.places import Place as Place
 from mlsanm_cli.case.model.section import Geometry as Geometry
 from mlsanm_cli.case.model.section import split_boundary as split_boundary
 from mlsanm_cli.case.model.settings import Solver as Solver
 from mlsanm_cli.case.model.shapes import AnyShape as AnyShape
+from mlsanm_cli.case.model.shapes import Body as Body
 from mlsanm_cli.case.model.shapes import HalfDisk as HalfDisk
 from mlsanm_cli.case.model.shapes import Mesh as Mesh
 from mlsanm_cli.case.model.shapes import OutlineShape as OutlineShape

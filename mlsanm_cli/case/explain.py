@@ -8,17 +8,15 @@ import json
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 from mlsanm_cli.case.model.section import UNIT
+from mlsanm_cli.case.reading.overrides import flat
 from mlsanm_cli.case.report import SYNONYMS
 from mlsanm_cli.case.schema import Node, follow, heading, json_schema, tables, tables_at, walk
 from mlsanm_cli.case.starters import kinds, starter
-from mlsanm_cli.case.vary import flat
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.records import dataclass
 from mlsanm_cli.toml import toml_value
 
 TYPO_SIMILARITY = 0.8
@@ -33,8 +31,7 @@ _BOUNDS = {
 _TYPES = {"number": "number", "integer": "whole number", "boolean": "true or false", "string": "text"}
 
 
-@dataclass(frozen=True)
-class Explanation:
+class Explanation(NamedTuple):
     """A key, or a table with its keys and their meanings. ``place`` is the heading of the table that holds
     the key, ``kinds`` the kinds of that table with the key (empty: all). ``default`` and ``example`` are
     TOML. ``variants`` describes every kind of a table."""
@@ -49,8 +46,8 @@ class Explanation:
     required: bool = False
     kinds: tuple[str, ...] = ()
     example: str = ""
-    keys: Mapping[str, str] = field(default_factory=dict)
-    variants: Mapping[str, str] = field(default_factory=dict)
+    keys: Mapping[str, str] = {}
+    variants: Mapping[str, str] = {}
 
 
 def explain(key: str = "") -> tuple[Explanation, ...]:
@@ -58,45 +55,40 @@ def explain(key: str = "") -> tuple[Explanation, ...]:
     explanations if the meaning depends on the kind of the table. Raises RunError for an unknown key, with
     similar ones."""
     parts = [part for part in key.split(".") if part]
-    found, path = _find(parts)
-    keys = {name for table in tables_at(path) for name in table["properties"]}
+    # Every table with the key, with the node of the key; and the key without names of items.
+    nodes: list[tuple[Node, Node]] = [(json_schema(), json_schema())]
+    path: tuple[str, ...] = ()
+    named = False
+    for part in parts:
+        inner = [table for _, node in nodes for table in tables(node)]
+        matches = [(table, table["properties"][part]) for table in inner if part in table["properties"]]
+        if not matches and (not path or named or _table_type(nodes[0][1]) == "table"):
+            raise RunError(f'there is no key "{key}"', _nearest(key))
+        named = not matches
+        nodes, path = (matches, (*path, part)) if matches else (nodes, path)
     # The last part may be the name of an item, unless it looks like one of its keys, misspelt or as others
     # call it.
-    named = bool(path) and parts[-1] != path[-1]
-    misspelt = named and (
+    keys = {name for table in tables_at(path) for name in table["properties"]}
+    if named and (
         SYNONYMS.get(parts[-1].lower()) in keys
         or difflib.get_close_matches(parts[-1], keys, n=1, cutoff=TYPO_SIMILARITY)
-    )
-    if not found or misspelt:
+    ):
         raise RunError(f'there is no key "{key}"', _nearest(key))
     if path and path[-1] == "kind":
-        return (_kind(path, found),)
+        # The key that distinguishes the kinds of a table.
+        options = ", ".join(toml_value(node["const"]) for _, node in nodes)
+        variants = _variants(tuple(table for table, _ in nodes))
+        first = _explain(path, *nodes[0])
+        return (first._replace(type=_TYPES["string"], kinds=(), allowed=options, variants=variants),)
     groups: dict[str, Explanation] = {}
-    for table, node in found:
+    for table, node in nodes:
         new = _explain(path, table, node)
         same = json.dumps([new.meaning, new.type, new.allowed, new.unit, new.default, sorted(new.keys)])
         before = groups.get(same, new)
         kinds = tuple(dict.fromkeys([*before.kinds, *new.kinds]))
-        groups[same] = replace(before, kinds=kinds, required=new.required and before.required)
-    everywhere = len(groups) == 1 and len(found) == len(tables_at(path[:-1]))
-    return tuple(replace(new, kinds=() if everywhere else new.kinds) for new in groups.values())
-
-
-def _find(parts: list[str]) -> tuple[list[tuple[Node, Node]], tuple[str, ...]]:
-    """Every table with the key, with the node of the key; and the key without names of items."""
-    current: list[tuple[Node, Node]] = [(json_schema(), json_schema())]
-    path: tuple[str, ...] = ()
-    named = False
-    for part in parts:
-        inner = [table for _, node in current for table in tables(node)]
-        matches = [(table, table["properties"][part]) for table in inner if part in table["properties"]]
-        if matches:
-            current, path, named = matches, (*path, part), False
-        elif path and not named and _table_type(current[0][1]) != "table":
-            named = True
-        else:
-            return [], path
-    return current, path
+        groups[same] = before._replace(kinds=kinds, required=new.required and before.required)
+    everywhere = len(groups) == 1 and len(nodes) == len(tables_at(path[:-1]))
+    return tuple(new._replace(kinds=() if everywhere else new.kinds) for new in groups.values())
 
 
 def _explain(path: tuple[str, ...], table: Node, node: Node) -> Explanation:
@@ -104,10 +96,13 @@ def _explain(path: tuple[str, ...], table: Node, node: Node) -> Explanation:
     kind = table["properties"].get("kind", {}).get("const")
     kinds = (kind,) if kind else ()
     default = toml_value(node["default"]) if "default" in node and not inner else ""
+    keys: dict[str, str] = {}
+    for name, below in (pair for table in inner for pair in table["properties"].items()):
+        keys.setdefault(name, _meaning(below))
     return Explanation(
         key=".".join(path),
         place=heading(path) if inner else heading(path[:-1]),
-        meaning=_meaning(node, inner),
+        meaning=_meaning(node),
         required=bool(path) and path[-1] in table.get("required", ()),
         kinds=kinds,
         unit=node.get(UNIT, ""),
@@ -115,37 +110,20 @@ def _explain(path: tuple[str, ...], table: Node, node: Node) -> Explanation:
         allowed="" if inner else _allowed(target),
         default=default,
         example="" if inner else _example(path, default, kinds),
-        keys=_keys(inner),
+        keys=keys,
         variants=_variants(inner),
     )
 
 
-def _kind(path: tuple[str, ...], found: list[tuple[Node, Node]]) -> Explanation:
-    """The key that distinguishes the kinds of a table."""
-    options = ", ".join(toml_value(node["const"]) for _, node in found)
-    variants = _variants(tuple(table for table, _ in found))
-    explanation = _explain(path, *found[0])
-    return replace(explanation, type=_TYPES["string"], kinds=(), allowed=options, variants=variants)
-
-
-def _meaning(node: Node, inner: tuple[Node, ...]) -> str:
-    if "description" not in node and len(inner) > 1:
-        return f"One of {len(inner)} kinds."
-    return str((node if "description" in node else inner[0])["description"])
+def _meaning(node: Node) -> str:
+    inner = () if "description" in node else tables(node)
+    return f"One of {len(inner)} kinds." if len(inner) > 1 else str((*inner, node)[0]["description"])
 
 
 def _variants(inner: tuple[Node, ...]) -> dict[str, str]:
     if len(inner) < 2:
         return {}
     return {table["properties"]["kind"]["const"]: table["description"] for table in inner}
-
-
-def _keys(inner: tuple[Node, ...]) -> dict[str, str]:
-    found: dict[str, str] = {}
-    for table in inner:
-        for key, node in table["properties"].items():
-            found.setdefault(key, _meaning(node, tables(node)))
-    return found
 
 
 def _table_type(node: Node) -> str:
@@ -210,15 +188,13 @@ def _nearest(key: str) -> str:
     known = list(dict.fromkeys(key for key, _ in walk()))
     last = key.rpartition(".")[2]
     last = SYNONYMS.get(last.lower(), last)
-    ends = [name.rpartition(".")[2] for name in known]
-
-    def ending(words: Sequence[str]) -> list[str]:
-        return [name for name, end in zip(known, ends, strict=True) if end in words]
-
-    similar = ending([last])
+    endings = {name: name.rpartition(".")[2] for name in known}
+    similar = [name for name in known if endings[name] == last]
     if not similar and "." in key:
         similar = difflib.get_close_matches(key, known, n=3)
-    similar = similar or ending(difflib.get_close_matches(last, ends, n=1))
+    if not similar:
+        near = difflib.get_close_matches(last, list(endings.values()), n=1)
+        similar = [name for name in known if endings[name] in near]
     return f"did you mean {' or '.join(similar[:4])}?" if similar else '"mlsanm explain" lists the tables'
 
 

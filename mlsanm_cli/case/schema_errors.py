@@ -16,6 +16,7 @@ from mlsanm_cli.case.report import KeyPath, child, suggestion
 from mlsanm_cli.case.schema import heading, tables_at, walk
 from mlsanm_cli.errors import Fault
 
+UNKNOWN_KEY = "unknown key"
 _WORDS = {
     "float_type": "expected a number",
     "int_type": "expected a whole number",
@@ -56,12 +57,6 @@ def faults_of(data: Mapping[str, Any], error: ValidationError) -> Iterator[Fault
         yield _fault(data, _path(data, detail["loc"]), detail)
 
 
-def unknown_keys(data: Mapping[str, Any], error: ValidationError) -> set[KeyPath]:
-    """The paths of unknown keys."""
-    found = error.errors(include_url=False)
-    return {_path(data, detail["loc"]) for detail in found if detail["type"] == "extra_forbidden"}
-
-
 def _path(data: Any, location: tuple[int | str, ...]) -> KeyPath:
     """The path in the file; pydantic's locations also contain the kinds of tables and marks for keys."""
     path: KeyPath = ()
@@ -80,7 +75,7 @@ def _fault(data: Mapping[str, Any], path: KeyPath, detail: ErrorDetails) -> Faul
     message, hint = _WORDS.get(kind, detail["msg"]), ""
     match kind:
         case "extra_forbidden":
-            message, hint = "unknown key", _REMOVED.get(str(path[-1])) or _unknown_hint(data, path)
+            message, hint = UNKNOWN_KEY, _REMOVED.get(str(path[-1])) or _unknown_hint(data, path)
         case "missing":
             message = "missing (required)"
             if len(path) == 1:

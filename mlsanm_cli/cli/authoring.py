@@ -127,12 +127,12 @@ def explain(settings: Settings, key: str, all_keys: bool) -> int:
         if key:
             raise RunError("--all explains every key", f"omit {key} or --all")
         explanations = all_explanations()
-        described = [vars(entry) for entry in explanations]
+        described = [entry._asdict() for entry in explanations]
         print_result(settings, {"explanations": described}, markdown(explanations))
         return 0
     from mlsanm_cli.case.explain import explain as explain_key
 
-    described = [vars(entry) for entry in explain_key(key)]
+    described = [entry._asdict() for entry in explain_key(key)]
     color = settings.paints(sys.stdout)
     text = "\n\n".join(_explanation(entry, color) for entry in described)
     print_result(settings, {"explanations": described}, text)

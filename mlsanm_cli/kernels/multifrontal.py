@@ -1,14 +1,17 @@
 """Multifrontal factorisation over a given tree of fronts (Duff and Reid, doi:10.1145/356044.356047).
 
-The matrix is symmetric quasi-definite: positive definite in most unknowns, negative definite in the others.
-It then is L D L^T with D the signs of the unknowns, in any order and without pivoting (Vanderbei 1995,
-doi:10.1137/0805005). A front's negative unknowns come last among its pivots.
+A symmetric matrix is quasi-definite: positive definite in most unknowns, negative definite in the others. It
+then is L D L^T with D the signs of the unknowns, in any order and without pivoting (Vanderbei 1995,
+doi:10.1137/0805005). A front's negative unknowns come last among its pivots. A general matrix with a
+symmetric pattern is L U, with partial pivoting among the pivots of a front (Duff and Reid 1984,
+doi:10.1137/0905045).
 
 Front f eliminates the nodes ``start[f]`` to ``start[f + 1]``, in order of elimination, each with two
 unknowns, and updates its border: later nodes, eliminated by its ancestors. A front's descendants come right
-before it. Its panel of the factor (height, pivots), with height the pivots and the border, is column-major
-and valid on and below the diagonal; it is assembled and factorised in place. The update passed to the parent
-``parent[f]`` is stored by columns from the diagonal down.
+before it. Its panel of the factor (height, pivots), with height the pivots and the border, is column-major,
+assembled and factorised in place. Of a symmetric matrix it is valid on and below the diagonal; of a general
+one the rows (pivots, border) of U follow. The update passed to the parent ``parent[f]`` is stored by columns,
+of a symmetric matrix from the diagonal down.
 """
 
 from __future__ import annotations
@@ -19,10 +22,21 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.kernels.aot.jit import inner, kernel
-from mlsanm_cli.kernels.aot.signature import Float3, FloatOut1, Index1, Int1
-from mlsanm_cli.kernels.blas import dpotrf, dsyrk
+from mlsanm_cli.kernels.aot.signature import Float3, FloatOut1, Index1, IndexOut1, Int1
+from mlsanm_cli.kernels.blas import dgetrf, dpotrf, dsyrk
 from mlsanm_cli.kernels.copies import copy_to
-from mlsanm_cli.kernels.dense import LOWER, PLAIN, RIGHT, TRANSPOSED, letters, multiply, solve_triangle
+from mlsanm_cli.kernels.dense import (
+    LEFT,
+    LOWER,
+    PLAIN,
+    RIGHT,
+    TRANSPOSED,
+    UNIT,
+    UPPER,
+    letters,
+    multiply,
+    solve_triangle,
+)
 
 STRIP_COLUMNS = 64
 """Columns eliminated at once."""
@@ -96,35 +110,39 @@ def _extend_add(
     nodes: IntArray,
     handed: FloatArray,
     local: IntArray,
-    pivots: int,
+    sizes: tuple[int, int],
     front: FloatArray,
     update: FloatArray,
-    edge: int,
+    general: bool,
 ) -> None:
-    """Extend-add: add the update ``handed`` by a child with border ``nodes`` (b,) to its parent's front."""
+    """Extend-add: add the update ``handed`` by a child with border ``nodes`` (b,) to its parent's panel
+    ``front`` and ``update``; ``sizes``: pivots and border of the parent."""
+    pivots, edge = sizes
     rows, runs = 2 * len(nodes), 0
-    # Runs of consecutive nodes in both borders are added together.
+    # Runs of consecutive nodes in both borders, either all pivots or none, are added together.
     ends, shifts = np.empty(len(nodes), dtype=np.int64), np.empty(len(nodes), dtype=np.int64)
     for j in range(len(nodes)):
-        if j == 0 or local[nodes[j]] != local[nodes[j - 1]] + 2:
-            shifts[runs] = local[nodes[j]] - 2 * j
+        to = local[nodes[j]]
+        if j == 0 or to != local[nodes[j - 1]] + 2 or to == pivots:
+            shifts[runs] = to - 2 * j
             runs += 1
         ends[runs - 1] = 2 * (j + 1)
     begin, run = 0, 0
     for column in range(rows):
         if ends[run] == column:
             run += 1
-        to = column + shifts[run]
-        if to < pivots:
-            target, up = front[(pivots + edge) * to : (pivots + edge) * (to + 1)], 0
-        else:
-            target, up = update[edge * (to - pivots) : edge * (to - pivots + 1)], pivots
-        first = column
-        for k in range(run, runs):
-            part = target[first + shifts[k] - up : ends[k] + shifts[k] - up]
+        to, first = column + shifts[run], 0 if general else column
+        for k in range(0 if general else run, runs):
+            row = first + shifts[k]
+            if to < pivots:
+                target = front[(pivots + edge) * to + row :]
+            elif row < pivots:
+                target = front[(pivots + edge) * pivots + pivots * (to - pivots) + row :]
+            else:
+                target = update[edge * (to - pivots) + row - pivots :]
             added = handed[begin : begin + ends[k] - first]
-            for i in range(len(part)):
-                part[i] += added[i]
+            for i in range(len(added)):
+                target[i] += added[i]
             begin += ends[k] - first
             first = ends[k]
 
@@ -203,12 +221,33 @@ def _subtract_schur(
 
 
 @inner
-def _pack(matrix: FloatArray, size: int, packed: FloatArray) -> None:
-    """Store a symmetric matrix (size, size) by columns from the diagonal down."""
-    at = 0
-    for column in range(size):
-        copy_to(packed[at:], matrix[size * column + column : size * (column + 1)])
-        at += size - column
+def swap_rows(x: FloatArray, swaps: Any, step: int, columns: int, width: int) -> None:
+    """Exchange the rows of x, entries ``step`` apart, in the order of pivots ``swaps``, in ``columns``
+    entries ``width`` apart."""
+    for row in range(len(swaps)):
+        other = swaps[row] - 1
+        if other != row:
+            for column in range(columns):
+                a, b = step * row + width * column, step * other + width * column
+                x[a], x[b] = x[b], x[a]
+
+
+@inner
+def _eliminate_general(front: FloatArray, update: FloatArray, pivots: int, edge: int, swaps: Any) -> bool:
+    """Factorise a panel in place and subtract its Schur complement from ``update``; false if singular."""
+    height = pivots + edge
+    i: Any = np.array([pivots, height, 0], dtype=np.int32)
+    columns: Any = front
+    dgetrf(i.ctypes, i.ctypes, columns.ctypes, i[1:].ctypes, swaps.ctypes, i[2:].ctypes)
+    if i[2] != 0:
+        return False
+    if edge > 0:
+        across, below = front[height * pivots :], front[pivots:]
+        swap_rows(across, swaps, 1, edge, pivots)
+        solve_triangle(LEFT, LOWER, PLAIN, UNIT, pivots, edge, front, height, across, pivots)
+        solve_triangle(RIGHT, UPPER, PLAIN, PLAIN, edge, pivots, front, height, below, height)
+        multiply(PLAIN, (edge, edge, pivots), -1.0, below, height, across, pivots, 1.0, update, edge)
+    return True
 
 
 @kernel
@@ -223,18 +262,24 @@ def factorise(
     indptr: Index1,
     indices: Index1,
     blocks: Float3,
+    mirrored: Int1,
     order: Int1,
     place: Int1,
+    swaps: IndexOut1,
     values: FloatOut1,
 ) -> int:
-    """Compute the panels of the factor into ``values``, at offsets ``panel`` (f + 1,); returns the first
-    front with a pivot of the wrong sign, or -1.
+    """Compute the panels of the factor into ``values``, at offsets ``panel`` (f + 1,), and the exchanges of
+    rows of a general matrix into ``swaps`` (2n,); returns the first front that is singular or has a pivot of
+    the wrong sign, or -1.
 
     ``negative`` (f,) is the number of nodes of each front, its last ones, with negative pivots. ``begin``,
     ``border`` and ``most`` come from :func:`borders`. ``indptr``, ``indices``, ``blocks`` (e, 2, 2) are the
-    symmetric matrix by nodes.
+    matrix by nodes; of a general one ``mirrored`` (e,) are the numbers of the transposed blocks, of a
+    symmetric one it is empty.
     """
-    waiting = np.empty(most)
+    general = len(mirrored) > 0
+    # Squares are less than twice their triangles.
+    waiting = np.empty(2 * most if general else most)
     widest = 0
     for f in range(len(parent)):
         widest = max(widest, 2 * (begin[f + 1] - begin[f]))
@@ -243,33 +288,47 @@ def factorise(
     owner = np.empty(len(parent), dtype=np.int64)
     top, depth = 0, 0
     for f in range(len(parent)):
-        pivots, edge = 2 * (start[f + 1] - start[f]), 2 * (begin[f + 1] - begin[f])
-        locate((start[f], start[f + 1]), border[begin[f] : begin[f + 1]], local)
+        first, end = start[f], start[f + 1]
+        pivots, edge = 2 * (end - first), 2 * (begin[f + 1] - begin[f])
+        height = pivots + edge
+        locate((first, end), border[begin[f] : begin[f + 1]], local)
         front, update = values[panel[f] : panel[f + 1]], changed[: edge**2]
         front[:] = 0.0
         for column in range(edge):
-            # The upper triangle is never read.
-            part = update[edge * column + column : edge * (column + 1)]
+            # The upper triangle of a symmetric update is never read.
+            part = update[edge * column + (0 if general else column) : edge * (column + 1)]
             for i in range(len(part)):
                 part[i] = 0.0
-        for position in range(start[f], start[f + 1]):
+        for position in range(first, end):
+            own = local[position]
             for entry in range(indptr[order[position]], indptr[order[position] + 1]):
                 at = place[indices[entry]]
-                if at >= position:
-                    for side in range(2):
-                        column = (pivots + edge) * (local[position] + side) + local[at]
-                        front[column] = blocks[entry, side, 0]
-                        front[column + 1] = blocks[entry, side, 1]
+                if at < first:
+                    continue
+                to = local[at]
+                for side in range(2):
+                    for row in range(2):
+                        below = blocks[mirrored[entry], row, side] if general else blocks[entry, side, row]
+                        front[height * (own + side) + to + row] = below
+                        if general and at >= end:
+                            across = height * pivots + pivots * (to - pivots + side)
+                            front[across + own + row] = blocks[entry, row, side]
         while depth > 0 and parent[owner[depth - 1]] == f:
             depth -= 1
             nodes = border[begin[owner[depth]] : begin[owner[depth] + 1]]
-            top -= _triangle(2 * len(nodes))
-            _extend_add(nodes, waiting[top:], local, pivots, front, update, edge)
-        positive = pivots - 2 * negative[f]
-        if pivots > 0 and not _eliminate(front, update, pivots, positive, edge):
-            return f
-        _pack(update, edge, waiting[top:])
-        top += _triangle(edge)
+            top -= 4 * len(nodes) ** 2 if general else _triangle(2 * len(nodes))
+            _extend_add(nodes, waiting[top:], local, (pivots, edge), front, update, general)
+        if pivots > 0:
+            if general:
+                sound = _eliminate_general(front, update, pivots, edge, swaps[2 * first : 2 * end])
+            else:
+                sound = _eliminate(front, update, pivots, pivots - 2 * negative[f], edge)
+            if not sound:
+                return f
+        for column in range(edge):
+            part = update[edge * column + (0 if general else column) : edge * (column + 1)]
+            copy_to(waiting[top:], part)
+            top += len(part)
         owner[depth] = f
         depth += 1
     return -1

@@ -2,60 +2,62 @@
 
 from __future__ import annotations
 
-from typing import TypeAlias
-
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.kernels.aot.jit import inner, kernel
-from mlsanm_cli.kernels.aot.signature import Float1, Float2, FloatOut1, Int1
+from mlsanm_cli.kernels.aot.signature import Float1, Float2, FloatOut1, Index1, Int1
 from mlsanm_cli.kernels.copies import copy_to
 from mlsanm_cli.kernels.dense import (
     LOWER,
     PLAIN,
     RIGHT,
     TRANSPOSED,
+    UNIT,
+    UPPER,
     apply,
     multiply,
     solve_triangle,
     solve_vector,
 )
-from mlsanm_cli.kernels.multifrontal import locate
-
-Tree: TypeAlias = tuple[IntArray, IntArray, IntArray, IntArray, IntArray, FloatArray]
-"""``start``, ``negative``, ``begin``, ``border``, ``panel`` and ``values``, as of ``factorise``."""
+from mlsanm_cli.kernels.multifrontal import locate, swap_rows
 
 
 @inner
-def _forward(panel: FloatArray, pivots: int, height: int, x: FloatArray, c: int) -> None:
-    """Forward substitution with one panel: solve for the first ``pivots`` rows of ``x`` (height, c) and
-    update the others."""
+def _forward(panel: FloatArray, diagonal: int, pivots: int, height: int, x: FloatArray, c: int) -> None:
+    """Forward substitution with one panel, whose ``diagonal`` is PLAIN or UNIT: solve for the first
+    ``pivots`` rows of ``x`` (height, c) and update the others."""
     edge = height - pivots
     # Matrix products copy the panel first: for a single vector BLAS level 2 is faster.
     if c == 1:
-        solve_vector(LOWER, PLAIN, PLAIN, pivots, panel, height, x)
+        solve_vector(LOWER, PLAIN, diagonal, pivots, panel, height, x)
         if edge > 0:
             apply(PLAIN, (edge, pivots), panel[pivots:], height, x, x[pivots:])
     else:
-        solve_triangle(RIGHT, LOWER, TRANSPOSED, PLAIN, c, pivots, panel, height, x, c)
+        solve_triangle(RIGHT, LOWER, TRANSPOSED, diagonal, c, pivots, panel, height, x, c)
         if edge > 0:
             sizes = (c, edge, pivots)
             multiply(TRANSPOSED, sizes, -1.0, x, c, panel[pivots:], height, 1.0, x[pivots * c :], c)
 
 
 @inner
-def _backward(panel: FloatArray, pivots: int, height: int, x: FloatArray, c: int) -> None:
-    """Solve with the transposed panel for the first ``pivots`` rows of ``x`` (height, c)."""
+def _backward(panel: FloatArray, general: bool, pivots: int, height: int, x: FloatArray, c: int) -> None:
+    """Solve with the transposed panel, or U of a ``general`` matrix, for the first ``pivots`` rows of ``x``
+    (height, c)."""
     edge = height - pivots
+    part, plain, turned, sizes, width = LOWER, TRANSPOSED, PLAIN, (edge, pivots), height
+    rest = panel[pivots:]
+    if general:
+        part, plain, turned, sizes, width = UPPER, PLAIN, TRANSPOSED, (pivots, edge), pivots
+        rest = panel[height * pivots :]
     if c == 1:
         if edge > 0:
-            apply(TRANSPOSED, (edge, pivots), panel[pivots:], height, x[pivots:], x)
-        solve_vector(LOWER, TRANSPOSED, PLAIN, pivots, panel, height, x)
+            apply(plain, sizes, rest, width, x[pivots:], x)
+        solve_vector(part, plain, PLAIN, pivots, panel, height, x)
     else:
         if edge > 0:
-            sizes = (c, pivots, edge)
-            multiply(PLAIN, sizes, -1.0, x[pivots * c :], c, panel[pivots:], height, 1.0, x, c)
-        solve_triangle(RIGHT, LOWER, PLAIN, PLAIN, c, pivots, panel, height, x, c)
+            multiply(turned, (c, pivots, edge), -1.0, x[pivots * c :], c, rest, width, 1.0, x, c)
+        solve_triangle(RIGHT, part, turned, PLAIN, c, pivots, panel, height, x, c)
 
 
 @kernel
@@ -66,10 +68,14 @@ def solve(
     border: Int1,
     panel: Int1,
     values: Float1,
+    swaps: Index1,
     x: FloatOut1,
     c: int,
 ) -> None:
-    """Solve in place for c right-hand sides ``x`` (2n, c), flat, in order of elimination."""
+    """Solve in place for c right-hand sides ``x`` (2n, c), flat, in order of elimination, with the factor of
+    a general matrix if there are ``swaps`` (2n,), else of a symmetric one."""
+    general = len(swaps) > 0
+    diagonal = UNIT if general else PLAIN
     fronts, tallest = len(start) - 1, 0
     for f in range(fronts):
         tallest = max(tallest, 2 * (start[f + 1] - start[f] + begin[f + 1] - begin[f]))
@@ -82,20 +88,22 @@ def solve(
             continue
         own, nodes = x[2 * start[f] * c :], border[begin[f] : begin[f + 1]]
         below, height = local[pivots * c :], pivots + 2 * len(nodes)
+        front = values[panel[f] : panel[f + 1]]
         copy_to(local, own[: pivots * c])
         for j in range(len(nodes)):
             for i in range(2 * c):
                 # Forward, the border collects the updates of other fronts too.
                 below[2 * j * c + i] = 0.0 if forward else x[2 * nodes[j] * c + i]
         if forward:
-            _forward(values[panel[f] : panel[f + 1]], pivots, height, local, c)
+            swap_rows(local, swaps[2 * start[f] : 2 * start[f + 1]], c, c, 1)
+            _forward(front, diagonal, pivots, height, local, c)
             for j in range(len(nodes)):
                 for i in range(2 * c):
                     x[2 * nodes[j] * c + i] += below[2 * j * c + i]
         else:
             # D between both triangles: signs of the pivots.
-            _flip_signs(local, c, c, pivots, 2 * negative[f])
-            _backward(values[panel[f] : panel[f + 1]], pivots, height, local, c)
+            _flip_signs(local, c, c, pivots, 0 if general else 2 * negative[f])
+            _backward(front, general, pivots, height, local, c)
         copy_to(own, local[: pivots * c])
 
 
@@ -192,7 +200,7 @@ def products(
                     x[to * c + at[active[depth][i]]] += handed[depth][j * width + i]
             depth -= 1
         if c > 0 and pivots > 0:
-            _forward(values[panel[f] : panel[f + 1]], pivots, height, x, c)
+            _forward(values[panel[f] : panel[f + 1]], PLAIN, pivots, height, x, c)
             _add_product(x, columns, left, pivots, 2 * negative[f], result)
         if depth + 1 == len(handed):
             handed.append(x[:0])

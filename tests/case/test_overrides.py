@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from mlsanm_cli.case.vary import flat, parse_vary, points
+from mlsanm_cli.case.reading.overrides import flat, parse_vary, points
 from mlsanm_cli.errors import RunError
 from tests.case.scenes import HERTZ, only, parse, problems
 

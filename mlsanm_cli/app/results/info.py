@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from mlsanm_cli.case import stored_case
-from mlsanm_cli.case.vary import flat
+from mlsanm_cli.case.reading.overrides import flat
 from mlsanm_cli.cloud.revolution import at_axis
 from mlsanm_cli.contact.geometry.profile import half_width
 from mlsanm_cli.errors import RunError

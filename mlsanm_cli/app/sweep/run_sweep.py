@@ -16,7 +16,7 @@ from mlsanm_cli.app.run import RESULTS
 from mlsanm_cli.app.scene.outlines import load_with_files
 from mlsanm_cli.app.sweep.engines import SweepPoint, solve_points
 from mlsanm_cli.case import Case, resolved_mapping
-from mlsanm_cli.case.vary import parse_vary, points
+from mlsanm_cli.case.reading.overrides import parse_vary, points
 from mlsanm_cli.errors import CaseError, CaseProblem, RunError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.run_reader import finished, held_case

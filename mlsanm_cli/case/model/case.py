@@ -1,22 +1,22 @@
 """The case file as frozen values: one class per table, attributes named like the keys. Any consistent units
 of length, force per unit thickness and stress can be used. All defaults are set here."""
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticKnownError
 
-from mlsanm_cli.case.model.bodies import Body
 from mlsanm_cli.case.model.conditions import Stop, Support
 from mlsanm_cli.case.model.contacts import Contact
 from mlsanm_cli.case.model.materials import Material
-from mlsanm_cli.case.model.motions import AnyLoad
-from mlsanm_cli.case.model.revolution import refused_of_revolution
+from mlsanm_cli.case.model.motions import AnyLoad, ObstacleMotion, Platen
 from mlsanm_cli.case.model.section import Name, Scope, Section
 from mlsanm_cli.case.model.settings import Adapt, Mls, Output, Probe, Reference, Solver, Units, with_defaults
-from mlsanm_cli.case.report import suggestion
+from mlsanm_cli.case.model.shapes import Body
+from mlsanm_cli.case.report import KeyPath, suggestion
 from mlsanm_cli.errors import Fault
+from mlsanm_cli.roundoff import ROUND_OFF
 
 
 def _no_bool(value: Any) -> Any:
@@ -81,7 +81,7 @@ class Case(Section):
 
     @property
     def touching(self) -> tuple[Contact, ...]:
-        """The unilateral contacts, that is, all that are not bonded."""
+        """The contacts that are not bonded."""
         return tuple(contact for contact in self.contact if not contact.bonded)
 
     @property
@@ -96,27 +96,62 @@ class Case(Section):
             yield Fault(("body",), "the list is empty, at least one item is required", "add [[body]]")
         if not known:
             yield Fault(("load",), "no loads", "add [[load]], or interference in a contact")
-        if not scope.missing("stage"):
-            yield from self._stage_faults(known, bool(absent))
         if self.model.revolved:
-            yield from refused_of_revolution(self, scope)
-
-    def _stage_faults(self, known: Sequence[str], some_absent: bool) -> Iterator[Fault]:
-        """Stages without loads, unless some are absent, or without ``known`` ones, and loads in no stage."""
+            yield from _refused_of_revolution(self, scope)
+        if scope.missing("stage"):
+            return
         for index, stage in enumerate(self.stage):
-            if not stage and known and not some_absent:
+            if not stage and known and not absent:
                 yield Fault(("stage", index), "names no load", suggestion("", known, "loads"))
             for name in stage:
                 if name not in known:
                     hint = suggestion(name, known, "loads")
                     yield Fault(("stage", index, name), f'there is no load "{name}"', hint)
-        used = {name for stage in self.stage for name in stage}
         for index, load in enumerate(self.load):
-            if load.name not in used:
+            if not any(load.name in stage for stage in self.stage):
                 hint = f"write {load.name} = 1.0 in a [[stage]]"
                 yield Fault(("load", index), "no stage applies this load", hint)
 
     _defaults = model_validator(mode="before")(with_defaults)
+
+
+_LONG_BODIES = 'write plane = "strain" for long bodies, or remove it'
+
+
+def _refused_of_revolution(case: Case, scope: Scope) -> Iterator[Fault]:
+    """What bodies of revolution do not support."""
+
+    def refused(given: object, key: KeyPath, what: str, hint: str = _LONG_BODIES) -> Iterator[Fault]:
+        if given:
+            yield Fault(key, f'{what} with plane = "axisymmetric" is not supported yet', hint)
+
+    finite = case.model.strain == "finite"
+    yield from refused(finite, ("model", "strain"), "finite strain", 'strain = "small"')
+    yield from refused(case.reference, ("reference",), "an analytical solution", "remove the table")
+    for number, body in enumerate(case.body):
+        shape = scope.geometries.get(body.name)
+        if shape is not None and shape.left < -ROUND_OFF * shape.size:
+            message = f"extends to x = {shape.left:g}, beyond the axis of revolution"
+            yield Fault(("body", number, "shape"), message, "draw the half with x >= 0")
+    for name, material in case.material.items():
+        hint = "give the constants of an isotropic or orthotropic material"
+        key = ("material", name)
+        yield from refused(material.stiffness, (*key, "stiffness"), "a plane stiffness", hint)
+        yield from refused(material.flows, (*key, "yield_stress"), "plasticity", "leave yield_stress out")
+        yield from refused(material.angle, (*key, "angle"), "a turned orthotropic material", "angle = 0.0")
+        yield from refused(material.yield_stress, (*key, "yield_stress"), "plasticity")
+    for number, support in enumerate(case.support):
+        hint = "give boundary, and from and to for a part of it"
+        yield from refused(support.near, ("support", number, "near"), "a support of a point", hint)
+    for number, load in enumerate(case.load):
+        if isinstance(load, Platen | ObstacleMotion) and (
+            "x" in load.control or load.rotation not in (0.0, "fixed")
+        ):
+            message = "rigid bodies of revolution move along the axis only"
+            yield Fault(("load", number), message, "give uy or fy")
+    for number, contact in enumerate(case.contact):
+        law = ("contact", number, "regularization", "law")
+        yield from refused(contact.regularization.law != "exact", law, "the regularised law", 'law = "exact"')
 
 
 def rounded(case: Case, body: str) -> str:

@@ -1,16 +1,118 @@
-"""Supports, stops of the path, and which conditions on a boundary are compatible."""
-
-from __future__ import annotations
+"""Regions (a boundary, several that form one surface, or a part of them), their supports, which conditions on
+them are compatible, and stops of the path."""
 
 from collections.abc import Iterator
-from typing import Annotated, Literal
+from functools import partial
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, PlainValidator, WithJsonSchema
+from pydantic_core import PydanticCustomError
 
-from mlsanm_cli.case.model.places import Boundaries, BoundaryPart, Place, listed
-from mlsanm_cli.case.model.section import FOUNDATION, LENGTH, Point, Scope, Section, Unit, Vector
+from mlsanm_cli.case.model.section import (
+    BOUNDARY_PATTERN,
+    FOUNDATION,
+    LENGTH,
+    Point,
+    Scope,
+    Section,
+    Unit,
+    Vector,
+    split_boundary,
+)
 from mlsanm_cli.case.report import suggestion
 from mlsanm_cli.errors import Fault
+from mlsanm_cli.records import dataclass
+
+_NAME = {"type": "string", "pattern": f"^{BOUNDARY_PATTERN.pattern}$"}
+
+
+def _boundaries(value: Any, several_bodies: bool = False) -> str | tuple[str, ...]:
+    names = value if isinstance(value, tuple) else (value,)
+    if not names or not all(isinstance(name, str) and BOUNDARY_PATTERN.fullmatch(name) for name in names):
+        text = 'expected "<body>.<boundary>", as in "block.top", or a list of such names'
+        raise PydanticCustomError("boundary", text)
+    if len({split_boundary(name)[0] for name in names}) > 1 and not several_bodies:
+        raise PydanticCustomError("boundary", "the boundaries of a list must belong to one body")
+    if len(set(names)) < len(names):
+        raise PydanticCustomError("boundary", "a boundary is listed twice")
+    return names if isinstance(value, tuple) else names[0]
+
+
+_SCHEMA = WithJsonSchema({"anyOf": [_NAME, {"type": "array", "items": _NAME, "minItems": 1}]})
+
+Boundaries = Annotated[str | tuple[str, ...], PlainValidator(_boundaries), _SCHEMA]
+"""A boundary of a body, or several that form one surface."""
+PlateBoundaries = Annotated[
+    str | tuple[str, ...], PlainValidator(partial(_boundaries, several_bodies=True)), _SCHEMA
+]
+"""A boundary, or several of one body or more, that a rigid plate moves."""
+
+
+def listed(boundaries: str | tuple[str, ...] | None) -> tuple[str, ...]:
+    """One boundary or several as a tuple, empty for None.
+
+    >>> listed("block.top")
+    ('block.top',)
+    """
+    if boundaries is None:
+        return ()
+    return (boundaries,) if isinstance(boundaries, str) else boundaries
+
+
+@dataclass(frozen=True)
+class Place:
+    """Boundaries of one body, or their part between the points nearest to two ``ends``."""
+
+    boundaries: tuple[str, ...]
+    ends: tuple[Point, Point] | None = None
+
+    @property
+    def body(self) -> str:
+        """The body."""
+        return split_boundary(self.boundaries[0])[0]
+
+    @property
+    def edges(self) -> tuple[str, ...]:
+        """The boundaries without the body's name."""
+        return tuple(split_boundary(name)[1] for name in self.boundaries)
+
+    @property
+    def label(self) -> str:
+        """Name in messages and results.
+
+        >>> Place(("pad.left", "pad.foot"), ((0.0, 1.0), (0.0, 2.0))).label
+        'pad.left+foot from (0, 1) to (0, 2)'
+        """
+        name = f"{self.body}.{'+'.join(self.edges)}"
+        if self.ends is None:
+            return name
+        (a, b), (c, d) = self.ends
+        return f"{name} from ({a:g}, {b:g}) to ({c:g}, {d:g})"
+
+
+class BoundaryPart(Section):
+    """A part of a boundary; all of it by default."""
+
+    start: Annotated[Vector, LENGTH] | None = Field(default=None, alias="from")
+    """Start of the loaded, supported or contacting part of the boundary: the point nearest to this one. On
+    closed boundaries the part runs from here with the material on the left."""
+    to: Annotated[Vector, LENGTH] | None = None
+    """End of that part."""
+
+    @property
+    def ends(self) -> tuple[Point, Point] | None:
+        """Both ends, None for the whole boundary."""
+        return None if self.start is None or self.to is None else (self.start, self.to)
+
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        yield from super().faults(scope)
+        if (self.start is None) != (self.to is None):
+            key, other = ("from", "to") if self.to is None else ("to", "from")
+            yield Fault((key,), f'needs "{other}" too', "give both ends of the part of the boundary")
+        elif self.start is not None and self.start == self.to:
+            hint = "give two different ends of the part of the boundary"
+            yield Fault(("to",), "is the same point", hint)
+
 
 Kind = Literal["support", "spring", "displacement", "traction", "platen force", "platen displacement"]
 
@@ -27,8 +129,7 @@ ZERO_ONLY = Field(json_schema_extra={"enum": [0.0]})
 
 
 class Support(BoundaryPart):
-    """Displacements fixed at zero on a boundary or at a point of a body, or elastic
-    springs on a boundary."""
+    """Displacements fixed at zero on a boundary or at a point of a body, or elastic springs on a boundary."""
 
     boundary: Boundaries | None = None
     """The supported boundary or boundaries of one body; give `boundary`, or `body` and `near`."""
@@ -65,7 +166,18 @@ class Support(BoundaryPart):
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
         yield from super().faults(scope)
-        yield from self._location_faults()
+        both = 'give "boundary", or "body" and "near"'
+        if self.boundary is not None:
+            if self.body is not None or self.near is not None:
+                yield Fault((), 'give either "boundary", or "body" and "near"')
+        else:
+            if self.start is not None or self.to is not None:
+                yield Fault((), '"from" and "to" need a boundary', 'give "boundary"')
+            if self.body is None and self.near is None:
+                yield Fault((), "has no location", both)
+            elif self.body is None or self.near is None:
+                hint = "near = [x, y] selects the nearest node of the body"
+                yield Fault((), '"body" and "near" are needed together', hint)
         if self.spring is not None:
             if self.boundary is None:
                 yield Fault(("spring",), "springs act on a boundary", 'give "boundary"')
@@ -74,29 +186,14 @@ class Support(BoundaryPart):
                 yield Fault(("spring",), message, "0 for a direction without spring")
         elif self.ux is None and self.uy is None:
             yield Fault((), "fixes nothing", "give ux = 0.0, uy = 0.0 or both, or spring = [kx, ky]")
-        for key in ("ux", "uy"):
-            if getattr(self, key):
+        for key in self.given("ux", "uy"):
+            if getattr(self, key) != 0.0:
                 message = "a nonzero displacement of a support is not supported yet"
                 yield Fault((key,), message, 'a load of kind "displacement" moves a boundary')
         for other in self.earlier(scope.case.support):
-            same = self.near is not None and (other.body, other.near) == (self.body, self.near)
-            for key in ("ux", "uy"):
-                if same and getattr(self, key) is not None and getattr(other, key) is not None:
+            if self.near is not None and (other.body, other.near) == (self.body, self.near):
+                for key in sorted({*self.given("ux", "uy")} & {*other.given("ux", "uy")}):
                     yield Fault((), f"another support fixes this point in {key[1]} already")
-
-    def _location_faults(self) -> Iterator[Fault]:
-        both = 'give "boundary", or "body" and "near"'
-        if self.boundary is not None:
-            if self.body is not None or self.near is not None:
-                yield Fault((), 'give either "boundary", or "body" and "near"')
-            return
-        if self.start is not None or self.to is not None:
-            yield Fault((), '"from" and "to" need a boundary', 'give "boundary"')
-        if self.body is None and self.near is None:
-            yield Fault((), "has no location", both)
-        elif self.body is None or self.near is None:
-            hint = "near = [x, y] selects the nearest node of the body"
-            yield Fault((), '"body" and "near" are needed together', hint)
 
 
 UNIT_OF_QUANTITY = Unit("unit of the quantity")
@@ -136,21 +233,20 @@ class Stop(Section):
         yield from self.exclusive("above", "below")
         if self.component != "size" and self.what not in VECTORS:
             yield Fault(("component",), f"{self.what} has no components", "remove it")
-        what, known = self._named(scope)
+        # What ``of`` can name: in words, and the names.
+        case, names = scope.case, scope.names
+        what = "probe" if self.what == "von_mises" else "contact"
+        if self.what == "force":
+            supports = [one.boundary for one in case.support if isinstance(one.boundary, str)]
+            what, known = "load or contact or support", [*names("load"), *names("contact"), *supports]
+        elif self.what == "displacement":
+            rigid = [one.name for one in case.load if one.kind in ("platen", "obstacle")]
+            what = "platen or obstacle load or probe"
+            known = [*rigid, *scope.missing("load"), *names("probe")]
+        else:
+            known = list(names(what))
         if self.of not in known:
             message = f'there is no {what} "{self.of}"' if self.of else f"missing: the name of a {what}"
             yield Fault(("of",), message, suggestion(self.of, known))
-        if self.what == "slip" and any(c.name == self.of and not c.friction for c in scope.case.contact):
+        if self.what == "slip" and any(c.name == self.of and not c.friction for c in case.contact):
             yield Fault(("of",), f'contact "{self.of}" is frictionless and has no slip')
-
-    def _named(self, scope: Scope) -> tuple[str, list[str]]:
-        """What ``of`` can name: in words, and the names."""
-        names = scope.names
-        if self.what == "force":
-            supports = [one.boundary for one in scope.case.support if isinstance(one.boundary, str)]
-            return "load or contact or support", [*names("load"), *names("contact"), *supports]
-        if self.what == "displacement":
-            rigid = [one.name for one in scope.case.load if one.kind in ("platen", "obstacle")]
-            return "platen or obstacle load or probe", [*rigid, *scope.missing("load"), *names("probe")]
-        section = "probe" if self.what == "von_mises" else "contact"
-        return section, list(names(section))

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from mlsanm_cli.case.model.places import Boundaries, BoundaryPart, Place, listed
+from mlsanm_cli.case.model.conditions import Boundaries, BoundaryPart, Place, listed
 from mlsanm_cli.case.model.section import (
     LENGTH,
     NUMBER,
@@ -162,7 +162,12 @@ class Contact(BoundaryPart):
             message = f'a load is called "{self.name}" too, which is ambiguous in stages'
             yield Fault(("name",), message)
         yield from self._law_faults(scope)
-        yield from self._finite_faults(scope)
+        yield from scope.refused(self.bonded, ("friction",), "bonded surfaces", "a coefficient")
+        hint = "include it in the shape or position of the body"
+        yield from scope.refused(self.gap, ("gap",), "an additional gap", hint)
+        yield from scope.refused(self.interference, ("interference",), "an interference", "move the obstacle")
+        law, key = self.regularization.law, ("regularization", "law")
+        yield from scope.refused(law != "exact", key, f'the "{law}" contact law', 'law = "exact"')
 
     def _pair_faults(self, scope: Scope) -> Iterator[Fault]:
         slave, master = (side.boundaries for side in self.sides)
@@ -198,12 +203,3 @@ class Contact(BoundaryPart):
             yield Fault((key, "law"), "obstacles and interference need the exact law", 'law = "exact"')
         for bond in [contact.name for contact in scope.case.contact if contact.bonded]:
             yield Fault((key, "law"), f"bonds (contact {bond}) need the exact law", 'law = "exact"')
-
-    def _finite_faults(self, scope: Scope) -> Iterator[Fault]:
-        law = self.regularization.law
-        hint = "include it in the shape or position of the body"
-        yield from scope.refused(self.bonded, ("friction",), "bonded surfaces", "a coefficient")
-        yield from scope.refused(self.gap, ("gap",), "an additional gap", hint)
-        yield from scope.refused(self.interference, ("interference",), "an interference", "move the obstacle")
-        key = ("regularization", "law")
-        yield from scope.refused(law != "exact", key, f'the "{law}" contact law', 'law = "exact"')

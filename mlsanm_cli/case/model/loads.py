@@ -5,8 +5,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from mlsanm_cli.case.model.conditions import Kind
-from mlsanm_cli.case.model.places import Boundaries, BoundaryPart, Place, listed
+from mlsanm_cli.case.model.conditions import Boundaries, BoundaryPart, Kind, Place, listed
 from mlsanm_cli.case.model.section import (
     DENSITY,
     FORCE,
@@ -49,7 +48,7 @@ class Load(Section):
 
     @property
     def owner(self) -> str:
-        """The loaded body, the first of several; "" if no body is loaded directly."""
+        """The first loaded body; "" if no body is loaded directly."""
         return next(iter(self.owners), "")
 
     def conditions(self, normal: Point | None) -> Iterator[tuple[int, Kind]]:
@@ -58,8 +57,6 @@ class Load(Section):
 
 
 class OnBoundary(BoundaryPart, Load):
-    """A load on a boundary or a part of it."""
-
     boundary: Boundaries
     """Loaded boundary, or a list of boundaries of one body."""
 
@@ -76,15 +73,17 @@ class OnBoundary(BoundaryPart, Load):
         return self.places[0]
 
 
+TractionTable = Annotated[tuple[tuple[float, float, float], ...], OrFile("s", "tx", "ty"), INCREASING, STRESS]
+PressureTable = Annotated[tuple[tuple[float, float], ...], OrFile("s", "pressure"), INCREASING, STRESS]
+
+
 class Traction(OnBoundary):
     """Traction on a boundary: constant, an expression in x and y, or a table over the arc length."""
 
     kind: Literal["traction"]
     traction: Annotated[AmountVector, STRESS] | None = None
     """Components in x and y: numbers or expressions in x and y."""
-    table: (
-        Annotated[tuple[tuple[float, float, float], ...], OrFile("s", "tx", "ty"), INCREASING, STRESS] | None
-    ) = None
+    table: TractionTable | None = None
     """Rows [arc length, x component, y component], interpolated linearly, or a CSV file with the header
     s,tx,ty; instead of `traction`."""
 
@@ -104,9 +103,7 @@ class Pressure(OnBoundary):
     kind: Literal["pressure"]
     pressure: Annotated[Amount, STRESS] | None = None
     """Pressure, positive in compression: a number or an expression in x and y."""
-    table: Annotated[tuple[tuple[float, float], ...], OrFile("s", "pressure"), INCREASING, STRESS] | None = (
-        None
-    )
+    table: PressureTable | None = None
     """Rows [arc length, pressure], interpolated linearly, or a CSV file with the header s,pressure; instead
     of `pressure`."""
     follows: bool = False
@@ -202,11 +199,9 @@ class Force(BoundaryPart, Load):
         return (self.body,) if self.body is not None else super().owners
 
     def spread(self, size: float, centre: Point, polar: float) -> Traction | BodyForce:
-        """The equivalent body force or traction.
-
-        ``size`` is the area of the body or the length of the boundary (volume and area in bodies of
-        revolution), ``centre`` its centroid, and ``polar`` the integral of the squared distance from it.
-        """
+        """The equivalent body force or traction; ``size`` is the area of the body or the length of the
+        boundary (volume and area in bodies of revolution), ``centre`` its centroid, ``polar`` the integral of
+        the squared distance from it."""
         (x, y), (fx, fy), turn = centre, self.total, (self.moment or 0.0) / polar
         density: AmountVector = (fx / size, fy / size)
         if turn:

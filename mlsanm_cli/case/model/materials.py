@@ -19,13 +19,31 @@ from mlsanm_cli.case.model.section import (
     Unit,
     expecting,
 )
-from mlsanm_cli.case.report import KeyPath
 from mlsanm_cli.errors import Fault
 from mlsanm_cli.roundoff import FINE_ROUND_OFF, ROUND_OFF
 from mlsanm_cli.toml import toml_value
 
 Triple = tuple[float, float, float]
 Pair = tuple[float, float]
+Stiffness = Annotated[
+    tuple[Triple, Triple, Triple],
+    expecting("expected three rows of three numbers, in the order xx, yy, xy"),
+    STRESS,
+]
+Expansion = Annotated[float | Triple, expecting("expected a number, or a list of three"), EXPANSION]
+Hardening = Annotated[
+    tuple[Pair, ...],
+    Field(min_length=1),
+    expecting("expected rows of two numbers, plastic strain and flow stress"),
+]
+Ludwik = Annotated[
+    Pair, expecting("expected two numbers, strength and exponent"), Unit("stress, dimensionless")
+]
+MAX_TERMS = 6
+"""Terms of Ogden's law that may be given."""
+Terms = Annotated[
+    tuple[float, ...], Field(min_length=1, max_length=MAX_TERMS), expecting("expected a list of numbers")
+]
 Form = Literal["isotropic", "orthotropic", "stiffness"]
 
 OUT_OF_PLANE = ("E3", "nu13", "nu23")
@@ -52,9 +70,6 @@ LOCKING = (KIRCHHOFF, "blatz-ko")
 """Laws of finite strain without the formulation for nearly incompressible materials."""
 MAX_NU = 0.4999
 """Largest Poisson's ratio at finite strain: the bulk modulus is then 5,000 times the shear modulus."""
-MAX_TERMS = 6
-"""Terms of Ogden's law that may be given."""
-SOME = "expected a list of numbers"
 PLASTIC = ("yield_stress", "hardening", "hardening_table", "ludwik", "kinematic_hardening")
 """Keys of plasticity, of which the first selects it."""
 MAX_PLANE_STRAIN_NU = 4.0 / 9.0
@@ -85,18 +100,9 @@ class Material(Section):
     """Out-of-plane contraction under tension along axis 2; required in plane strain."""
     angle: Annotated[float, ANGLE] | None = None
     """Angle from the x axis to axis 1, counter-clockwise; 0 by default."""
-    stiffness: (
-        Annotated[
-            tuple[Triple, Triple, Triple],
-            expecting("expected three rows of three numbers, in the order xx, yy, xy"),
-            STRESS,
-        ]
-        | None
-    ) = None
+    stiffness: Stiffness | None = None
     """Matrix from strains xx, yy, 2xy to stresses xx, yy, xy; symmetric and positive definite."""
-    alpha: Annotated[float | Triple, expecting("expected a number, or a list of three"), EXPANSION] | None = (
-        None
-    )
+    alpha: Expansion | None = None
     """Coefficient of thermal expansion; for orthotropic materials also [a1, a2, a3] along the axes; with
     `stiffness` the strains [xx, yy, 2xy] per degree of a body that is free in the plane."""
 
@@ -112,15 +118,9 @@ class Material(Section):
     """Modulus of the chains (`arruda-boyce`)."""
     locking_stretch: Annotated[float, Field(gt=1.0), NUMBER] | None = None
     """Stretch at which the chains are straight (`arruda-boyce`)."""
-    shear_moduli: (
-        Annotated[tuple[float, ...], Field(min_length=1, max_length=MAX_TERMS), expecting(SOME), STRESS]
-        | None
-    ) = None
+    shear_moduli: Annotated[Terms, STRESS] | None = None
     """Moduli m of `ogden`, W = sum m/a (l1^a + l2^a + l3^a - 3); half the sum of m a is the shear modulus."""
-    exponents: (
-        Annotated[tuple[float, ...], Field(min_length=1, max_length=MAX_TERMS), expecting(SOME), NUMBER]
-        | None
-    ) = None
+    exponents: Annotated[Terms, NUMBER] | None = None
     """Exponents a of `ogden`, one for each modulus, of the same sign."""
     f: Annotated[float, Field(ge=0.0, le=1.0), NUMBER] | None = None
     """Part of the first invariant of `blatz-ko`; 0, a foam, by default."""
@@ -131,22 +131,10 @@ class Material(Section):
     hardening: Annotated[float, Field(ge=0.0), STRESS] | None = None
     """Slope of the flow stress over the plastic strain (isotropic hardening); 0, perfect plasticity, by
     default."""
-    hardening_table: (
-        Annotated[
-            tuple[Pair, ...],
-            Field(min_length=1),
-            expecting("expected rows of two numbers, plastic strain and flow stress"),
-        ]
-        | None
-    ) = None
+    hardening_table: Hardening | None = None
     """Rows [plastic strain, flow stress] of uniaxial tension, increasing, after [0, yield_stress]; linear
     between them, constant beyond."""
-    ludwik: (
-        Annotated[
-            Pair, expecting("expected two numbers, strength and exponent"), Unit("stress, dimensionless")
-        ]
-        | None
-    ) = None
+    ludwik: Ludwik | None = None
     """Strength K and exponent n, 0 < n <= 1, of Ludwik's flow stress yield_stress + K a^n with the plastic
     strain a."""
     kinematic_hardening: Annotated[float, Field(ge=0.0), STRESS] | None = None
@@ -192,8 +180,7 @@ class Material(Section):
         return {key: value for key, value in given.items() if value is not None}
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
-        """Missing and contradictory keys, and stiffnesses that are not positive definite."""
-        form = self.form
+        form, confined = self.form, scope.confined
         if not self.elastic and form != "isotropic":
             hint = f"give {' and '.join(HYPERELASTIC[self.law][0])}"
             yield Fault(("law",), f'"{self.law}" needs an isotropic material', hint)
@@ -202,7 +189,12 @@ class Material(Section):
         for key in self.model_fields_set.difference(required, optional, PLASTIC, ("alpha", "law")):
             hint = CHOICES if self.elastic else ""
             yield Fault((key,), f"cannot be combined with {', '.join(required)}", hint)
-        needed = self._needed(scope)
+        # Constants of the third axis of an orthotropic material that the model needs, and why.
+        needed: dict[str, str] = {}
+        if form == "orthotropic" and confined:
+            needed = dict.fromkeys(OUT_OF_PLANE, "required in plane strain")
+        elif form == "orthotropic" and self.law == KIRCHHOFF:
+            needed = dict.fromkeys(OUT_OF_PLANE[1:], "required for the thickness at finite strain")
         missing = [key for key in (*required, *needed) if getattr(self, key) is None]
         for key in missing:
             hint = f'"{self.law}" has the constants {", ".join(required)}'
@@ -212,42 +204,66 @@ class Material(Section):
                 hint = needed.get(key, "")
             yield Fault((key,), "missing (required)", hint)
         if not missing:
-            yield from self._stiffness_faults(scope.confined)
-            yield from self._rubber_faults()
+            yield from self._constant_faults(confined)
         yield from self._law_faults(scope)
-        yield from self._plastic_faults(scope)
+        if any(getattr(self, key) is not None for key in PLASTIC):
+            yield from self._plastic_faults(scope)
         listed = isinstance(self.alpha, tuple)
         if listed and form == "isotropic":
             yield Fault(("alpha",), "an isotropic material has a single coefficient")
-        elif form == "stiffness" and self.alpha is not None and scope.confined and not listed:
+        elif form == "stiffness" and self.alpha is not None and confined and not listed:
             message = "with a plane stiffness the effect of out-of-plane expansion is unknown"
             yield Fault(("alpha",), message, "give the plane strains per degree, [xx, yy, 2xy]")
 
-    def _needed(self, scope: Scope) -> dict[str, str]:
-        """Constants of the third axis of an orthotropic material that the model needs, and why."""
-        if self.form != "orthotropic":
-            return {}
-        if scope.confined:
-            return dict.fromkeys(OUT_OF_PLANE, "required in plane strain")
-        if self.law == KIRCHHOFF:
-            return dict.fromkeys(OUT_OF_PLANE[1:], "required for the thickness at finite strain")
-        return {}
-
-    def _rubber_faults(self) -> Iterator[Fault]:
-        """Constants that give no positive shear modulus."""
+    def _constant_faults(self, confined: bool) -> Iterator[Fault]:
+        """Constants that give no positive definite stiffness, or no positive shear modulus."""
+        if self.stiffness is not None:
+            c = self.stiffness
+            largest = max(abs(value) for row in c for value in row)
+            if any(abs(c[i][j] - c[j][i]) > ROUND_OFF * largest for i, j in ((0, 1), (0, 2), (1, 2))):
+                hint = "rows and columns are xx, yy, xy; the last strain is 2 e_xy"
+                yield Fault(("stiffness",), "is not symmetric", hint)
+            elif not _positive(c):
+                yield Fault(("stiffness",), "is not positive definite")
+        elif self.form == "orthotropic":
+            yield from self._compliance_faults()
+        elif confined and self.nu == 0.5:
+            message = "an incompressible material (0.5) has no finite stiffness in plane strain"
+            yield Fault(("nu",), message, "use a value below 0.5, or plane stress")
         if self.law == "mooney-rivlin" and (self.c10 or 0.0) + (self.c01 or 0.0) <= 0.0:
             yield Fault(("c10",), "c10 + c01, half the shear modulus, is not positive")
         if self.law == "yeoh" and (self.c10 or 0.0) <= 0.0:
             yield Fault(("c10",), "half the shear modulus, is not positive")
-        if self.law == "ogden" and self.shear_moduli is not None and self.exponents is not None:
+        if self.shear_moduli is not None and self.exponents is not None:
             if len(self.shear_moduli) != len(self.exponents):
                 message = f"{len(self.exponents)} for {len(self.shear_moduli)} moduli"
                 yield Fault(("exponents",), message, "give one for each of shear_moduli")
-            elif not all(m * a > 0.0 for m, a in zip(self.shear_moduli, self.exponents, strict=True)):
+            elif min(m * a for m, a in zip(self.shear_moduli, self.exponents, strict=True)) <= 0.0:
                 message = "has a modulus whose sign is not that of its exponent"
                 yield Fault(("shear_moduli",), message, "their products must be positive")
 
+    def _compliance_faults(self) -> Iterator[Fault]:
+        """The compliance must be positive definite (Lempriere 1968, doi:10.2514/3.4974)."""
+        moduli = (self.E1, self.E2, self.E3)
+        unit = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+        sound = True
+        for i, j in ((0, 1), (0, 2), (1, 2)):
+            key = f"nu{i + 1}{j + 1}"
+            first, second, nu = moduli[i], moduli[j], getattr(self, key)
+            if first is None or second is None or nu is None:
+                continue
+            limit = math.sqrt(first / second)
+            unit[i][j] = unit[j][i] = -nu / limit
+            if not abs(nu) < limit:
+                sound = False
+                root = f"the square root of E{i + 1}/E{j + 1}"
+                yield Fault((key,), f"{nu:g} is not between -{limit:g} and {limit:g}, {root}")
+        if sound and not _positive(unit):
+            message = "nu12, nu13 and nu23 together give a stiffness that is not positive definite"
+            yield Fault(("nu12",), message, "reduce them")
+
     def _law_faults(self, scope: Scope) -> Iterator[Fault]:
+        """A law that does not fit the strain, or constants that it cannot have there."""
         finite = self.law == KIRCHHOFF or not self.elastic
         yield from scope.finite_only(finite, ("law",), f'"{self.law}"')
         if scope.strain != "finite":
@@ -267,82 +283,34 @@ class Material(Section):
 
     def _plastic_faults(self, scope: Scope) -> Iterator[Fault]:
         """Keys of plasticity that contradict others, soften, or are not supported."""
-        given = [key for key in PLASTIC if getattr(self, key) is not None]
-        if given and not self.flows:
-            yield Fault(("yield_stress",), "missing (required)", f"{given[0]} needs a yield stress")
-        if not given:
-            return
-        key = (given[0],)
+        first = next(key for key in PLASTIC if getattr(self, key) is not None)
+        key, case, what = (first,), scope.case, "plasticity with"
+        if not self.flows:
+            yield Fault(("yield_stress",), "missing (required)", f"{first} needs a yield stress")
         if self.form != "isotropic":
             yield Fault(key, "needs an isotropic material", "give E and nu")
         elif not self.elastic:
             yield Fault(key, f'cannot be combined with law = "{self.law}"', 'law = "linear"')
         else:
             yield from scope.refused(True, key, "plasticity", 'write strain = "small" in [model]')
-            yield from self._unsupported(scope, key)
+            if case.is_regularized:
+                hint = 'law = "exact" in [contact.regularization], solver.method = "auto"'
+                yield Fault(key, f"{what} the hyperbolic contact law or its methods is not supported", hint)
+            if case.mls.degree == 1:
+                yield Fault(key, f"{what} mls.degree = 1 is not supported", 'degree = "auto", which is 2')
+            if case.reference is not None:
+                yield Fault(key, f"{what} an analytical solution of elastic bodies", "remove [reference]")
         yield from self.exclusive("hardening", "hardening_table", "ludwik", required=False)
         if self.ludwik is not None and not (self.ludwik[0] >= 0.0 and 0.0 < self.ludwik[1] <= 1.0):
             hint = "K is at least 0, n above 0 and at most 1"
             yield Fault(("ludwik",), "does not harden at a falling rate", hint)
         rows = ((0.0, self.yield_stress or 0.0), *(self.hardening_table or ()))
+        hint = "strains increase, stresses do not decrease: softening has no unique solution"
         for number, (before, after) in enumerate(pairwise(rows)):
-            first = number == 0 and after == before
-            if not first and (after[0] <= before[0] or after[1] < before[1]):
-                hint = "strains increase, stresses do not decrease: softening has no unique solution"
-                place = ("hardening_table", number)
-                yield Fault(
-                    place, f"[{after[0]:g}, {after[1]:g}] follows [{before[0]:g}, {before[1]:g}]", hint
-                )
-
-    def _unsupported(self, scope: Scope, key: KeyPath) -> Iterator[Fault]:
-        """What bodies that flow do not support."""
-        case, what = scope.case, "plasticity with"
-        if case.is_regularized:
-            hint = 'law = "exact" in [contact.regularization], solver.method = "auto"'
-            yield Fault(key, f"{what} the hyperbolic contact law or its methods is not supported", hint)
-        if case.mls.degree == 1:
-            yield Fault(key, f"{what} mls.degree = 1 is not supported", 'degree = "auto", which is 2')
-        if case.reference is not None:
-            yield Fault(key, f"{what} an analytical solution of elastic bodies", "remove [reference]")
-
-    def _stiffness_faults(self, confined: bool) -> Iterator[Fault]:
-        if self.stiffness is not None:
-            c = self.stiffness
-            largest = max(abs(value) for row in c for value in row)
-            pairs = ((0, 1), (0, 2), (1, 2))
-            if any(abs(c[i][j] - c[j][i]) > ROUND_OFF * largest for i, j in pairs):
-                hint = "rows and columns are xx, yy, xy; the last strain is 2 e_xy"
-                yield Fault(("stiffness",), "is not symmetric", hint)
-            elif not _positive(c):
-                yield Fault(("stiffness",), "is not positive definite")
-        elif self.form == "orthotropic":
-            yield from self._compliance_faults()
-        elif confined and self.nu == 0.5:
-            message = "an incompressible material (0.5) has no finite stiffness in plane strain"
-            yield Fault(("nu",), message, "use a value below 0.5, or plane stress")
-
-    def _compliance_faults(self) -> Iterator[Fault]:
-        """The compliance must be positive definite (Lempriere 1968, doi:10.2514/3.4974)."""
-        moduli = {1: self.E1, 2: self.E2, 3: self.E3}
-        unit = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
-        sound = True
-        for key, i, j, nu in (
-            ("nu12", 1, 2, self.nu12),
-            ("nu13", 1, 3, self.nu13),
-            ("nu23", 2, 3, self.nu23),
-        ):
-            first, second = moduli[i], moduli[j]
-            if first is None or second is None or nu is None:
-                continue
-            limit = math.sqrt(first / second)
-            unit[i - 1][j - 1] = unit[j - 1][i - 1] = -nu / limit
-            if not abs(nu) < limit:
-                sound = False
-                message = f"{nu:g} is not between -{limit:g} and {limit:g}, the square root of E{i}/E{j}"
-                yield Fault((key,), message)
-        if sound and not _positive(unit):
-            message = "nu12, nu13 and nu23 together give a stiffness that is not positive definite"
-            yield Fault(("nu12",), message, "reduce them")
+            repeats_start = number == 0 and after == before
+            if not repeats_start and (after[0] <= before[0] or after[1] < before[1]):
+                message = f"[{after[0]:g}, {after[1]:g}] follows [{before[0]:g}, {before[1]:g}]"
+                yield Fault(("hardening_table", number), message, hint)
 
 
 def _positive(c: Sequence[Sequence[float]]) -> bool:

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import model_validator
 
-from mlsanm_cli.case.model.conditions import Kind
+from mlsanm_cli.case.model.conditions import Kind, PlateBoundaries
 from mlsanm_cli.case.model.contacts import AnyObstacle, DiskObstacle
 from mlsanm_cli.case.model.loads import (
     BodyForce,
@@ -18,7 +18,6 @@ from mlsanm_cli.case.model.loads import (
     Temperature,
     Traction,
 )
-from mlsanm_cli.case.model.places import PlateBoundaries
 from mlsanm_cli.case.model.section import FORCE, LENGTH, MOMENT, RADIANS, Point, Rotation, Scope, Vector
 from mlsanm_cli.case.report import suggestion
 from mlsanm_cli.errors import Fault
@@ -52,13 +51,13 @@ class _RigidMotion(Load):
         """
         force = self.force or (self.fx, self.fy)
         displacement = self.displacement or (self.ux, self.uy)
-        found: dict[str, tuple[Control, float]] = {}
+        controlled: dict[str, tuple[Control, float]] = {}
         for direction, f, u in zip("xy", force, displacement, strict=True):
             if self.force is None and u is not None:
-                found[direction] = ("displacement", u)
+                controlled[direction] = ("displacement", u)
             elif f is not None:
-                found[direction] = ("force", f)
-        return found
+                controlled[direction] = ("force", f)
+        return controlled
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
         yield from super().faults(scope)
@@ -128,17 +127,15 @@ class Platen(OnBoundary, _RigidMotion):
             hint = "give ux or fx, and uy or fy; a force of 0.0 for a free direction"
             yield Fault((), message, hint)
         hint = "loads on one boundary act on one platen"
-        if plate[0].turning != self.turning:
-            message = (
-                f'"{self.turning}" here, "{plate[0].turning}" in load "{plate[0].name}" on the same platen'
-            )
-            fixed = next((load for load in (self, plate[0]) if load.turning == "fixed"), None)
-            turned = "prescribed" in (self.turning, plate[0].turning)
-            also = f'; write rotation = 0.0 in load "{fixed.name}"' if fixed is not None and turned else ""
-            yield Fault(("rotation",), message, f"{hint}{also}")
-        elif plate[0].hinge != self.hinge:
-            message = f'differs from that of load "{plate[0].name}" on the same platen'
-            yield Fault(("hinge",), message, hint)
+        first = plate[0]
+        there = f'load "{first.name}" on the same platen'
+        if first.turning != self.turning:
+            turns = {load.turning: load.name for load in (first, self)}
+            if turns.keys() == {"fixed", "prescribed"}:
+                hint = f'{hint}; write rotation = 0.0 in load "{turns["fixed"]}"'
+            yield Fault(("rotation",), f'"{self.turning}" here, "{first.turning}" in {there}', hint)
+        elif first.hinge != self.hinge:
+            yield Fault(("hinge",), f"differs from that of {there}", hint)
 
 
 class ObstacleMotion(_RigidMotion):
@@ -190,14 +187,5 @@ class ObstacleMotion(_RigidMotion):
                 yield Fault(("pivot",), message, "one pivot for all")
 
 
-AnyLoad = (
-    Traction
-    | Pressure
-    | Displacement
-    | Platen
-    | Force
-    | BodyForce
-    | Centrifugal
-    | Temperature
-    | ObstacleMotion
-)
+_FirstKinds = Traction | Pressure | Displacement | Platen | Force
+AnyLoad = _FirstKinds | BodyForce | Centrifugal | Temperature | ObstacleMotion

@@ -1,21 +1,32 @@
-"""Base class of the tables of the case file, and what they are checked against: the other tables and the
-geometry of the bodies.
-"""
+"""Base class of the tables of the case file, what they are checked against (the other tables and the geometry
+of the bodies), and the types of their keys."""
 
 from __future__ import annotations
 
 import ast
 import inspect
+import re
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import field, replace
 from itertools import pairwise, takewhile
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
-from pydantic import BaseModel, ConfigDict, GetJsonSchemaHandler
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetJsonSchemaHandler,
+    ValidationError,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
+)
 from pydantic.json_schema import JsonSchemaValue
-from pydantic_core import CoreSchema
+from pydantic_core import CoreSchema, PydanticCustomError, PydanticKnownError
 
+from mlsanm_cli.case.model.expressions import compile_expression
 from mlsanm_cli.case.report import KeyPath
 from mlsanm_cli.errors import Fault
 from mlsanm_cli.records import dataclass
@@ -23,20 +34,6 @@ from mlsanm_cli.roundoff import ROUND_OFF
 
 if TYPE_CHECKING:
     from mlsanm_cli.case.model.case import Case
-import re
-from typing import Annotated, Literal
-
-from pydantic import (
-    AfterValidator,
-    BeforeValidator,
-    Field,
-    ValidationError,
-    ValidatorFunctionWrapHandler,
-    WrapValidator,
-)
-from pydantic_core import PydanticCustomError, PydanticKnownError
-
-from mlsanm_cli.case.model.expressions import ExpressionError, compile_expression
 
 Point = tuple[float, float]
 Item = TypeVar("Item")
@@ -105,15 +102,18 @@ class Section(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False, defer_build=True)
 
     @classmethod
-    def __get_pydantic_json_schema__(
-        cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> JsonSchemaValue:
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
         """Adds the docstrings here: pydantic would parse all source files for them at every start."""
-        found = handler(core_schema)
-        keys = handler.resolve_ref_schema(found)["properties"]
-        for name, text in _docstrings(cls).items():
-            keys[cls.model_fields[name].alias or name]["description"] = text
-        return found
+        schema = handler(core)
+        keys = handler.resolve_ref_schema(schema)["properties"]
+        for owner in reversed(cls.__mro__[: cls.__mro__.index(Section)]):
+            (tree,) = ast.parse(textwrap.dedent(inspect.getsource(owner))).body
+            assert isinstance(tree, ast.ClassDef)
+            for key, below in pairwise(tree.body):
+                if isinstance(key, ast.AnnAssign) and isinstance(below, ast.Expr):
+                    name, text = ast.unparse(key.target), inspect.cleandoc(ast.literal_eval(below.value))
+                    keys[cls.model_fields[name].alias or name]["description"] = text
+        return schema
 
     def given(self, *keys: str) -> list[str]:
         """Those of the keys that have a value."""
@@ -153,19 +153,6 @@ def all_faults(value: Any, scope: Scope, path: KeyPath = ()) -> Iterator[Fault]:
         yield from all_faults(item, scope, (*path, step))
 
 
-def _docstrings(table: type[BaseModel]) -> dict[str, str]:
-    """The docstrings below the fields of a table, by field."""
-    found = {}
-    for owner in reversed(table.__mro__[: table.__mro__.index(Section)]):
-        (tree,) = ast.parse(textwrap.dedent(inspect.getsource(owner))).body
-        assert isinstance(tree, ast.ClassDef)
-        for key, below in pairwise(tree.body):
-            if isinstance(key, ast.AnnAssign) and isinstance(below, ast.Expr):
-                assert isinstance(key.target, ast.Name)
-                found[key.target.id] = inspect.cleandoc(ast.literal_eval(below.value))
-    return found
-
-
 BOUNDARY_PATTERN = re.compile(r"[^.\s]+\.[^.\s]+")
 
 
@@ -173,9 +160,9 @@ class Unit(str):
     """Unit of a number, shown by `mlsanm explain` and in the JSON Schema."""
 
     def __get_pydantic_json_schema__(
-        self, core_schema: CoreSchema, handler: GetJsonSchemaHandler
+        self, core: CoreSchema, handler: GetJsonSchemaHandler
     ) -> JsonSchemaValue:
-        return {**handler(core_schema), UNIT: str(self)}
+        return {**handler(core), UNIT: str(self)}
 
 
 UNIT = "x-unit"
@@ -200,39 +187,27 @@ def expecting(text: str) -> WrapValidator:
         try:
             return handler(value)
         except ValidationError as error:
-            found = {one["type"]: one["msg"] for one in error.errors(include_url=False)}
-            if "finite_number" in found:
+            reasons = {one["type"]: one.get("ctx", {}) for one in error.errors(include_url=False)}
+            if "finite_number" in reasons:
                 raise PydanticKnownError("finite_number") from error
-            raise PydanticCustomError(
-                "expected", "{text}", {"text": found.get("expression", text)}
-            ) from error
+            problem = reasons.get("value_error", {}).get("error", text)
+            raise PydanticCustomError("expected", "{text}", {"text": str(problem)}) from error
 
     return WrapValidator(check)
 
 
 def _expression(text: str) -> str:
-    try:
-        compile_expression(text)
-    except ExpressionError as error:
-        raise PydanticCustomError("expression", "{problem}", {"problem": str(error)}) from error
+    compile_expression(text)
     return text
 
 
 Vector = Annotated[tuple[float, float], BeforeValidator(_two_items)]
-"""Two finite numbers."""
-
 Amount = Annotated[
     float | Annotated[str, AfterValidator(_expression)],
     expecting("expected a number, or an expression in x and y in quotes"),
 ]
-"""A finite number, or an expression in x and y."""
-
 AmountVector = Annotated[tuple[Amount, Amount], BeforeValidator(_two_items)]
-"""Two numbers or expressions in x and y."""
-
 Positive = Annotated[float, Field(gt=0.0)]
-"""A finite number above 0."""
-
 Name = Annotated[
     str,
     Field(pattern=r"^[A-Za-z0-9_-]*[A-Za-z_-][A-Za-z0-9_-]*$", max_length=80),
@@ -248,23 +223,15 @@ AutoDegree = Annotated[
     expecting('expected "auto" or a whole number from 1 to 6'),
 ]
 AutoLength = Annotated[Literal["auto"] | Positive, expecting('expected "auto" or a number above 0')]
-
 Rotation = Annotated[
     Literal["fixed", "free"] | float, expecting('expected "fixed", "free", or an angle in radian')
 ]
-"""Rotation of a plate: fixed, free, or a prescribed angle."""
-
-
-def _without_round_off(coefficient: float) -> float:
-    """A coefficient of friction; 0 where tractions would be round-off of the pressures."""
-    return coefficient if coefficient > ROUND_OFF else 0.0
-
-
 Coefficient = Annotated[
-    Literal["bonded"] | Annotated[float, Field(ge=0.0), AfterValidator(_without_round_off)],
+    # 0 where tractions would be round-off of the pressures.
+    Literal["bonded"]
+    | Annotated[float, Field(ge=0.0), AfterValidator(lambda value: value if value > ROUND_OFF else 0.0)],
     expecting('expected a number of at least 0, or "bonded"'),
 ]
-"""A coefficient of friction, or bonded surfaces."""
 
 
 def split_boundary(boundary: str) -> tuple[str, str]:

@@ -40,18 +40,16 @@ class Mls(Section):
     """Nodes per stencil; `"auto"` is about 2.5 times the number of coefficients."""
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
-        if self.neighbors != "auto":
-            # The lowest degree that "auto" selects.
-            degree = 2 if self.degree == "auto" else self.degree
-            terms = (degree + 1) * (degree + 2) // 2
-            most = MAX_NEIGHBORS_PER_TERM * terms
-            of = f"for the {terms} terms of degree {degree}"
-            if self.neighbors < terms:
-                hint = f'at least {terms}, better twice as many, or "auto"'
-                yield Fault(("neighbors",), f"{self.neighbors} nodes are too few {of}", hint)
-            elif self.neighbors > most:
-                hint = f'at most {most}, or "auto"'
-                yield Fault(("neighbors",), f"{self.neighbors} nodes are too many {of}", hint)
+        # The lowest degree that "auto" selects.
+        degree = 2 if self.degree == "auto" else self.degree
+        terms = (degree + 1) * (degree + 2) // 2
+        most = MAX_NEIGHBORS_PER_TERM * terms
+        if self.neighbors != "auto" and not terms <= self.neighbors <= most:
+            few = self.neighbors < terms
+            hint = f"at least {terms}, better twice as many" if few else f"at most {most}"
+            words = f"{self.neighbors} nodes are too {'few' if few else 'many'}"
+            message = f"{words} for the {terms} terms of degree {degree}"
+            yield Fault(("neighbors",), message, f'{hint}, or "auto"')
         square = self.scheme != "least-squares"
         yield from scope.refused(square, ("scheme",), f'"{self.scheme}"', '"least-squares"')
         if square and scope.strain == "small" and not scope.case.is_regularized:
@@ -70,9 +68,8 @@ class Adapt(Section):
         if not self.passes:
             return
         case = scope.case
-        fixed = [body.name for body in case.body if body.has_nodes]
-        if fixed:
-            message = f'body "{fixed[0]}" cannot be refined: its nodes come from a file'
+        for body in [body.name for body in case.body if body.has_nodes][:1]:
+            message = f'body "{body}" cannot be refined: its nodes come from a file'
             yield Fault(("passes",), message, 'write 0, or take the outline only: use = "outline"')
         if case.contact and not case.touching:
             hint = "write 0, and refine along the bonds and at their ends with [[body.refine]]"
@@ -117,9 +114,8 @@ class Solver(Section):
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
         if self.increments != "auto" and self.increments > MAX_INCREMENTS:
-            yield Fault(
-                ("increments",), f"{self.increments} increments are too many", f"at most {MAX_INCREMENTS}"
-            )
+            message = f"{self.increments} increments are too many"
+            yield Fault(("increments",), message, f"at most {MAX_INCREMENTS}")
         if scope.strain == "finite" and self.method == "active-set" and not scope.names("contact"):
             yield Fault(("method",), '"active-set" needs a contact', '"anm" or "newton"')
         law = scope.case.touching[0].regularization.law if scope.case.touching else None
@@ -130,8 +126,8 @@ class Solver(Section):
                 hint = 'method = "auto": at finite strain the contact law is always exact'
             yield Fault(("method",), f'"{self.method}" cannot solve the {law} contact law', hint)
         if self.formulation == "monolithic" and law != "hyperbolic":
-            hint = 'formulation = "condensed"'
-            yield Fault(("formulation",), "the monolithic formulation needs the hyperbolic contact law", hint)
+            message = "the monolithic formulation needs the hyperbolic contact law"
+            yield Fault(("formulation",), message, 'formulation = "condensed"')
 
 
 Symbol = Annotated[str, Field(max_length=20)]
@@ -164,17 +160,16 @@ class Probe(Section):
     """Coordinates in the undeformed body, inside it or on its boundary."""
 
 
+SavedField = Literal["displacement", "stress", "von_mises", "strain"]
+
+
 class Output(Section):
     """Output files."""
 
     at: Annotated[tuple[float, ...], Unit("position on the path")] = ()
     """Path positions (completed stages + fraction of the current one) at which fields are written; the end of
     the path if empty."""
-    fields: tuple[Literal["displacement", "stress", "von_mises", "strain"], ...] = (
-        "displacement",
-        "stress",
-        "von_mises",
-    )
+    fields: tuple[SavedField, ...] = ("displacement", "stress", "von_mises")
     """Fields to write; bodies with a yield stress also have plastic_strain, flow_stress and yield_ratio."""
     vtu: bool = True
     """Write VTU files for ParaView."""
@@ -208,60 +203,27 @@ def with_defaults(data: Any) -> Any:
     """The raw content of a case with all of these defaults."""
     if not isinstance(data, dict):
         return data
-    data = _with_items(_with_law(data), "load", lambda row: _with_common_keys(row, data["load"]))
-    return {**data, "stage": _stages(data)}
+    contacts = data.get("contact")
+    match data:
+        # Never at finite strain.
+        case {"model": {"strain": "finite"}}:
+            regularized = False
+        case {"solver": {"method": "anm" | "newton"}} | {"solver": {"formulation": "monolithic"}}:
+            regularized = True
+        case _:
+            regularized = isinstance(contacts, tuple) and any(map(_is_regularized, contacts))
+    if regularized:
+        data = _with_items(data, "contact", _with_law)
+    return {
+        **_with_items(data, "load", lambda row: _with_common_keys(row, data["load"])),
+        "stage": _stages(data),
+    }
 
 
 def _with_items(data: dict[str, Any], section: str, change: Callable[[Any], Any]) -> dict[str, Any]:
     """The content with every item of a list, if there is one, replaced by ``change`` of it."""
     items = data.get(section)
     return {**data, section: tuple(map(change, items))} if isinstance(items, tuple) else data
-
-
-def _stages(data: dict[str, Any]) -> Any:
-    """One stage up to load factor 1; an interference that no stage names is applied in the first one."""
-    given = data.get("stage")
-    fits = _names(data.get("contact"), with_key="interference")
-    if given is None:
-        return (dict.fromkeys([*_names(data.get("load")), *fits], 1.0),)
-    if not isinstance(given, tuple) or not all(isinstance(stage, dict) for stage in given) or not given:
-        return given
-    growing = {name: 1.0 for name in fits if not any(name in stage for stage in given)}
-    return ({**growing, **given[0]}, *given[1:])
-
-
-def _names(items: Any, with_key: str = "name") -> list[str]:
-    """Names of the items of a raw list that have a key."""
-    rows = [item for item in items if isinstance(item, dict)] if isinstance(items, tuple) else []
-    return [row["name"] for row in rows if isinstance(row.get("name"), str) and with_key in row]
-
-
-def _with_common_keys(row: Any, rows: tuple[Any, ...]) -> Any:
-    """A raw load on a plate, with the hinge of the other loads on it and, unless it sets its own, their kind
-    of rotation."""
-    if not isinstance(row, dict) or row.get("kind") != "platen":
-        return row
-    keys = ("kind", "boundary", "from", "to")
-    others = [one for one in rows if isinstance(one, dict) and all(one.get(k) == row.get(k) for k in keys)]
-    hinges = [one["hinge"] for one in others if "hinge" in one]
-    common: dict[str, Any] = {"hinge": hinges[0]} if hinges else {}
-    turning = [one.get("rotation", "free") for one in others if one.keys() & {"rotation", "hinge", "moment"}]
-    if turning and not row.keys() & {"rotation", "hinge", "moment"}:
-        common["rotation"] = 0.0 if isinstance(turning[0], float) else turning[0]
-    return common | row
-
-
-def _with_law(data: dict[str, Any]) -> dict[str, Any]:
-    """The content with the regularised law in contacts that name no law, if another contact, a parameter of
-    that law, the method or the formulation requires it; never at finite strain."""
-    match data:
-        case {"model": {"strain": "finite"}}:
-            return data
-        case {"solver": {"method": "anm" | "newton"}} | {"solver": {"formulation": "monolithic"}}:
-            return _with_items(data, "contact", _regularized)
-        case {"contact": tuple(contacts)} if any(map(_is_regularized, contacts)):
-            return _with_items(data, "contact", _regularized)
-    return data
 
 
 def _is_regularized(contact: Any) -> bool:
@@ -272,7 +234,8 @@ def _is_regularized(contact: Any) -> bool:
     return False
 
 
-def _regularized(contact: Any) -> Any:
+def _with_law(contact: Any) -> Any:
+    """A raw contact, with the regularised law if it is not bonded and names none."""
     match contact:
         case {"friction": "bonded"}:
             return contact
@@ -281,3 +244,35 @@ def _regularized(contact: Any) -> Any:
         case {**keys} if "regularization" not in keys:
             return {**contact, "regularization": {"law": REGULARIZED}}
     return contact
+
+
+def _with_common_keys(row: Any, rows: tuple[Any, ...]) -> Any:
+    """A raw load on a plate, with the hinge of the other loads on it and, unless it sets its own, their kind
+    of rotation."""
+    if not isinstance(row, dict) or row.get("kind") != "platen":
+        return row
+    keys = ("kind", "boundary", "from", "to")
+    others = [one for one in rows if isinstance(one, dict) and all(one.get(k) == row.get(k) for k in keys)]
+    common: dict[str, Any] = next(({"hinge": one["hinge"]} for one in others if "hinge" in one), {})
+    turning = [one.get("rotation", "free") for one in others if one.keys() & {"rotation", "hinge", "moment"}]
+    if turning and not row.keys() & {"rotation", "hinge", "moment"}:
+        common["rotation"] = 0.0 if isinstance(turning[0], float) else turning[0]
+    return common | row
+
+
+def _stages(data: dict[str, Any]) -> Any:
+    """One stage up to load factor 1; an interference that no stage names is applied in the first one."""
+    given, loads = data.get("stage"), _names(data.get("load"), "name")
+    fits = _names(data.get("contact"), "interference")
+    if given is None:
+        return (dict.fromkeys([*loads, *fits], 1.0),)
+    if not isinstance(given, tuple) or not all(isinstance(stage, dict) for stage in given) or not given:
+        return given
+    growing = {name: 1.0 for name in fits if not any(name in stage for stage in given)}
+    return ({**growing, **given[0]}, *given[1:])
+
+
+def _names(items: Any, with_key: str) -> list[str]:
+    """Names of the items of a raw list that have a key."""
+    rows = [item for item in items if isinstance(item, dict)] if isinstance(items, tuple) else []
+    return [row["name"] for row in rows if isinstance(row.get("name"), str) and with_key in row]

@@ -1,4 +1,4 @@
-"""Shapes of bodies: their keys. Geometry is computed and checked on outlines (``cloud``)."""
+"""``[[body]]``: bodies, their shapes and the spacing of their nodes. Outlines are checked in ``cloud``."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -6,14 +6,21 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo, WithJsonSchema, model_validator
 
-from mlsanm_cli.case.model.section import ANGLE, LENGTH, Name, Positive, Scope, Section, Vector
+from mlsanm_cli.case.model.section import (
+    ANGLE,
+    LENGTH,
+    NUMBER,
+    AutoLength,
+    Name,
+    Positive,
+    Scope,
+    Section,
+    Vector,
+)
 from mlsanm_cli.case.model.tables import with_points
-from mlsanm_cli.case.report import KeyPath
+from mlsanm_cli.case.report import KeyPath, suggestion
 from mlsanm_cli.errors import Fault
-
-Center = Annotated[Vector, LENGTH]
-Radius = Annotated[Positive, LENGTH]
-Degrees = Annotated[float, Field(gt=0.0, lt=180.0)]
+from mlsanm_cli.roundoff import ROUND_OFF
 
 
 def _absolute(file: str, info: ValidationInfo) -> str:
@@ -25,11 +32,16 @@ class _Shape(Section):
     kind: str
     """Kind of shape."""
 
+    @property
+    def has_nodes(self) -> bool:
+        """Whether the nodes are read from a file."""
+        return False
+
 
 class _Circle(Section):
-    center: Center
+    center: Annotated[Vector, LENGTH]
     """Centre of the circle."""
-    radius: Radius
+    radius: Annotated[Positive, LENGTH]
     """Radius of the circle."""
 
 
@@ -38,7 +50,7 @@ class _FileShape(_Shape):
 
     file: Annotated[str, Field(min_length=1), AfterValidator(_absolute)]
     """Path, relative to the case file."""
-    corner: Annotated[Degrees, ANGLE] = 40.0
+    corner: Annotated[float, Field(gt=0.0, lt=180.0), ANGLE] = 40.0
     """Angle between the outline's edges at a node above which the node is a corner."""
     sha256: str | None = None
     """SHA-256 of the file when the case was resolved; a changed file is an error."""
@@ -55,7 +67,6 @@ class Mesh(_FileShape):
 
     @property
     def has_nodes(self) -> bool:
-        """Whether the nodes are read from the file."""
         return self.use == "nodes"
 
 
@@ -66,14 +77,7 @@ class Points(_FileShape):
 
     @property
     def has_nodes(self) -> bool:
-        """Always."""
         return True
-
-
-FileShape = Mesh | Points
-
-
-RADIUS_SCHEMA = {"type": "number", "minimum": 0.0}
 
 
 class Rectangle(_Shape):
@@ -108,7 +112,7 @@ class HalfDisk(_Circle, _Shape):
 class _Ring(_Shape):
     """A ring or a part of one."""
 
-    center: Center
+    center: Annotated[Vector, LENGTH]
     """Centre of the circles."""
     radii: Annotated[Vector, LENGTH]
     """Inner and outer radius."""
@@ -142,6 +146,9 @@ class Hole(_Circle):
 
     name: Name | None = None
     """Name of its boundary; hole1, hole2 and so on by default."""
+
+
+RADIUS_SCHEMA = {"type": "number", "minimum": 0.0}
 
 
 class Polygon(_Shape):
@@ -187,8 +194,7 @@ class Polygon(_Shape):
                 default.add(f"corner{number + 1}")
         for name in dict.fromkeys([*self.names, *filter(None, self.corners)]):
             if name in default:
-                given_to_side = name in self.names
-                yield _twice(("names", self.names.index(name)) if given_to_side else ("corners",), name)
+                yield _twice(("names", self.names.index(name)) if name in self.names else ("corners",), name)
         yield from _hole_faults(self, [name for name in sides if name not in self.names])
 
 
@@ -227,10 +233,10 @@ class OutlineShape(_Shape):
         yield from _hole_faults(self, side_names(self))
 
 
+FileShape = Mesh | Points
 DrawnShape = Rectangle | Disk | HalfDisk | Sector | Annulus | Polygon | OutlineShape
 """Shapes whose geometry is given in the case file."""
-AnyShape = DrawnShape | Mesh | Points
-Shape = Annotated[AnyShape, Field(discriminator="kind")]
+AnyShape = DrawnShape | FileShape
 
 
 def side_names(shape: Polygon | OutlineShape) -> tuple[str, ...]:
@@ -256,3 +262,82 @@ def _hole_faults(shape: Polygon | OutlineShape, sides: Sequence[str]) -> Iterato
 
 def _twice(key: KeyPath, name: str) -> Fault:
     return Fault(key, f'"{name}" is the name of two boundaries', "rename one of them")
+
+
+class Refine(Section):
+    """Local refinement near a point or a boundary. Where several overlap, the smallest spacing applies."""
+
+    at: Annotated[Vector, LENGTH] | None = None
+    """Point to refine around; give `at` or `along`."""
+    along: str | None = None
+    """Boundary of the body to refine along; give `at` or `along`."""
+    spacing: Annotated[Positive, LENGTH]
+    """Node spacing within `radius` of the point or boundary, at most that of the body."""
+    radius: Annotated[float, Field(ge=0.0), LENGTH]
+    """Distance up to which the spacing is constant; beyond it grows."""
+    growth: Annotated[float, Field(gt=0.0, le=1.0), NUMBER] = 0.12
+    """Increase of the spacing per unit length outside `radius`; values above 0.3 cause a warning."""
+
+    def edge(self, body: str) -> str:
+        """The boundary in ``along`` without the name of its body, which is optional there."""
+        return (self.along or "").removeprefix(f"{body}.")
+
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        yield from self.exclusive("at", "along")
+
+
+class Body(Section):
+    """An elastic body: its material, its shape and the spacing of its nodes."""
+
+    name: Name
+    """Name of the body; its boundaries are addressed as `<body>.<boundary>`."""
+    material: str
+    """Name of its material."""
+    spacing: Annotated[AutoLength, LENGTH] = "auto"
+    """Node spacing away from refinements. `"auto"` is 1/20 of the body's size or 1/6 of its mean thickness,
+    whichever is smaller, less for strongly orthotropic materials, and finer along arcs, in narrow
+    parts, at ends of clamped sides, where loads vary or end within a side, near contacts close to another
+    boundary, at corners other than right ones that touch an obstacle, and at finite strain along surfaces in
+    contact."""
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+    """Seed of the random generator that places the nodes; it changes the cloud, not its spacing."""
+    shape: Annotated[AnyShape, Field(discriminator="kind")]
+    refine: tuple[Refine, ...] = ()
+
+    @property
+    def has_nodes(self) -> bool:
+        """Whether the nodes are read from a file."""
+        return self.shape.has_nodes
+
+    def faults(self, scope: Scope) -> Iterator[Fault]:
+        if self.has_nodes:
+            also = "" if isinstance(self.shape, Points) else ' (use = "outline" places new ones)'
+            for name in ("spacing", "refine", "seed"):
+                if getattr(self, name) != type(self).model_fields[name].default:
+                    message = f"does not apply: the nodes are those of the file{also}"
+                    yield Fault((name,), message, "remove it")
+            return
+        given = self.spacing if isinstance(self.spacing, float) else math.inf
+        spacings: list[tuple[KeyPath, float]] = [(("spacing",), given)]
+        for number, refine in enumerate(self.refine):
+            spacings.append((("refine", number, "spacing"), refine.spacing))
+            if refine.spacing > given:
+                message = f"{refine.spacing:g} is larger than the body's spacing {given:g}"
+                yield Fault(("refine", number, "spacing"), message, "a refinement can only reduce it")
+        shape = scope.geometries.get(self.name)
+        if shape is None:
+            return
+        far = max(map(abs, shape.centre)) + shape.size
+        smallest = ROUND_OFF * far
+        for key, spacing in spacings:
+            if spacing < smallest:
+                message = f"{spacing:g} is below round-off for coordinates up to {far:g}"
+                yield Fault(key, message, f"at least {smallest:.2g}")
+        if math.inf > given > shape.size > 0.0:
+            yield Fault(("spacing",), f"{given:g} is larger than the body ({shape.size:g})")
+        for number, refine in enumerate(self.refine):
+            edge = refine.edge(self.name)
+            if refine.along is not None and edge not in shape.boundaries:
+                hint = suggestion(edge, shape.boundaries, "boundaries")
+                message = f'body "{self.name}" has no boundary "{refine.along}"'
+                yield Fault(("refine", number, "along"), message, hint)

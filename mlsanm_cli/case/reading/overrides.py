@@ -1,43 +1,28 @@
-"""``--set KEY=VALUE``: changes to the content of a case file before validation."""
+"""``--set KEY=VALUE``: changes to the content of a case file before validation; ``--vary KEY=VALUES`` of a
+sweep: values separated by commas, or evenly spaced ones as START:STOP:COUNT."""
 
 from __future__ import annotations
 
 import copy
+import math
 import re
 import tomllib
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from itertools import product
+from typing import Any, NamedTuple
 
 from mlsanm_cli.case.limits import text_problem
 from mlsanm_cli.case.report import MAX_KEY_PARTS, KeyPath, suggestion
 from mlsanm_cli.errors import CaseProblem, RunError
+from mlsanm_cli.toml import toml_value
 
 SOURCE = "--set"
 _PART = r"""\s*(?:"([^"]*)"|'([^']*)'|([^."'\s]+))\s*"""
 _KEY = re.compile(rf"{_PART}(?:\.{_PART})*")
 WILDCARD = "*"
 """Wildcard in a key for all items of a list, or all tables of a table like ``material``."""
+# A text whose quotes the shell removed.
 _WORD = re.compile(r"[^\W\d][^\n\"'\[\]{}#=,]*|[./~][^\n\"'\[\]{}#=,]*[^\W\d][^\n\"'\[\]{}#=,]*")
-
-
-def is_word(text: str) -> bool:
-    """Whether a value that is not TOML is a text whose quotes the shell removed.
-
-    >>> [is_word(text) for text in ("exact", "meshes/a.msh", "1e-", "[1", "")]
-    [True, True, False, False, False]
-    """
-    return _WORD.fullmatch(text) is not None
-
-
-def parsed_value(text: str) -> Any:
-    """The value that TOML text describes. Raises ValueError."""
-    try:
-        content = tomllib.loads(f"value = {text}")
-    except RecursionError as error:
-        raise ValueError("lists are nested too deeply") from error
-    if content.keys() != {"value"}:
-        raise ValueError("more than one value")
-    return content["value"]
 
 
 def apply_overrides(
@@ -52,8 +37,7 @@ def apply_overrides(
         try:
             if not sign:
                 raise RunError("expected KEY=VALUE", "as in --set solver.order=15")
-            parts, new = _parts(key), _value(key.strip(), value)
-            changed.update(_assign(content, parts, new))
+            changed.update(_assign(content, _parts(key), _value(key.strip(), value)))
         except RunError as bad:
             name = key.strip() or text
             problems.append(CaseProblem(name, bad.message, 0, SOURCE, bad.hint))
@@ -88,15 +72,26 @@ def _parts(key: str) -> list[str]:
     return parts
 
 
+def _parsed(text: str) -> Any:
+    """The value that TOML text describes. Raises ValueError."""
+    try:
+        content = tomllib.loads(f"value = {text}")
+    except RecursionError as error:
+        raise ValueError("lists are nested too deeply") from error
+    if content.keys() != {"value"}:
+        raise ValueError("more than one value")
+    return content["value"]
+
+
 def _value(key: str, text: str) -> Any:
     _, problem = text_problem(text)
     if problem:
         raise RunError(f"the value has {problem}")
     word = text.strip()
     try:
-        return parsed_value(text)
+        return _parsed(text)
     except ValueError as error:
-        if is_word(word):
+        if _WORD.fullmatch(word):
             return word
         hint = f"""text needs quotes: --set '{key}="{word}"'""" if word and '"' not in word else ""
         raise RunError(f"the value {word or '(empty)'} is not TOML", hint) from error
@@ -147,3 +142,84 @@ def _step(table: Any, part: str, before: list[str]) -> str | int:
         count = f"it has {len(table)} item{'' if len(table) == 1 else 's'}, counted from 0"
         raise RunError(f'"{where}" has no item {part}', count)
     raise RunError(f'"{where}" has no item named "{part}"', suggestion(part, known))
+
+
+MAX_POINTS = 100_000
+"""Largest number of points of a sweep."""
+_RANGE = re.compile(r"([^:,\[\]\"']+):([^:,\[\]\"']+):([^:,\[\]\"']+)")
+
+
+class Vary(NamedTuple):
+    """A dotted key as for ``--set``, and its values as TOML."""
+
+    key: str
+    values: tuple[str, ...]
+
+
+def parse_vary(text: str) -> Vary:
+    """A key and its values. Raises RunError if they cannot be read.
+
+    >>> parse_vary("contact.c.friction=0.1,0.2").values
+    ('0.1', '0.2')
+    >>> parse_vary("solver.order=10:20:3").values
+    ('10', '15', '20')
+    """
+    key, sign, listed = (part.strip() for part in text.partition("="))
+    if not key or not sign or not listed:
+        raise RunError(f"--vary {text}: expected KEY=VALUES", "as in --vary solver.order=10,15,20")
+    evenly, words = _RANGE.fullmatch(listed), [part.strip() for part in listed.split(",")]
+    try:
+        if evenly:
+            values = _even(*map(_parsed, evenly.groups()))
+        elif all(map(_WORD.fullmatch, words)) and not {"true", "false", "inf", "nan"} & set(words):
+            values = tuple(map(toml_value, words))
+        else:
+            values = tuple(map(toml_value, _parsed(f"[{listed}]")))
+    except RunError as error:
+        raise RunError(f"--vary {text}: {error.message}", error.hint) from error
+    except ValueError as error:
+        hint = """text needs quotes, as in --vary 'solver.method="anm","newton"'"""
+        raise RunError(f"--vary {text}: the values are not TOML", hint) from error
+    if len(set(values)) < len(values):
+        raise RunError(f"--vary {text}: a value is given twice")
+    return Vary(key, values)
+
+
+def points(varied: Sequence[Vary]) -> list[tuple[str, ...]]:
+    """Every combination of values as ``KEY=VALUE`` texts, the last key changing fastest. Raises RunError for
+    a key that is varied twice, and for too many points."""
+    if len({vary.key for vary in varied}) < len(varied):
+        raise RunError("a key is varied twice", "give all its values in one --vary")
+    count = math.prod(len(vary.values) for vary in varied)
+    if count > MAX_POINTS:
+        raise RunError(f"the sweep has {count} points", f"at most {MAX_POINTS}")
+    return list(product(*([f"{vary.key}={value}" for value in vary.values] for vary in varied)))
+
+
+def flat(content: Any, key: str = "") -> dict[str, Any]:
+    """The content of a case by dotted keys as for ``--set``: list items by name or number.
+
+    >>> flat({"body": [{"name": "a", "seed": 1}], "mls": {"degree": 2}})
+    {'body.a.name': 'a', 'body.a.seed': 1, 'mls.degree': 2}
+    """
+    if isinstance(content, list | tuple) and content and all(isinstance(item, Mapping) for item in content):
+        content = {item.get("name", number): item for number, item in enumerate(content)}
+    if not isinstance(content, Mapping):
+        return {key: content}
+    tables = [flat(item, f"{key}.{name}" if key else str(name)) for name, item in content.items()]
+    return {name: value for table in tables for name, value in table.items()}
+
+
+def _even(start: Any, stop: Any, count: Any) -> tuple[str, ...]:
+    """Evenly spaced values, whole numbers if all of them are."""
+    for value in (start, stop, count):
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise RunError(f"{toml_value(value)} is not a number", "as in 0.0:0.5:11")
+    if not isinstance(count, int) or not 1 <= count <= MAX_POINTS:
+        raise RunError(f"{count} is not a number of values", "as in 0.0:0.5:11")
+    steps = max(count - 1, 1)
+    if isinstance(start, int) and isinstance(stop, int) and (stop - start) % steps == 0:
+        return tuple(str(start + (stop - start) // steps * i) for i in range(count))
+    # Rounded, because directories are named after the values: 0.15, not 0.15000000000000002.
+    between = [float(f"{start + (stop - start) * i / steps:.12g}") for i in range(1, count - 1)]
+    return tuple(map(repr, [float(start), *between, float(stop)][:count]))

@@ -7,7 +7,7 @@ import io
 import json
 import re
 import tomllib
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 from functools import reduce
 from pathlib import Path
@@ -17,11 +17,11 @@ from pydantic import ValidationError
 
 from mlsanm_cli.case.limits import number_faults, size_faults, text_problem
 from mlsanm_cli.case.model.case import Case
-from mlsanm_cli.case.model.section import Geometry, Scope, all_faults
+from mlsanm_cli.case.model.conditions import listed
+from mlsanm_cli.case.model.section import Geometry, Scope, all_faults, split_boundary
 from mlsanm_cli.case.model.shapes import AnyShape
-from mlsanm_cli.case.reading.names import name_faults
 from mlsanm_cli.case.reading.overrides import apply_overrides, key_path
-from mlsanm_cli.case.report import KeyPath, Report, child, nearest
+from mlsanm_cli.case.report import KeyPath, Report, child, nearest, suggestion
 from mlsanm_cli.errors import CaseError, CaseProblem, Fault, GeometryError, OutlineError, RunError
 from mlsanm_cli.inputs import MAX_TEXT_BYTES, STDIN, is_text, read_input
 from mlsanm_cli.records import dataclass
@@ -65,9 +65,16 @@ def load_case(path: Path, overrides: Sequence[str] = (), geometry_of: GeometryOf
     try:
         content = read_input(path, MAX_TEXT_BYTES, what="case file", streams=True)
     except RunError as error:
-        if isinstance(error.__cause__, FileNotFoundError):
-            raise RunError(error.message, _nearest_case(path)) from error
-        raise
+        if not isinstance(error.__cause__, FileNotFoundError):
+            raise
+        try:
+            there = {one.stem: one for one in sorted(path.parent.glob("*.toml"))[:MAX_LISTED_CASES]}
+        except (OSError, ValueError):
+            raise error from None
+        hint = f"existing cases: {', '.join(map(str, list(there.values())[:5]))}"
+        if near := nearest(path.stem, there):
+            hint = f"did you mean {there[near]}?"
+        raise RunError(error.message, hint if there else "mlsanm new writes a starter case") from error
     try:
         # utf-8-sig drops the byte order mark that some editors write.
         text = io.TextIOWrapper(io.BytesIO(content), encoding="utf-8-sig").read()
@@ -80,19 +87,6 @@ def load_case(path: Path, overrides: Sequence[str] = (), geometry_of: GeometryOf
     if path == STDIN:
         path = Path("stdin")
     return parse_case(text, path, overrides, geometry_of)
-
-
-def _nearest_case(path: Path) -> str:
-    """A hint with the most similar name of an existing case file."""
-    try:
-        there = {one.stem: one for one in sorted(path.parent.glob("*.toml"))[:MAX_LISTED_CASES]}
-    except (OSError, ValueError):
-        return ""
-    found = nearest(path.stem, there)
-    if found:
-        return f"did you mean {there[found]}?"
-    listed = ", ".join(str(one) for one in list(there.values())[:5])
-    return f"existing cases: {listed}" if listed else "mlsanm new writes a starter case"
 
 
 def parse_case(
@@ -114,7 +108,12 @@ def parse_case(
     problems = report.problems + bad_overrides
     if problems or scope is None:
         raise CaseError(problems)
-    case = _with_digests(scope)
+    bodies = []
+    for body in scope.case.body:
+        digest = scope.geometries[body.name].digest if body.name in scope.geometries else ""
+        shape = body.shape.model_copy(update={"sha256": digest} if digest else {})
+        bodies.append(body.model_copy(update={"shape": shape}))
+    case = scope.case.model_copy(update={"body": tuple(bodies)})
     return LoadedCase(case, text, path, tuple(overrides), case_hash(case))
 
 
@@ -134,12 +133,12 @@ def _validated(data: Any, folder: Path, report: Report) -> tuple[Case | None, fr
         try:
             return Case.model_validate(rest, context=folder), frozenset(faulty)
         except ValidationError as error:
-            from mlsanm_cli.case.schema_errors import faults_of, unknown_keys
+            from mlsanm_cli.case.schema_errors import UNKNOWN_KEY, faults_of
 
-            unknown |= {_place(path, removed) for path in unknown_keys(rest, error)}
             known = report.paths | faulty
             faults = [replace(fault, key=_place(fault.key, removed)) for fault in faults_of(rest, error)]
             report.add(f for f in faults if not any(f.key[:n] in known for n in range(len(f.key) + 1)))
+            unknown |= {fault.key for fault in faults if fault.message == UNKNOWN_KEY}
             for path in (fault.key for fault in faults if fault.key not in unknown):
                 while path and (path in faulty or reduce(child, path, data) is None):
                     path = path[:-1]
@@ -199,11 +198,58 @@ def _check_relations(
             report.add([Fault(_place((*key, "file"), faulty), error.message, error.hint)])
     scope = replace(scope, geometries=geometries)
     tables = {path[:-1] for path in faulty if len(path) > 2 or path[0] not in (*LISTS, "material")}
-    for fault in (*name_faults(scope), *all_faults(case, scope)):
+    for fault in (*_name_faults(scope), *all_faults(case, scope)):
         place = _place(fault.key, faulty)
         if not {place, place[:-1]} & tables:
             report.add([replace(fault, key=place)])
     return scope
+
+
+NAMED = ("material", "body", "load", "contact", "probe")
+"""Sections whose items have names."""
+REFERENCES = (("body", "material"), ("support", "body"), ("load", "body"), ("probe", "body"))
+"""Section and key of a name, which is that of the section of the item that it names."""
+BOUNDARIES = (("support", "boundary"), ("load", "boundary"), ("contact", "slave"), ("contact", "master"))
+"""Section and key of names of boundaries."""
+
+
+def _name_faults(scope: Scope) -> Iterator[Fault]:
+    """Names declared twice, unknown ones, and materials of no body."""
+
+    def texts(section: str, key: str) -> Iterator[tuple[KeyPath, str]]:
+        """Path and text of a key of every item of a list, or of each text if the key has several."""
+        for number, item in enumerate(getattr(scope.case, section)):
+            value = getattr(item, key, None)
+            path: KeyPath = (section, number, key)
+            for place, text in enumerate(listed(value)):
+                yield (*path, place) if isinstance(value, tuple) else path, text
+
+    def unknown(path: KeyPath, name: str, section: str, text: str = "") -> Iterator[Fault]:
+        names, plural = scope.names(section), "bodies" if section == "body" else f"{section}s"
+        if name not in names:
+            yield Fault(path, f'{text}there is no {section} "{name}"', suggestion(name, names, plural))
+
+    for section in NAMED:
+        names = scope.names(section)
+        for number, name in enumerate(names[: len(getattr(scope.case, section))]):
+            if name in names[:number]:
+                yield Fault((section, number, "name"), f'another {section} is called "{name}" already')
+    for section, key in REFERENCES:
+        for path, name in texts(section, key):
+            yield from unknown(path, name, key)
+    used = [body.material for body in scope.case.body]
+    for name in scope.case.material:
+        if name not in used and not scope.missing("body"):
+            hint = f'remove it, or write material = "{name}" in a body'
+            yield Fault(("material", name), "no body uses this material", hint)
+    for section, key in BOUNDARIES:
+        for path, boundary in texts(section, key):
+            body, edge = split_boundary(boundary)
+            yield from unknown(path, body, "body", f'"{boundary}": ')
+            edges = scope.geometries[body].boundaries if body in scope.geometries else ()
+            if edges and edge not in edges:
+                hint = suggestion(boundary, [f"{body}.{valid}" for valid in edges], "boundaries")
+                yield Fault(path, f'body "{body}" has no boundary "{edge}"', hint)
 
 
 def stored_case(text: str) -> Case:
@@ -213,16 +259,6 @@ def stored_case(text: str) -> Case:
         return Case.model_validate({key: _frozen(value) for key, value in tomllib.loads(text).items()})
     except ValueError as error:
         raise RunError("the case stored in the run is damaged or from another version") from error
-
-
-def _with_digests(scope: Scope) -> Case:
-    """The case with the SHA-256 of its files."""
-    case, bodies = scope.case, []
-    for body in case.body:
-        digest = scope.geometries[body.name].digest if body.name in scope.geometries else ""
-        shape = body.shape.model_copy(update={"sha256": digest} if digest else {})
-        bodies.append(body.model_copy(update={"shape": shape}))
-    return case.model_copy(update={"body": tuple(bodies)})
 
 
 def resolved_mapping(case: Case) -> dict[str, Any]:

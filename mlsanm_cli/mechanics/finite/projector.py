@@ -29,7 +29,7 @@ from mlsanm_cli.mechanics.finite.tangent import MeanStress, tangent_rows
 from mlsanm_cli.operators import least_squares
 from mlsanm_cli.operators.least_squares import LeastSquares, Strong
 from mlsanm_cli.operators.linear.interface import LinearSolver
-from mlsanm_cli.operators.linear.lu import LUFactor, factor_general
+from mlsanm_cli.operators.linear.multifrontal import MultifrontalFactor, factor_general
 from mlsanm_cli.operators.linear.superlu import SuperLUFactor, factor_in_order
 from mlsanm_cli.records import dataclass
 
@@ -160,14 +160,7 @@ class Factorised:
     projector: Projector
     rows: sparse.csr_array
     strong: sparse.csr_array
-    factor: LUFactor | SuperLUFactor | None
-
-    @property
-    def sign(self) -> int:
-        """Sign of the determinant of the derivative J_0^T W^2 J(u), 1 at the base state; it changes at limit
-        points and bifurcations of the body."""
-        # The multipliers, four per piece, add a positive factor.
-        return 1 if self.factor is None else self.factor.sign
+    factor: MultifrontalFactor | SuperLUFactor | None
 
     def solve(self, scaled: FloatArray) -> FloatArray:
         """Displacement (2N,) whose rows in this state are ``scaled`` (r,) in the sense of the equations, with

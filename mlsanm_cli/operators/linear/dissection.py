@@ -1,12 +1,17 @@
-"""Geometric nested dissection of a graph whose vertices have positions (George 1973, doi:10.1137/0710032)."""
+"""Elimination trees: geometric nested dissection of a graph whose vertices have positions (George 1973,
+doi:10.1137/0710032)."""
 
 from __future__ import annotations
+
+from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.kernels.dissection import dissect, places_between
+from mlsanm_cli.kernels.multifrontal import borders
 from mlsanm_cli.operators.structure import structure
 from mlsanm_cli.records import dataclass
 
@@ -15,24 +20,18 @@ LEAF_SIZE = 16
 DIRECTIONS = 8
 
 
-@dataclass(frozen=True)
-class Dissection:
-    """Elimination ``order`` (n,) of the vertices, and the tree of fronts. Front k of f eliminates vertices
-    ``start[k]`` to ``start[k + 1]``, which are adjacent to later ones of its ancestors only: ``parent`` (f,),
-    -1 for the root. Descendants come right before their ancestor."""
-
-    order: IntArray
-    start: IntArray
-    parent: IntArray
+Tree: TypeAlias = tuple[IntArray, IntArray, IntArray]
+"""Elimination order (n,) of the vertices, and the tree of fronts: front k of f eliminates vertices
+``start[k]`` to ``start[k + 1]`` in this order, which are adjacent to later ones of its ancestors only, with
+``parent`` (f,), -1 for the root. Descendants come right before their ancestor."""
 
 
-def nested_dissection(points: FloatArray, graph: sparse.csr_array | sparse.bsr_array) -> Dissection:
+def nested_dissection(points: FloatArray, graph: sparse.csr_array | sparse.bsr_array) -> Tree:
     """Nested dissection: both halves of the vertices first, the separator between them last.
 
     ``points`` (n, 2); ``graph`` is a symmetric pattern in rows or blocks. A part is bisected at its median
     along the one of DIRECTIONS directions with the smallest separator: the vertices of one half that touch
-    the other. For graded clouds a single direction by extent gave up to 50 % more fill. Raises ValueError for
-    a graph of another number of vertices.
+    the other. Raises ValueError for a graph of another number of vertices.
     """
     if graph.shape[0] != graph.shape[1] or len(graph.indptr) != len(points) + 1:
         raise ValueError(f"a graph of {len(graph.indptr) - 1} vertices for {len(points)} points")
@@ -44,21 +43,62 @@ def nested_dissection(points: FloatArray, graph: sparse.csr_array | sparse.bsr_a
     count = dissect(*structure(graph), ranked, LEAF_SIZE, order, begins, parents)
     # The kernel numbers fronts, and parents, from last to first.
     parent = parents[:count][::-1]
-    return Dissection(
-        order, np.append(begins[:count][::-1], len(points)), np.where(parent >= 0, count - 1 - parent, -1)
-    )
+    start = np.append(begins[:count][::-1], len(points))
+    return order, start, np.where(parent >= 0, count - 1 - parent, -1)
 
 
-def with_multipliers(tree: Dissection, graph: sparse.bsr_array, count: int) -> tuple[Dissection, IntArray]:
+def with_multipliers(tree: Tree, graph: sparse.bsr_array, count: int) -> tuple[Tree, IntArray]:
     """Insert the last ``count`` vertices of a ``graph`` into the ``tree`` of the others; also returns their
-    number per front (f,), in which they come last. They join the front where their neighbours' fronts meet.
-    In the dissection they would pull all adjacent vertices into separators: factors were a third larger."""
-    first, found = len(tree.order), np.empty(count, dtype=np.int64)
+    number per front (f,), in which they come last. They join the front where their neighbours' fronts meet:
+    in the dissection they would pull all adjacent vertices into separators."""
+    order, start, parent = tree
+    first, found = len(order), np.empty(count, dtype=np.int64)
     front = np.empty(first, dtype=np.int64)
-    front[tree.order] = np.repeat(np.arange(len(tree.parent)), np.diff(tree.start))
-    places_between(*structure(graph), first, front, tree.parent, found)
-    of_front = np.bincount(found, minlength=len(tree.parent)).astype(np.int64)
-    own = np.concatenate([front[tree.order], found])
-    order = np.concatenate([tree.order, first + np.arange(count)])[np.argsort(own, kind="stable")]
-    start = tree.start + np.concatenate([[0], np.cumsum(of_front)])
-    return Dissection(order, start, tree.parent), of_front
+    front[order] = np.repeat(np.arange(len(parent)), np.diff(start))
+    places_between(*structure(graph), first, front, parent, found)
+    of_front = np.bincount(found, minlength=len(parent)).astype(np.int64)
+    own = np.concatenate([front[order], found])
+    order = np.concatenate([order, first + np.arange(count)])[np.argsort(own, kind="stable")]
+    return (order, start + np.concatenate([[0], np.cumsum(of_front)]), parent), of_front
+
+
+@dataclass(frozen=True)
+class Fronts:
+    """The elimination tree, in the format of the kernels.
+
+    ``order`` (n,) of the nodes, ``place`` (n,) its inverse; ``start`` (f + 1,) of the fronts, the number
+    ``negative`` (f,) of their last nodes with negative pivots, their ``parent`` (f,); ``begin`` (f + 1,)
+    offsets of their borders in ``border``; ``waiting``, peak size of pending updates.
+    """
+
+    order: IntArray
+    place: IntArray
+    start: IntArray
+    negative: IntArray
+    parent: IntArray
+    begin: IntArray
+    border: IntArray
+    waiting: int
+
+    @cached_property
+    def unknowns(self) -> IntArray:
+        """Elimination order (2n,) of the unknowns."""
+        return np.stack([2 * self.order, 2 * self.order + 1], axis=1).ravel()
+
+    @classmethod
+    def of(cls, points: FloatArray, graph: sparse.bsr_array, negative: int = 0) -> Fronts:
+        """Fronts of the nested dissection of ``points`` (n, 2) with adjacency ``graph``. The last
+        ``negative`` vertices, not adjacent to each other, come last in their fronts."""
+        count = len(points) - negative
+        if negative:
+            entries = (np.ones(len(graph.indices), dtype=np.int8), graph.indices, graph.indptr)
+            pattern = sparse.csr_array(entries, shape=(len(points), len(points)))[:count, :count]
+            tree, of_front = with_multipliers(nested_dissection(points[:count], pattern), graph, negative)
+        else:
+            tree = nested_dissection(points, graph)
+            of_front = np.zeros(len(tree[2]), dtype=np.int64)
+        order, start, parent = tree
+        place = np.empty_like(order)
+        place[order] = np.arange(len(points))
+        begin, border, waiting = borders(start, parent, *structure(graph), order, place)
+        return cls(order, place, start, of_front, parent, begin, border, waiting)

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sparse
-from scipy.sparse.csgraph import connected_components
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.errors import NumericalError
@@ -31,16 +30,6 @@ class SuperLUFactor:
     order: IntArray
     note: str = ""
 
-    @property
-    def sign(self) -> int:
-        """Sign of the determinant of the matrix."""
-        swaps = 0
-        for permutation in (self.factor.perm_r, self.factor.perm_c):
-            moves = sparse.csr_array((np.ones(len(permutation)), (np.arange(len(permutation)), permutation)))
-            swaps += len(permutation) - connected_components(moves)[0]
-        negative = int((self.factor.U.diagonal() < 0.0).sum())
-        return -1 if (negative + swaps) % 2 else 1
-
     def solve(self, rhs: FloatArray) -> FloatArray:
         """Solution for (n,) or (n, c) right-hand sides."""
         solution = np.empty_like(rhs)
@@ -63,7 +52,7 @@ def factor_quasi_definite(matrix: Matrix, points: FloatArray) -> SuperLUFactor:
 def elimination_order(matrix: sparse.csc_array, points: FloatArray) -> IntArray:
     """Elimination order (2n,) for a ``matrix`` (2n, 2n) of symmetric pattern by nested dissection of the
     nodes ``points`` (n, 2); both unknowns of a node stay together."""
-    nodes = nested_dissection(points, sparse.csr_array(matrix[::2, ::2])).order
+    nodes = nested_dissection(points, sparse.csr_array(matrix[::2, ::2]))[0]
     return np.stack([2 * nodes, 2 * nodes + 1], axis=1).ravel()
 
 

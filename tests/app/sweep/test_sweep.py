@@ -19,7 +19,7 @@ from mlsanm_cli.app.sweep import engines
 from mlsanm_cli.app.sweep.engines import SweepPoint
 from mlsanm_cli.app.sweep.run_sweep import geometry, point_name, sweep
 from mlsanm_cli.case import load_case
-from mlsanm_cli.case.vary import parse_vary, points
+from mlsanm_cli.case.reading.overrides import parse_vary, points
 from mlsanm_cli.cli import main
 from mlsanm_cli.contact.response import condensation
 from mlsanm_cli.errors import CaseError, RunError

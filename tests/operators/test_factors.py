@@ -16,17 +16,18 @@ from scipy.spatial import cKDTree
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.kernels import multifrontal
-from mlsanm_cli.operators.linear import cholesky
-from mlsanm_cli.operators.linear.cholesky import (
+from mlsanm_cli.operators.linear import multifrontal as factors
+from mlsanm_cli.operators.linear.dissection import Fronts
+from mlsanm_cli.operators.linear.interface import Factor, backward_error
+from mlsanm_cli.operators.linear.multifrontal import (
     MAX_BACKWARD_ERROR,
-    CholeskyFactor,
-    Fronts,
+    MultifrontalFactor,
     factor_definite,
+    factor_general,
+    mirrored,
     verified_or_superlu,
 )
-from mlsanm_cli.operators.linear.interface import Factor, backward_error
-from mlsanm_cli.operators.linear.lu import factor_general, mirrored
-from mlsanm_cli.operators.linear.superlu import SuperLUFactor, factor_in_order
+from mlsanm_cli.operators.linear.superlu import SuperLUFactor
 from mlsanm_cli.operators.normal import bordered
 
 
@@ -92,7 +93,7 @@ def test_solutions_against_dense_ones(count: int, apiece: int, definite: bool, s
     scene = in_pieces(count, 1 + apiece % 3, seed) if definite else quasi_definite(count, apiece, seed)
     matrix, points, negative = scene
     factor = factor_definite(matrix, points, negative)
-    assert isinstance(factor, CholeskyFactor)
+    assert isinstance(factor, MultifrontalFactor)
     dense = matrix.toarray()
     for shape in ((len(dense),), (len(dense), 5)):
         rhs = np.random.default_rng(seed).normal(size=shape)
@@ -103,14 +104,13 @@ def test_solutions_against_dense_ones(count: int, apiece: int, definite: bool, s
 
 @settings(max_examples=30)
 @given(count=st.integers(1, 120), apiece=st.integers(1, 30), seed=st.integers(0, 1000))
-def test_unsymmetric_solutions_and_signs_against_dense_ones(count: int, apiece: int, seed: int) -> None:
+def test_unsymmetric_solutions_against_dense_ones(count: int, apiece: int, seed: int) -> None:
     graph, points, negative = quasi_definite(count, apiece, seed)
     rng = np.random.default_rng(seed)
     blocks = graph.data + 0.3 * np.abs(graph.data).mean() * rng.normal(size=graph.data.shape)
     matrix = sparse.bsr_array((blocks, graph.indices, graph.indptr), shape=graph.shape)
     factor = factor_general(matrix, Fronts.of(points, graph, negative), mirrored(graph))
     dense = matrix.toarray()
-    assert factor.sign == superlu_factor(matrix).sign == np.linalg.slogdet(dense)[0]
     for shape in ((len(dense),), (len(dense), 5)):
         rhs = rng.normal(size=shape)
         expected = np.linalg.solve(dense, rhs)
@@ -118,11 +118,6 @@ def test_unsymmetric_solutions_and_signs_against_dense_ones(count: int, apiece: 
         assert np.abs(factor.solve(rhs) - expected).max() <= 1e-12 * size
     with pytest.raises(NumericalError, match="singular"):
         factor_general(0.0 * matrix, Fronts.of(points, graph, negative), mirrored(graph))
-
-
-def superlu_factor(matrix: sparse.bsr_array) -> SuperLUFactor:
-    """The factor with pivoting, in the order of the unknowns."""
-    return factor_in_order(sparse.csc_array(matrix), np.arange(matrix.shape[0]), 1.0)
 
 
 def test_definite_matrices_taken_for_quasi_definite_ones_are_left_to_superlu() -> None:
@@ -161,7 +156,7 @@ def test_hard_matrices_are_solved_as_well_as_by_superlu(apart: float, scales: fl
     scale = sparse.diags_array(10.0 ** np.random.default_rng(1).uniform(-scales, scales, 800))
     matrix = sparse.csc_array(scale @ normal_equations(points, apart=apart) @ scale)
     factor = factor_definite(matrix, points)
-    assert isinstance(factor, CholeskyFactor)
+    assert isinstance(factor, MultifrontalFactor)
     other = factor_definite(matrix, points, solver="superlu")
     assert backward_error(matrix, factor) <= max(1e-16, 3.0 * backward_error(matrix, other))
 
@@ -200,7 +195,7 @@ def star(count: int) -> sparse.csc_array:
 )
 def test_graphs_unlike_those_of_bodies(matrix: sparse.csc_array, place: Callable[[int], FloatArray]) -> None:
     factor = factor_definite(matrix, place(matrix.shape[0] // 2))
-    assert isinstance(factor, CholeskyFactor)
+    assert isinstance(factor, MultifrontalFactor)
     assert backward_error(matrix, factor) <= 1e-14
 
 
@@ -224,7 +219,7 @@ def test_a_factor_that_does_not_solve_is_not_used(monkeypatch: pytest.MonkeyPatc
         arguments[-1][0] *= 1.0 + 1e-6
         return failed
 
-    monkeypatch.setattr(cholesky, "factorise", wrong)
+    monkeypatch.setattr(factors, "factorise", wrong)
     assert isinstance(factor_definite(normal_equations(points), points), SuperLUFactor)
 
 

@@ -1,0 +1,148 @@
+"""Multifrontal factors with nested-dissection fronts, on top of BLAS and LAPACK: of quasi-definite matrices,
+verified, with SuperLU as fallback, and of general ones with a symmetric pattern. Duff and Reid 1983
+(doi:10.1145/356044.356047), Liu 1992 (doi:10.1137/1034004)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.kernels.multifrontal import factorise
+from mlsanm_cli.kernels.substitution import products, solve
+from mlsanm_cli.operators.linear.dissection import Fronts
+from mlsanm_cli.operators.linear.interface import Factor, LinearSolver, Matrix, backward_error
+from mlsanm_cli.operators.linear.superlu import factor_quasi_definite
+from mlsanm_cli.operators.structure import structure
+from mlsanm_cli.records import dataclass
+
+
+@dataclass(frozen=True)
+class MultifrontalFactor:
+    """Panels of the factor, one after the other in ``values`` at offsets ``panel`` (f + 1,), and the
+    exchanges of rows ``swaps`` (2n,) among pivots, (0,) for a symmetric matrix."""
+
+    fronts: Fronts
+    panel: IntArray
+    values: FloatArray
+    swaps: IndexArray
+    note: str = ""
+
+    @classmethod
+    def of(cls, matrix: sparse.bsr_array, fronts: Fronts, transposed: IntArray) -> MultifrontalFactor | None:
+        """The factor of a ``matrix`` (2n, 2n) in 2 x 2 blocks, of a general one with the numbers
+        ``transposed`` (:func:`mirrored`); None if it is singular or a pivot has the wrong sign."""
+        general = len(transposed) > 0
+        pivots, edge = 2 * np.diff(fronts.start), 2 * np.diff(fronts.begin)
+        sizes = pivots * (pivots + (2 * edge if general else edge))
+        panel = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(sizes)])
+        values = np.empty(int(panel[-1]))
+        swaps = np.empty(matrix.shape[0] if general else 0, dtype=np.int32)
+        failed = factorise(
+            *(fronts.start, fronts.negative, fronts.parent, fronts.begin, fronts.border, panel),
+            *(fronts.waiting, *structure(matrix), np.ascontiguousarray(matrix.data), transposed),
+            *(fronts.order, fronts.place, swaps, values),
+        )
+        return cls(fronts, panel, values, swaps) if failed < 0 else None
+
+    def solve(self, rhs: FloatArray) -> FloatArray:
+        """Solution for (n,) or (n, c) right-hand sides. Raises ValueError for another n."""
+        fronts = self.fronts
+        if len(rhs) != len(fronts.unknowns):
+            raise ValueError(f"{len(rhs)} rows for {len(fronts.unknowns)} unknowns")
+        if not rhs.size:
+            return np.zeros(rhs.shape)  # BLAS knows no matrices without rows
+        x = np.ascontiguousarray(rhs[fronts.unknowns], dtype=float)
+        panels = (fronts.start, fronts.negative, fronts.begin, fronts.border, self.panel, self.values)
+        solve(*panels, self.swaps, x.ravel(), rhs.size // len(rhs))
+        solution = np.empty(rhs.shape)
+        solution[fronts.unknowns] = x
+        return solution
+
+    def products(self, left: sparse.csr_array, right: sparse.csc_array) -> FloatArray:
+        """``left`` (g, n) times the solutions for ``right`` (n, c), by forward substitution only, of a
+        symmetric matrix."""
+        fronts = self.fronts
+        both = sparse.csr_array(sparse.hstack([left.T, right], format="csr"))[fronts.unknowns]
+        indptr, indices = both.indptr.astype(np.int64), both.indices.astype(np.int64)
+        panels = (fronts.start, fronts.negative, fronts.begin, fronts.border, self.panel, self.values)
+        return products(*panels, fronts.parent, indptr, indices, both.data, left.shape[0], both.shape[1])
+
+
+def factor_definite(
+    matrix: Matrix,
+    points: FloatArray,
+    negative: int = 0,
+    solver: LinearSolver = "auto",
+    fronts: Fronts | None = None,
+) -> Factor:
+    """Factorise a symmetric ``matrix`` (2n, 2n) of two unknowns at each of the nodes ``points`` (n, 2),
+    positive definite except for the unknowns of the last ``negative`` points, in which it is negative
+    definite; ``fronts`` if they are known. Falls back to SuperLU, with a note, if a pivot has the wrong sign
+    or the factor is inaccurate. Raises NumericalError if the matrix is singular."""
+    if solver == "superlu":
+        return factor_quasi_definite(matrix, points)
+    blocks = sparse.bsr_array(matrix, blocksize=(2, 2))
+    fronts = fronts or Fronts.of(points, blocks, negative)
+    factor = MultifrontalFactor.of(blocks, fronts, np.zeros(0, dtype=np.int64))
+    return verified_or_superlu(factor, matrix, points)
+
+
+def mirrored(graph: sparse.bsr_array) -> IntArray:
+    """Numbers (e,) of the transposed blocks of a ``graph`` with a symmetric pattern."""
+    count = len(graph.indptr) - 1
+    row, column = np.repeat(np.arange(count), np.diff(graph.indptr)), graph.indices.astype(np.int64)
+    found = np.empty(len(row), dtype=np.int64)
+    found[np.argsort(column * count + row)] = np.argsort(row * count + column)
+    return found
+
+
+def factor_general(matrix: sparse.bsr_array, fronts: Fronts, transposed: IntArray) -> MultifrontalFactor:
+    """Factorise a ``matrix`` (2n, 2n) in 2 x 2 blocks, with pivoting among the unknowns of a front;
+    ``transposed`` are the numbers of :func:`mirrored`. Raises NumericalError if it is singular."""
+    factor = MultifrontalFactor.of(matrix, fronts, transposed)
+    if factor is None or not np.isfinite(factor.values.sum()):
+        raise NumericalError(
+            "the tangent of a body is singular",
+            "a body may be able to move freely, or its cloud may be too coarse for mls.degree",
+        )
+    return factor
+
+
+MAX_BACKWARD_ERROR = 1e-11
+"""Accepted backward error of a factor; round-off is expected."""
+MAX_UNCORRECTED_ERROR, MAX_CORRECTED_ERROR = 1e-9, 1e-13
+"""Or: accepted backward error if one correction, as all solutions get, reduces it to MAX_CORRECTED_ERROR.
+Equations of nearly incompressible bodies lose digits in any factor without pivoting (1e-11 and more), which a
+correction restores (1e-17 to 4e-14)."""
+
+
+def verified_or_superlu(factor: Factor | None, matrix: Matrix, points: FloatArray) -> Factor:
+    """The ``factor`` of a ``matrix`` (2n, 2n) if accurate, else SuperLU's, with a note. Raises NumericalError
+    if that is inaccurate too."""
+    if factor is not None and _accurate(matrix, factor):
+        return factor
+    other = factor_quasi_definite(matrix, points)
+    if not _accurate(matrix, other):
+        raise NumericalError(
+            "the elastic system of a body is singular to working precision",
+            "a body may move freely, or its cloud be too coarse for mls.degree or Poisson's ratio: "
+            'try mls.degree = 2, or solver.linear = "superlu"',
+        )
+    return replace(
+        other, note="the equations are not positive definite to working precision; SuperLU factorised them"
+    )
+
+
+def _accurate(matrix: Matrix, factor: Factor) -> bool:
+    """Whether a factor is accurate, with the corrections that solutions get."""
+    error = backward_error(matrix, factor)
+    if error <= MAX_BACKWARD_ERROR:
+        return True
+    return (
+        error <= MAX_UNCORRECTED_ERROR
+        and backward_error(matrix, factor, corrections=1) <= MAX_CORRECTED_ERROR
+    )
