@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.app.finite.accuracy import Missing, missed_in_contact
-from mlsanm_cli.app.finite.limits import dissipated, motion_ratio, slides, slip_ratio, work_ratio
+from mlsanm_cli.app.finite.limits import dissipated, excess, slides
 from mlsanm_cli.app.finite.scene import TOUCH_TOLERANCE, FiniteScene
 from mlsanm_cli.app.finite.states import place_of
 from mlsanm_cli.arrays import FloatArray
@@ -93,13 +93,25 @@ class _Path:
 
     def __init__(self, scene: FiniteScene, coarse: bool) -> None:
         self._scene, self._coarse = scene, coarse
-        none, contacts = np.zeros(scene.contacts.count), scene.contacts
-        self._projectors = dict(scene.undeformed)
-        self._length = self._typical()
+        contacts, self._projectors = scene.contacts, dict(scene.undeformed)
+        # Typical displacement: the largest prescribed one, or response of a body to the loads.
+        found = [1e-3 * scene.size]
+        for contact in contacts.pairs:
+            if isinstance(contact, RigidContact):
+                given = contact.motion[:, : scene.stages.shape[1]]
+                found += [float(np.abs(given @ factors).max()) for factors in scene.stages]
+        for name, body in scene.bodies.items():
+            projector, still = self._projectors[name], np.zeros(body.unknowns)
+            more = np.zeros(body.loads.count - scene.stages.shape[1])
+            for factors in scene.stages[1:]:
+                if factors.any():
+                    left = BodySeries.at(body, still, np.append(factors, more)).rows(0)
+                    found.append(float(np.abs(projector.displaced(left)).max()))
+        self._length = min(max(found), scene.size)
         modulus = max(body.elastic.model.material.modulus for body in scene.bodies.values())
         self._stiffness = modulus / scene.size
         self.now = undeformed(scene.unknowns, contacts)
-        self._slip, self._work = none, none
+        self._slip = self._work = np.zeros(contacts.count)
         self._before: FloatArray | None = None
         self._fresh: frozenset[str] = frozenset()
         self._settled = False
@@ -108,22 +120,6 @@ class _Path:
         self.error, self._largest = 0.0, 0.0
         self._missing = beyond_clouds(scene.compliances, contacts.sides)
         self.spent, self._iterations, self._solves = len(scene.bodies), 0, 0
-
-    def _typical(self) -> float:
-        """Typical displacement: the largest prescribed one, or response of a body to the loads."""
-        scene, found = self._scene, [1e-3 * self._scene.size]
-        for contact in scene.contacts.pairs:
-            if isinstance(contact, RigidContact):
-                given = contact.motion[:, : scene.stages.shape[1]]
-                found += [float(np.abs(given @ factors).max()) for factors in scene.stages]
-        for name, body in scene.bodies.items():
-            projector, still = self._projectors[name], np.zeros(body.unknowns)
-            count = body.loads.count - scene.stages.shape[1]
-            for factors in scene.stages[1:]:
-                if factors.any():
-                    left = BodySeries.at(body, still, np.append(factors, np.zeros(count))).rows(0)
-                    found.append(float(np.abs(projector.displaced(left)).max()))
-        return min(max(found), scene.size)
 
     def take_up(self, checkpoint: Checkpoint) -> None:
         """Continue from a checkpoint."""
@@ -173,62 +169,52 @@ class _Path:
             length, found = reached - position, self._solved(reached)
             shorter, bracket = 0.5 * length, BRACKET * (reached - stage)
             if found is not None and self.now.soft.stable and not found.soft.stable:
+                # The part at which the softest motion, if it were linear in the load, loses its resistance.
+                before = self.now.soft.resistance
+                part = before / (before - found.soft.resistance)
                 if length <= bracket:
-                    found = self._branched(position, reached, found)
+                    found = self._branched(position + part * length, reached, found)
                 else:
-                    shorter = min(max(BELOW * length * self._stable_part(found), 0.5 * bracket), shorter)
+                    shorter = min(max(BELOW * length * part, 0.5 * bracket), shorter)
                     found = None
             if found is not None:
-                far = self._excess(found, position, reached)
+                work = None if self._coarse else self._work
+                far = excess(self._scene, self.now, found, position, reached, work)
                 if self.bifurcations or (far <= 1.0 and self._stretched(found)[0] <= MAX_STRETCH):
-                    self._add_slip(found)
+                    closed = found.sets.closed | self.now.sets.closed
+                    self._slip = self._slip + np.where(closed, found.slip, 0.0)
+                    mean = 0.5 * (found.pressure + self.now.pressure)
+                    self._work = self._work + dissipated(self._scene, self.now, found, mean)
                     self._earlier = [*self._earlier[-1:], self.now]
                     self._before, self.now = self.now.place, found
                     longer = 1.6 if 3 * found.iterations <= MAX_ITERATIONS else 1.0
                     return reached, size * min(longer, 0.9 / far if far else longer)
             size, failed = shorter, failed + 1
-            if failed == MAX_FAILED and self._keep():
-                size = whole
+            if failed == MAX_FAILED and self._fresh:
+                # New equations that did not keep what their rows were left with do so now.
+                for name in self._fresh:
+                    old = self._projectors[name]
+                    args = (old.base_state, old.factors, True)
+                    self._projectors[name] = self._scene.projector(name, *args)
+                    self.spent += 1
+                self._fresh, size = frozenset(), whole
             if size < MIN_INCREMENT:
                 self._failed(position, found)
 
-    def _excess(self, found: FiniteContactState, position: float, reached: float) -> float:
-        """Slips, motions and work of an increment over their limits: the largest ratio."""
-        args = (self._scene, self.now, found)
-        part = (reached - position) / (int(position) + 1.0 - position)
-        work = 0.0 if self._coarse else work_ratio(*args, self._work, part)
-        return max(slip_ratio(*args), motion_ratio(*args, position, reached), work)
-
-    def _stable_part(self, lost: FiniteContactState) -> float:
-        """Part of an increment to the unstable state ``lost`` at which its softest motion, if it were linear
-        in the load, loses its resistance."""
-        before = self.now.soft.resistance
-        return before / (before - lost.soft.resistance)
-
-    def _branched(self, position: float, reached: float, lost: FiniteContactState) -> FiniteContactState:
-        """A stable state beyond a bifurcation, between a stable state at ``position`` and the unstable one
-        ``lost``: found from the latter, displaced in its softest motion. The latter if there is none."""
-        at = position + self._stable_part(lost) * (reached - position)
+    def _branched(self, at: float, reached: float, lost: FiniteContactState) -> FiniteContactState:
+        """A stable state beyond a bifurcation ``at`` a position before the one ``reached``: found from the
+        unstable state ``lost``, displaced in its softest motion. The latter if there is none."""
         side = lost.soft.part_in(self.now.displacement)
         motion = -lost.soft.motion if side < 0.0 else lost.soft.motion
-        stable = None
         for part in (sense * part for part in BRANCH_STEPS for sense in (1.0, -1.0)):
             moved = lost.displacement + part * self._scene.size * motion
-            found = self._solved(reached, replace(lost, displacement=moved))
-            if found is not None and found.soft.stable:
-                stable = found
+            stable = self._solved(reached, replace(lost, displacement=moved))
+            if stable is not None and stable.soft.stable:
                 break
+        else:
+            stable = None
         self.bifurcations = (Bifurcation(at, motion, stable is not None, bool(side)),)
         return stable or lost
-
-    def _keep(self) -> bool:
-        """Whether there are new equations that did not keep what their rows were left with; they do now."""
-        fresh, self._fresh = self._fresh, frozenset()
-        for name in fresh:
-            old = self._projectors[name]
-            self._projectors[name] = self._scene.projector(name, old.base_state, old.factors, keeps=True)
-            self.spent += 1
-        return bool(fresh)
 
     def _stretched(self, found: FiniteContactState) -> tuple[float, str, int]:
         """Largest stretch of a node relative to the expansion point of its equations, its body and number."""
@@ -239,13 +225,6 @@ class _Path:
         )
         (most, node), name = max(stretched)
         return most, name, node
-
-    def _add_slip(self, found: FiniteContactState) -> None:
-        """Accumulate slips and dissipated work."""
-        closed = found.sets.closed | self.now.sets.closed
-        self._slip = self._slip + np.where(closed, found.slip, 0.0)
-        mean = 0.5 * (found.pressure + self.now.pressure)
-        self._work = self._work + dissipated(self._scene, self.now, found, mean)
 
     def measured(self, position: float, reached: float) -> float:
         """Factor of the next increment after those to ``position`` and to ``reached``. If both have friction
@@ -264,18 +243,21 @@ class _Path:
         work = contacts.weight * np.abs(self.now.shear)
         kept = self.now.sets.stuck & first.sets.stuck
         memory = float(work @ kept) / float(work.sum()) if work.any() else 0.0
-        forces = [self._force(state) for state in (self.now, whole)]
+        # Forces (contacts, 2) on the slaves.
+        forces = [
+            np.array(
+                [
+                    one.slave.weight @ state.traction[there].reshape(-1, 2)[: one.slave.count]
+                    for one, _, there in contacts.each
+                ]
+            )
+            for state in (self.now, whole)
+        ]
         self._largest = max(self._largest, float(np.hypot(*forces[0].T).max()))
         change = float(np.hypot(*(forces[1] - forces[0]).T).max())
         self.error = memory * self.error + change
         allowed = self._scene.case.solver.increment_error * self._largest
         return float(np.clip(np.sqrt(allowed / change), 0.5, 1.0)) if change else 1.0
-
-    def _force(self, state: FiniteContactState) -> FloatArray:
-        """Forces (contacts, 2) on the slaves."""
-        each = self._scene.contacts.each
-        parts = ((one.slave, state.traction[there].reshape(-1, 2)) for one, _, there in each)
-        return np.array([slave.weight @ traction[: slave.count] for slave, traction in parts])
 
     def _solved(
         self,
@@ -287,7 +269,7 @@ class _Path:
         one or an ``earlier`` one."""
         begin = earlier or self.now
         factors = factors_at(self._scene.stages, position)
-        system, tolerance = self._system(), self._scene.case.solver.tolerance
+        system, tolerance = self._system, self._scene.case.solver.tolerance
         if self._coarse:
             tolerance = max(tolerance, COARSE_TOLERANCE)
         before = begin.place if self._settled else None
@@ -304,16 +286,15 @@ class _Path:
         self._solves += 0 if found is None else found.solves
         return found
 
-    def _system(self) -> ExactContact:
-        scene = self._scene
-        args = (scene.contacts, self._length, self._stiffness, self._missing)
-        return ExactContact(dict(self._projectors), *args)
-
     def missed(self, state: State) -> Callable[[], Missing]:
         """What the fits of the bodies miss of the present ``state``, to be evaluated later."""
-        return partial(
-            missed_in_contact, self._system(), self._scene.undeformed, self.now, self._before, state.driven
-        )
+        args = (self._system, self._scene.undeformed, self.now, self._before, state.driven)
+        return partial(missed_in_contact, *args)
+
+    @property
+    def _system(self) -> ExactContact:
+        args = (self._scene.contacts, self._length, self._stiffness, self._missing)
+        return ExactContact(dict(self._projectors), *args)
 
     def _failed(self, position: float, found: FiniteContactState | None) -> NoReturn:
         """Raise the error of an increment that fails, ``found`` but too long or not."""
@@ -355,8 +336,12 @@ class _Path:
             if far_from(body, own, base_state):
                 base_state, self._fresh = own, self._fresh | {name}
             elif abs(np.exp(1j * angle) - 1.0) > RENEWAL_ANGLE:
-                upright = name in self._scene.upright
-                base_state = own if upright else _turned(body.elastic.model.cloud.points, base_state, angle)
+                if name in self._scene.upright:
+                    base_state = own
+                else:
+                    nodes, (cos, sin) = body.elastic.model.cloud.points, (np.cos(angle), np.sin(angle))
+                    places = nodes + base_state.reshape(-1, 2)
+                    base_state = (places @ np.array([[cos, sin], [-sin, cos]]) - nodes).ravel()
             else:
                 continue
             self._projectors[name] = self._scene.projector(name, base_state, acting[name])
@@ -364,7 +349,13 @@ class _Path:
             renewed = True
         if renewed:
             self._earlier = []
-            self.now = replace(self.now, free=self._repinned())
+            # Free motions with the current rotation of the pins.
+            free, parts = self.now.free.copy(), self._scene.parts(self.now.displacement)
+            for one in self._scene.contacts.loose:
+                body = self._projectors[one.body].body
+                if body.pins:
+                    free[one.numbers] = one.factors(body, parts[one.body])
+            self.now = replace(self.now, free=free)
         counts = (length, 0, self._iterations, self.spent, self._solves)
         step = PathStep(state, saved, *counts, renewed=renewed, kept=kept, bifurcations=self.bifurcations)
         self.bifurcations = ()
@@ -380,15 +371,6 @@ class _Path:
                 along = (side.onto @ moved[side.body][side.nodes.unknowns]) * traction[here]
                 total += float(np.repeat(side.weight, 2) @ along)
         return total
-
-    def _repinned(self) -> FloatArray:
-        """Free motions (d,) with the current rotation of the pins."""
-        free, parts = self.now.free.copy(), self._scene.parts(self.now.displacement)
-        for one in self._scene.contacts.loose:
-            body = self._projectors[one.body].body
-            if body.pins:
-                free[one.numbers] = one.factors(body, parts[one.body])
-        return free
 
     def state(self, position: float) -> State:
         """The present solution as a state of the path."""
@@ -439,9 +421,3 @@ def _solution(state: State) -> FiniteContactState:
         solves=0,
         stability=float(own["stability"]),
     )
-
-
-def _turned(nodes: FloatArray, displacement: FloatArray, angle: float) -> FloatArray:
-    """``displacement`` (2N,) of ``nodes`` (N, 2) followed by a rotation about the origin."""
-    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
-    return np.asarray(((nodes + displacement.reshape(-1, 2)) @ turn - nodes).ravel())

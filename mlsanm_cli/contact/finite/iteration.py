@@ -71,10 +71,10 @@ class Iteration:
     balances change by ``matrix`` (2k + d, 2k + d). Pressures ``push`` and friction ``pull`` (t, k) on the
     touched tractions, which displace all sides by ``seen`` (2s, t) and turn with these by ``turning``
     (t, 2s); ``inverse`` (t, t) of 1 - ``turning seen`` sums that up, so that all unknowns change them by
-    ``loads`` (t, 2k + d). Gaps and slips follow the sides by ``d_gap`` and ``d_slip`` (k, 2s). Forces ``missing`` (d,)
-    on the motions change ``by_displacement`` (d, 2N) and by touched tractions and motions, ``by_acting``
-    (d, t + d); floating bodies, by name, add the imbalance of their pieces by ``sums`` (k, 3p) to their
-    motions numbered (k,)."""
+    ``loads`` (t, 2k + d). Gaps and slips follow the sides by ``d_gap`` and ``d_slip`` (k, 2s). Forces
+    ``missing`` (d,) on motions change ``by_displacement`` (d, 2N) and by touched tractions and motions,
+    ``by_acting`` (d, t + d); floating bodies, by name, add the imbalance of their pieces by ``sums`` (k, 3p)
+    to their motions numbered (k,)."""
 
     def __init__(
         self,

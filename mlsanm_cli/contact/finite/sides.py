@@ -10,7 +10,6 @@ Equation (25) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import cached_property
 from typing import TypeAlias
 
@@ -27,7 +26,6 @@ from mlsanm_cli.contact.finite.node_curve import NodeCurve
 from mlsanm_cli.contact.geometry.unfolding import Planes
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.corner import Corner
-from mlsanm_cli.mechanics.finite.loads import Loads
 from mlsanm_cli.mechanics.near_field import ComplexArray, as_complex, as_real
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
@@ -157,6 +155,22 @@ class SideNodes(Points):
             for component in (0, 1)
         ]
         return np.concatenate(rows)
+
+    def add_unit_tractions(
+        self, body: ElasticBody, first: int, sources: FloatArray, tractions: dict[str, FloatArray]
+    ) -> None:
+        """Set the loads from number ``first`` on to unit tractions x and y at every node, per reference
+        length and linear between nodes: ``sources`` (r, L) of the rows, and ``tractions`` (g, 2, L) at the
+        FINE points of surfaces."""
+        for name, numbers in self.members:
+            halves = Halves.of(body.model.cloud.surfaces[name], FINE)
+            every = np.arange(len(halves.arc))
+            hats = tractions.setdefault(name, np.zeros((len(every), 2, sources.shape[1])))
+            for component in (0, 1):
+                columns = first + 2 * numbers + component
+                sources[body.condition_rows(name, component), columns] = 1.0
+                hats[every, component, columns[halves.own]] += halves.share
+                hats[every, component, columns[halves.other]] += 1.0 - halves.share
 
     @cached_property
     def share(self) -> FloatArray:
@@ -318,40 +332,3 @@ def _fit(side: Points) -> FloatArray:
         values = np.linalg.solve(basis.T @ (weight[:, None] * basis), basis.T * weight)[0]
         np.add.at(fit[i], node[low:high], values[:, None, None] * turned[low:high])
     return fit.transpose(0, 2, 1, 3).reshape(2 * count, 2 * count)
-
-
-def with_sides(loads: Loads, body: ElasticBody, sides: Sequence[SideNodes]) -> Loads:
-    """The ``loads`` followed by unit tractions x and y at every node of the body's ``sides``, per reference
-    length and linear between nodes."""
-    more = 2 * sum(one.count for one in sides)
-    if not more:
-        return loads
-    first, loads = loads.count, with_more(loads, more)
-    sources, tractions = loads.sources, dict(loads.tractions)
-    for side in sides:
-        for name, numbers in side.members:
-            halves = Halves.of(body.model.cloud.surfaces[name], FINE)
-            shape = (len(halves.arc), 2, loads.count)
-            hats, every = tractions.setdefault(name, np.zeros(shape)), np.arange(len(halves.arc))
-            for component in (0, 1):
-                columns = first + 2 * numbers + component
-                sources[body.condition_rows(name, component), columns] = 1.0
-                hats[every, component, columns[halves.own]] += halves.share
-                hats[every, component, columns[halves.other]] += 1.0 - halves.share
-        first += 2 * side.count
-    return replace(loads, tractions=tractions)
-
-
-def with_more(loads: Loads, more: int) -> Loads:
-    """The ``loads`` followed by ``more`` zero loads."""
-    sources = np.hstack([loads.sources, np.zeros((len(loads.sources), more))])
-    tractions = {name: _wider(given, more) for name, given in loads.tractions.items()}
-    force = None if loads.force is None else _wider(loads.force, more)
-    turning = [replace(one, rate=np.append(one.rate, np.zeros(more))) for one in loads.turning]
-    wider = replace(loads, count=loads.count + more, sources=sources, tractions=tractions, force=force)
-    return replace(wider, turning=turning)
-
-
-def _wider(values: FloatArray, more: int) -> FloatArray:
-    """``values`` (e, 2, L) extended by ``more`` zero loads."""
-    return np.concatenate([values, np.zeros((*values.shape[:2], more))], axis=2)
