@@ -18,7 +18,7 @@ from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.geometry.profile import unrolled
 from mlsanm_cli.io.columns import Quantities
 from mlsanm_cli.mechanics.elasticity import von_mises
-from mlsanm_cli.mechanics.finite.forces import Forces
+from mlsanm_cli.mechanics.finite.body_series import Forces
 from mlsanm_cli.mechanics.laws.law import Law, determinant, gradient_of, stretches
 from mlsanm_cli.operators.stencils import build_stencils
 from mlsanm_cli.records import dataclass

@@ -91,13 +91,10 @@ class FiniteProblem:
         if series is None:
             series, known = BodySeries(self.projector.body, 2 * len(x)), 0
         for order in range(known, len(x)):
-            series.put(order, x[order], self._part(lam, order))
+            factors = self.factors(lam[0]) if not order else lam[order] * (self.end - self.start)
+            series.put(order, x[order], factors)
         self.latest[:] = [series, x.copy(), lam.copy()]
         return series
-
-    def _part(self, lam: FloatArray, order: int) -> FloatArray:
-        """Coefficient (L,) of the load factors."""
-        return self.factors(lam[0]) if not order else lam[order] * (self.end - self.start)
 
 
 @dataclass(frozen=True)

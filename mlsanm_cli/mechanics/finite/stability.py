@@ -18,7 +18,6 @@ from functools import cached_property
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
@@ -90,7 +89,13 @@ def softest_motion(displaced: Callable[[FloatArray], FloatArray], bodies: Sequen
     clouds = [one.body.elastic.model.cloud for one in bodies]
     areas = np.repeat(np.concatenate([cloud.areas for cloud in clouds]), 2)
     root = np.sqrt(areas)
-    basis, upper = [root * _first_force(clouds)], np.zeros((ARNOLDI_STEPS + 1, ARNOLDI_STEPS))
+    # A force with parts of all long waves: cubic polynomials with irregular coefficients.
+    coefficients, first = np.random.default_rng(0).normal(size=(10, 2)), []
+    for cloud in clouds:
+        x, y = ((cloud.points - cloud.points.mean(axis=0)) / np.ptp(cloud.points, axis=0).max()).T
+        powers = np.stack([x**i * y ** (k - i) for k in range(4) for i in range(k + 1)], axis=1)
+        first.append((powers @ coefficients).ravel())
+    basis, upper = [root * np.concatenate(first)], np.zeros((ARNOLDI_STEPS + 1, ARNOLDI_STEPS))
     basis[0] /= np.linalg.norm(basis[0])
     for step in range(ARNOLDI_STEPS):
         found = root * displaced(basis[-1] / root)
@@ -109,29 +114,25 @@ def softest_motion(displaced: Callable[[FloatArray], FloatArray], bodies: Sequen
     left = np.abs(upper[last, last - 1] * vectors[-1])
     extent = max(float(np.ptp(cloud.points, axis=0).max()) for cloud in clouds)
     neutral = NEUTRAL * max(float(np.abs(one.stress).max()) for one in bodies) / extent**2
-    unstable, least = 0, STILL
+    unstable, least, ends = 0, STILL, np.cumsum([one.body.unknowns for one in bodies])[:-1]
     sure = (left <= CONVERGED * np.abs(values)) & (np.abs(values) > 0.0)
     for own in np.flatnonzero(sure).tolist():
         resistance = float((1.0 / values[own]).real)
         motion = np.array(basis[:last]).T @ vectors[:, own].real / root
         motion = motion / motion[np.argmax(np.abs(motion))]
         if resistance < -neutral:
-            if not _loses(bodies, motion, -resistance * float(areas @ motion**2)):
+            # Bodies can lose this energy if their stress gives back at least half of what the strains take,
+            # or these take next to nothing. In short waves next to contacts, where the fields of clouds and
+            # those of pressures differ, they do not.
+            energy = -resistance * float(areas @ motion**2)
+            parts = zip(bodies, np.split(motion, ends), strict=True)
+            elastic, geometric = np.sum([one.energies(part) for one, part in parts], axis=0)
+            if elastic > max(-2.0 * geometric, 0.5 * energy):
                 continue
             unstable += 1
         if resistance < least.resistance:
             least = SoftMotion(resistance, motion, 0)
     return SoftMotion(least.resistance, least.motion, unstable)
-
-
-def _loses(bodies: Sequence[Stressed], motion: FloatArray, energy: float) -> bool:
-    """Whether bodies may lose an ``energy`` in a ``motion`` (2N,): their stress gives back at least half of
-    what the strains take, or these take next to nothing. Short waves next to contacts, where the fields of
-    clouds and those of pressures differ, do not."""
-    ends = np.cumsum([one.body.unknowns for one in bodies])[:-1]
-    parts = zip(bodies, np.split(motion, ends), strict=True)
-    elastic, geometric = np.sum([one.energies(part) for one, part in parts], axis=0)
-    return bool(elastic <= max(-2.0 * geometric, 0.5 * energy))
 
 
 def rows_of_force(body: FiniteBody, force: FloatArray) -> FloatArray:
@@ -140,14 +141,3 @@ def rows_of_force(body: FiniteBody, force: FloatArray) -> FloatArray:
     found[: len(force)] = force.reshape(-1, 2).T.ravel()
     found[body.node_rows :] = -body.elastic.pieces.of_force(force.reshape(-1, 2))
     return found
-
-
-def _first_force(clouds: Sequence[Cloud]) -> FloatArray:
-    """A force (2N,) with parts of all long waves: cubic polynomials with irregular coefficients."""
-    coefficients = np.random.default_rng(0).normal(size=(10, 2))
-    found = []
-    for cloud in clouds:
-        x, y = ((cloud.points - cloud.points.mean(axis=0)) / np.ptp(cloud.points, axis=0).max()).T
-        powers = np.stack([x**i * y ** (k - i) for k in range(4) for i in range(k + 1)], axis=1)
-        found.append((powers @ coefficients).ravel())
-    return np.concatenate(found)

@@ -14,8 +14,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.kernels.tangent import add_force_rows, add_nested, add_rows
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.body_series import BodySeries, jets_of
-from mlsanm_cli.mechanics.finite.faces import FacePoints
-from mlsanm_cli.mechanics.finite.loads import cofactor_normal
+from mlsanm_cli.mechanics.finite.loads import FacePoints, cofactor_normal
 from mlsanm_cli.mechanics.laws.law import gradient_of
 from mlsanm_cli.mechanics.pieces import gathering
 from mlsanm_cli.operators.rows import pair_rows
@@ -113,11 +112,8 @@ class MeanStress:
     def nested(self, values: FloatArray) -> FloatArray:
         """Coefficients (n, 2) of the displacements, for all entries of the body's pattern, of rows with
         ``values`` (m, 3) for its direct ones, the last of them for p at the nodes."""
-        stencils, direct, whole = (
-            self.body.elastic.model.stencils,
-            self.body.pattern.direct,
-            self.body.pattern.whole,
-        )
+        stencils, pattern = self.body.elastic.model.stencils, self.body.pattern
+        direct, whole = pattern.direct, pattern.whole
         total, slot = np.zeros((len(whole.nodes), 2)), np.zeros(whole.count, dtype=np.int64)
         fitted = (stencils.indptr, stencils.indices, self._by_displacements)
         add_nested(direct.begin, direct.nodes, values, *fitted, whole.begin, whole.nodes, slot, total)
