@@ -212,7 +212,7 @@ def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
     projectors = {name: scene.projector(name, still[name], acting[name]) for name in bodies}
     found, first = [], dict.fromkeys(bodies, scene.stages.shape[1] + contacts.free)
     for side, _ in contacts.sides:
-        found.append(Compliance.of(side.nodes, projectors[side.body], first[side.body]))
+        found.append(Compliance(side.nodes, projectors[side.body], first[side.body]))
         first[side.body] += 2 * side.nodes.count
     return replace(scene, undeformed=projectors, compliances=found)
 

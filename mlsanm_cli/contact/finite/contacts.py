@@ -294,4 +294,4 @@ class ContactSystem:
 
     def response(self, displacement: FloatArray, traction: FloatArray) -> SideResponse:
         """The response of the sides at ``displacement`` (2N,), with their ``traction`` (2s,)."""
-        return SideResponse.of(self.contacts.sides, self.missing, self.onto, displacement, traction)
+        return SideResponse(self.contacts.sides, self.missing, self.onto, displacement, traction)

@@ -251,7 +251,7 @@ class Iteration:
     def _followed(self, z: FloatArray, jump: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
         """What displacements ``z`` (2N,) of the clouds and a ``jump`` (2s,) of all tractions change: the
         touched tractions (t,); and gaps, slips and the balance (2k + d,)."""
-        surface = self.response.changed(z)
+        surface = self.response.followed(self.system.onto @ z)
         if jump is not None:
             surface = surface + self.response.by_traction @ jump
         turned = self.inverse @ (self.turning @ surface)

@@ -272,7 +272,8 @@ class ContactSide(Points):
     @cached_property
     def hats(self) -> sparse.csr_array:
         """Values (2g, 2c) at the knots of vectors that are linear between nodes."""
-        return both_components(_hats(self.nodes, self.arc))
+        curve = self.nodes.curve
+        return both_components(curve.hats(self.arc, curve.interval(self.arc))[0])
 
     @cached_property
     def share(self) -> FloatArray:
@@ -293,19 +294,8 @@ def _products(one: Points, other: Points) -> FloatArray:
     step = np.diff(cuts)
     places = np.concatenate([cuts[:-1] + at * step for at, _ in GAUSS[2]])
     length = np.concatenate([weight * step for _, weight in GAUSS[2]])
-    first, second = (_hats(points, places) for points in (one, other))
+    first, second = (of.curve.hats(places, of.curve.interval(places))[0] for of in (one, other))
     return np.asarray((first.T @ sparse.diags_array(length) @ second).toarray())
-
-
-def _hats(points: Points, places: FloatArray) -> sparse.csr_array:
-    """Values (e, c) of the points' hat functions at ``places`` (e,)."""
-    ends, number = points.ends, np.arange(len(places))
-    low = points.curve.interval(places)
-    part = (places - ends[low]) / (ends[low + 1] - ends[low])
-    entries = (np.concatenate([1.0 - part, part]), (np.tile(number, 2), np.concatenate([low, low + 1])))
-    found = sparse.coo_array(entries, shape=(len(places), len(ends)))
-    line, column = found.coords
-    return sparse.csr_array((found.data, (line, column % points.count)), shape=(len(places), points.count))
 
 
 def _fit(side: Points) -> FloatArray:
