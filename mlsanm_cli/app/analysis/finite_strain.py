@@ -12,15 +12,15 @@ import numpy as np
 
 from mlsanm_cli.app.checks.check import Check, Verdicts, all_of
 from mlsanm_cli.app.checks.limits import level, summary_limits
-from mlsanm_cli.app.finite.checks import END, FiniteEnd
-from mlsanm_cli.app.finite.contact_path import contact_path
-from mlsanm_cli.app.finite.estimate import (
+from mlsanm_cli.app.finite.accuracy import (
     energy_errors,
     energy_estimate,
     missing_figures,
     missing_works,
     work_error,
 )
+from mlsanm_cli.app.finite.checks import END, FiniteEnd
+from mlsanm_cli.app.finite.contact_path import contact_path
 from mlsanm_cli.app.finite.fields import (
     CONTACT_PREFIX,
     SceneForces,

@@ -19,7 +19,7 @@ from mlsanm_cli.app.checks.ended import (
     thin_part,
 )
 from mlsanm_cli.app.checks.limits import level
-from mlsanm_cli.app.finite.estimate import energy_errors, work_error
+from mlsanm_cli.app.finite.accuracy import energy_errors, work_error
 from mlsanm_cli.app.finite.fields import SceneForces, fields_of
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.case import Case

@@ -10,7 +10,7 @@ import numpy as np
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.output.parts import contact_figures
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Case, Displacement, ObstacleMotion, Platen
+from mlsanm_cli.case import Displacement, ObstacleMotion, Platen
 from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.contact.finite.meeting import NO_GAP
 from mlsanm_cli.contact.finite.rigid import RigidContact
@@ -139,28 +139,11 @@ class SceneForces:
         return np.asarray(sum((one.loads[number] for one in self.bodies.values()), np.zeros(2)))
 
 
-def _shares(case: Case) -> dict[str, tuple[bool, bool]]:
-    """Which components of the force on a plate or an obstacle each of the loads on it reports: those that it
-    prescribes, and the first of them also what none does."""
-    together: dict[object, list[Platen | ObstacleMotion]] = {}
-    for load in case.load:
-        if isinstance(load, Platen | ObstacleMotion):
-            moved = load.obstacle if isinstance(load, ObstacleMotion) else (load.boundary, load.ends)
-            together.setdefault(moved, []).append(load)
-
-    def reports(load: Platen | ObstacleMotion, axis: str, group: list[Platen | ObstacleMotion]) -> bool:
-        return load in ([other for other in group if axis in other.control] or group[:1])
-
-    return {
-        load.name: (reports(load, "x", group), reports(load, "y", group))
-        for group in together.values()
-        for load in group
-    }
-
-
 def resultants(scene: FiniteScene, forces: SceneForces) -> dict[str, FloatArray]:
-    """The force (2,) of every load and support on its body, and of every contact on its slave."""
-    nothing = np.zeros(2)
+    """The force (2,) of every load and support on its body, and of every contact on its slave. Of several
+    loads on a plate or an obstacle each reports the components that it prescribes, and the first of them also
+    what none does."""
+    case, nothing, together = scene.case, np.zeros(2), dict[object, list[Platen | ObstacleMotion]]()
     held = {
         label: sum((forces.bodies[body].reactions.get(name, nothing) for body, name in places), nothing)
         for label, places in scene.supports.items()
@@ -168,13 +151,20 @@ def resultants(scene: FiniteScene, forces: SceneForces) -> dict[str, FloatArray]
     pressed = {name: found[0] for name, found in forces.contacts.items()}
     loads = {
         load.name: pressed[load.obstacle] if isinstance(load, ObstacleMotion) else forces.of_load(number)
-        for number, load in enumerate(scene.case.load)
+        for number, load in enumerate(case.load)
         if not isinstance(load, Displacement | Platen)
     }
-    for name, share in _shares(scene.case).items():
-        for named in (loads, held):
-            if name in named:
-                named[name] = np.where(share, named[name], 0.0)
+    for load in case.load:
+        if isinstance(load, Platen | ObstacleMotion):
+            moved = load.obstacle if isinstance(load, ObstacleMotion) else (load.boundary, load.ends)
+            together.setdefault(moved, []).append(load)
+    for group in together.values():
+        reporting = [[one for one in group if axis in one.control] or group[:1] for axis in ("x", "y")]
+        for load in group:
+            for named in (loads, held):
+                if load.name in named:
+                    share = [load in some for some in reporting]
+                    named[load.name] = np.where(share, named[load.name], 0.0)
     return loads | held | {f"{CONTACT_PREFIX}{name}": force for name, force in pressed.items()}
 
 
@@ -222,17 +212,12 @@ def figures_of_contacts(scene: FiniteScene, state: State) -> dict[str, dict[str,
         if len(pressed) == 2:
             found[contact.name]["force_master"] = pressed[1].tolist()
         if isinstance(contact, RigidContact) and contact.rotation.any():
-            found[contact.name]["moment"] = _moment(contact, state, there)
+            # Of the tractions on the body about the obstacle's pivot.
+            slave, pivot = contact.slave, contact.pivot + contact.motion @ state.driven
+            at = slave.places + state.solver["surface"][there].reshape(-1, 2) - pivot
+            force = slave.weight[:, None] * state.side_traction[there].reshape(-1, 2)
+            found[contact.name]["moment"] = float(cross(at, force).sum())
     return found
-
-
-def _moment(contact: RigidContact, state: State, here: slice) -> float:
-    """Moment of the tractions of a rotating obstacle on the body about its pivot; the sides' nodes are
-    ``here`` in the state's arrays."""
-    slave, pivot = contact.slave, contact.pivot + contact.motion @ state.driven
-    at = slave.places + state.solver["surface"][here].reshape(-1, 2) - pivot
-    force = slave.weight[:, None] * state.side_traction[here].reshape(-1, 2)
-    return float(cross(at, force).sum())
 
 
 def platen_displacements(scene: FiniteScene, state: State) -> dict[str, FloatArray]:
