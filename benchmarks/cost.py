@@ -31,8 +31,7 @@ import tomli_w
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks.scenes.profiles import polyline_case
-from benchmarks.scenes.scene import Array
+from benchmarks.scenes.scene import CASES, Array, case_of
 
 ROOT = Path(__file__).resolve().parents[1]
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
@@ -129,7 +128,9 @@ def rough(folder: Path, _: int) -> list[Line]:
     """Rough profiles with ever more waves."""
     lines = []
     for shortest, points, mean in PROFILES:
-        case = polyline_case(self_affine(points, shortest), 10.0, 5.0, 10.0 * mean)
+        case, profile = case_of(CASES / "rough_light.toml"), self_affine(points, shortest)
+        case["body"][0]["shape"]["y"], case["load"][0]["fy"] = [-5.0, 0.0], -10.0 * mean
+        case["contact"][0]["obstacle"]["points"] = profile.tolist()
         case["contact"][0]["regularization"] = {"law": "exact"}
         path = folder / f"rough-{points}.toml"
         path.write_text(tomli_w.dumps(case))

@@ -23,7 +23,6 @@ import os
 import re
 import sys
 import tempfile
-import tomllib
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
@@ -32,9 +31,8 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks.scenes.every import SCENES
 from benchmarks.scenes.judge import run_case
-from benchmarks.scenes.scene import Scene
+from benchmarks.scenes.scene import Scene, case_of, names, scene
 
 TABLE = Path(__file__).parent / "results" / "golden.json"
 CASES = Path(__file__).resolve().parents[1] / "cases"
@@ -55,10 +53,10 @@ Figures = dict[str, Any]
 def scenes() -> dict[str, Scene]:
     """Published cases, as ``case/NAME``, and scenes, as ``scene/NAME``."""
     published = {
-        f"case/{path.stem}": Scene(path.stem, "published", tomllib.loads(path.read_text()))
+        f"case/{path.stem}": Scene(path.stem, "published", case_of(path))
         for path in sorted(CASES.glob("*.toml"))
     }
-    return published | {f"scene/{name}": make() for name, make in sorted(SCENES.items())}
+    return published | {f"scene/{name}": scene(name) for name in sorted(names())}
 
 
 def flat(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
@@ -80,7 +78,7 @@ def words(text: str) -> str:
 
 def ran(name: str, scene: Scene, folder: Path) -> tuple[str, Figures]:
     """Entry of the table of one run."""
-    done = run_case(scene, scene.case, folder / name, lambda points: points)
+    done = run_case(scene, scene.case, folder / name)
     summary = {key: value for key, value in done.summary.items() if key not in VOLATILE}
     warnings, checks = summary.pop("warnings", []), done.summary.get("checks", [])
     entry = {
@@ -157,8 +155,7 @@ def main() -> None:
     chosen = {
         name: scene
         for name, scene in scenes().items()
-        if not scene.missing
-        and (not parts or any(part in name for part in parts))
+        if (not parts or any(part in name for part in parts))
         and not (given.quick and table["runs"].get(name, {}).get("cpu", 0.0) > QUICK)
     }
     differ = 0

@@ -28,9 +28,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmarks.scenes.compared import SIZED, spacings
-from benchmarks.scenes.every import SCENES
 from benchmarks.scenes.judge import Ran, by_elements, run_case
-from benchmarks.scenes.scene import Array, Scene, Table
+from benchmarks.scenes.scene import Array, Scene, Table, names, scene
 from benchmarks.scenes.variants import respaced
 
 OUT = Path(__file__).resolve().parents[1] / "results" / "estimates.json"
@@ -93,7 +92,7 @@ class Compared:
 def compared(scene: Scene, base: Ran, fine: Ran) -> Iterator[Compared]:
     """All figures of a run with an estimate."""
     told, finer = ((one.summary.get("error_estimate") or {}) for one in (base, fine))
-    others = {one.what: abs(one.error(one.got(base.result))) / 100.0 for one in by_elements(scene.name)}
+    others = {one.what: abs(one.error(one.got(base.result))) / 100.0 for one in by_elements(scene)}
     largest = most(fine)
     yield Compared(
         "displacement", told.get("displacement"), (moved(base, fine),), finer.get("displacement") or 0.0
@@ -195,7 +194,7 @@ def judged(scene: Scene, folder: Path, coarse: bool, finer: Path) -> Table:
     """Run a scene and a finer one, or one twice as coarse, and compare."""
 
     def run(given: Table, where: Path) -> Ran:
-        return run_case(scene, given, where, lambda places: places, FINE_PATIENCE)
+        return run_case(scene, given, where, patience=FINE_PATIENCE)
 
     found: Table = {"scene": scene.name}
     given, ran = scene.case, run(scene.case, folder / scene.name / "base")
@@ -265,10 +264,11 @@ def main() -> None:
     found = []
     totals: dict[str, dict[str, int]] = {}
     with tempfile.TemporaryDirectory() as scratch:
-        for name, make in SCENES.items():
+        for name in names():
             if given.only and not any(part in name for part in given.only):
                 continue
-            found.append(judged(make(), Path(scratch), given.coarse, given.finer or Path(scratch) / "finer"))
+            finer = given.finer or Path(scratch) / "finer"
+            found.append(judged(scene(name), Path(scratch), given.coarse, finer))
             print(told(found[-1]), flush=True)
     for line in found:
         for what, *_, verdict in line.get("figures", ()):

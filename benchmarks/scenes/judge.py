@@ -15,7 +15,16 @@ from typing import Any
 import numpy as np
 import tomli_w
 
-from benchmarks.scenes.scene import FORCE, PEAK, PLACE, Array, Figure, Move, Result, Scene, Table, listed
+from benchmarks.scenes.scene import (
+    Array,
+    Figure,
+    Move,
+    Result,
+    Scene,
+    Table,
+    listed,
+    write_mesh,
+)
 
 SIDES = 1e-6
 """How far what a body receives may be from what is reported of it, over the largest force."""
@@ -65,11 +74,13 @@ class Verdict:
         return asdict(self)
 
 
-def run_case(scene: Scene, given: Table, folder: Path, move: Move, patience: float = PATIENCE) -> Ran:
+def run_case(
+    scene: Scene, given: Table, folder: Path, move: Move | None = None, patience: float = PATIENCE
+) -> Ran:
     """Write a case and its files, and run it in a process of its own."""
     folder.mkdir(parents=True, exist_ok=True)
-    for name, write in scene.files.items():
-        write(folder / name, move)
+    for file in scene.files:
+        write_mesh(file, folder / file.name, move)
     (folder / "case.toml").write_text(tomli_w.dumps(given))
     command = [sys.executable, "-m", "mlsanm_cli", "run", "case.toml", "--out", "run", "--force"]
     environment = dict(os.environ, OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
@@ -89,12 +100,12 @@ def known() -> dict[str, Table]:
     return json.loads(REFERENCE.read_text()) if REFERENCE.exists() else {}
 
 
-def by_elements(name: str) -> list[Figure]:
+def by_elements(scene: Scene) -> list[Figure]:
     """Those whose two meshes agree well enough to judge by."""
     figures = []
-    for what, entry in known().get(name, {}).get("figures", {}).items():
+    for what, entry in known().get(scene.name, {}).get("figures", {}).items():
         sort, _, key = what.partition(" ")
-        limit = {"force": FORCE, "peak": PEAK, "moved": PLACE, "apart": PLACE}[sort]
+        limit = scene.limits[sort]
         if entry["change"] <= limit / 3.0:
             figures.append(_figure(sort, key, entry["value"], limit))
     return figures
@@ -143,7 +154,7 @@ def judged(scene: Scene, ran: Ran) -> Verdict:
     if ran.code:
         return verdict("refused")
     figures = []
-    for figure in (*scene.figures, *by_elements(scene.name)):
+    for figure in (*scene.figures, *by_elements(scene)):
         got = figure.got(ran.result)
         figures.append((figure.what, got, figure.true, figure.error(got), figure.limit))
     sides = imbalance(scene.case, ran.result)

@@ -7,19 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.scenes.parts import Pair, case, platen, polygon, pressed
+from benchmarks.scenes.parts import body as make_body
 from benchmarks.scenes.random_frames import Frame
-from benchmarks.scenes.scene import (
-    Array,
-    Figure,
-    Pair,
-    Result,
-    Table,
-    case,
-    platen,
-    polygon,
-    pressed,
-)
-from benchmarks.scenes.scene import body as make_body
+from benchmarks.scenes.scene import Array, Figure, Result, Table
 
 Rng = np.random.Generator
 SLIDES = ("slid", "slip")

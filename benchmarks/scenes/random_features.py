@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.scenes.scene import Table, box, case, held, on_disk, on_plane, pair, platen, polygon, probe
-from benchmarks.scenes.scene import body as make_body
+from benchmarks.scenes.parts import body as make_body
+from benchmarks.scenes.parts import box, case, held, on_disk, on_plane, pair, platen, polygon, probe
+from benchmarks.scenes.scene import Table
 
 FEATURES = (
     "ring",

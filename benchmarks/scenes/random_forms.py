@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from benchmarks.scenes.parts import Pair, body, held, platen, polygon
 from benchmarks.scenes.random_frames import Frame, FramedScene
-from benchmarks.scenes.scene import Array, Pair, Table, body, held, platen, polygon
+from benchmarks.scenes.scene import Array, Table
 
 Corners = list[Pair]
 

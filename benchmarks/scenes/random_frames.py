@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.scenes.scene import Pair, Table, body, case, held, platen, polygon
+from benchmarks.scenes.parts import Pair, body, case, held, platen, polygon
+from benchmarks.scenes.scene import Table
 
 Rng = np.random.Generator
 UNITS = ((1.0, 1.0), (1e-3, 1e6), (1e3, 1e-3))

@@ -13,20 +13,12 @@ from dataclasses import replace
 import h5py
 import numpy as np
 
+from benchmarks.scenes.parts import body as make_body
+from benchmarks.scenes.parts import held, pair, polygon
 from benchmarks.scenes.random_draft import SLIDES, TIPS, Draft
 from benchmarks.scenes.random_frames import drawn_frame
 from benchmarks.scenes.random_rounds import brake, groove, hub, logs, roll, spin
-from benchmarks.scenes.scene import (
-    Figure,
-    Refusal,
-    Result,
-    Scene,
-    Table,
-    held,
-    pair,
-    polygon,
-)
-from benchmarks.scenes.scene import body as make_body
+from benchmarks.scenes.scene import Figure, Refusal, Result, Scene, Table
 
 GUIDED = ("between", "spin", "brake")
 """Scenes whose supports leave one axis of the drawing free."""

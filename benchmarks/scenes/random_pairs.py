@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchmarks.scenes.scene import Array, Table, case, held, pair, platen, probe
-from benchmarks.scenes.scene import body as make_body
+from benchmarks.scenes.parts import body as make_body
+from benchmarks.scenes.parts import case, held, pair, platen, probe
+from benchmarks.scenes.scene import Array, Table
 
 POINTS = 41
 

@@ -4,18 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from benchmarks.scenes.parts import Pair, held, pair, platen, pushed
 from benchmarks.scenes.random_draft import SLIDES, SPINS, Draft
-from benchmarks.scenes.scene import (
-    Figure,
-    Pair,
-    Refusal,
-    Scene,
-    Table,
-    held,
-    pair,
-    platen,
-    pushed,
-)
+from benchmarks.scenes.scene import Figure, Refusal, Scene, Table
 
 
 def groove(d: Draft, name: str) -> Scene:

@@ -28,26 +28,14 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from benchmarks.scenes.compared import difference, peaks, vectors
 from benchmarks.scenes.judge import SIDES, imbalance, run_case
 from benchmarks.scenes.judge import judged as judged_by_figures
+from benchmarks.scenes.parts import body as make_body
+from benchmarks.scenes.parts import box, case, held, pair, platen, polygon, probe
 from benchmarks.scenes.random_features import featured
 from benchmarks.scenes.random_forms import formed
 from benchmarks.scenes.random_frames import Frame, drawn_frame, framed
 from benchmarks.scenes.random_limits import limited
 from benchmarks.scenes.random_pairs import drawn_pair
-from benchmarks.scenes.scene import (
-    FORCE,
-    PEAK,
-    PLACE,
-    Scene,
-    Table,
-    box,
-    case,
-    held,
-    pair,
-    platen,
-    polygon,
-    probe,
-)
-from benchmarks.scenes.scene import body as make_body
+from benchmarks.scenes.scene import FORCE, PEAK, PLACE, Scene, Table
 from benchmarks.scenes.variants import Variant, variants
 
 RESULTS = Path(__file__).resolve().parents[1] / "results"
@@ -199,7 +187,7 @@ def judged(number: int, folder: Path, kind: str, compare: bool = True) -> Table:
         return _by_statics(number, folder)
     given, smooth, chosen, others = scene_of(number, kind)
     scene = Scene(f"random{number}", "random", given)
-    ran = run_case(scene, given, folder / "base", lambda places: places, patience=60.0)
+    ran = run_case(scene, given, folder / "base", patience=60.0)
     law = given["contact"][0].get("regularization", {}).get("law", "default")
     told: Table = {
         "number": number,
@@ -243,7 +231,7 @@ def judged(number: int, folder: Path, kind: str, compare: bool = True) -> Table:
 def _by_statics(number: int, folder: Path) -> Table:
     """How a scene came through whose forces or limit load are known."""
     scene = limited(number)
-    ran = run_case(scene, scene.case, folder / "base", lambda places: places, patience=60.0)
+    ran = run_case(scene, scene.case, folder / "base", patience=60.0)
     verdict = judged_by_figures(scene, ran)
     figures = [f"{what}: {got:.4g}, true {true:.4g}" for what, got, true, *_ in verdict.figures]
     return {

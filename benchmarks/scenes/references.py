@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import shutil
 import sys
 import tempfile
 import time
@@ -25,9 +26,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 import tomli_w
 
 from benchmarks.scenes.elements import obstacle_at, thickness
-from benchmarks.scenes.every import SCENES
 from benchmarks.scenes.judge import REFERENCE
-from benchmarks.scenes.scene import Array, Scene, Table
+from benchmarks.scenes.scene import Array, Scene, Table, expected, scene
 from benchmarks.scenes.signorini import Model, Zones, turned
 from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.outlines import geometry_of
@@ -159,8 +159,8 @@ def reference(scene: Scene, meshes: int = len(LEVELS)) -> Table:
     """Figures of the finer of two ``meshes``, the last ones, and their changes in percent."""
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
-        for name, write in scene.files.items():
-            write(folder / name, lambda places: places)
+        for file in scene.files:
+            shutil.copy(file, folder)
         (folder / "case.toml").write_text(tomli_w.dumps(scene.case))
         case = load_case(folder / "case.toml", geometry_of=geometry_of).case
         boundaries = Boundaries.of(case)
@@ -199,17 +199,18 @@ def change(coarse: Table, fine: Table, what: str) -> float:
 
 
 def main() -> None:
-    """All frictionless scenes that ask for it."""
+    """All scenes with references by finite elements."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--only", nargs="+", default=[])
     given = parser.parse_args()
-    for name, make in SCENES.items():
-        scene = make()
-        if scene.elements and (not given.only or any(part in name for part in given.only)):
+    for name in expected():
+        chosen = scene(name)
+        if chosen.elements and (not given.only or any(part in name for part in given.only)):
             try:
-                found = reference(scene)
+                # The fifth mesh of the thinnest ring is large.
+                found = reference(chosen, 4 if name == "six_classes/ring" else len(LEVELS))
             except (RuntimeError, ValueError, np.linalg.LinAlgError) as error:
                 print(f"{name}: {error!r}", flush=True)
                 continue

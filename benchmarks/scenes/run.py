@@ -1,13 +1,16 @@
 """Scenes that nobody tuned, written from the docs alone and run with defaults, judged by references.
 
     python benchmarks/scenes/run.py [--only NAME ...] [--variants] [--altered SEED] [--jobs 1]
+    python benchmarks/scenes/run.py --six-classes
 
 A scene is right, refused (with its message), wrong with a warning or silently wrong: figures within the
-limits of statics, closed formulas or finite elements (reference.json, by elements.py). ``--variants`` runs
-what came through again, with half of the spacing, other seeds, slave and master swapped, turned by 90
-degrees, mirrored, in other units. ``--altered`` draws materials, loads and friction anew, and compares with
-other clouds what came through. NAME is a part of a scene's or class's name. Writes scenes.json or
-altered_scenes.json (``--out``).
+limits of statics, closed formulas (expected.toml) or finite elements (reference.json, by references.py).
+``--variants`` runs what came through again, with half of the spacing, other seeds, slave and master swapped,
+turned by 90 degrees, mirrored, in other units. ``--altered`` draws materials, loads and friction anew, and
+compares with other clouds what came through. ``--six-classes`` runs six scenes that are difficult for
+meshfree methods with automatic spacings, and with even ones of 1.5 times and half of the largest of these.
+NAME is a part of a scene's or class's name. Writes scenes.json, altered_scenes.json or six_classes.json
+(``--out``).
 """
 
 from __future__ import annotations
@@ -23,10 +26,10 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from benchmarks.scenes.altered import altered
-from benchmarks.scenes.compared import ALL, through_variants
-from benchmarks.scenes.every import SCENES
-from benchmarks.scenes.judge import Verdict, judged, run_case
+from benchmarks.scenes.compared import ALL, spacings, through_variants
+from benchmarks.scenes.judge import Ran, Verdict, judged, run_case
+from benchmarks.scenes.scene import Scene, Table, names, scene
+from benchmarks.scenes.variants import altered, evenly_spaced
 
 RESULTS = Path(__file__).resolve().parents[1] / "results"
 OUTCOMES = (
@@ -37,27 +40,35 @@ OUTCOMES = (
     "without a reference",
     "too long",
     "crashed",
-    "cannot be expressed",
 )
+SPACINGS = {"coarse": 1.5, "fine": 0.5}
 
 
-def solved(
-    name: str, folder: Path, variants: Collection[str], seed: int | None, fails: Path | None
-) -> Verdict:
-    """Run and judge one scene, altered by a ``seed`` if there is one, with ``variants`` by name."""
-    scene = SCENES[name]() if seed is None else altered(SCENES[name](), seed)
-    if scene.missing:
-        return Verdict(scene.name, scene.kind, "cannot be expressed", message=f"missing key: {scene.missing}")
-    ran = run_case(scene, scene.case, folder / name / "base", lambda places: places)
-    verdict = judged(scene, ran)
-    if variants and ran.code == 0:
-        verdict.variants.extend(through_variants(scene, ran, folder / name, variants))
+def solved(chosen: Scene, folder: Path, variants: Collection[str], fails: Path | None) -> Verdict:
+    """Run and judge one scene, with ``variants`` by name."""
+    folder = folder / chosen.name
+    ran = run_case(chosen, chosen.case, folder / "base")
+    verdict = judged(chosen, ran)
+    if ran.code == 0:
+        verdict.variants.extend(through_variants(chosen, ran, folder, variants))
+        verdict.variants.extend(_spaced(chosen, ran, folder, how) for how in SPACINGS if how in variants)
     if fails is not None and verdict.outcome != "right":
         fails.mkdir(parents=True, exist_ok=True)
-        shutil.copy(folder / name / "base" / "case.toml", fails / f"{name}.toml")
-        for file in scene.files:
-            shutil.copy(folder / name / "base" / file, fails / file)
+        shutil.copy(folder / "base" / "case.toml", fails / f"{Path(chosen.name).name}.toml")
+        for file in chosen.files:
+            shutil.copy(file, fails / file.name)
     return verdict
+
+
+def _spaced(chosen: Scene, base: Ran, folder: Path, how: str) -> Table:
+    """A run with even spacings, judged by the scene's figures."""
+    given = evenly_spaced(chosen.case, spacings(base), SPACINGS[how])
+    verdict = judged(chosen, run_case(chosen, given, folder / how))
+    errors = {what: error for what, *_, error, _ in verdict.figures}
+    told = ", ".join(f"{what} {error:+.2f} %" for what, error in errors.items())
+    text = f"{verdict.outcome}, {verdict.nodes} nodes: {told or verdict.message}"
+    more = {"nodes": verdict.nodes, "errors": errors, "warnings": verdict.warnings}
+    return {"variant": how, "agrees": verdict.outcome == "right", "text": text, **more}
 
 
 def told(verdict: Verdict) -> str:
@@ -84,29 +95,28 @@ def main() -> None:
     )
     parser.add_argument("--only", nargs="+", default=[], metavar="NAME")
     parser.add_argument("--variants", action="store_true")
+    parser.add_argument("--altered", type=int, metavar="SEED")
+    parser.add_argument("--six-classes", action="store_true")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--out", type=Path)
     parser.add_argument("--keep", type=Path, help="a folder for the runs; a temporary one by default")
     parser.add_argument("--fails", type=Path, help="a folder for the cases of scenes that are not right")
-    parser.add_argument("--altered", type=int, metavar="SEED")
     given = parser.parse_args()
-    out = given.out or RESULTS / ("scenes.json" if given.altered is None else "altered_scenes.json")
-    if given.variants:
-        variants: Collection[str] = ALL
-    else:
-        variants = () if given.altered is None else ("seed",)
-    names = [
-        name
-        for name, make in SCENES.items()
-        if not given.only or any(part in name or part in make().kind for part in given.only)
-    ]
+    scenes = [scene(name) for name in names("six_classes" if given.six_classes else ".")]
+    name, variants = "scenes", ALL if given.variants else ()
+    if given.only:
+        scenes = [one for one in scenes if any(part in f"{one.name} {one.kind}" for part in given.only)]
+    if given.six_classes:
+        name, variants = "six_classes", (*variants, *SPACINGS)
+    elif given.altered is not None:
+        name, variants = "altered_scenes", variants or ("seed",)
+        scenes = [altered(one, given.altered) for one in scenes]
+    out = given.out or RESULTS / f"{name}.json"
     kept = json.loads(out.read_text())["scenes"] if out.exists() and given.only else []
     found = {one["scene"]: one for one in kept}
     with tempfile.TemporaryDirectory() as scratch, ThreadPoolExecutor(given.jobs) as pool:
         folder = given.keep or Path(scratch)
-        for verdict in pool.map(
-            lambda name: solved(name, folder, variants, given.altered, given.fails), names
-        ):
+        for verdict in pool.map(lambda one: solved(one, folder, variants, given.fails), scenes):
             print(told(verdict), flush=True)
             found[verdict.scene] = verdict.table()
             totals = {outcome: sum(v["outcome"] == outcome for v in found.values()) for outcome in OUTCOMES}

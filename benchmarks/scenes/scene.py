@@ -2,74 +2,137 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
+import math
+import shutil
+import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
 import h5py
+import meshio
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.scenes import formulas
+
 Array = NDArray[np.float64]
 Table = dict[str, Any]
-Pair = tuple[float, float]
 Move = Callable[[Array], Array]
 """Places (n, 2) of a scene to those of a variant."""
 
 FORCE, PEAK, PLACE = 1.0, 3.0, 3.0
 """Limits in percent of forces, peak pressures and displacements."""
+LIMITS = {"force": FORCE, "peak": PEAK, "moved": PLACE, "apart": PLACE}
+CASES = Path(__file__).parent / "cases"
 
 
 @dataclass(frozen=True)
 class Result:
-    """What a run has told: summary.json, and its directory."""
+    """What a run gives: summary.json, and its directory."""
 
     summary: Table
     folder: Path
+
+    @cached_property
+    def case(self) -> Table:
+        return tomllib.loads((self.folder.parent / "case.toml").read_text())
+
+    def read(self, path: str) -> Any:
+        """An array of run.h5."""
+        with h5py.File(self.folder / "run.h5") as file:
+            return file[path][:]
 
     def force(self, contact: str) -> Array:
         """Force (2,) on the slave."""
         return np.array(self.summary["contacts"][contact]["force"])
 
+    def fx(self, contact: str) -> float:
+        return float(self.force(contact)[0])
+
+    def fy(self, contact: str) -> float:
+        return float(self.force(contact)[1])
+
     def peak(self, contact: str) -> float:
         return float(self.summary["contacts"][contact]["peak_pressure"])
 
+    def half_width(self, contact: str) -> float:
+        return float(self.summary["contacts"][contact]["half_width"])
+
+    def last(self, contact: str, key: str) -> Array:
+        """Values (n,) of a contact in the last state."""
+        return np.asarray(self.read(f"contacts/{contact}/{key}")[-1])
+
     def pressed(self, contact: str) -> float:
         """Integral of the pressure."""
-        with h5py.File(self.folder / "run.h5") as file:
-            one = file[f"contacts/{contact}"]
-            return float(one["pressure"][-1] @ one["weight"][:])
+        return float(self.last(contact, "pressure") @ self.read(f"contacts/{contact}/weight"))
 
     def size(self, contact: str) -> float:
         """Integral of the size of pressure and traction."""
-        with h5py.File(self.folder / "run.h5") as file:
-            one = file[f"contacts/{contact}"]
-            return float(np.hypot(one["pressure"][-1], one["traction"][-1]) @ one["weight"][:])
+        size = np.hypot(self.last(contact, "pressure"), self.last(contact, "traction"))
+        return float(size @ self.read(f"contacts/{contact}/weight"))
 
-    def half_width(self, contact: str) -> float:
-        return float(self.summary["contacts"][contact]["half_width"])
+    def along(self, contact: str, key: str, x: float) -> float:
+        """A value of a contact in the last state, interpolated at ``x``."""
+        places = self.read(f"contacts/{contact}/points")[:, 0]
+        order = np.argsort(places)
+        return float(np.interp(x, places[order], self.last(contact, key)[order]))
+
+    def touching(self, contact: str) -> Array:
+        """First and last ``x`` (2,) under pressure."""
+        x = self.read(f"contacts/{contact}/points")[self.last(contact, "pressure") > 0.0, 0]
+        return np.array([x.min(), x.max()])
+
+    def stick(self, contact: str) -> Array:
+        """First and last ``x`` (2,) that stick."""
+        x = self.read(f"contacts/{contact}/points")[self.last(contact, "status") == 1, 0]
+        return np.array([x.min(), x.max()])
+
+    def dissipated(self, contact: str, position: float = np.inf) -> float:
+        """Dissipated work up to a position of the path."""
+        before = np.flatnonzero(self.read("path/position") <= position + 1e-9)
+        return float(self.read(f"contacts/{contact}/dissipated_work")[before[-1]])
+
+    def patches(self, contact: str) -> int:
+        """Connected parts that touch in the last state."""
+        pressure = self.last(contact, "pressure")
+        closed = np.concatenate([[False], pressure > 1e-3 * pressure.max(), [False]])
+        return int((closed[1:] & ~closed[:-1]).sum())
 
     def moved(self, probe: str) -> Array:
         """Displacement (2,) of a probe."""
         return np.array(self.summary["probes"][probe]["displacement"])
 
+    def ux(self, probe: str) -> float:
+        return float(self.moved(probe)[0])
+
+    def uy(self, probe: str) -> float:
+        return float(self.moved(probe)[1])
+
+    def stress(self, probe: str) -> Array:
+        return np.array(self.summary["probes"][probe]["stress"])
+
+    def lean(self, upper: str, lower: str, contact: str) -> float:
+        """Slope of a force over that of the line of two displaced probes."""
+        drawn = {one["name"]: np.array(one["point"]) for one in self.case["probe"]}
+        line = drawn[upper] + self.moved(upper) - drawn[lower] - self.moved(lower)
+        force = self.force(contact)
+        return abs(float(force[0] / force[1] * line[1] / line[0]))
+
     def exerted(self, name: str) -> Array:
         """Force (2,) of a load or support on its body."""
         return np.array(self.summary["forces"][name])
 
-    def carried(self, load: str) -> Array:
-        """Displacement (2,) of the platen or obstacle that a load moves."""
-        with h5py.File(self.folder / "run.h5") as file:
-            return np.array(file[f"path/displacements/{load}"][-1])
+    def moment(self, plate: str) -> float:
+        return float(self.summary["plates"][plate]["moment"])
 
-    def patches(self, contact: str) -> int:
-        """Connected parts that touch in the last state."""
-        with h5py.File(self.folder / "run.h5") as file:
-            pressure = file[f"contacts/{contact}/pressure"][-1]
-        closed = np.concatenate([[False], pressure > 1e-3 * pressure.max(), [False]])
-        return int((closed[1:] & ~closed[:-1]).sum())
+    def bifurcation(self) -> float:
+        """Position of the first loss of stability."""
+        return float(self.summary["finite_strain"]["bifurcations"][0]["position"])
 
 
 @dataclass(frozen=True)
@@ -88,16 +151,6 @@ class Figure:
         return 100.0 * (got - self.true) / (self.scale or abs(self.true))
 
 
-def force_at(contact: str, axis: int, sign: float = 1.0) -> Callable[[Result], float]:
-    """What reads one component of a contact's force."""
-    return lambda result: sign * float(result.force(contact)[axis])
-
-
-def size_of(contact: str) -> Callable[[Result], float]:
-    """What reads how large the horizontal force of a contact is."""
-    return lambda result: abs(float(result.force(contact)[0]))
-
-
 @dataclass(frozen=True)
 class Refusal:
     """That a scene has no equilibrium beyond a position on its path, and words that must tell so.
@@ -105,113 +158,92 @@ class Refusal:
     Without a position the words are to be told in any case, as a warning or as an error.
     """
 
-    words: tuple[str, ...]
+    words: Sequence[str]
     position: float | None
     limit: float = 2.0
 
 
 @dataclass(frozen=True)
 class Scene:
-    """A case, judged. ``files`` write what the case names, moved as a variant is and scaled.
-
-    ``missing`` names the key that the scene would need; such a scene is counted, not run.
-    """
+    """A case, judged. ``files`` are the meshes that it names."""
 
     name: str
     kind: str
-    case: Table = field(default_factory=dict)
+    case: Table
     figures: Sequence[Figure] = ()
     refusal: Refusal | None = None
-    files: Mapping[str, Callable[[Path, Move], None]] = field(default_factory=dict)
-    missing: str = ""
+    files: Sequence[Path] = ()
     elements: bool = False
-    """Whether finite elements tell its forces, peaks and displacements, see elements.py."""
     supports: Sequence[Table] = ()
-    """What holds loose bodies in finite elements against motions that only turned directions drive."""
     straight_walls: bool = False
-    """Whether round bodies slide along straight sides that do not turn, whose normals are those of contacts
-    then; otherwise the elements take the more curved surface's, as straight ones turn."""
+    limits: Mapping[str, float] = field(default_factory=lambda: LIMITS)
+    """Percent that figures of finite elements may be off, by the first words of their names."""
 
 
-SCENES: dict[str, Callable[[], Scene]] = {}
+def computed(text: str, names: Mapping[str, Any]) -> float:
+    """An expression of expected.toml, of formulas and of ``names``."""
+    known = {**vars(math), **vars(formulas), **names, "abs": abs, "sum": sum, "range": range}
+    return float(eval(text, known | {"__builtins__": {}}))
 
 
-def scene(make: Callable[[], Scene]) -> Callable[[], Scene]:
-    """Registers a function that makes a scene of its own name; it is made once."""
-    SCENES[make.__name__] = cache(make)
-    return make
+def _figure(row: Table) -> Figure:
+    def got(result: Result) -> float:
+        methods = {name: getattr(result, name) for name in vars(Result) if not name.startswith("_")}
+        return computed(row["got"], methods)
+
+    more = {key: row[key] for key in ("limit", "scale") if key in row}
+    return Figure(row["what"], got, computed(row["true"], {}), **more)
 
 
-def case(plane: str, materials: Mapping[str, Table], bodies: Sequence[Table], **rest: Any) -> Table:
-    """A case; ``rest`` are its other tables."""
-    return {
-        "format": 1,
-        "model": {"plane": plane},
-        "material": dict(materials),
-        "body": list(bodies),
-        "output": {"vtu": False},
-        **{key: value for key, value in rest.items() if value},
-    }
+@cache
+def scene(name: str) -> Scene:
+    """The scene of a name in cases/, with what expected.toml tells."""
+    given, told = case_of(CASES / f"{name}.toml"), expected()[name]
+    refusal = told.get("refusal")
+    if refusal:
+        refusal = Refusal(**{**refusal, "position": computed(refusal["position"], {})})
+    return Scene(
+        name,
+        told["class"],
+        given,
+        [_figure(row) for row in told.get("figures", ())],
+        refusal,
+        meshes(given, CASES),
+        **{key: told[key] for key in ("elements", "supports", "straight_walls", "limits") if key in told},
+    )
 
 
-def solid(E: float, nu: float, **rest: Any) -> Table:
-    return {"E": E, "nu": nu, **rest}
+def names(folder: str = ".") -> list[str]:
+    """Names of the scenes in a folder of cases/."""
+    return [name for name in expected() if str(Path(name).parent) == folder]
+
+
+@cache
+def expected() -> dict[str, Table]:
+    """What expected.toml tells of every scene."""
+    return tomllib.loads(Path(__file__).with_name("expected.toml").read_text())
+
+
+def case_of(path: Path) -> Table:
+    return tomllib.loads(path.read_text())
+
+
+def meshes(given: Table, folder: Path) -> list[Path]:
+    """The mesh files that a case names."""
+    return [folder / one["shape"]["file"] for one in given["body"] if "file" in one["shape"]]
+
+
+def write_mesh(source: Path, path: Path, move: Move | None) -> None:
+    """A copy of a mesh file, its places moved."""
+    if move is None:
+        shutil.copy(source, path)
+        return
+    with contextlib.redirect_stdout(io.StringIO()):  # meshio prints an empty line
+        mesh = meshio.read(source)
+    mesh.points[:, :2] = move(mesh.points[:, :2])
+    meshio.write(path, mesh, file_format="gmsh22", binary=False)
 
 
 def listed(boundaries: str | list[str]) -> list[str]:
     """One boundary, or several, as a list."""
     return [boundaries] if isinstance(boundaries, str) else boundaries
-
-
-def body(name: str, material: str, kind: str, **shape: Any) -> Table:
-    return {"name": name, "material": material, "shape": {"kind": kind, **shape}}
-
-
-def box(name: str, material: str, x: Pair, y: Pair) -> Table:
-    return body(name, material, "rectangle", x=list(x), y=list(y))
-
-
-def polygon(name: str, material: str, points: Sequence[Pair], **shape: Any) -> Table:
-    return body(name, material, "polygon", points=[list(map(float, p)) for p in points], **shape)
-
-
-def held(boundary: str, *directions: str) -> Table:
-    return {"boundary": boundary} | dict.fromkeys(directions or ("ux", "uy"), 0.0)
-
-
-def pinned(name: str, near: Pair, *directions: str) -> Table:
-    return {"body": name, "near": list(near)} | dict.fromkeys(directions or ("ux", "uy"), 0.0)
-
-
-def pair(name: str, slave: str, master: str, friction: float | str = 0.0, **rest: Any) -> Table:
-    return {"name": name, "slave": slave, "master": master, "friction": friction, **rest}
-
-
-def on_plane(name: str, slave: str | list[str], point: Pair, normal: Pair, friction: float = 0.0) -> Table:
-    obstacle = {"kind": "plane", "point": list(point), "normal": list(normal)}
-    return {"name": name, "slave": slave, "obstacle": obstacle, "friction": friction}
-
-
-def on_disk(name: str, slave: str, center: Pair, radius: float, friction: float = 0.0, **rest: Any) -> Table:
-    obstacle = {"kind": "disk", "center": list(center), "radius": radius, **rest}
-    return {"name": name, "slave": slave, "obstacle": obstacle, "friction": friction}
-
-
-def platen(name: str, boundary: str, **rest: Any) -> Table:
-    return {"name": name, "boundary": boundary, "kind": "platen", **rest}
-
-
-def pushed(name: str, obstacle: str, **rest: Any) -> Table:
-    return {"name": name, "obstacle": obstacle, "kind": "obstacle", **rest}
-
-
-def pressed(name: str, boundary: str, pressure: float) -> Table:
-    return {"name": name, "boundary": boundary, "kind": "pressure", "pressure": pressure}
-
-
-def weighed(name: str, body_name: str, x: float, y: float) -> Table:
-    return {"name": name, "body": body_name, "kind": "body-force", "body-force": [x, y]}
-
-
-def probe(name: str, body_name: str, x: float, y: float) -> Table:
-    return {"name": name, "body": body_name, "point": [x, y]}

@@ -120,6 +120,7 @@ class RangeOfValidity:
         tolerance, side = self.options.tolerance, np.sign(self.lam_end - branch.lam[0])
         limit = _LIMIT * tolerance  # between the checked points the residual may be a little larger
         low, high, a = 0.0, np.inf, min(guess, ceiling)
+        power, before = float(branch.order + 1), (0.0, 0.0)
         shortest = self._shortest(branch.x[1], branch.lam[1])
         for _ in range(_MAX_TRIALS):
             if a <= shortest:
@@ -137,14 +138,25 @@ class RangeOfValidity:
                 high = a
             if high <= _BOUND_RATIO * low:
                 break
-            a = min(_next(a, error / tolerance, branch.order, low, high), ceiling)
+            power, before = _growth(before, (a, error), power), (a, error)
+            a = min(_next(a, error / tolerance, power, low, high), ceiling)
         return low
 
 
-def _next(a: float, ratio: float, order: int, low: float, high: float) -> float:
-    """Return the next length to try after ``a``, whose residual is ``ratio`` times the tolerance."""
+def _growth(before: tuple[float, float], after: tuple[float, float], power: float) -> float:
+    """Return the power of the length as which the residual grows between two trials (length, residual): from
+    1 (round-off of the first coefficients) to ``power``, which is kept where it cannot be measured."""
+    (a, error), (b, other) = before, after
+    if not (0.0 < error < np.inf and 0.0 < other < np.inf) or a == b:
+        return power
+    return float(np.clip(np.log(other / error) / np.log(b / a), 1.0, power))
+
+
+def _next(a: float, ratio: float, power: float, low: float, high: float) -> float:
+    """Return the next length to try after ``a``, whose residual is ``ratio`` times the tolerance and grows as
+    ``a**power``."""
     if 0.0 < ratio < np.inf:
-        trial = a * float(np.clip((_AIM / ratio) ** (1.0 / (order + 1)), _SHRINK, _GROW))
+        trial = a * float(np.clip((_AIM / ratio) ** (1.0 / power), _SHRINK, _GROW))
     else:
         trial = a * (_GROW if ratio == 0.0 else _SHRINK)
     if low < trial < high:

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.response.functionals import candidate_rows
+from mlsanm_cli.contact.response.nodal import NodalBasis
 from mlsanm_cli.contact.response.short_waves import slip_fit
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators.linear.superlu import THRESHOLD, elimination_order, factor_in_order
@@ -37,7 +37,10 @@ class System:
         self.bodies = {
             name: Collocation.of(body) if square else body.system for name, body in scene.bodies.items()
         }
-        equations = [body.equations(c.sources[name]) for name, body in self.bodies.items()]
+        equations = [
+            body.equations(sparse.csc_array(c.sources[name] @ c.drivers.matrix))
+            for name, body in self.bodies.items()
+        ]
         stiffness = sparse.csr_array(sparse.block_diag([one.matrix for one in equations]))
         caused = -sparse.vstack([one.sources for one in equations], format="csc")[:, loads:]
         normal, tangential = _relative_motions(built)
@@ -127,7 +130,7 @@ class System:
     def linear(self, f: FloatArray, x: FloatArray) -> FloatArray:
         """M x and the part of C that is due to load factors f (L,)."""
         u, *unknowns = self.split(x, "uqpt")
-        causes, own = np.concatenate([f, *unknowns]), self.built.scene.places
+        causes, own = self.built.condensed.drive((f, *unknowns)), self.built.scene.places
         bodies = [
             body.residual_vector(self.built.condensed.sources[name] @ causes, u[own[name]])
             for name, body in self.bodies.items()
@@ -199,7 +202,8 @@ def _relative_motions(built: CondensedScene) -> list[sparse.csr_array]:
     bodies = built.scene.bodies
     normal, tangential = [], [sparse.csr_array((0, sum(body.model.unknowns for body in bodies.values())))]
     for pairing in built.condensed.pairings:
-        both = zip(*(candidate_rows(body, name, pairing) for name, body in bodies.items()), strict=True)
+        rows = NodalBasis(pairing).both_rows
+        both = zip(*(rows(body, name) for name, body in bodies.items()), strict=True)
         gap, slip = (sparse.csr_array(sparse.hstack(parts)) for parts in both)
         normal.append(gap)
         tangential += [sparse.csr_array(slip_fit(pairing) @ slip)] if pairing.friction else []

@@ -10,7 +10,7 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.contact.geometry.pairing import spacing_ratio
-from mlsanm_cli.contact.laws.active_set import ExactState
+from mlsanm_cli.contact.laws.contact_state import ContactState
 from mlsanm_cli.contact.response.coercivity import contact_stability, stiffness_ratio
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import UnstableError
@@ -32,12 +32,12 @@ COARSER = "larger spacings along the contact, which flexible bodies need"
 
 
 def check_coercivity(
-    case: Case, scene: Scene, condensed: Condensed, ends: Sequence[ExactState], memo: Memo
+    case: Case, scene: Scene, condensed: Condensed, ends: Sequence[ContactState], memo: Memo
 ) -> float:
     """Smallest coercivity estimate of a scene. UnstableError if one is below its limit: results would be
     invalid. Contacts are checked on the nodes that touch in one of the states ``ends``, bodies without such a
     contact by themselves."""
-    closed = np.any([state.active for state in ends], axis=0) if ends else np.zeros(0, dtype=bool)
+    closed = np.any([state.closed for state in ends], axis=0) if ends else np.zeros(0, dtype=bool)
     estimates = _estimates(case, scene, condensed, closed, memo)
     spoken_for = {
         body for pairing in condensed.pairings if pairing.name in estimates for body in pairing.bodies
@@ -54,9 +54,9 @@ def check_coercivity(
     return min(estimates.values()) if estimates else min(bulk.values())
 
 
-def stability_limit(ends: Sequence[ExactState]) -> float:
+def stability_limit(ends: Sequence[ContactState]) -> float:
     """Limit of :func:`check_coercivity` for a scene whose contacts touch as in the states ``ends``."""
-    return CONTACT_LIMIT if any(state.active.any() for state in ends) else BULK_LIMIT
+    return CONTACT_LIMIT if any(state.closed.any() for state in ends) else BULK_LIMIT
 
 
 def check_candidates_coercivity(case: Case, scene: Scene, condensed: Condensed, memo: Memo) -> None:
@@ -70,9 +70,9 @@ def _estimates(
 ) -> dict[str, float]:
     """Estimates of all contacts with ``closed`` nodes (m,). UnstableError if one is too small."""
     loose = {one.name for one in scene.rigid_constraints if one.floats}
-    numbers = [number for number, name in enumerate(scene.bodies) if name in loose]
+    names = [name for name in scene.bodies if name in loose]
     estimates = {
-        pairing.name: _contact(condensed, _bearing(closed, condensed.spans[pairing.name]), numbers, memo)
+        pairing.name: _contact(condensed, _bearing(closed, condensed.spans[pairing.name]), names, memo)
         for pairing in condensed.pairings
         if closed[condensed.spans[pairing.name]].any()
     }
@@ -87,7 +87,7 @@ def _estimates(
     return estimates
 
 
-def _contact(condensed: Condensed, bearing: BoolArray, loose: Sequence[int], memo: Memo) -> float:
+def _contact(condensed: Condensed, bearing: BoolArray, loose: Sequence[str], memo: Memo) -> float:
     key = digest(condensed.content, bearing, list(loose))
     return memo.value("contact stability", key, lambda: contact_stability(condensed, bearing, loose))
 

@@ -19,9 +19,10 @@ from mlsanm_cli.contact.complementarity.problem import ContactStatus
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.geometry.pairing import Pairing, on_grid
-from mlsanm_cli.contact.laws.active_set import ExactState
-from mlsanm_cli.contact.response.condensation import BodyResponses, condense
+from mlsanm_cli.contact.laws.contact_state import ContactState
+from mlsanm_cli.contact.response.condensation import condense
 from mlsanm_cli.contact.response.condensed import Condensed
+from mlsanm_cli.contact.response.responses import BodyResponses
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import Memo
 from mlsanm_cli.roundoff import ROUND_OFF
@@ -47,9 +48,11 @@ ends of contact in all states."""
 Wanted: TypeAlias = Literal["ends", "known", "every", "between"]
 """States at the ends of the stages, of those that had one to start from, all that count, or some on the way
 that show where surfaces touch."""
-Path: TypeAlias = Callable[[Condensed], tuple[ExactState, ...]]
+Path: TypeAlias = Callable[[Condensed], tuple[ContactState, ...]]
 """The states of the path of a condensed scene whose bodies flow, or those up to one at an end of a grid."""
-Search = Callable[[Condensed, Sequence[ContactStatus], Wanted, Sequence[ExactState]], tuple[ExactState, ...]]
+Search = Callable[
+    [Condensed, Sequence[ContactStatus], Wanted, Sequence[ContactState]], tuple[ContactState, ...]
+]
 """The exact states of a condensed scene, searched from sets if there are any; some may be known."""
 
 
@@ -61,7 +64,7 @@ def find_grids(
     search: Search,
     memo: Memo,
     path: Path | None = None,
-) -> tuple[Condensed, tuple[ExactState, ...]] | None:
+) -> tuple[Condensed, tuple[ContactState, ...]] | None:
     """Condense a scene on grids that are wide and fine enough, with the exact states at the ends of its
     stages; None if a contact is too close to a corner, or its range does not converge. The search begins on
     coarse grids over all facing places. If given, it ends with the states of the ``path`` of bodies that
@@ -74,7 +77,7 @@ def find_grids(
     exact = all(one.regularization.law == "exact" and not one.friction for one in case.contact)
     limits = COMPRESSED_LIMITS if exact else DENSE_LIMITS
     responses = resolved = None
-    known: tuple[ExactState, ...] = ()
+    known: tuple[ContactState, ...] = ()
     looked = flows = settled = False
     every, turnings = False, MAX_TURNS * (2 if scene.held_motions else 1)
     condensed: Condensed | None = None
@@ -143,7 +146,7 @@ def find_grids(
     return None
 
 
-def _loaded(states: Sequence[ExactState]) -> list[ExactState]:
+def _loaded(states: Sequence[ContactState]) -> list[ContactState]:
     """States with pressures above round-off of the largest of all."""
     largest = max((float(state.pressure.max(initial=0.0)) for state in states), default=0.0)
     return [state for state in states if state.pressure.max(initial=0.0) > ROUND_OFF * largest]
@@ -152,7 +155,7 @@ def _loaded(states: Sequence[ExactState]) -> list[ExactState]:
 def _turned(
     scene: Scene,
     condensed: Condensed,
-    states: Sequence[ExactState],
+    states: Sequence[ContactState],
     grids: Mapping[str, ContactGrid],
     common: dict[str, float],
 ) -> dict[str, ContactGrid] | None:
@@ -207,7 +210,7 @@ def _on_grids(
 ) -> tuple[Pairing, ...]:
     """Contacts ``pairings`` with pressures on their ``grids``; those on grids ``before`` are kept."""
     return tuple(
-        old if old.grid is grids.get(new.name) else on_grid(new, grids[new.name])
+        old if old.contact_grid is grids.get(new.name) else on_grid(new, grids[new.name])
         for new, old in zip(pairings, before, strict=True)
     )
 
@@ -218,7 +221,7 @@ def _starting_status(pairings: Sequence[Pairing]) -> ContactStatus:
     found = [np.zeros(0, dtype=bool)]
     for pairing in pairings:
         gap = pairing.gap[pairing.candidate]
-        if pairing.grid is None:
+        if pairing.nodal:
             found.append(gap <= gap.min())
             continue
         place, least = pairing.grid.hats.place, int(np.argmin(gap))
@@ -229,15 +232,16 @@ def _starting_status(pairings: Sequence[Pairing]) -> ContactStatus:
     return ContactStatus(np.concatenate(found), sticking, np.zeros(len(sticking)))
 
 
-def _moved(condensed: Condensed, after: Sequence[Pairing], state: ExactState) -> ContactStatus:
+def _moved(condensed: Condensed, after: Sequence[Pairing], state: ContactState) -> ContactStatus:
     """Sets of a state interpolated to other grids."""
     closed, stuck, slip_sign = ([np.zeros(0)] for _ in range(3))
     for old, new in zip(condensed.pairings, after, strict=True):
         span = condensed.spans[old.name]
-        own = [state.active[span].astype(float)]
+        own = [state.closed[span].astype(float)]
         if old.friction:
-            own += [state.stuck[span], np.sign(state.traction[condensed.tangential[old.name]])]
-        if old.grid is not None and new.grid is not None:
+            rubbing = condensed.tangential[old.name]
+            own += [state.status.stuck[rubbing], np.sign(state.traction[rubbing])]
+        if not (old.nodal or new.nodal):
             place, before = new.grid.hats.place, old.grid.hats.place
             own = [np.interp(place, before, values, 0.0, 0.0) for values in own]
         closed.append(own[0])

@@ -26,10 +26,10 @@ def quantities(built: CondensedScene, state: State) -> Quantities:
     condensed = built.condensed
     return {
         "factors": dict(zip(built.scene.loads, state.factors.tolist(), strict=True)),
-        "resultants": {name: force(*state.unknowns) for name, force in condensed.forces.items()},
+        "resultants": {name: force(*state.unknowns) for name, force in condensed.quantities["force"].items()},
         "displacements": platen_displacements(built, state),
         "contacts": {one.name: contact_values(built, one, state) for one in condensed.reported},
-        "probes": {name: probe_values(built, name, state) for name in condensed.probes},
+        "probes": {name: probe_values(built, name, state) for name in condensed.quantities["probe"]},
     }
 
 
@@ -65,7 +65,7 @@ def slave_arc(pairing: Pairing) -> FloatArray:
     """Increasing arc lengths (m,) of a contact's candidates along the slave surface, from its start; on a
     closed surface the first of them is in the first turn."""
     arc, curve = pairing.arc[pairing.candidate], pairing.slave.curve
-    if pairing.grid is not None and not pairing.grid.facing.slave_first:
+    if not pairing.nodal and not pairing.grid.facing.slave_first:
         # Grid places run in the direction of the master, opposite to the slave.
         arc = curve.closest(pairing.points[pairing.candidate])
         arc = np.maximum.accumulate(np.unwrap(arc, period=curve.length) if curve.closed else arc)
@@ -86,7 +86,7 @@ def plates_turned(built: CondensedScene, state: State) -> dict[str, dict[str, fl
     found = {}
     for constraint, motion, angle in _motions(built, state):
         if constraint.held and motion.component == ROTATION:
-            moment = built.condensed.moments[constraint.name](*state.unknowns)[0]
+            moment = built.condensed.quantities["moment"][constraint.name](*state.unknowns)[0]
             found[constraint.name] = {"rotation": angle, "moment": float(moment)}
     return found
 
@@ -107,7 +107,7 @@ def _motions(built: CondensedScene, state: State) -> Iterator[tuple[RigidConstra
 def probe_values(built: CondensedScene, name: str, state: State) -> dict[str, Any]:
     """Displacement (2,), stress xx, yy, xy (3,) and von Mises stress at a probe, in bodies of revolution
     the hoop stress, too."""
-    values = built.condensed.probes[name](*state.unknowns)
+    values = built.condensed.quantities["probe"][name](*state.unknowns)
     body, point = next((probe.body, probe.point) for probe in built.scene.probes if probe.name == name)
     stress, material = values[2:], built.scene.bodies[body].model.material
     across = material.out_of_plane_stress(stress[None], built.scene.degrees(body, state.factors, point))

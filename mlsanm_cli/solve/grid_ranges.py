@@ -10,7 +10,7 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
-from mlsanm_cli.contact.laws.active_set import ExactState
+from mlsanm_cli.contact.laws.contact_state import ContactState
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.roundoff import ROUND_OFF
 
@@ -110,7 +110,7 @@ def ranged(
     condensed: Condensed,
     grids: Mapping[str, ContactGrid],
     ranges: Mapping[str, ContactRange],
-    states: Sequence[ExactState],
+    states: Sequence[ContactState],
     passed: dict[str, FloatArray],
 ) -> dict[str, ContactGrid] | None:
     """Grids with ranges fitted to the contact, and where it ``passed`` on its way; None if it comes to the
@@ -192,7 +192,7 @@ def begun_open(
     condensed: Condensed,
     grids: Mapping[str, ContactGrid],
     ranges: Mapping[str, ContactRange],
-    states: Sequence[ExactState],
+    states: Sequence[ContactState],
 ) -> dict[str, ContactRange]:
     """Grids of closed curves that begin inside a contact, with ranges that begin in the middle of the part
     open in all states; none of those in contact all around. Where a pin will be pressed in its hole is not
@@ -218,13 +218,13 @@ def begun_open(
     return found
 
 
-def _pressed(state: ExactState, span: slice) -> BoolArray:
+def _pressed(state: ContactState, span: slice) -> BoolArray:
     """Mask (m,) of closed places with pressures above round-off; a body without loads touches at one place
     however fine the grid is."""
     nothing = float(state.pressure[span].max(initial=0.0)) <= ZERO_PRESSURE * float(
         state.pressure.max(initial=0.0)
     )
-    return np.zeros_like(state.active[span]) if nothing else state.active[span]
+    return np.zeros_like(state.closed[span]) if nothing else state.closed[span]
 
 
 def _coarse_ends(grid: ContactGrid, places: IntArray) -> BoolArray:
@@ -240,19 +240,17 @@ def _coarse_ends(grid: ContactGrid, places: IntArray) -> BoolArray:
 def passed_beyond(
     condensed: Condensed,
     ranges: Mapping[str, ContactRange],
-    states: Sequence[ExactState],
+    states: Sequence[ContactState],
     passed: dict[str, FloatArray],
 ) -> bool:
     """Whether surfaces touch in some states beyond the ranges of their grids; ``passed`` is then extended to
     the first and last of these places."""
     beyond = False
-    for pairing in condensed.pairings:
+    for pairing in condensed.on_grids if states else ():
         grid, span = pairing.grid, condensed.spans[pairing.name]
-        if grid is None or pairing.bonded or not states:
-            continue
         touched = [pairing.arc[condensed.touched(*one.unknowns)[pairing.name]] for one in states]
         seen = summits(condensed, pairing.name, ranges[pairing.name], states)
-        closed = grid.hats.place[np.any([state.active[span] for state in states], axis=0)]
+        closed = grid.hats.place[np.any([state.closed[span] for state in states], axis=0)]
         places = np.concatenate([closed, seen, *touched])
         if len(places) and (places.min() < grid.first or places.max() > grid.last):
             places = np.concatenate([places, passed.get(pairing.name, places)])
@@ -261,11 +259,12 @@ def passed_beyond(
     return beyond
 
 
-def summits(condensed: Condensed, name: str, room: ContactRange, states: Sequence[ExactState]) -> FloatArray:
+def summits(
+    condensed: Condensed, name: str, room: ContactRange, states: Sequence[ContactState]
+) -> FloatArray:
     """Places (e,) of overlaps in a state away from its contact: summits of a profile between the nodes of a
     grid; within the grid, where halving decides, also places of possible overlaps."""
     pairing = condensed.pairing_of(name)
-    assert pairing.grid is not None
     hats, span, watched = pairing.grid.hats, condensed.spans[name], condensed.watched_of(name)
     places, drawn = room.drawn_gaps
     own = pairing.grid.gap
@@ -281,7 +280,7 @@ def summits(condensed: Condensed, name: str, room: ContactRange, states: Sequenc
     for state in states:
         gap = (condensed.watched(*state.unknowns) + state.shift)[watched]
         moved = np.concatenate([state.gap[span] - own, gap - others])
-        closed = state.active[span]
+        closed = state.closed[span]
         touching = np.pad(closed, 2)
         apart = ~(touching[:-3] | touching[1:-2] | touching[2:-1] | touching[3:])
         shallow = MIN_OVERLAP * float(np.abs(moved[: len(own)][closed]).max(initial=0.0))

@@ -25,8 +25,8 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.complementarity.basis import Ray
-from mlsanm_cli.contact.laws.contact_state import ContactSolution, Linearised
-from mlsanm_cli.contact.laws.coulomb import CoulombState, increment, residual, unloaded
+from mlsanm_cli.contact.laws.contact_state import ContactState, Linearised, residual
+from mlsanm_cli.contact.laws.coulomb import increment, unloaded
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.contact_fields import NearFields
 from mlsanm_cli.contact.response.eigenstress import NOTHING
@@ -69,7 +69,7 @@ class Flow:
 
     factors: FloatArray
     unknowns: FloatArray
-    contact: CoulombState
+    contact: ContactState
     strain: Mapping[str, FloatArray]
     stress: Mapping[str, FloatArray]
     tangent: Mapping[str, FloatArray]
@@ -104,18 +104,17 @@ class ElasticStress:
             solutions = body.system.solve(condensed.sources[name], FUNCTIONAL_TOLERANCE)
         model, grids = body.model, dict[str, FloatArray]()
         z, count = as_complex(model.cloud.points), 3 * len(model.cloud.points)
-        for pairing in condensed.reported:
-            if pairing.grid is None or name not in pairing.bodies:
+        for pairing in condensed.drivers.on_grids:
+            if name not in pairing.bodies:
                 continue
             unit = np.eye(len(pairing.grid.hats.place))
             none = np.zeros_like(unit)
             total = np.zeros((count, 2 * len(unit)))
-            for owner, slave, sign in pairing.sides:
-                if owner == name:
-                    fields = NearFields.at(pairing.grid, model.kernel, slave, z)
-                    parts = [fields(*pair)[1] for pair in ((unit, none), (none, unit))]
-                    near = np.concatenate(parts, axis=2).transpose(1, 0, 2)
-                    total += sign * near.reshape(count, -1)
+            for slave, sign in pairing.sides_of(name):
+                fields = NearFields.at(pairing.grid, model.kernel, slave, z)
+                parts = [fields(*pair)[1] for pair in ((unit, none), (none, unit))]
+                near = np.concatenate(parts, axis=2).transpose(1, 0, 2)
+                total += sign * near.reshape(count, -1)
             grids[pairing.name] = total
         return cls(model, np.stack([_stresses(model, one) for one in solutions.T], axis=1), grids)
 
@@ -185,7 +184,7 @@ class PlasticScene:
             if now.error <= tolerance:
                 return replace(now, updates=updates, products=products)
             try:
-                linear = Linearised(self.built.condensed, now.contact.sets)
+                linear = Linearised(self.built.condensed, now.contact.status)
             except Ray as error:
                 raise FlowError("the contact slides as a whole while bodies flow") from error
             change, count = gmres(partial(self._product, now, linear), now.misfit, forcing)
@@ -210,20 +209,18 @@ class PlasticScene:
             part *= 0.5
         raise FlowError("plastic strains do not settle")
 
-    def _trial(self, before: Flow, factors: FloatArray, unknowns: FloatArray, guess: CoulombState) -> Flow:
+    def _trial(self, before: Flow, factors: FloatArray, unknowns: FloatArray, guess: ContactState) -> Flow:
         """The state for eigenstresses ``unknowns`` (u,), with the contact set searched from a ``guess``."""
         scene, stresses = self.built.scene, dict(self._split(unknowns))
         condensed = self._eigen.within(self.built.condensed, stresses)
-        contact = increment(condensed, before.contact, factors, guess=guess.sets)
+        contact = increment(condensed, before.contact, factors, guess=guess.status)
         if contact is None:
             raise FlowError("no contact state balances the loads")
-        v = contact.values
-        drive = factors, v.motion, v.pressure, v.traction
         strain, stress, tangent, history, work, misfits = {}, {}, {}, {}, {}, []
         size = 0.0
         for name, body in self.bodies.items():
             law, model = self.laws[name], body.model
-            elastic = self._elastic[name](condensed, drive)
+            elastic = self._elastic[name](condensed, contact.unknowns)
             whole = np.zeros((len(elastic), 4))
             whole[:, PLANE] = np.linalg.solve(model.material.stiffness, elastic.T).T
             degrees = scene.degrees(name, factors)
@@ -249,7 +246,7 @@ class PlasticScene:
 
     def growth(self, now: Flow, change: FloatArray) -> float:
         """Strains per change of load factors (L,) over those of elastic bodies; unbounded at a limit load."""
-        linear, none = Linearised(self.built.condensed, now.contact.sets), np.zeros(len(now.unknowns))
+        linear, none = Linearised(self.built.condensed, now.contact.status), np.zeros(len(now.unknowns))
         elastic, flowed = self._response(now, linear, none, change)
         unknowns = gmres(partial(self._product, now, linear), self._root * flowed, LARGEST_FORCING)[0]
         plastic = self._response(now, linear, unknowns / self._root, change)[0]
@@ -267,14 +264,12 @@ class PlasticScene:
         With fits B+ of the next degree stresses change by D (B+ - B) u, and their divergence by that of the
         better fits of nodal stresses. Raises NumericalError if the cloud is too small for these.
         """
-        scene, v = self.built.scene, now.contact.values
-        stresses = dict(self._split(now.unknowns))
+        scene, stresses = self.built.scene, dict(self._split(now.unknowns))
         condensed = self._eigen.within(self.built.condensed, stresses)
-        drive = now.factors, v.motion, v.pressure, v.traction
         defect, more = np.zeros(len(now.unknowns)), {}
         for name, body in self.bodies.items():
             model, better = body.model, self._better[name]
-            moved = condensed.solution(scene, name, drive)[0].reshape(-1, 2)
+            moved = condensed.solution(scene, name, now.contact.unknowns)[0].reshape(-1, 2)
             less = stress_of(model.stencils.derivatives(moved) - better.at_nodes(moved), np.eye(3))
             tangent = now.tangent[name][:, PLANE][:, :, PLANE]
             defect[self._places[name]] = np.einsum("nij,nj->ni", tangent, less).T.ravel()
@@ -282,14 +277,12 @@ class PlasticScene:
             lost = model.stress_divergence(stress) - divergence_of_stress(better.at_nodes(stress))
             more[name] = np.zeros(body.rows)
             more[name][: lost.size] = lost.T.ravel()
-        linear, none = Linearised(self.built.condensed, now.contact.sets), np.zeros(len(now.factors))
+        linear, none = Linearised(self.built.condensed, now.contact.status), np.zeros(len(now.factors))
         flowed = self._response(now, linear, defect, none, more)[1]
         change = gmres(partial(self._product, now, linear), self._root * flowed, LARGEST_FORCING)[0]
-        condensed, v = self._linearly(linear, defect + change / self._root, none, more)
-        drive = none, v.motion, v.pressure, v.traction
-        return self.size(
-            {name: condensed.solution(scene, name, drive)[0].reshape(-1, 2) for name in self.bodies}
-        )
+        condensed, found = self._linearly(linear, defect + change / self._root, none, more)
+        solved = {name: condensed.solution(scene, name, found.unknowns)[0] for name in self.bodies}
+        return self.size({name: one.reshape(-1, 2) for name, one in solved.items()})
 
     @cached_property
     def _better(self) -> dict[str, NextDegree]:
@@ -307,13 +300,14 @@ class PlasticScene:
         unknowns: FloatArray,
         factors: FloatArray,
         more: Mapping[str, FloatArray] = NOTHING,
-    ) -> tuple[Condensed, ContactSolution]:
+    ) -> tuple[Condensed, ContactState]:
         """The scene without initial gaps under eigenstresses ``unknowns`` (u,) and ``more`` right-hand sides
         (r,), and the response of the contacts to both and to load ``factors`` (L,)."""
         condensed = self._eigen.within(self._linear, dict(self._split(unknowns)), quick=True, more=more)
         rows = condensed.unscaled_rows(factors)
         m, n = len(condensed.gap.constant), len(condensed.slip.constant)
-        return condensed, linear.response(rows[:m], rows[m : m + n], rows[m + n :])
+        response = linear.response(rows[:m], rows[m : m + n], rows[m + n :])
+        return condensed, replace(response, factors=factors)
 
     def _response(
         self,
@@ -325,12 +319,11 @@ class PlasticScene:
     ) -> tuple[dict[str, FloatArray], FloatArray]:
         """Changes of strains (n, 3) by body by those of eigenstresses ``unknowns`` (u,), load ``factors``
         (L,) and ``more`` right-hand sides (r,), and the eigenstresses (u,) that the return map adds."""
-        condensed, v = self._linearly(linear, unknowns, factors, more)
-        drive = factors, v.motion, v.pressure, v.traction
+        condensed, found = self._linearly(linear, unknowns, factors, more)
         strains, parts = dict[str, FloatArray](), list[FloatArray]()
         for name, body in self.bodies.items():
             model, tangent = body.model, now.tangent[name][:, PLANE][:, :, PLANE]
-            elastic = self._elastic[name](condensed, drive)
+            elastic = self._elastic[name](condensed, found.unknowns)
             strain = np.asarray(elastic @ np.linalg.inv(model.material.stiffness), dtype=np.float64)
             strains[name] = strain
             parts.append((elastic - np.einsum("nij,nj->ni", tangent, strain)).T.ravel())

@@ -181,6 +181,16 @@ def test_load_control_says_that_it_cannot_pass_a_fold() -> None:
     assert 0.99 < steps[-1].lam <= 1.0 + 1e-8
 
 
+def test_round_off_of_the_tangent_shortens_steps_only() -> None:
+    """First coefficients off by 3e-8 leave residuals that grow linearly, not as the power N + 1."""
+
+    class Inexact(Scalar):
+        def matrix(self, x: FloatArray) -> FloatArray:
+            return super().matrix(x) * (1.0 + 3e-8)
+
+    assert walked(Inexact(0.0, 1.0, 0.01), np.zeros(1), 0.0, 3.0, AnmOptions(tolerance=1e-8))
+
+
 def test_no_trial_leaves_the_admissible_region() -> None:
     problem = watched(1e-4, 3)  # asserts so itself
     follower = follow(problem, problem.guess, 0.0, 1.0, NewtonOptions())

@@ -145,7 +145,7 @@ def sliding_distance(
 def contact_summary(built: CondensedScene, pairing: Pairing, state: State) -> dict[str, Any]:
     """The figures of a contact, with those of the reference solution if the case has one."""
     values = contact_values(built, pairing, state)
-    pressure, force = values["pressure"], built.condensed.contact_forces[pairing.name](*state.unknowns)
+    pressure, force = values["pressure"], built.condensed.quantities["contact"][pairing.name](*state.unknowns)
     if pairing.bonded:
         return {
             "peak_pressure": float(pressure.max(initial=0.0)),

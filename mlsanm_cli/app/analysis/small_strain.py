@@ -47,7 +47,7 @@ from mlsanm_cli.memo import digest
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.solve.coercivity import stability_limit
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.fields import NO_STARTS, fields_of
+from mlsanm_cli.solve.fields import fields_of
 from mlsanm_cli.solve.functionals import cone_ratio, plates_turned, quantities, slave_arc
 from mlsanm_cli.solve.limit_loads import at_limit
 from mlsanm_cli.solve.paths import load_path
@@ -71,9 +71,8 @@ def set_up(
     """Condenses the scene, refined as the case requires or by a ``refinement`` found before. Raises
     NumericalError for a scene that cannot be set up."""
     adapted = adapt(case, prepared, context, refinement)
-    nodal = [pairing for pairing in adapted.built.condensed.pairings if pairing.grid is None]
     verdicts.judge(refinement_pass(adapted.refinement))
-    verdicts.judge(nodal_contacts(adapted.prepared, nodal, adapted.prepared.models))
+    verdicts.judge(nodal_contacts(adapted.prepared, adapted.built.condensed.nodal, adapted.prepared.models))
     return adapted
 
 
@@ -102,7 +101,7 @@ class SmallStrain(Analysis):
     def _starts(self) -> Mapping[str, Any]:
         """Approximate solutions by body, from the error estimate."""
         if self._adapted is None:
-            return NO_STARTS
+            return NOTHING
         return {name: body.solution for name, body in self._adapted.accuracy.bodies.items()}
 
     def set_up(self, verdicts: Verdicts) -> None:
@@ -146,7 +145,7 @@ class SmallStrain(Analysis):
 
     def forces(self, state: State) -> Mapping[str, FloatArray]:
         condensed = self._at(state).condensed
-        maps = {**condensed.contact_forces, **condensed.forces}
+        maps = {**condensed.quantities["contact"], **condensed.quantities["force"]}
         return {name: force(*state.unknowns) for name, force in maps.items()}
 
     def judge(self, last: State, tally: dict[str, Any]) -> Iterator[Check]:
@@ -217,9 +216,9 @@ class SmallStrain(Analysis):
 
     def model_datasets(self) -> dict[str, Value]:
         datasets, bonds = super().model_datasets(), self._built.condensed.bonds
-        for name, own in bonds.spans.items() if bonds.pairings else ():
-            pair = (bonds.pressure.take(own), bonds.traction.take(own))
-            datasets[place("maps", "bonds", name)] = np.concatenate([one.matrix for one in pair])
+        for name, own in bonds.spans.items():
+            both = [part[own] for part in np.split(bonds.tractions.matrix, 2)]
+            datasets[place("maps", "bonds", name)] = np.concatenate(both)
         return datasets
 
     @property
@@ -232,7 +231,8 @@ class SmallStrain(Analysis):
     def series_maps(self) -> dict[str, Value]:
         condensed = self._built.condensed
         slips = {name: condensed.slip.take(own) for name, own in condensed.tangential.items()}
-        kinds = (("forces", condensed.forces), ("slip", slips), ("probes", condensed.probes))
+        forces, probes = (condensed.quantities[kind] for kind in ("force", "probe"))
+        kinds = (("forces", forces), ("slip", slips), ("probes", probes))
         return {place("maps", kind, name): one.matrix for kind, maps in kinds for name, one in maps.items()}
 
     def quantities(self, state: State) -> Quantities:
@@ -318,7 +318,7 @@ class SmallStrain(Analysis):
             | {"max_cone_ratio": cone.get(one.name), "force_mismatch": lost.get(one.name)}
             for one in built.condensed.reported
         }
-        plates = {"plates": plates_turned(built, state)} if built.condensed.moments else {}
+        plates = {"plates": plates_turned(built, state)} if built.condensed.quantities["moment"] else {}
         return (
             plates
             | flow_figures(built, state)

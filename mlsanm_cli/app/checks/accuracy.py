@@ -18,7 +18,6 @@ import numpy as np
 from mlsanm_cli.app.checks.ended import EnergyErrors
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import finer_nodes
-from mlsanm_cli.contact.complementarity.problem import STICK
 from mlsanm_cli.contact.geometry.grid import l2
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.laws.accuracy import (
@@ -26,10 +25,10 @@ from mlsanm_cli.contact.laws.accuracy import (
     changes_of,
     frozen_change,
     halved_state,
-    rough_state,
     roughness_of,
 )
-from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
+from mlsanm_cli.contact.laws.contact_state import ContactState
+from mlsanm_cli.contact.laws.frictionless import solve_exact
 from mlsanm_cli.contact.response.bonds import Bonds
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.errors import NumericalError
@@ -67,7 +66,7 @@ class Accuracy:
     displacement: float | None
     from_bulk: Mapping[str, float | None]
     from_contact: Mapping[str, float | None]
-    state: ExactState
+    state: ContactState
     largest: float | None = None
     bodies: Mapping[str, Corrected] = field(default_factory=dict)
     deflection: float = 0.0
@@ -99,7 +98,7 @@ class Accuracy:
 
     def _at(self, built: CondensedScene, probe: str) -> float:
         """Relative error of the displacement at a probe."""
-        moved = float(np.hypot(*built.condensed.probes[probe](*self.state.unknowns)[:2]))
+        moved = float(np.hypot(*built.condensed.quantities["probe"][probe](*self.state.unknowns)[:2]))
         size = max(moved, LEAST_MOVED * (self.largest or 0.0))
         return float(np.hypot(self.probes[probe] / size, self.deflection)) if size > 0.0 else 0.0
 
@@ -142,9 +141,8 @@ def assess_accuracy(built: CondensedScene) -> Accuracy:
         return after.motion - state.motion, after.pressure - state.pressure, np.zeros_like(state.traction)
 
     try:
-        halved = halved_state(condensed, state) if _has_nodal_pressures(built) else None
-        rough = rough_state(condensed, scene, state, bodies).pressure - state.pressure
-        return _estimated(built, state, bodies, moved, rough, halved)
+        halved = halved_state(condensed, state) if condensed.nodal else None
+        return _estimated(built, state, bodies, moved, halved)
     except NumericalError as error:  # the corrected scene has no contact state
         hint = finer_nodes(built.case, scene.bodies)
         missing = f"with bodies corrected for their errors, {error.message}; {hint}"
@@ -157,33 +155,25 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo:
     condensed = built.condensed
     if not len(condensed.friction_nodes) or not state.closed.any():
         return accuracy
-    values = (state.factors, state.pressure, state.gap, state.motion, state.traction)
-    last = ExactState(*values, state.closed, state.status == STICK, 0, state.residual)
+    last = state.contacts(condensed.friction_nodes)
+
+    def moved(by: Changes) -> Moved:
+        change = frozen_change(condensed, last, by)
+        return change.motion, change.pressure, change.traction
+
     try:
         bodies = _corrected(built, state.unknowns, memo)
-        rough = _frozen(built, last, roughness_of(condensed, built.scene, bodies))[1]
-        halved = _halved(built, last)
-        return _estimated(built, last, bodies, partial(_frozen, built, last), rough, halved)
+        return _estimated(built, last, bodies, moved, _halved(built, last))
     except NumericalError as error:  # a cloud too small for the next degree, or a singular contact
         return replace(accuracy, missing=error.advice)
 
 
-def _frozen(built: CondensedScene, state: ExactState, by: Changes) -> Moved:
-    """Response of the contact, with its status as it is, to changes ``by`` something else."""
-    condensed = built.condensed
-    # The residual gaps of a regularised law are no error of the bodies.
-    gaps = np.where(state.active, 0.0, state.gap)
-    stuck = state.stuck[condensed.friction_nodes]
-    change = frozen_change(condensed, state.pressure, state.traction, gaps, state.active, stuck, by)
-    return change.motion, change.pressure, change.traction
-
-
-def _halved(built: CondensedScene, state: ExactState) -> Halved | None:
+def _halved(built: CondensedScene, state: ContactState) -> Halved | None:
     """Motions and pressures from every second node, with the tractions of the state as loads and motions
     along the contacts, which friction resists, as they are; None if there is no contact with nodal pressures,
     or no solution."""
     condensed = built.condensed
-    if not _has_nodal_pressures(built):
+    if not condensed.nodal:
         return None
     across, along = (
         np.abs(linear.motion).max(axis=0, initial=0.0) for linear in (condensed.gap, condensed.slip)
@@ -212,16 +202,15 @@ def _halved(built: CondensedScene, state: ExactState) -> Halved | None:
 
 def _estimated(
     built: CondensedScene,
-    state: ExactState,
+    state: ContactState,
     bodies: Mapping[str, Corrected],
     moved: Callable[[Changes], Moved],
-    rough: FloatArray,
     halved: Halved | None,
 ) -> Accuracy:
     """The estimates of a ``state``: from the corrections of ``bodies``, by which contacts have ``moved``, of
-    what these may miss, from pressures ``rough`` (m,) without smoothing, and from nodal contacts of half as
-    many nodes."""
+    what these may miss, without smoothing, and from nodal contacts of half as many nodes."""
     condensed, scene, parts = built.condensed, built.scene, [bodies]
+    rough = moved(roughness_of(condensed, scene, bodies))[1]
     if any(one.uncertain.any() for one in bodies.values()):
         parts.append({name: one.missed for name, one in bodies.items()})
     effects, pressures = [], []
@@ -249,7 +238,7 @@ def _estimated(
 
 
 def _effects(
-    built: CondensedScene, bodies: Mapping[str, Corrected], state: ExactState, bonds: Bonds, moved: Moved
+    built: CondensedScene, bodies: Mapping[str, Corrected], state: ContactState, bonds: Bonds, moved: Moved
 ) -> list[float]:
     """Effects of the changes of ``bodies``, of ``bonds`` and of what has ``moved``: on all displacements
     (L2), on that at each probe, and on the force of each contact over the sum of its pressures."""
@@ -266,7 +255,7 @@ def _effects(
         values = scene.bodies[probe.body].model.values(probe.point, rests[probe.body])
         effects.append(float(np.hypot(*(values + near)[0])))
     for pairing in condensed.pairings:
-        force, span = condensed.contact_forces[pairing.name], condensed.spans[pairing.name]
+        force, span = condensed.quantities["contact"][pairing.name], condensed.spans[pairing.name]
         size = float(condensed.areas[span] @ state.pressure[span])
         apart = float(np.hypot(*(force(*unknowns) - force.constant)))
         effects.append(apart / size if _is_pressed(state, span) else 0.0)
@@ -287,11 +276,6 @@ def _corrected(
     return found
 
 
-def _has_nodal_pressures(built: CondensedScene) -> bool:
-    """Whether a contact has no contact grid."""
-    return any(pairing.grid is None for pairing in built.condensed.pairings)
-
-
 def _largest_of(displacements: list[FloatArray]) -> float:
     """Largest of the ``displacements`` (N, 2) of all bodies."""
     return max(float(np.hypot(*u.T).max()) for u in displacements)
@@ -299,7 +283,7 @@ def _largest_of(displacements: list[FloatArray]) -> float:
 
 def _pressure_errors(
     built: CondensedScene,
-    state: ExactState,
+    state: ContactState,
     corrected: Sequence[FloatArray],
     rough: FloatArray,
     halved: Halved | None,
@@ -313,7 +297,7 @@ def _pressure_errors(
             *(distance(built, pair, state, one) for one in corrected),
             distance(built, pair, state, state.pressure + ROUGH_SHARE * rough),
         )
-        if pair.grid is not None:
+        if not pair.nodal:
             errors = grid_errors(built.condensed, pair.name, [state])
             from_contact[pair.name] = float(np.linalg.norm(errors))
         else:
@@ -322,7 +306,7 @@ def _pressure_errors(
 
 
 def distance(
-    built: CondensedScene, pairing: Pairing, state: ExactState, pressure: FloatArray
+    built: CondensedScene, pairing: Pairing, state: ContactState, pressure: FloatArray
 ) -> float | None:
     """Relative L2 distance of the pressures of a contact from the exact ones; None without pressure over a
     length."""
@@ -333,7 +317,7 @@ def distance(
     return l2(arc, pressure[span] - exact) / l2(arc, exact)
 
 
-def _is_pressed(state: ExactState, span: slice) -> bool:
+def _is_pressed(state: ContactState, span: slice) -> bool:
     """Whether the pressures of a contact are more than round-off of those of others."""
     return bool(state.pressure[span].max(initial=0.0) > COARSE_ROUND_OFF * state.pressure.max(initial=0.0))
 

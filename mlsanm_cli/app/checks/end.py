@@ -81,8 +81,8 @@ def held_motion(end: End) -> Iterator[Check]:
     turned = turns(built.scene, built.condensed, built.ends[-1])
     angles = [
         (abs(turned[pairing.name] - pairing.grid.facing.turn), sorted(held & set(pairing.bodies)))
-        for pairing in built.condensed.pairings
-        if pairing.grid is not None and pairing.name in turned and held & set(pairing.bodies)
+        for pairing in built.condensed.on_grids
+        if pairing.name in turned and held & set(pairing.bodies)
     ]
     if angles:
         angle, bodies = max(angles)
@@ -153,7 +153,7 @@ def estimates(built: CondensedScene, figures: Mapping[str, Any], missing: str) -
         name, bodies = pairing.name, pairing.bodies
         if name in figures.get("force", {}):
             yield force_estimate("force_error", case, name, built.scene.bodies, figures["force"][name])
-        finer = f" and a smaller contact.{name}.accuracy" if pairing.grid and pairing.friction else ""
+        finer = f" and a smaller contact.{name}.accuracy" if pairing.friction and not pairing.nodal else ""
         error = figures["pressure"].get(name)
         yield from pressure_estimate(pressure_limit(pairing), case, name, bodies, error, finer)
 
@@ -161,8 +161,7 @@ def estimates(built: CondensedScene, figures: Mapping[str, Any], missing: str) -
 def pressure_limit(pairing: Pairing) -> str:
     """Limit of the estimated error of pressures: the lower one for frictionless contacts with contact grids,
     whose errors are those of bodies that are too coarse."""
-    smooth = pairing.grid is not None and not pairing.friction
-    return "pressure_error" if smooth else "rough_pressure_error"
+    return "rough_pressure_error" if pairing.nodal or pairing.friction else "pressure_error"
 
 
 def estimate_limits(condensed: Condensed) -> dict[str, Any]:
@@ -172,5 +171,5 @@ def estimate_limits(condensed: Condensed) -> dict[str, Any]:
         "displacement": displacement,
         "pressure": {one.name: level(pressure_limit(one)) for one in condensed.pairings},
         "force": {one.name: level("force_error") for one in condensed.pairings},
-        "probes": dict.fromkeys(condensed.probes, displacement),
+        "probes": dict.fromkeys(condensed.quantities["probe"], displacement),
     }

@@ -55,9 +55,7 @@ def pressed_spacings(end: End) -> Iterator[Check]:
     """Spacings of surfaces with nodal pressures in contact: pressures of too different ones look
     plausible."""
     clouds = {name: body.model.cloud for name, body in end.built.scene.bodies.items()}
-    for pairing in end.built.condensed.pairings:
-        if pairing.grid is not None:
-            continue
+    for pairing in end.built.condensed.nodal:
         closed, place = np.zeros_like(pairing.candidate), f"contact {pairing.name}"
         closed[pairing.candidate] = end.last.closed[end.built.condensed.spans[pairing.name]]
         ratio = spacing_ratio(replace(pairing, candidate=closed), clouds)

@@ -28,11 +28,10 @@ from mlsanm_cli.solve.state import UNLOADED, Fields, State
 
 def force_balance(built: CondensedScene, state: State) -> dict[str, float]:
     """Resultant of all forces on each body over the largest force on it, in a state."""
-    unbalanced = built.condensed.imbalance(*state.unknowns).reshape(-1, 2)
     per_body = {}
-    for number, name in enumerate(built.scene.bodies):
+    for name, unbalanced in built.condensed.quantities["imbalance"].items():
         largest = max(largest_force(built, name, state.unknowns), least_force(built, name))
-        size = float(np.hypot(*unbalanced[number]))
+        size = float(np.hypot(*unbalanced(*state.unknowns)))
         per_body[name] = 0.0 if largest == 0.0 else size / largest
     return per_body
 
@@ -50,7 +49,7 @@ def largest_force(built: CondensedScene, body: str, unknowns: Sequence[FloatArra
         if body in pairing.bodies:
             size = np.hypot(*condensed.bonds.values(pairing.name, unknowns))
             sizes.append(float(pairing.areas[pairing.candidate] @ size))
-    maps = [condensed.forces[load.name] for load in built.case.load if body in load.owners]
+    maps = [condensed.quantities["force"][load.name] for load in built.case.load if body in load.owners]
     sizes += [abs(factors[number]) * size for number, size in built.scene.sizes[body]]
     sizes.append(built.scene.heat_force(body, factors))
     return float(np.max([*sizes, *(np.hypot(*force(*unknowns)) for force in maps)]))
@@ -71,7 +70,7 @@ def force_mismatch(built: CondensedScene, state: State) -> dict[str, float]:
     found = {}
     for name, span in built.condensed.spans.items():
         pressed = float(built.condensed.areas[span] @ np.abs(state.pressure[span]))
-        lost = float(np.hypot(*built.condensed.mismatches[name](*state.unknowns)))
+        lost = float(np.hypot(*built.condensed.quantities["mismatch"][name](*state.unknowns)))
         found[name] = lost / pressed if pressed else 0.0
     return found
 
@@ -169,11 +168,9 @@ def _deflection(built: CondensedScene, errors: Mapping[str, float], fields: Mapp
 
 def _on_single_nodes(built: CondensedScene, state: State) -> dict[str, float]:
     """F^2/E' of the reactions at the single nodes that hold a body, which share them equally."""
-    sums = built.condensed.sums
-    if sums is None:
-        return dict.fromkeys(built.scene.bodies, 0.0)
-    forces, found = sums(*state.unknowns).reshape(-1, 2), {}
-    for force, (name, body) in zip(forces, built.scene.bodies.items(), strict=True):
+    found = {}
+    for name, body in built.scene.bodies.items():
+        force = built.condensed.quantities["sum"][name](*state.unknowns)
         contact_compliance = body.model.material.contact_compliance(np.eye(2))
         held = single_nodes(built.case, name, body.model.cloud)
         counts = [max(1, sum(component == axis for _, component in held)) for axis in (0, 1)]
@@ -189,9 +186,7 @@ def _near_work(built: CondensedScene, state: State) -> dict[str, float]:
     gap = condensed.gap.pressure @ state.pressure + condensed.gap.traction @ state.traction
     slip = condensed.slip.pressure @ state.pressure + condensed.slip.traction @ state.traction
     found = dict.fromkeys(built.scene.bodies, 0.0)
-    for pairing in condensed.pairings:
-        if pairing.grid is None:
-            continue
+    for pairing in condensed.on_grids:
         span = condensed.spans[pairing.name]
         work = float(condensed.areas[span] @ (state.pressure[span] * gap[span]))
         if pairing.name in condensed.tangential:

@@ -197,7 +197,7 @@ def _left_out(
             if closed is None:
                 unbounded.append(there[[0, -1]])
                 touching[NEIGHBORHOOD].append(there)
-            elif pairing.grid is None:
+            elif pairing.nodal:
                 touching[NEIGHBORHOOD].append(there[closed])
             else:
                 touching[BESIDE_GRID] += _pressed(pairing.grid, closed, slave, float(cloud.spacing.min()))

@@ -11,8 +11,8 @@ import numpy as np
 from mlsanm_cli.app.checks.check import Check, Verdicts, all_of
 from mlsanm_cli.app.checks.limits import level
 from mlsanm_cli.app.context import RunContext
-from mlsanm_cli.app.scene import pulls
 from mlsanm_cli.app.scene.assemble import SceneModel
+from mlsanm_cli.app.scene.condense import pulling_loads
 from mlsanm_cli.app.scene.corners import planes_of
 from mlsanm_cli.app.scene.load_profiles import amounts_at, runs_of
 from mlsanm_cli.app.scene.refinement import Refinement
@@ -244,7 +244,7 @@ def load_resolution(model: Quality) -> Iterator[Check]:
         if isinstance(load, Temperature | BodyForce | Centrifugal):
             spans = [cloud.triangles]
         else:
-            names = model.prepared.boundaries.names(load.place)
+            names = model.prepared.boundaries.names[load.place]
             indices = [cloud.surfaces[name].index for name in names]
             # Only inside of surfaces: tractions may be discontinuous at their ends.
             spans = [np.stack([index[1:-2], index[2:-1]], axis=1) for index in indices if len(index) > 3]
@@ -283,7 +283,7 @@ def loaded_length(model: Quality) -> Iterator[Check]:
     for load in model.case.load:
         if not isinstance(load, Pressure | Traction) or load.ends is None:
             continue
-        surfaces, names = model.clouds[load.owner].surfaces, model.prepared.boundaries.names(load.place)
+        surfaces, names = model.clouds[load.owner].surfaces, model.prepared.boundaries.names[load.place]
         found = sum(surfaces[name].curve.length for name in names)
         body = next(one for one in model.case.body if one.name == load.owner)
         wanted = sum(run.part.length for run in runs_of(body.shape, load.place))
@@ -348,7 +348,7 @@ def moduli(model: Quality) -> Iterator[Check]:
 
 def pulled_apart(model: Quality) -> Iterator[Check]:
     """Loads of the wrong sign."""
-    for load, body, contact in pulls.pulled_apart(model.case, model.prepared.pairings):
+    for load, body, contact in pulling_loads(model.case, model.prepared.pairings):
         message = f"load {load} pulls {body} away from contact {contact}, which alone holds it"
         yield Check("pulled_apart", 1.0, message, "change its sign", f"load {load}")
 

@@ -32,13 +32,14 @@ from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.build import place
+from mlsanm_cli.app.scene.clouds import spacing_of
 from mlsanm_cli.app.scene.condense import condense_scene
-from mlsanm_cli.app.scene.condition_sizes import spacing_of
 from mlsanm_cli.app.scene.refinement import Refinement, has_automatic_spacings
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
 from mlsanm_cli.cloud.spacing import Zone, cover
+from mlsanm_cli.contact.complementarity.problem import STICK
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.geometry.profile import Patch, contact_patches, half_width
 from mlsanm_cli.errors import NumericalError
@@ -258,14 +259,15 @@ def found_patches(built: CondensedScene, rule: Rule) -> Iterator[Patch]:
     for state in built.ends:
         for pairing in built.condensed.pairings:
             span = built.condensed.spans[pairing.name]
-            patches = contact_patches(pairing, state.active[span], _corners(built, pairing))
+            patches = contact_patches(pairing, state.closed[span], _corners(built, pairing))
             closed = [patch for patch in patches if len(patch.edges)]
             yield from closed
             if any((patch.uncertainty > EDGE_TOLERANCE * patch.half_width).any() for patch in closed):
                 continue
             # Single sticking nodes among sliding ones are no zone.
             least = MIN_STICK_ZONE * max((patch.half_width for patch in closed), default=np.inf)
-            for patch in contact_patches(pairing, state.stuck[span]):
+            stuck = state.status.status(built.condensed.friction_nodes)[span] == STICK
+            for patch in contact_patches(pairing, stuck):
                 if patch.half_width > least and len(patch.edges):
                     yield replace(patch, finest=max(rule.at_edge / STICK_REFINEMENT, 1.0))
 

@@ -10,8 +10,8 @@ import numpy as np
 from mlsanm_cli.app.checks.check import Check
 from mlsanm_cli.app.checks.limits import level
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.complementarity.equilibrium import undetermined
 from mlsanm_cli.contact.complementarity.problem import GRAZING, STICK, ContactStatus
-from mlsanm_cli.contact.complementarity.uniqueness import undetermined
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.direction_updates import turned_by_loads
 from mlsanm_cli.solve.limit_loads import moving_bodies
@@ -77,7 +77,8 @@ def body_rotation(built: CondensedScene, state: State) -> Iterator[Check]:
     turned = turned_by_loads(built.scene, built.condensed, state.unknowns[1:], sets)
     if turned is not None and turned.error:
         # Where all nodes slip, as in a disk that settles in a groove, nothing resists a rotation further.
-        turned = turned_by_loads(built.scene, built.condensed, state.unknowns[1:], sets.resting(nodes))
+        sets = built.condensed.problem.touching(state.closed)
+        turned = turned_by_loads(built.scene, built.condensed, state.unknowns[1:], sets)
     if turned is not None:
         farther = "with forces at their displaced positions"
         message = (
@@ -102,8 +103,7 @@ def uniqueness(built: CondensedScene, state: State) -> Iterator[Check]:
     if built.case.is_regularized or not len(condensed.friction_nodes):
         return
     problem, nodes = condensed.problem, condensed.friction_nodes
-    stuck = state.status[nodes] == STICK
-    status = ContactStatus.with_tractions(state.closed, stuck, state.traction, nodes)
+    status = state.contacts(nodes).status
     x = np.concatenate([state.pressure, state.traction, state.motion]) / problem.columns
     acting = condensed.balance.load[:, state.factors != 0.0].T
     motion = undetermined(problem, status, x, acting * problem.columns[problem.contacts :])
@@ -179,8 +179,8 @@ def node_fields(built: CondensedScene, found: Diagnosis) -> dict[str, dict[str, 
     for body, elastic in built.scene.bodies.items():
         count = len(elastic.model.cloud.points)
         fields[body] = {name: np.full(count, np.nan) for name in found} | {"worst": np.zeros(count)}
-        for pairing in built.condensed.pairings:
-            if pairing.slave_body != body or pairing.grid is not None:
+        for pairing in built.condensed.nodal:
+            if pairing.slave_body != body:
                 continue
             nodes, span = pairing.node[pairing.candidate], built.condensed.spans[pairing.name]
             # A node of several contacts shows the one with the larger residual.

@@ -10,9 +10,8 @@ import numpy as np
 
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.contact_pairs import shape_of
-from mlsanm_cli.app.scene.corners import ends_of
+from mlsanm_cli.app.scene.corners import ends_of, void_center
 from mlsanm_cli.app.scene.materials import laws_of
-from mlsanm_cli.app.scene.void import void_center
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Displacement, ObstacleMotion, Place, Platen, Pressure
 from mlsanm_cli.cloud.cells import FINE, Halves
@@ -201,7 +200,7 @@ def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
     held |= {load.name: (load.place,) for load in case.load if isinstance(load, Displacement)}
     held |= {load.name: tuple(load.places) for load in case.load if isinstance(load, Platen)}
     supports = {
-        label: tuple((place.body, name) for place in places for name in boundaries.names(place))
+        label: tuple((place.body, name) for place in places for name in boundaries.names[place])
         for label, places in held.items()
     }
     scene = FiniteScene(case, bodies, stage_factors(case), supports, prepared.probes, solver, contacts)

@@ -14,11 +14,11 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.app.scene.boundaries import Boundaries
-from mlsanm_cli.app.scene.condition_sizes import spacing_of
+from mlsanm_cli.app.scene.clouds import spacing_of
 from mlsanm_cli.arrays import runs_of
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.spacing import Zone
-from mlsanm_cli.contact.laws.active_set import ExactState
+from mlsanm_cli.contact.laws.contact_state import ContactState
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.eigenstress import values_at
@@ -72,12 +72,10 @@ def finer_views(built: CondensedScene, boundaries: Boundaries, memo: Memo = NO_C
     return finer
 
 
-def _zones(condensed: Condensed, ends: Sequence[ExactState], model: BodyModel) -> Iterator[Zone]:
-    for pairing in condensed.pairings:
-        if pairing.grid is None:
-            continue
+def _zones(condensed: Condensed, ends: Sequence[ContactState], model: BodyModel) -> Iterator[Zone]:
+    for pairing in condensed.on_grids:
         span = condensed.spans[pairing.name]
-        closed = np.any([state.active[span] for state in ends], axis=0)
+        closed = np.any([state.closed[span] for state in ends], axis=0)
         # A hat ends at the node beyond the one after it.
         patches = pairing.grid.hats.nodes[runs_of(closed) + np.array([0, 1])]
         patches = patches[np.argsort(patches[:, 0] - patches[:, 1], kind="stable")][:MAX_PATCHES]

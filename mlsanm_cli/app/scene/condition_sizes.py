@@ -11,15 +11,13 @@ from functools import lru_cache
 
 import numpy as np
 
-from mlsanm_cli.app.scene.boundaries import Boundaries
-from mlsanm_cli.app.scene.conditions import prescribes
+from mlsanm_cli.app.scene.boundaries import prescribes
 from mlsanm_cli.app.scene.contact_pairs import shape_of
 from mlsanm_cli.app.scene.load_profiles import profiles, runs_of
 from mlsanm_cli.app.scene.outlines import drawn
 from mlsanm_cli.app.scene.sizes import (
     GROWTH,
     LEVELS,
-    OUTLINE_SOURCES,
     PER_ROOT,
     SINGULAR_RATIO,
     Domain,
@@ -30,7 +28,6 @@ from mlsanm_cli.app.scene.sizes import (
 )
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import (
-    Body,
     BodyForce,
     Centrifugal,
     Contact,
@@ -46,13 +43,11 @@ from mlsanm_cli.case.model.shapes import AnyShape
 from mlsanm_cli.cloud.curves import Curve, turn
 from mlsanm_cli.cloud.joined import BoundaryRun
 from mlsanm_cli.cloud.membership import inside_polygon
-from mlsanm_cli.cloud.spacing import Spacing, Zone
+from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 PER_PART, PER_PART_AT_ENDS, PER_PART_AT_FIXED_ENDS = 8.0, 32.0, 256.0
 """Length of a loaded or fixed part over the spacing along it, and over that at its ends."""
-MIN_SPACING = 2.0**-14
-"""Least spacing relative to that far away: with 6e-6 of it factors lose their digits."""
 LINEARITY_TOLERANCE = 0.02
 """Largest deviation of values from linear over a spacing, relative to the largest value."""
 FIELD_SAMPLES, OVERLAP = 5, 1.5
@@ -80,28 +75,6 @@ SMOOTH = float(np.cos(np.radians(10.0)))
 STRAINED_RATIO, STRAINED_BAND = 1.5, 3.0
 """The coarse spacing over that along surfaces in contact at finite strain, where strains are largest, and
 depth of the fine band in its spacings."""
-
-
-@lru_cache(maxsize=64)
-def spacing_of(boundaries: Boundaries, body: Body) -> Spacing:
-    """The size function of a body whose nodes are placed."""
-    far, zones = body.spacing, list[Zone]()
-    if isinstance(far, str):
-        domain = Domain.of(boundaries, body)
-        far = domain.far
-        for source in (*OUTLINE_SOURCES, *CONDITION_SOURCES):
-            for zone in source(domain):
-                if zone.spacing < far:
-                    size = max(zone.spacing, MIN_SPACING * far)
-                    zones.append(Zone(zone.curve, size, zone.radius, zone.growth))
-    for refine in body.refine:
-        if refine.at is not None:
-            zones.append(Zone.around(refine.at, refine.spacing, refine.radius, refine.growth))
-        else:
-            outline = boundaries.drawn[body.name]
-            for number in outline.numbers(str(refine.along).rpartition(".")[2]):
-                zones.append(Zone(outline.curves[number], refine.spacing, refine.radius, refine.growth))
-    return Spacing(far, tuple(zones))
 
 
 def clamped_ends(domain: Domain) -> Iterator[Zone]:
@@ -262,7 +235,7 @@ def contacts(domain: Domain) -> Iterator[Zone]:
     bonds = [contact.name for contact in domain.case.contact if contact.bonded]
     tips = [end for bond in bonds for end in boundaries.bond_ends(bond)]
     for contact in domain.case.contact:
-        places = boundaries.keyed(contact.name)
+        places = boundaries.sides[contact.name]
         curves = [boundaries.curve(place, key) for place, key in places]
         for (place, _), (own, rest), (other, _) in zip(places, curves, curves[::-1], strict=True):
             partner = next((p.body for p, _ in places[::-1] if p is not place), name)

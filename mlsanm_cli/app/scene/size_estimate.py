@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from mlsanm_cli.app.scene.assemble import SceneModel, mls_settings
 from mlsanm_cli.app.scene.boundaries import Boundaries
-from mlsanm_cli.app.scene.condition_sizes import spacing_of
+from mlsanm_cli.app.scene.clouds import spacing_of
 from mlsanm_cli.app.scene.outlines import imported_geometry
 from mlsanm_cli.case import Body, Case, Mesh, Points
 from mlsanm_cli.cloud.spacing import Spacing, estimate_nodes

@@ -22,8 +22,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial import cKDTree
 
-from mlsanm_cli.app.scene.boundaries import Boundaries
-from mlsanm_cli.app.scene.conditions import Condition, conditions, prescribes
+from mlsanm_cli.app.scene.boundaries import Boundaries, Condition, conditions, prescribes
 from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Body, Case, Place
@@ -294,7 +293,7 @@ def reentrant_corners(domain: Domain) -> Iterator[Zone]:
     if domain.case.model.strain == "finite":
         return
     boundaries = domain.boundaries
-    keyed = [pair for name in boundaries.sides for pair in boundaries.keyed(name)]
+    keyed = [side for sides in boundaries.sides.values() for side in sides]
     touching = [boundaries.curve(side, key)[0] for side, key in keyed if side.body == domain.body.name]
     for number, curve in enumerate(domain.outline.curves):
         if _reentrant(domain.outline, number):
