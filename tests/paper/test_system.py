@@ -16,8 +16,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.continuation import Problem
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.paper import system as system_module
-from mlsanm_cli.paper.collocation import Collocation
-from mlsanm_cli.paper.system import System, Tangent
+from mlsanm_cli.paper.system import Collocation, System, Tangent
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import State

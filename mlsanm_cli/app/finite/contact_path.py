@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import NoReturn
@@ -64,8 +65,7 @@ def contact_path(
     most = scene.case.solver.largest_increment
     steps, size, position = 0, 1.0 if coarse and not history else min(FIRST_INCREMENT, most), 0.0
     if checkpoint is None:
-        path.start()
-        first = path.state(0.0)
+        first = path.first()
         saved = (first,) if 0.0 in wanted else ()
         yield PathStep(first, saved, factorizations=path.spent, checkpoint=path.checkpoint(first, size))
     else:
@@ -124,7 +124,22 @@ class _Path:
     def take_up(self, checkpoint: Checkpoint) -> None:
         """Continue from a checkpoint."""
         scene, state, history = self._scene, checkpoint.state, checkpoint.history
-        self.now, self._slip, self._work, self._settled = _solution(state), state.slip, state.work, True
+        own, self._slip, self._work, self._settled = state.solver, state.slip, state.work, True
+        self.now = FiniteContactState(
+            displacement=state.displacement,
+            pressure=state.pressure,
+            shear=state.traction,
+            gap=state.gap,
+            place=own["place"],
+            slip=own["increment"],
+            normal=own["normal"],
+            sets=_status(state.status, own["slip_sign"]),
+            traction=own["side_traction"],
+            surface=own["surface"],
+            free=state.motion,
+            residual=state.residual,
+            stability=float(own["stability"]),
+        )
         self.error, self._largest = history["increment_error"].tolist()
         if len(history["earlier_status"]):
             # Of the state before, the places and statuses are what an increment over both begins with.
@@ -133,9 +148,9 @@ class _Path:
         counts = [body.loads.count for body in scene.bodies.values()]
         acting = np.split(history["acting"], np.cumsum(counts)[:-1])
         kept = {name for name, keeps in zip(scene.bodies, history["keeps"], strict=True) if keeps}
-        for (name, own), factors in zip(scene.parts(history["base_state"]).items(), acting, strict=True):
-            if not np.array_equal(own, self._projectors[name].base_state):
-                self._projectors[name] = scene.projector(name, own, factors, name in kept)
+        for (name, base), factors in zip(scene.parts(history["base_state"]).items(), acting, strict=True):
+            if not np.array_equal(base, self._projectors[name].base_state):
+                self._projectors[name] = scene.projector(name, base, factors, name in kept)
         self.spent = 0
 
     def checkpoint(self, state: State, size: float) -> Checkpoint:
@@ -148,17 +163,18 @@ class _Path:
             "keeps": np.array([bool(one.rest.any()) for one in every]),
             "increment_error": np.array([self.error, self._largest]),
             "earlier_place": earlier.place if earlier else np.zeros(0),
-            "earlier_status": _plain(earlier.sets) if earlier else np.zeros(0, dtype=np.int8),
+            "earlier_status": earlier.status if earlier else np.zeros(0, dtype=np.int8),
             "earlier_sign": earlier.sets.slip_sign if earlier else np.zeros(0),
         }
         return Checkpoint(state, history, pace=size)
 
-    def start(self) -> None:
-        """Solve for the state before loading. NumericalError if the iterations do not converge."""
+    def first(self) -> State:
+        """The state before loading. NumericalError if the iterations do not converge."""
         found = self._solved(0.0)
         if found is None:
             self._failed(0.0, None)
         self.now, self._settled = found, True
+        return self.state(0.0)
 
     def forward(self, position: float, end: float, size: float) -> tuple[float, float]:
         """One increment of about ``size`` towards ``end``: position reached, and size of the next one."""
@@ -193,9 +209,8 @@ class _Path:
             if failed == MAX_FAILED and self._fresh:
                 # New equations that did not keep what their rows were left with do so now.
                 for name in self._fresh:
-                    old = self._projectors[name]
-                    args = (old.base_state, old.factors, True)
-                    self._projectors[name] = self._scene.projector(name, *args)
+                    base, factors = self._projectors[name].base_state, self._projectors[name].factors
+                    self._projectors[name] = self._scene.projector(name, base, factors, keeps=True)
                     self.spent += 1
                 self._fresh, size = frozenset(), whole
             if size < MIN_INCREMENT:
@@ -218,13 +233,11 @@ class _Path:
 
     def _stretched(self, found: FiniteContactState) -> tuple[float, str, int]:
         """Largest stretch of a node relative to the expansion point of its equations, its body and number."""
-        parts = self._scene.parts(found.displacement)
-        stretched = (
-            (most_stretched(body, parts[name], self._projectors[name].base_state), name)
-            for name, body in self._scene.bodies.items()
-        )
-        (most, node), name = max(stretched)
-        return most, name, node
+        parts, stretched = self._scene.parts(found.displacement), []
+        for name, body in self._scene.bodies.items():
+            most, node = most_stretched(body, parts[name], self._projectors[name].base_state)
+            stretched.append((most, name, node))
+        return max(stretched)
 
     def measured(self, position: float, reached: float) -> float:
         """Factor of the next increment after those to ``position`` and to ``reached``. If both have friction
@@ -244,15 +257,11 @@ class _Path:
         kept = self.now.sets.stuck & first.sets.stuck
         memory = float(work @ kept) / float(work.sum()) if work.any() else 0.0
         # Forces (contacts, 2) on the slaves.
-        forces = [
-            np.array(
-                [
-                    one.slave.weight @ state.traction[there].reshape(-1, 2)[: one.slave.count]
-                    for one, _, there in contacts.each
-                ]
-            )
-            for state in (self.now, whole)
-        ]
+        forces = np.zeros((2, len(contacts.pairs), 2))
+        for own, state in zip(forces, (self.now, whole), strict=True):
+            for number, (one, _, there) in enumerate(contacts.each):
+                tractions = state.traction[there].reshape(-1, 2)[: one.slave.count]
+                own[number] = one.slave.weight @ tractions
         self._largest = max(self._largest, float(np.hypot(*forces[0].T).max()))
         change = float(np.hypot(*(forces[1] - forces[0]).T).max())
         self.error = memory * self.error + change
@@ -267,23 +276,20 @@ class _Path:
     ) -> FiniteContactState | None:
         """The state at a ``position``, searched from the present one or another ``start``, after the present
         one or an ``earlier`` one."""
-        begin = earlier or self.now
-        factors = factors_at(self._scene.stages, position)
-        system, tolerance = self._system, self._scene.case.solver.tolerance
+        begin, tolerance, found = earlier or self.now, self._scene.case.solver.tolerance, None
         if self._coarse:
             tolerance = max(tolerance, COARSE_TOLERANCE)
+        args = (start or self.now, factors_at(self._scene.stages, position), tolerance, MAX_ITERATIONS)
         before = begin.place if self._settled else None
-        with np.errstate(all="ignore"):
-            try:
-                found = system.solved(
-                    start or self.now, factors, tolerance, MAX_ITERATIONS, before, begin.sets.closed
-                )
-            except (np.linalg.LinAlgError, NumericalError):
-                found = None
-        tried = MAX_ITERATIONS if found is None else found.iterations
-        self.spent += MAX_ITERATIONS * len(self._projectors) if found is None else found.factorizations
-        self._iterations += tried
-        self._solves += 0 if found is None else found.solves
+        with np.errstate(all="ignore"), suppress(np.linalg.LinAlgError, NumericalError):
+            found = self._system.solved(*args, before, begin.sets.closed)
+        if found is None:
+            self.spent += MAX_ITERATIONS * len(self._projectors)
+            self._iterations += MAX_ITERATIONS
+            return None
+        self.spent += found.factorizations
+        self._iterations += found.iterations
+        self._solves += found.solves
         return found
 
     def missed(self, state: State) -> Callable[[], Missing]:
@@ -375,7 +381,7 @@ class _Path:
     def state(self, position: float) -> State:
         """The present solution as a state of the path."""
         factors, now = factors_at(self._scene.stages, position), self.now
-        contact = (now.pressure, now.gap, now.free, _plain(now.sets), now.residual, now.shear)
+        contact = (now.pressure, now.gap, now.free, now.status, now.residual, now.shear)
         solver = {
             "place": now.place,
             "normal": now.normal,
@@ -393,31 +399,3 @@ class _Path:
 def _status(status: NDArray[np.int8], slip_sign: FloatArray) -> ContactStatus:
     """The status of knots, all of which may have friction, from their ``status`` (c,) as stored."""
     return ContactStatus(status != OPEN, status == STICK, slip_sign)
-
-
-def _plain(sets: ContactStatus) -> NDArray[np.int8]:
-    """OPEN, STICK or SLIP of all knots (c,)."""
-    return sets.status(np.arange(len(sets.closed)))
-
-
-def _solution(state: State) -> FiniteContactState:
-    """The solution of a state of the path."""
-    own = state.solver
-    return FiniteContactState(
-        displacement=state.displacement,
-        pressure=state.pressure,
-        shear=state.traction,
-        gap=state.gap,
-        place=own["place"],
-        slip=own["increment"],
-        normal=own["normal"],
-        sets=_status(state.status, own["slip_sign"]),
-        traction=own["side_traction"],
-        surface=own["surface"],
-        free=state.motion,
-        residual=state.residual,
-        iterations=0,
-        factorizations=0,
-        solves=0,
-        stability=float(own["stability"]),
-    )

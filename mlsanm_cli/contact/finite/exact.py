@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.complementarity.problem import ContactStatus
@@ -59,13 +60,18 @@ class FiniteContactState:
     traction: FloatArray
     surface: FloatArray
     free: FloatArray
-    residual: float
-    iterations: int
-    factorizations: int
-    solves: int
+    residual: float = 0.0
+    iterations: int = 0
+    factorizations: int = 0
+    solves: int = 0
     stability: float = np.inf
     soft: SoftMotion = STILL
     dragged: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def status(self) -> NDArray[np.int8]:
+        """OPEN, STICK or SLIP of all knots (c,)."""
+        return self.sets.status(np.arange(len(self.sets.closed)))
 
 
 class ExactContact(ContactSystem):
@@ -207,10 +213,8 @@ def undeformed(unknowns: int, contacts: Contacts) -> FiniteContactState:
     """The undeformed state of bodies with ``unknowns`` unknowns."""
     none, zero = np.zeros(contacts.count), np.zeros(contacts.size)
     sets = ContactStatus(none > 0.0, none > 0.0, none)
-    args = (sets, zero, zero, np.zeros(contacts.free), 0.0, 0, 0, 0)
-    return FiniteContactState(
-        np.zeros(unknowns), none, none, none, none, none, np.zeros((len(none), 2)), *args
-    )
+    args = (np.zeros(unknowns), none, none, none, none, none, np.zeros((len(none), 2)))
+    return FiniteContactState(*args, sets, zero, zero, np.zeros(contacts.free))
 
 
 def touching(
