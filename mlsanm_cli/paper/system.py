@@ -17,7 +17,6 @@ from mlsanm_cli.mechanics.springs import FREE, NO_SPRING
 from mlsanm_cli.operators.linear.superlu import THRESHOLD, elimination_order, factor_in_order
 from mlsanm_cli.operators.refinement import FULL_TOLERANCE, Progress, refine
 from mlsanm_cli.operators.system import Equations
-from mlsanm_cli.records import dataclass
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 
 LENGTH = 0.1
@@ -65,15 +64,10 @@ class Law:
 SINGLE, HELD, TRACTION, EQUILIBRIUM = range(4)
 
 
-@dataclass(frozen=True, eq=False)
 class Collocation:
     """Equations ``matrix`` (2N, 2N) u = ``choice`` (2N, r) times the right-hand sides of a body's rows."""
 
-    matrix: sparse.csr_array
-    choice: sparse.csr_array
-
-    @classmethod
-    def of(cls, body: ElasticBody) -> Collocation:
+    def __init__(self, body: ElasticBody) -> None:
         """For every unknown the row with the highest rank at its node: a displacement, else a traction, else
         equilibrium. At free corners both tractions are added: separately they would impose the shear stress
         twice. Scales: displacement 1, traction h/E, equilibrium h^2/E."""
@@ -92,8 +86,8 @@ class Collocation:
         highest = np.full(2 * len(h), EQUILIBRIUM)
         np.minimum.at(highest, unknown, rank)
         row = np.flatnonzero(rank == highest[unknown])
-        choice = sparse.csr_array((scale[row], (unknown[row], row)), shape=(2 * len(h), body.rows))
-        return cls(sparse.csr_array(choice[:, : rows.shape[0]] @ rows), choice)
+        self.choice = sparse.csr_array((scale[row], (unknown[row], row)), shape=(2 * len(h), body.rows))
+        self.matrix = sparse.csr_array(self.choice[:, : rows.shape[0]] @ rows)
 
     def equations(self, sources: sparse.csc_array) -> Equations:
         """The equations for right-hand sides ``sources`` (r, c) of the rows."""
@@ -121,7 +115,7 @@ class System:
         square = built.case.mls.scheme == "collocation"
         self.built, self.law = built, law
         self.bodies = {
-            name: Collocation.of(body) if square else body.system for name, body in scene.bodies.items()
+            name: Collocation(body) if square else body.system for name, body in scene.bodies.items()
         }
         equations = [
             body.equations(sparse.csc_array(c.sources[name] @ c.drivers.matrix))

@@ -170,7 +170,7 @@ def test_loads_and_reactions_balance_in_force_and_moment() -> None:
     for lam in (0.5, 1.0):
         x = newton(problem, x, lam)
     assert np.abs(x).max() > 0.1
-    forces = Forces.of(body, x, np.ones(2))
+    forces = Forces(body, x, np.ones(2))
     assert forces.rest <= 1e-5 * forces.size
     series = BodySeries(body, 0)
     series.put(0, x, np.ones(2))

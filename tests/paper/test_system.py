@@ -76,7 +76,7 @@ def test_tangents_and_series_are_derivatives_of_the_residual(text: str, tmp_path
 def test_collocation_reproduces_polynomials(degree: int, held: dict[str, tuple[bool, bool]]) -> None:
     body, exact = patch(degree, held)
     source = with_body_force(body, boundary_values(body, exact.displacement, exact.stress), exact.force)
-    equations = Collocation.of(body)
+    equations = Collocation(body)
     expected = exact.displacement(body.model.cloud.points).ravel()
     assert np.abs(equations.residual_vector(source, expected)).max() <= 1e-11 * np.abs(expected).max()
     found = spsolve(sparse.csc_matrix(equations.matrix), equations.choice @ source)
@@ -86,7 +86,7 @@ def test_collocation_reproduces_polynomials(degree: int, held: dict[str, tuple[b
 def test_collocation_knows_single_held_nodes() -> None:
     body, _ = patch(2, HELDS[0])
     held = build(body.model.cloud, {"bottom": (False, True)}, held_nodes=((0, 0),))
-    rows = Collocation.of(held).matrix.toarray()
+    rows = Collocation(held).matrix.toarray()
     assert rows[0].tolist() == np.eye(len(rows))[0].tolist()
 
 

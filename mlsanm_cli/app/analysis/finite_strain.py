@@ -125,7 +125,7 @@ class FiniteStrain(Analysis):
         return finite_path(self.scene, start, at=at)
 
     def forces(self, state: State) -> Mapping[str, FloatArray]:
-        forces = resultants(self.scene, SceneForces.of(self.scene, state))
+        forces = resultants(self.scene, SceneForces(self.scene, state))
         return forces | {name.removeprefix(CONTACT_PREFIX): force for name, force in forces.items()}
 
     def checks(self, state: State) -> Iterator[Check]:
@@ -168,7 +168,7 @@ class FiniteStrain(Analysis):
 
     def tallied(self, tally: Mapping[str, Any], before: State | None, step: PathStep) -> dict[str, Any]:
         scene, state = self.scene, step.state
-        forces, (nodal, energy) = SceneForces.of(scene, state), energy_errors(scene, state)
+        forces, (nodal, energy) = SceneForces(scene, state), energy_errors(scene, state)
         error = sum(float(each.sum()) for each in nodal.values())
         largest = max(tally.get("largest", 0.0), forces.size)
         # Rigid motion leaves round-off in the forces.

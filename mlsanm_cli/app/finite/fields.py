@@ -21,7 +21,6 @@ from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.finite.body_series import Forces
 from mlsanm_cli.mechanics.laws.law import Law, determinant, gradient_of, stretches
 from mlsanm_cli.operators.stencils import build_stencils
-from mlsanm_cli.records import dataclass
 from mlsanm_cli.solve.state import Fields, State
 
 CONTACT_PREFIX = "contact "
@@ -73,7 +72,7 @@ def quantities(scene: FiniteScene, state: State) -> Quantities:
     """The quantities of a state, as rows of run.h5 have them."""
     return {
         "factors": dict(zip(scene.case.moved, state.factors.tolist(), strict=True)),
-        "resultants": resultants(scene, SceneForces.of(scene, state)),
+        "resultants": resultants(scene, SceneForces(scene, state)),
         "displacements": platen_displacements(scene, state),
         "contacts": contact_values(scene, state),
         "probes": probe_values(scene, state),
@@ -101,28 +100,22 @@ def probe_values(scene: FiniteScene, state: State) -> dict[str, dict[str, Any]]:
     return values
 
 
-@dataclass(frozen=True)
 class SceneForces:
     """Forces of a state on the ``bodies`` by name, and those (2,) of every contact on its slave and its
     master."""
 
-    bodies: Mapping[str, Forces]
-    contacts: Mapping[str, tuple[FloatArray, ...]]
-
-    @classmethod
-    def of(cls, scene: FiniteScene, state: State) -> SceneForces:
-        """Forces of a state."""
+    def __init__(self, scene: FiniteScene, state: State) -> None:
         acting, parts = scene.acting(state.driven, state.side_traction), scene.parts(state.displacement)
-        bodies = {name: Forces.of(body, parts[name], acting[name]) for name, body in scene.bodies.items()}
-        found, first = {}, dict.fromkeys(scene.bodies, len(scene.case.moved) + scene.contacts.free)
+        self.bodies = {name: Forces(body, parts[name], acting[name]) for name, body in scene.bodies.items()}
+        self.contacts = dict[str, tuple[FloatArray, ...]]()
+        first = dict.fromkeys(scene.bodies, len(scene.case.moved) + scene.contacts.free)
         for contact in scene.contacts.pairs:
             forces = []
             for side in contact.sides:
                 begin = first[side.body]
                 first[side.body] += 2 * side.nodes.count
-                forces.append(bodies[side.body].loads[begin : first[side.body]].sum(axis=0))
-            found[contact.name] = tuple(forces[::-1] if contact.exchanged else forces)
-        return cls(bodies, found)
+                forces.append(self.bodies[side.body].loads[begin : first[side.body]].sum(axis=0))
+            self.contacts[contact.name] = tuple(forces[::-1] if contact.exchanged else forces)
 
     @property
     def size(self) -> float:
@@ -197,7 +190,7 @@ def stretch_along(side: ContactSide, displacement: FloatArray) -> FloatArray:
 
 def figures_of_contacts(scene: FiniteScene, state: State) -> dict[str, dict[str, Any]]:
     """Summary of every contact; the half-width is measured along the undeformed side."""
-    records, forces = contact_values(scene, state), SceneForces.of(scene, state)
+    records, forces = contact_values(scene, state), SceneForces(scene, state)
     found: dict[str, dict[str, Any]] = {}
     for contact, _, there in scene.contacts.each:
         record, pressed = records[contact.name], forces.contacts[contact.name]

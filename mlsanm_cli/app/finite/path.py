@@ -24,11 +24,11 @@ from mlsanm_cli.continuation import (
     follow,
 )
 from mlsanm_cli.continuation.corrector import Correction, iterate
-from mlsanm_cli.continuation.problem import SingularTangentError, Tangent
+from mlsanm_cli.continuation.problem import SingularTangentError
 from mlsanm_cli.continuation.roots import root
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.body import far_from
-from mlsanm_cli.mechanics.finite.problem import FiniteProblem, FiniteTangent
+from mlsanm_cli.mechanics.finite.problem import FiniteProblem
 from mlsanm_cli.mechanics.finite.stability import STILL, SoftMotion
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.solve.state import Bifurcation, Checkpoint, PathStep, State
@@ -136,7 +136,7 @@ class _Path:
         x, lam = np.stack([self.x, heading[:-1]]), np.array([self._lam, heading[-1]])
         self._previous = Branch(x, lam, checkpoint.pace)
         self._levels = sorted({*history["levels"].tolist(), *more})
-        self._soft, self._folded = softest(self._problem, self.x, self._lam), int(history["folded"])
+        self._soft, self._folded = self._problem.softest(self.x, self._lam), int(history["folded"])
         if history["renewed"]:
             self._renew()
 
@@ -150,7 +150,7 @@ class _Path:
             moved, left, branches = 0, False, False
             for whole in follower.steps():
                 moved += 1
-                ahead = softest(self._problem, whole.x, whole.lam, whole.tangent)
+                ahead = self._problem.softest(whole.x, whole.lam, whole.tangent)
                 fork, legs = self._fork(whole, ahead)
                 branches = bool(legs)
                 for step, soft in legs or ((whole, ahead),):
@@ -292,7 +292,7 @@ class _Path:
 
         def resistance(a: float) -> float:
             point = at(a)
-            return softest(problem, point.x, point.lam).resistance
+            return problem.softest(point.x, point.lam).resistance
 
         a = 0.0
         if resistance(a) > 0.0:
@@ -300,7 +300,7 @@ class _Path:
         if turns and turns[0][0] <= a:
             return None, ()
         point = at(a)
-        mode = softest(problem, point.x, point.lam)
+        mode = problem.softest(point.x, point.lam)
         part = mode.part_in(point.x)
         motion = -mode.motion if part < 0.0 else mode.motion
         second = self._branched(point, motion)
@@ -331,17 +331,10 @@ class _Path:
             return None
         if end.lam >= 1.0:
             return None
-        soft = softest(self._problem, end.x, end.lam)
+        soft = self._problem.softest(end.x, end.lam)
         x, lam = np.array([point.x, end.x - point.x]), np.array([point.lam, end.lam - point.lam])
         step = Step(Branch(x, lam, 1.0), end.x, end.lam, end.residual, BRANCH_STEP, effort, 0)
         return (step, soft) if soft.stable else None
-
-
-def softest(problem: FiniteProblem, x: FloatArray, lam: float, tangent: Tangent | None = None) -> SoftMotion:
-    """The softest motion in the state ``x`` (2N,), by its ``tangent`` if that is known."""
-    tangent = tangent or problem.tangent(x, lam)
-    assert isinstance(tangent, FiniteTangent)
-    return tangent.softest(x, problem.factors(lam))
 
 
 def limit_points(step: Step) -> list[tuple[float, bool]]:

@@ -27,7 +27,7 @@ from mlsanm_cli.contact.response.coercivity import constrained_resistance
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.projector import Factorised
-from mlsanm_cli.mechanics.finite.stability import SoftMotion, Stressed, rows_of_force, softest_motion
+from mlsanm_cli.mechanics.finite.stability import SoftMotion, rows_of_force, softest_motion
 from mlsanm_cli.mechanics.finite.tangent import load_columns, tangent_rows
 from mlsanm_cli.records import dataclass
 
@@ -377,8 +377,8 @@ class Iteration:
             left[2 * count :] += missing
             return z + self._moved(turned, -inverse @ np.where(kept, left, 0.0))[1]
 
-        stressed = [Stressed(body, u[system.bodies[name]], self.factors) for name, body in bodies.items()]
-        return softest_motion(displaced, stressed)
+        loaded = [(body, u[system.bodies[name]], self.factors) for name, body in bodies.items()]
+        return softest_motion(displaced, loaded)
 
 
 def _diagonal(blocks: Sequence[sparse.csr_array]) -> sparse.csr_array:

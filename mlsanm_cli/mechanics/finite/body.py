@@ -92,7 +92,7 @@ class FiniteBody:
     @cached_property
     def applied(self) -> Applied:
         """The loads at the quadrature points of the pieces."""
-        return Applied.on(self.elastic, self.loads)
+        return Applied(self.elastic, self.loads)
 
     @cached_property
     def single(self) -> sparse.csr_array:

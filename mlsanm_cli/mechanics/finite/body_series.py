@@ -9,7 +9,6 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.loads import cofactor_normal
 from mlsanm_cli.mechanics.laws.law import gradient_of
-from mlsanm_cli.records import dataclass
 
 JETS = np.array([[1, 3, 4], [2, 4, 5]])
 """Among the derivatives of a stencil: d/dX and d/dY, each with its own derivatives by X and Y."""
@@ -201,17 +200,11 @@ def jets_of(derivatives: FloatArray) -> FloatArray:
     return np.asarray(derivatives[:, JETS].transpose(3, 1, 2, 0).reshape(4, 3, -1))
 
 
-@dataclass(frozen=True)
 class Forces:
     """Forces on a body in one state: ``loads`` (L, 2) of tractions, pressures and body forces, ``reactions``
     (2,) of held sides and soft springs by surface. ``size`` is the largest sum of their magnitudes."""
 
-    loads: FloatArray
-    reactions: dict[str, FloatArray]
-    size: float
-
-    @classmethod
-    def of(cls, body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> Forces:
+    def __init__(self, body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> None:
         """Forces at ``displacement`` (2N,) and load ``factors`` (L,)."""
         applied, count = body.applied, body.count
         series, points = BodySeries.at(body, displacement, factors), applied.points
@@ -222,16 +215,16 @@ class Forces:
             turned = cofactor_normal(gradient, points.normals.reshape(-1, 2)) * points.kept.T
             loads -= (turned @ applied.pressure).T * factors[:, None]
         whole = body.of_force[: 2 * count].reshape(2, count, -1)[:, body.elastic.pieces.main].sum(axis=1)
-        loads = loads + whole.T * factors[:, None]
-        reactions = {}
+        self.loads: FloatArray = loads + whole.T * factors[:, None]
+        self.reactions: dict[str, FloatArray] = {}
         for name in body.elastic.soft_springs:
             here = points.along[name]
             moved = points.seen(displacement)[here, 0].T
-            reactions[name] = -(applied.pulling[:, here] * moved).sum(axis=1)
+            self.reactions[name] = -(applied.pulling[:, here] * moved).sum(axis=1)
         for name, here in body.points[1].along.items():
-            reactions[name] = reactions.get(name, 0.0) + held[:, here].sum(axis=1)
+            self.reactions[name] = self.reactions.get(name, 0.0) + held[:, here].sum(axis=1)
         sizes = [float(np.hypot(*force).sum()) for force in (held, loaded)]
-        return cls(loads, reactions, max([*sizes, *np.hypot(*loads.T).tolist()], default=0.0))
+        self.size = max([*sizes, *np.hypot(*self.loads.T).tolist()], default=0.0)
 
     @property
     def total(self) -> FloatArray:

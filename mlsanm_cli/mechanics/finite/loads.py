@@ -136,42 +136,31 @@ def _stencils(model: BodyModel, centers: FloatArray, points: FloatArray) -> Sten
     )
 
 
-@dataclass(frozen=True)
 class Applied:
     """Loads at the quadrature points of a ``body``'s pieces: ``dead`` (2, q, L) forces, follower ``pressure``
     (q, L); at its nodes ``pressed`` (r, L) for every traction row, 0 for others. Soft springs have the
     stiffness ``pulling`` (2, q)."""
 
-    points: FacePoints
-    dead: FloatArray
-    pressure: FloatArray
-    pressed: FloatArray
-    pulling: FloatArray
-
-    @classmethod
-    def on(cls, body: ElasticBody, loads: Loads) -> Applied:
-        """Locate the points and evaluate the loads there."""
+    def __init__(self, body: ElasticBody, loads: Loads) -> None:
         surfaces = dict.fromkeys([*loads.tractions, *loads.pressing, *body.soft_springs])
         kept = {name: [not one for one in body.restrained.get(name, FREE)] for name in surfaces}
-        points = outline_points(body, kept, FINE)
-        dead = np.zeros((2, points.count, loads.count))
-        pressure = np.zeros((points.count, loads.count))
-        pressed = np.zeros((body.rows, loads.count))
-        pulling = np.zeros((2, points.count))
+        points = self.points = outline_points(body, kept, FINE)
+        self.dead, self.pulling = np.zeros((2, points.count, loads.count)), np.zeros((2, points.count))
+        self.pressure = np.zeros((points.count, loads.count))
+        self.pressed = np.zeros((body.rows, loads.count))
         for name, here in points.along.items():
             length = Halves.of(body.model.cloud.surfaces[name], FINE).length
             if name in body.soft_springs:
-                pulling[:, here] = np.outer(body.soft_springs[name], length)
+                self.pulling[:, here] = np.outer(body.soft_springs[name], length)
             if name in loads.tractions:
-                dead[:, here] += length[:, None] * loads.tractions[name].transpose(1, 0, 2)
-        dead *= points.kept.T[:, :, None]
+                self.dead[:, here] += length[:, None] * loads.tractions[name].transpose(1, 0, 2)
+        self.dead *= points.kept.T[:, :, None]
         for name, (nodal, between) in loads.pressing.items():
-            pressure[points.along[name]] += between
+            self.pressure[points.along[name]] += between
             for component in (0, 1):
                 if not body.held.get(name, FREE)[component]:
-                    pressed[body.condition_rows(name, component)] += nodal
-        pulling *= points.kept.T
-        return cls(points, dead, pressure, pressed, pulling)
+                    self.pressed[body.condition_rows(name, component)] += nodal
+        self.pulling *= points.kept.T
 
     @property
     def follows(self) -> bool:

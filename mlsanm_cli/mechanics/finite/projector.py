@@ -126,7 +126,7 @@ class Projector:
         singular."""
         mean = None
         if iterating and self.body.law.nested:
-            here, earlier = MeanStress.at(self.body, displacement, factors), self.last[:]
+            here, earlier = MeanStress(self.body, displacement, factors), self.last[:]
             self.last[:] = [here]
             mean = here.after(earlier[0]) if earlier else here
         own, own_strong = self.system.rows, self.system.strong.rows
