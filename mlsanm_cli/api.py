@@ -140,7 +140,7 @@ def sweep(
     options: dict[str, Any] = {"jobs": jobs, "force": force, "argv": _argv()}
     options |= {"out": _path(out), "overrides": overrides(changes)}
     with _file_of(case) as path:
-        result = _call("sweep.run_sweep.sweep", 1, path, texts, progress=progress, **options)
+        result = _call("sweep.sweep", 1, path, texts, progress=progress, **options)
     if result["stopped"]:
         raise Interrupted("the sweep was stopped", "repeat the call to continue with the remaining points")
     return [Run(Path(place)) for place in result["directories"]]
@@ -183,8 +183,7 @@ def _call(function: str, numerics: int, /, *given: Any, progress: bool = False, 
 
 @contextmanager
 def _file_of(case: CaseSource) -> Iterator[Path]:
-    """The file of a case; that of dicts exists within the block. Files named in them are relative to the
-    current directory, as if the case were in it."""
+    """The file of a case; dicts are written to one within the block, and name files as seen from here."""
     if not isinstance(case, Mapping):
         yield Path(case)
         return
@@ -210,8 +209,7 @@ def _path(place: Place | None) -> Path | None:
 
 @contextmanager
 def _numerics(threads: int) -> Iterator[None]:
-    """A block in which libraries are imported with this number of threads; those imported earlier keep
-    theirs."""
+    """A block in which libraries are imported with this number of threads."""
     before = {name: os.environ.get(name) for name in THREAD_VARIABLES}
     os.environ.update(dict.fromkeys(THREAD_VARIABLES, str(threads)))
     try:
@@ -227,7 +225,7 @@ def _numerics(threads: int) -> Iterator[None]:
 @contextmanager
 def _console(progress: bool) -> Iterator[Any]:
     """The console of a run: the terminal, or none. Raises Interrupted at the wall-time limit."""
-    from mlsanm_cli.app.sweep.engines import Silent
+    from mlsanm_cli.app.context import Silent
 
     shown = None
     if progress:

@@ -67,8 +67,7 @@ def open_regular(path: Path, flags: int) -> int:
 
 @contextmanager
 def replacing(path: Path, temporary: Path) -> Iterator[None]:
-    """Renames ``temporary``, in the same directory, to ``path`` when the block ends without an error. Readers
-    see the complete old or new file. Raises OSError; ``path`` is then unchanged."""
+    """Renames ``temporary`` to ``path``, of the same directory, if the block ends without an error."""
     try:
         # An existing file is left from a killed process, or may be a link.
         temporary.unlink(missing_ok=True)
@@ -117,8 +116,7 @@ def who_else_may_write(path: Path) -> str:
 
 
 def _overflow_user() -> int | None:
-    """The user id as which users unknown in a container appear, who may own its directories; None outside of
-    containers, where all users are known."""
+    """The user id of users unknown in a container, who may own its directories; None outside of one."""
     nobody = 65534
     try:
         ranges = [

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.checks.check import Verdicts
-from mlsanm_cli.app.checks.quality import Quality, assess, ratio_message
+from mlsanm_cli.app.checks.check import Verdicts, all_of
+from mlsanm_cli.app.checks.quality import MODEL, Quality, assess, ratio_message
 from mlsanm_cli.app.checks.references import check_reference
 from mlsanm_cli.app.context import Clock, Console, RunContext
 from mlsanm_cli.app.output.parts import model_bodies
@@ -57,7 +57,7 @@ def check(
     prepared = build_scene(loaded, RunContext(clock, console))
     quality = assess(case, prepared)
     warnings: list[str] = []
-    Verdicts(lambda check: warnings.append(check.text)).judge(quality.checks)
+    Verdicts(lambda check: warnings.append(check.text)).judge(all_of(MODEL, quality))
     for warning in warnings:
         console.warning(warning)
     if write is not None:

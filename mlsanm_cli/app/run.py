@@ -24,10 +24,10 @@ from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.case import LoadedCase, load_case, parse_case
 from mlsanm_cli.errors import Interrupted, NumericalError, RunError, UnfinishedError, WriteError
 from mlsanm_cli.io import run_dir
+from mlsanm_cli.io.files import read_summary
 from mlsanm_cli.io.run_dir import locked
 from mlsanm_cli.io.run_file import Attribute
 from mlsanm_cli.io.run_reader import RunData, finished, read_origin
-from mlsanm_cli.io.summary import read_summary
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.stopping import Stopper
 
@@ -74,8 +74,7 @@ def run(
 
 
 def analysis_of(loaded: LoadedCase, context: RunContext, refinement: Refinement | None = None) -> Analysis:
-    """The analysis of a case, on the refined clouds of an earlier process. Raises CaseError for a case that
-    cannot be run."""
+    """The analysis of a case, on refined clouds if given. Raises CaseError if it cannot be run."""
     case, zones = loaded.case, refinement.zones if refinement is not None else ()
     prepared = build_scene(loaded, context, zones)
     # A run imports that of its strain only.
@@ -122,8 +121,7 @@ def ending_of(part: Callable[[], Ending], directory: Path) -> Ending:
 
 
 def follow(analysis: Analysis, recorder: Recorder) -> Ending:
-    """Sets a scene up and follows its path; all states are checked and recorded. Raises NumericalError as
-    soon as a state is not reliable."""
+    """Follows the path of a scene; states are checked and recorded. Raises NumericalError for a bad one."""
     context = analysis.context
     analysis.set_up(recorder.verdicts)
     context.stop_gently()

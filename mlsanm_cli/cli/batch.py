@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from mlsanm_cli.cli import completion, declare
+from mlsanm_cli.cli import declare
 from mlsanm_cli.cli.console import TerminalConsole, called
 from mlsanm_cli.cli.results import comparison_text
 from mlsanm_cli.cli.settings import Settings, of_app, print_result, print_tables, say
@@ -18,21 +18,17 @@ from mlsanm_cli.errors import RunError
 
 @declare.command(
     declare.CASE,
-    click.option(
-        "--vary",
-        "varied",
+    declare.option(
+        "--vary varied",
+        "Values separated by commas, or START:STOP:COUNT. Repeatable: all combinations are solved.",
         metavar="KEY=VALUES",
-        multiple=True,
-        shell_complete=completion.keys,
-        help="Values separated by commas, or START:STOP:COUNT. Repeatable: all combinations are solved.",
+        **declare.KEYS,
     ),
     declare.SET,
-    declare.file_option("--out", help="Directory of the runs.  [default: results/<case name>-sweep]"),
+    declare.file_option("--out", "Directory of the runs.  [default: results/<case name>-sweep]"),
     declare.flag("force", "Solve completed points again and overwrite runs of other cases."),
-    click.option(
-        "--jobs", type=click.IntRange(min=1), default=1, show_default=True, help="Number of processes."
-    ),
-    click.option("--scheduler", metavar="ADDRESS", help="Solve on the Dask cluster of this scheduler."),
+    declare.count("--jobs", "Number of processes."),
+    declare.option("--scheduler", "Solve on the Dask cluster of this scheduler.", metavar="ADDRESS"),
     declare.THREADS,
 )
 def sweep(settings: Settings, /, case: Path, varied: tuple[str, ...], **options: Any) -> int:
@@ -41,14 +37,14 @@ def sweep(settings: Settings, /, case: Path, varied: tuple[str, ...], **options:
     For instance --vary contact.interface.friction=0:0.5:11 or --vary body.block.spacing=0.1,0.2,0.4.
     Completed points are skipped: the same command continues an interrupted sweep.
     """
-    function, argv = "sweep.run_sweep.sweep", tuple(sys.argv)
+    function, argv = "sweep.sweep", tuple(sys.argv)
     result = called(settings, function, options["threads"], case, varied, argv=argv, **options)
     shown = {key: value for key, value in result.items() if key not in ("trouble", "directories")}
     print_tables(settings, result, shown)
     return 3 if result["failed"] else 75 if result["stopped"] else 0
 
 
-@declare.command(declare.RUNDIRS, declare.file_option("--out", help="Output file.  [default: stdout]"))
+@declare.command(declare.RUNDIRS, declare.file_option("--out", "Output file.  [default: stdout]"))
 def collect(settings: Settings, rundirs: tuple[Path, ...], out: Path | None) -> int:
     """Write the results of several runs as a CSV table.
 
@@ -80,30 +76,16 @@ _STATUS_CODES = {"disagree": 1, "failed": 3}
     declare.flag("newton", "Newton-Raphson with the regularised law."),
     declare.flag("active-set", "Active-set method with the exact law."),
     declare.flag("analytic", "Errors relative to the [reference] of the case."),
-    click.option(
-        "--levels",
-        type=click.IntRange(min=1),
-        default=10,
-        show_default=True,
-        help="Load levels per stage to compare, in addition to those of the case.",
-    ),
-    click.option(
+    declare.count("--levels", "Load levels per stage to compare, in addition to those of the case.", 10),
+    declare.option(
         "--tolerance",
+        "Allowed difference between methods with the same law.  [default: 100 x solver.tolerance]",
         type=click.FloatRange(min=0.0, min_open=True),
-        help="Allowed difference between methods with the same law.  [default: 100 x solver.tolerance]",
     ),
-    click.option(
-        "--repeat",
-        type=click.IntRange(min=1),
-        default=1,
-        show_default=True,
-        help="Repetitions of every path; median times are reported.",
-    ),
-    click.option(
-        "--picture/--no-picture", default=True, help="Draw a work-precision diagram.  [default: draw]"
-    ),
+    declare.count("--repeat", "Repetitions of every path; median times are reported."),
+    declare.option("--picture/--no-picture", "Draw a work-precision diagram.  [default: draw]", default=True),
     declare.SET,
-    declare.file_option("--out", help="Directory of comparison.json.  [default: results/<case name>]"),
+    declare.file_option("--out", "Directory of comparison.json.  [default: results/<case name>]"),
     declare.flag("force", "Overwrite an existing comparison."),
     declare.THREADS,
 )

@@ -105,7 +105,7 @@ def cli() -> None:
 @declare.command(
     declare.CASE_OR_STDIN,
     declare.SET,
-    declare.file_option("--out", help="Run directory.  [default: results/<case name>]"),
+    declare.file_option("--out", "Run directory.  [default: results/<case name>]"),
     declare.flag("force", "Overwrite an existing run."),
     declare.MAX_WALL,
     declare.flag("skip-done", "Skip if this case has already been run to completion."),
@@ -123,8 +123,8 @@ def run(settings: Settings, /, case: Path, **options: Any) -> int:
 @declare.command(
     declare.CASE_OR_STDIN,
     declare.SET,
-    declare.file_option("--write", help="Write the model as VTU: boundaries, normals, contact pairs."),
-    declare.file_option("--picture", help="Draw the model: nodes, supports, loads, obstacles."),
+    declare.file_option("--write", "Write the model as VTU: boundaries, normals, contact pairs."),
+    declare.file_option("--picture", "Draw the model: nodes, supports, loads, obstacles."),
     declare.THREADS,
 )
 def check(settings: Settings, /, case: Path, **options: Any) -> int:
@@ -162,9 +162,7 @@ def warmup(settings: Settings, threads: int) -> int:
 @declare.command(
     declare.RUNDIR,
     declare.MAX_WALL,
-    click.option(
-        "--threads", type=click.IntRange(min=1), help="Number of threads.  [default: that of the run]"
-    ),
+    declare.count("--threads", "Number of threads.  [default: that of the run]", None),
 )
 def resume(settings: Settings, rundir: Path, max_wall: float | None, threads: int | None) -> int:
     """Continue the interrupted run in RUNDIR after its last saved step.

@@ -15,8 +15,7 @@ from mlsanm_cli.mechanics.assembly import node_rows
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.springs import FREE, NO_SPRING
 from mlsanm_cli.operators.linear.superlu import THRESHOLD, elimination_order, factor_in_order
-from mlsanm_cli.operators.refinement import FULL_TOLERANCE, Progress, refine
-from mlsanm_cli.operators.system import Equations
+from mlsanm_cli.operators.system import FULL_TOLERANCE, Equations, Progress, refine
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 
 LENGTH = 0.1
@@ -274,7 +273,8 @@ class Tangent:
             return by_factor(rhs - system.linear(unloaded, y[:, 0]) - self._local @ y[:, 0])
 
         start = by_factor(rhs)
-        return np.asarray(refine(start, update, Progress.of(start, FULL_TOLERANCE))[0][:, 0])
+        progress = Progress.of(np.linalg.norm(start, axis=0), FULL_TOLERANCE)
+        return np.asarray(refine(start, update, progress)[0][:, 0])
 
 
 def _relative_motions(built: CondensedScene) -> list[sparse.csr_array]:

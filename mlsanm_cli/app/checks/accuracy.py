@@ -53,19 +53,16 @@ Halved = tuple[FloatArray, FloatArray]
 
 @dataclass(frozen=True)
 class Accuracy:
-    """Estimated errors of ``state``, the exact one at the end of the path.
+    """Estimated errors of ``state``, the exact one at the end of the path; None or empty where not known.
 
-    ``displacement`` is the relative root mean square error over all nodes; ``from_bulk`` and ``from_contact``
-    are relative L2 errors of the pressures, by contact, due to the bodies and to the contact's own spacing;
-    None without an estimate. ``bodies`` are the corrected ones in that state, empty if not known; ``largest``
-    is the largest displacement, None if not needed. ``deflection`` is the part of ``displacement`` known from
-    energies, ``probes`` are errors of displacements at probes, ``forces`` relative ones of the contacts'
-    forces, ``missing`` says why there are no estimates, with a hint.
+    ``displacement`` is the relative root mean square error over all nodes, of which ``deflection`` is known
+    from energies; ``pressures`` are relative L2 errors by contact, due to the bodies and to the contact's own
+    spacing; ``largest`` is the largest displacement, ``bodies`` are the corrected ones, ``probes`` errors of
+    displacements, ``forces`` relative ones of contact forces; ``missing`` says why there are no estimates.
     """
 
     displacement: float | None
-    from_bulk: Mapping[str, float | None]
-    from_contact: Mapping[str, float | None]
+    pressures: Mapping[str, tuple[float | None, float | None]]
     state: ContactState
     largest: float | None = None
     bodies: Mapping[str, Corrected] = field(default_factory=dict)
@@ -77,30 +74,29 @@ class Accuracy:
     def figures(self, built: CondensedScene, state: State | None = None) -> dict[str, Any]:
         """Estimates for summary.json; with a ``state``, pressures also count their distance from its own."""
         # Tractions of bonds have no estimate.
-        exact, bonds = self.state, [one.name for one in built.condensed.bonds.pairings]
-        pressure: dict[str, float | None] = dict.fromkeys(bonds)
-        blind = len(built.condensed.friction_nodes) > 0
+        condensed, exact = built.condensed, self.state
+        pressure: dict[str, float | None] = {one.name: None for one in condensed.bonds.pairings}
+        blind = len(condensed.friction_nodes) > 0
         if state is not None and not blind and not np.array_equal(state.factors, exact.factors):
             # The path ended before the state of the other estimates.
             try:
-                exact = solve_exact(built.condensed, state.factors)
+                exact = solve_exact(condensed, state.factors)
             except NumericalError:  # the exact laws have no solution at the end of the path
-                none = dict.fromkeys([*bonds, *self.from_bulk])
-                return {"displacement": self.displacement, "pressure": none}
-        for pairing in built.condensed.pairings:
-            away = distance(built, pairing, exact, state.pressure) if state is not None else 0.0
-            pressure[pairing.name] = together(
-                self.from_bulk[pairing.name], self.from_contact[pairing.name], away
-            )
-        more = {"force": dict(self.forces), "probes": {name: self._at(built, name) for name in self.probes}}
-        known = {name: one for name, one in more.items() if one}
+                return {
+                    "displacement": self.displacement,
+                    "pressure": pressure | dict.fromkeys(self.pressures),
+                }
+        for one in condensed.pairings:
+            away = distance(built, one, exact, state.pressure) if state is not None else 0.0
+            pressure[one.name] = together(*self.pressures[one.name], away)
+        probes = {}
+        for name, error in self.probes.items():
+            moved = float(np.hypot(*condensed.quantities["probe"][name](*self.state.unknowns)[:2]))
+            size = max(moved, LEAST_MOVED * (self.largest or 0.0))
+            probes[name] = float(np.hypot(error / size, self.deflection)) if size > 0.0 else 0.0
+        more = {"force": dict(self.forces), "probes": probes}
+        known = {name: figures for name, figures in more.items() if figures}
         return {"displacement": self.displacement, "pressure": pressure} | known
-
-    def _at(self, built: CondensedScene, probe: str) -> float:
-        """Relative error of the displacement at a probe."""
-        moved = float(np.hypot(*built.condensed.quantities["probe"][probe](*self.state.unknowns)[:2]))
-        size = max(moved, LEAST_MOVED * (self.largest or 0.0))
-        return float(np.hypot(self.probes[probe] / size, self.deflection)) if size > 0.0 else 0.0
 
     def with_energies(self, energies: EnergyErrors | None) -> Accuracy:
         """Estimates that include the errors of displacements known from energies."""
@@ -114,7 +110,7 @@ class Accuracy:
         """Whether the errors of the bodies limit the accuracy, if there are contacts in one of them."""
         if self.displacement is None or self.displacement <= ROUND_OFF:
             return False
-        pairs = [(self.from_bulk[name], self.from_contact[name]) for name in self.from_bulk]
+        pairs = self.pressures.values()
         return not pairs or any(bulk is not None and own is not None and bulk > own for bulk, own in pairs)
 
 
@@ -122,8 +118,7 @@ def assess_accuracy(built: CondensedScene) -> Accuracy:
     """Estimate the errors of a solved scene in its last exact state."""
     condensed, scene = built.condensed, built.scene
     state = built.ends[-1] if built.ends else solve_exact(condensed, built.stages[-1])
-    unknown = dict.fromkeys(pairing.name for pairing in condensed.pairings)
-    without = partial(Accuracy, None, unknown, unknown, state)
+    without = partial(Accuracy, None, {one.name: (None, None) for one in condensed.pairings}, state)
     blind = len(condensed.friction_nodes) > 0  # friction depends on the path
     if blind and not built.case.adapt.passes:
         return without()
@@ -213,27 +208,35 @@ def _estimated(
     rough = moved(roughness_of(condensed, scene, bodies))[1]
     if any(one.uncertain.any() for one in bodies.values()):
         parts.append({name: one.missed for name, one in bodies.items()})
-    effects, pressures = [], []
+    effects, corrected = [], []
     for part in parts:
         by = changes_of(condensed, scene, part)
         change = moved(by)
         effects.append(_effects(built, part, state, by.bonds, change))
-        pressures.append(state.pressure + change[1])
+        corrected.append(state.pressure + change[1])
     if halved is not None:
         fewer = halved[0] - state.motion, halved[1] - state.pressure, np.zeros_like(state.traction)
         nothing = {name: replace(one, change=np.zeros_like(one.change)) for name, one in bodies.items()}
         effects.append(_effects(built, nothing, state, condensed.bonds, fewer))
-    away, *others = np.linalg.norm(effects, axis=0).tolist()
-    probes, contacts = [one.name for one in scene.probes], [one.name for one in condensed.pairings]
+    pressures = {}
+    for one in condensed.pairings:
+        others = (*corrected, state.pressure + ROUGH_SHARE * rough)
+        bulk = together(*(distance(built, one, state, pressure) for pressure in others))
+        if not one.nodal:
+            own: float | None = float(np.linalg.norm(grid_errors(condensed, one.name, [state])))
+        else:
+            own = None if halved is None else distance(built, one, state, halved[1])
+        pressures[one.name] = (bulk, own)
+    away, *rest = np.linalg.norm(effects, axis=0).tolist()
     size = float(sum((one.displacement**2).sum() for one in bodies.values()))
     return Accuracy(
         away / float(np.sqrt(size)) if size > 0.0 else None,
-        *_pressure_errors(built, state, pressures, rough, halved),
+        pressures,
         state,
         _largest_of([one.displacement for one in bodies.values()]),
         bodies,
-        probes=dict(zip(probes, others, strict=False)),
-        forces=dict(zip(contacts, others[len(probes) :], strict=True)),
+        probes=dict(zip((one.name for one in scene.probes), rest, strict=False)),
+        forces=dict(zip((one.name for one in condensed.pairings), rest[len(scene.probes) :], strict=True)),
     )
 
 
@@ -268,48 +271,22 @@ def _corrected(
     """Bodies in a state f, q, p, t with the corrections of their displacements. Raises NumericalError."""
     condensed, scene = built.condensed, built.scene
     plates = {side for constraint, _ in scene.unknown_motions for side in constraint.held}
-    found = {}
+    bodies = {}
     for name, body in scene.bodies.items():
         moved, source = scene.floating_patterns(name) @ unknowns[1], condensed.source(name, *unknowns)
-        own = [surface for owner, surface in plates if owner == name]
-        found[name] = correct(body, source, moved, own, memo)
-    return found
+        bodies[name] = correct(body, source, moved, [side for owner, side in plates if owner == name], memo)
+    return bodies
 
 
-def _largest_of(displacements: list[FloatArray]) -> float:
+def _largest_of(displacements: Sequence[FloatArray]) -> float:
     """Largest of the ``displacements`` (N, 2) of all bodies."""
     return max(float(np.hypot(*u.T).max()) for u in displacements)
-
-
-def _pressure_errors(
-    built: CondensedScene,
-    state: ContactState,
-    corrected: Sequence[FloatArray],
-    rough: FloatArray,
-    halved: Halved | None,
-) -> tuple[dict[str, float | None], dict[str, float | None]]:
-    """Relative errors of the pressures of a state, by contact: from each of those after corrections of the
-    bodies (m,) and their change ``rough`` (m,) without smoothing, and by the contact's own spacing, from
-    those with every second node, None if not known."""
-    from_bulk, from_contact = dict[str, float | None](), dict[str, float | None]()
-    for pair in built.condensed.pairings:
-        from_bulk[pair.name] = together(
-            *(distance(built, pair, state, one) for one in corrected),
-            distance(built, pair, state, state.pressure + ROUGH_SHARE * rough),
-        )
-        if not pair.nodal:
-            errors = grid_errors(built.condensed, pair.name, [state])
-            from_contact[pair.name] = float(np.linalg.norm(errors))
-        else:
-            from_contact[pair.name] = None if halved is None else distance(built, pair, state, halved[1])
-    return from_bulk, from_contact
 
 
 def distance(
     built: CondensedScene, pairing: Pairing, state: ContactState, pressure: FloatArray
 ) -> float | None:
-    """Relative L2 distance of the pressures of a contact from the exact ones; None without pressure over a
-    length."""
+    """Relative L2 distance of the pressures of a contact from the exact ones; None without pressure."""
     span, arc = built.condensed.spans[pairing.name], pairing.arc[pairing.candidate]
     exact = state.pressure[span]
     if not _is_pressed(state, span) or l2(arc, exact) == 0.0:

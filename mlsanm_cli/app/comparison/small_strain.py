@@ -11,7 +11,7 @@ import numpy as np
 
 from mlsanm_cli.app.analysis.small_strain import set_up
 from mlsanm_cli.app.checks.check import Verdicts, all_of
-from mlsanm_cli.app.checks.end_contacts import End, pressed_spacings
+from mlsanm_cli.app.checks.end import End, pressed_spacings
 from mlsanm_cli.app.checks.ended import balance, work
 from mlsanm_cli.app.checks.energy import energy_error
 from mlsanm_cli.app.checks.quality import announce, factor_notes
@@ -97,7 +97,7 @@ class SmallComparison(Comparison):
         shared = changed(*changes_for(self._case, ANM))
         prepared = build_scene(shared, context)
         announce(shared.case, prepared, context, self._verdicts)
-        built = set_up(shared.case, prepared, context, self._verdicts).built
+        _, built, *_ = set_up(shared.case, prepared, context, self._verdicts)
         self._built = replace(built, case=cases[0])
 
     def _changed_case(self, name: str, softer: float = 1.0) -> Case:

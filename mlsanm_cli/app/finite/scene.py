@@ -27,8 +27,8 @@ from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.loads import Loads, Turning
 from mlsanm_cli.mechanics.finite.projector import NO_ROWS, Projector, weights_of
 from mlsanm_cli.mechanics.near_field import as_complex
-from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.mechanics.rigid import ROTATION, free_motions, pins
+from mlsanm_cli.mechanics.scene import Probe
 from mlsanm_cli.operators.linear.interface import LinearSolver
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.solve.condensed_scene import stage_factors

@@ -54,7 +54,7 @@ def marks_of(
     arrows of negative ones reversed; factors also rotate obstacles.
     """
     points = np.concatenate([body.points for body in bodies.values()])
-    lines = obstacles(case, points.min(axis=0), points.max(axis=0))
+    lines = obstacles(case, points)
     shown = {
         name: body.points + scale * displaced[name] if name in displaced else body.points
         for name, body in bodies.items()
@@ -197,8 +197,7 @@ def _at(given: float | str, place: FloatArray) -> float:
 
 
 def draw_model(path: Path, case: Case, prepared: SceneModel) -> None:
-    """Draws the bodies coloured by their spacing, with supports, loads, obstacles and contacts. Raises
-    RunError for an unknown suffix, and if the file cannot be written."""
+    """Draws the bodies coloured by their spacing, with supports, loads and contacts. Raises RunError."""
     clouds = {name: model.cloud for name, model in prepared.models.items()}
     bodies = [
         CloudBody(cloud.points, np.zeros_like(cloud.points), cloud.spacing, cloud.triangles)

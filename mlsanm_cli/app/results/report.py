@@ -123,8 +123,7 @@ def _table(
     quantities: Sequence[schema.Quantity],
     case: Case,
 ) -> str:
-    """A table with a row per item and a column per component of the quantities; the last column of contacts
-    is the error against the closed formula."""
+    """A table with a row per item and a column per component; for contacts also errors of closed formulas."""
     columns, rows = [first], {name: [name] for name in items}
     for entry in quantities:
         axes = [schema.COMPONENTS[axis] for axis in entry.dimensions if axis in schema.COMPONENTS]
@@ -147,8 +146,7 @@ def _table(
 
 
 def _joined_forces(forces: Mapping[str, Any], case: Case) -> list[tuple[str, list[str]]]:
-    """Names and forces of loads and supports, without contacts; displacement loads on the same boundary have
-    one force."""
+    """Names and forces of loads and supports; displacement loads on one boundary have one force."""
     places = {load.name: load.place for load in case.load if isinstance(load, Displacement)}
     zero = ROUND_OFF * max((abs(part) for force in forces.values() for part in force), default=0.0)
     joined: dict[Any, tuple[list[str], list[str]]] = {}

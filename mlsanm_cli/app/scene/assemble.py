@@ -28,7 +28,7 @@ from mlsanm_cli.mechanics.body import ElasticBody, Timed
 from mlsanm_cli.mechanics.body_model import BodyModel, model_key
 from mlsanm_cli.mechanics.defect import DEGREES, next_degree
 from mlsanm_cli.mechanics.material import PlaneMaterial
-from mlsanm_cli.mechanics.probes import Probe
+from mlsanm_cli.mechanics.scene import Probe
 from mlsanm_cli.mechanics.springs import restrained, restraining
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.operators.linear.interface import LinearSolver

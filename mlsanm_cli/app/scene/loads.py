@@ -35,7 +35,7 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics import scene as mechanics
-from mlsanm_cli.mechanics.heat import Heating
+from mlsanm_cli.mechanics.eigenstress import Heating
 from mlsanm_cli.mechanics.rigid import ROTATION, RigidBodyModes, free_motions
 from mlsanm_cli.mechanics.springs import Springs
 from mlsanm_cli.records import dataclass

@@ -37,7 +37,7 @@ from mlsanm_cli.mechanics.finite.tangent import load_columns
 from mlsanm_cli.mechanics.near_field import SURFACE_INSET, ComplexArray, SurfaceForces, as_complex
 from mlsanm_cli.mechanics.remainder import remainder_sources
 from mlsanm_cli.mechanics.rigid import free_motions
-from mlsanm_cli.operators.refinement import BLOCK_COLUMNS
+from mlsanm_cli.operators.system import BLOCK_COLUMNS
 
 DEEP = 0.5
 """Nodes at this part of the largest depth are far from all sides."""

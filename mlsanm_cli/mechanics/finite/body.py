@@ -24,7 +24,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cells import cell_quadrature
-from mlsanm_cli.mechanics.assembly import RowTable, single_rows, spring_rows
+from mlsanm_cli.mechanics.assembly import single_rows, spring_rows
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.finite.loads import Applied, FacePoints, Loads, inner_points, outline_points
@@ -128,17 +128,9 @@ class FiniteBody:
         return np.asarray(found / np.abs(found))
 
     @cached_property
-    def table(self) -> RowTable:
-        """Positions of the nodes' rows."""
-        elastic, total = self.elastic, self.node_rows
-        modulus = elastic.model.material.modulus
-        return RowTable(elastic.first_row, total - len(elastic.held_nodes), total, modulus, elastic.springs)
-
-    @cached_property
     def pulls(self) -> sparse.csr_array:
         """Contribution (r - 3k, 2N) of springs to the nodes' rows."""
-        model = self.elastic.model
-        return spring_rows(model.cloud, self.table, len(model.cloud.points))
+        return spring_rows(self.elastic.model.cloud, self.elastic.springs, self.node_rows)
 
     def degrees(self, factors: FloatArray) -> FloatArray | None:
         """Temperature changes (n,) at the nodes at load ``factors`` (L,); None for bodies without any."""

@@ -21,7 +21,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cells import FINE, Halves, Rule
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
-from mlsanm_cli.mechanics.heat import Heating
+from mlsanm_cli.mechanics.eigenstress import Heating
 from mlsanm_cli.mechanics.pieces import rule_of
 from mlsanm_cli.mechanics.springs import FREE
 from mlsanm_cli.operators.stencil_weights import Stencils

@@ -47,7 +47,7 @@ def weights_of(body: FiniteBody, left_out: IntArray = NO_ROWS) -> FloatArray:
     """Weights (r,) of the rows of the linear body, zero for rows (m,) ``left_out`` and unknown ones."""
     elastic = body.elastic
     model, pieces = elastic.model, elastic.pieces
-    nodes = row_weights(model, elastic.held, elastic.held_nodes, body.table, elastic.restrained)
+    nodes = row_weights(model, elastic.held, elastic.held_nodes, elastic.springs, elastic.restrained)
     nodes[left_out] = 0.0
     # Pins only fix the position: they take no force from pieces.
     bearing = elastic.held_nodes[: len(elastic.held_nodes) - body.pins]

@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.kernels.tangent import add_force_rows, add_nested, add_rows
+from mlsanm_cli.kernels.assembly import add_force_rows, add_nested, add_rows
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.body_series import BodySeries, jets_of
 from mlsanm_cli.mechanics.finite.loads import FacePoints, cofactor_normal
