@@ -23,10 +23,10 @@ from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.case import LoadedCase, load_case, parse_case
 from mlsanm_cli.errors import Interrupted, NumericalError, RunError, UnfinishedError, WriteError
 from mlsanm_cli.io import run_dir
+from mlsanm_cli.io.files import read_summary
 from mlsanm_cli.io.run_dir import locked
 from mlsanm_cli.io.run_file import Attribute
 from mlsanm_cli.io.run_reader import RunData, finished, read_origin
-from mlsanm_cli.io.summary import read_summary
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.stopping import Stopper
 

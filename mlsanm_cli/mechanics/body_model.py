@@ -21,6 +21,7 @@ from mlsanm_cli.mechanics.elasticity import (
     force_rows,
     force_sums,
     nested_equilibrium_rows,
+    point_rows,
     stress_of,
     stress_rows,
 )
@@ -124,6 +125,11 @@ class BodyModel:
         nodes, tree, sight = self.cloud.fitted
         own = self.cloud.images
         return build_stencils(nodes, tree, points, order, self.settings, sight, tips=self.tips, own=own)
+
+    def probe_rows(self, points: FloatArray) -> sparse.csr_array:
+        """Rows (5e | 6e, 2N) of displacement and stress at ``points`` (e, 2) (:func:`point_rows`), by the
+        local polynomial at the point itself, as at nodes."""
+        return point_rows(self.stencils_at(points, 1), self.material, lambda: self.stencils)
 
     def gradients_around(self, centers: FloatArray, points: FloatArray) -> Stencils:
         """Stencils at ``centers`` (e, 2) with the weights of d/dx and d/dy at ``points`` (e, t, 2), in bodies

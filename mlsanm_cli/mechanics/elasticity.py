@@ -18,12 +18,15 @@ docs/method.md.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.kernels.forces import add_forces
-from mlsanm_cli.operators.rows import pair_rows, scalar_rows
+from mlsanm_cli.kernels.assembly import add_forces
+from mlsanm_cli.mechanics.material import PlaneMaterial
+from mlsanm_cli.operators.rows import pair_rows, scalar_rows, vector_rows
 from mlsanm_cli.operators.stencil_weights import Stencils
 
 XX, YY, XY, HOOP = 0, 1, 2, 3
@@ -221,6 +224,24 @@ def divergence_of_stress(derivatives: FloatArray, radius: FloatArray | None = No
         found[:, 0] += over_radius(value[:, XX] - value[:, HOOP], 0.0 * radius, radius)
         found[:, 1] += over_radius(value[:, XY], by_x[:, XY], radius)
     return found
+
+
+def point_rows(
+    stencils: Stencils, material: PlaneMaterial, nodal: Callable[[], Stencils]
+) -> sparse.csr_array:
+    """Rows (5e | 6e, 2N) of u_x, u_y, sigma_xx, sigma_yy, sigma_xy and, in bodies of revolution, the hoop
+    stress at the points of ``stencils``, quantity by quantity. Nearly incompressible materials interpolate a
+    nodal field of mean pressure: ``nodal`` gives its stencils."""
+    hidden = material.nearly_incompressible
+    even = material.bulk_part if hidden else np.zeros_like(material.stiffness)
+    value = stencils.weights[:, 0]
+    blocks = [vector_rows(stencils, value, None), vector_rows(stencils, None, value)]
+    blocks += [stress_rows(stencils, material.stiffness - even, part) for part in range(len(even))]
+    if hidden:
+        mean = scalar_rows(stencils, value) @ stress_rows(nodal(), even, XX)
+        for part in np.flatnonzero(even.any(axis=0)):
+            blocks[2 + part] = sparse.csr_array(blocks[2 + part] + mean)
+    return sparse.csr_array(sparse.vstack(blocks, format="csr"))
 
 
 def traction_of(stress: FloatArray, normal: FloatArray) -> FloatArray:

@@ -12,7 +12,6 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.laws.von_mises import ZZ, VonMises, plastic_stress
 from mlsanm_cli.mechanics.material import PlaneMaterial
-from mlsanm_cli.mechanics.probes import stress_of_expansion
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import NOTHING, Fields, State
 
@@ -50,7 +49,7 @@ def _fields(built: CondensedScene, name: str, state: State, displacement: FloatA
         degrees = built.scene.degrees(name, state.factors)
         near = stressed
         sigma = model.stress(displacement) + near
-        sigma = sigma - degrees[:, None] * stress_of_expansion(model.material)
+        sigma = sigma - degrees[:, None] * model.material.stress_of_expansion
     whole = displacement + moved
     return {**named_fields(model.material, whole, sigma, degrees, flow), "rest": displacement, "near": near}
 

@@ -21,9 +21,9 @@ from mlsanm_cli.case import Case, LoadedCase
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.inputs import results_of
 from mlsanm_cli.io import run_dir
+from mlsanm_cli.io.files import write_json_atomic
 from mlsanm_cli.io.plots.curves import Curve, Panel, Picture, draw
 from mlsanm_cli.io.plots.figures import REFERENCE_LINE
-from mlsanm_cli.io.summary import write_json_atomic
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.solve.state import PathStep, State
 

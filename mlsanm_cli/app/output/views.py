@@ -19,7 +19,6 @@ from mlsanm_cli.contact.laws.contact_state import ContactState
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.eigenstress import values_at
-from mlsanm_cli.mechanics.probes import probe_rows, stress_of_expansion
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.solve.condensed_scene import CondensedScene
@@ -46,7 +45,7 @@ class View:
     @cached_property
     def rows(self) -> sparse.csr_array:
         """Displacement x and y and stresses xx, yy, xy at the points (5e, 2N), quantity by quantity."""
-        return probe_rows(self.model, self.cloud.points)
+        return self.model.probe_rows(self.cloud.points)
 
     @cached_property
     def values(self) -> sparse.csr_array:
@@ -101,7 +100,7 @@ def shown_fields(
         sigma, degrees = np.zeros((0, len(material.stiffness))), np.zeros(0)
         if stress:
             degrees = built.scene.degrees(name, state.factors, points)
-            sigma = seen[:, 2:] + stressed - degrees[:, None] * stress_of_expansion(material)
+            sigma = seen[:, 2:] + stressed - degrees[:, None] * material.stress_of_expansion
         flow = flow_of(built, name, state, view.values)
         shown[name] = named_fields(material, seen[:, :2] + moved, sigma, degrees, flow)
     return shown

@@ -30,10 +30,9 @@ from mlsanm_cli.io.plots.cloud import BodyPicture, CloudBody
 from mlsanm_cli.io.plots.curves import Curve, Picture
 from mlsanm_cli.io.run_reader import Dataset, RunData, SavedState
 from mlsanm_cli.mechanics.body_model import enough_neighbors, enriched_tips
-from mlsanm_cli.mechanics.elasticity import von_mises
+from mlsanm_cli.mechanics.elasticity import point_rows, von_mises
 from mlsanm_cli.mechanics.laws.law import gradient_of
 from mlsanm_cli.mechanics.material import PlaneMaterial
-from mlsanm_cli.mechanics.probes import point_rows, stress_of_expansion
 from mlsanm_cli.operators.stencil_weights import Stencils
 from mlsanm_cli.operators.stencils import build_stencils
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, FINE_ROUND_OFF
@@ -107,7 +106,7 @@ def fields_at(
         return
     of_nodes = partial(_stencils_at, run, case, body, run.bodies[body].points)
     rows = point_rows(stencils, _material(case, body), of_nodes)
-    free = stress_of_expansion(_material(case, body))
+    free = _material(case, body).stress_of_expansion
     for level, (displacement, how) in zip(levels, saved, strict=True):
         values = (rows @ displacement.ravel()).reshape(-1, len(points)).T
         stress = values[:, 2:] - _degrees(case, body, level, points)[:, None] * free

@@ -14,7 +14,7 @@ import pytest
 from mlsanm_cli.app.analysis import small_strain
 from mlsanm_cli.app.checks import end
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.io.summary import read_summary
+from mlsanm_cli.io.files import read_summary
 from mlsanm_cli.solve import coercivity as certificate
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import fields_of
