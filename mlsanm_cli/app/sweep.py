@@ -77,7 +77,6 @@ def solve_point(point: SweepPoint) -> Mapping[str, Any]:
 
 
 def outcome(point: SweepPoint, status: str, reason: str, warnings: int = 0) -> Mapping[str, Any]:
-    """Status of a point and the number of warnings in its summary."""
     return {
         "name": point.name,
         "directory": str(point.directory),
@@ -89,7 +88,6 @@ def outcome(point: SweepPoint, status: str, reason: str, warnings: int = 0) -> M
 
 @lru_cache(maxsize=1)
 def process_memo(memory: int) -> Memo:
-    """Memo of the process."""
     return Memo(memory)
 
 

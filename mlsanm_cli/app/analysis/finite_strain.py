@@ -75,7 +75,6 @@ def contact_lines(scene: FiniteScene, state: State) -> dict[str, VtuPart]:
 
 
 def obstacle_lines(scene: FiniteScene, state: State) -> dict[str, VtuPart]:
-    """Rigid obstacles in a state, by contact."""
     points = np.concatenate([body.elastic.model.cloud.points for body in scene.bodies.values()])
     drawn, lines = obstacles(scene.case, points), {}
     for contact in scene.contacts.pairs:
@@ -96,7 +95,6 @@ class FiniteStrain(Analysis):
 
     @property
     def scene(self) -> FiniteScene:
-        """The assembled scene."""
         assert self._scene is not None
         return self._scene
 

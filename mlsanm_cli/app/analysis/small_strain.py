@@ -154,7 +154,6 @@ class SmallStrain(Analysis):
         yield from end.estimates(built, self._accuracy.figures(built, last), self._accuracy.missing)
 
     def _estimated(self, last: State) -> Accuracy:
-        """The error estimates of the last state."""
         accuracy, built = self._accuracy, self._at(last)
         if any(last.history(name)[:, 4].any() for name in built.laws):
             # By the spacings on the path, over the displacements of the bodies that flow.
@@ -172,7 +171,6 @@ class SmallStrain(Analysis):
 
     @property
     def _refined(self) -> bool:
-        """Whether the clouds differ from those of the case."""
         return len(self._refinement.passes) > 1
 
     @property

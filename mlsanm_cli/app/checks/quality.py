@@ -52,7 +52,6 @@ class Quality:
 
     @property
     def figures(self) -> dict[str, Any]:
-        """Quality measures as plain values."""
         bodies = {}
         for name, cloud in self.bodies.items():
             model = self.models[name]
@@ -66,12 +65,10 @@ class Quality:
 
     @property
     def clouds(self) -> Mapping[str, Cloud]:
-        """The nodes of all bodies."""
         return {name: model.cloud for name, model in self.prepared.models.items()}
 
 
 def announce(case: Case, prepared: SceneModel, context: RunContext, verdicts: Verdicts) -> Quality:
-    """Assess a scene, print its notes and judge it."""
     with context.phase("cloud"):
         quality = assess(case, prepared, context.memo)
     for note in prepared.notes:
@@ -98,7 +95,6 @@ def factor_notes(scene: Scene) -> Iterator[str]:
 
 
 def clouds(model: Quality) -> Iterator[Check]:
-    """Distances, holes and growth of the nodes of bodies."""
     for body in model.case.body:
         name, place = body.name, f"body {body.name}"
         closest, hole, growth = (model.bodies[name][key] for key in ("closest", "hole", "growth"))
@@ -115,7 +111,6 @@ def clouds(model: Quality) -> Iterator[Check]:
 
 
 def facing_surfaces(model: Quality) -> Iterator[Check]:
-    """Contacts with nodal pressures."""
     # At finite strain automatic spacings are made alike where bodies touch, which a first run finds.
     small, ranges = model.case.model.strain == "small", model.prepared.ranges
     own = {one.name for one in model.case.body if small or one.spacing != "auto" or one.has_nodes}
@@ -166,7 +161,6 @@ def nodal_contacts(
 
 
 def ratio_message(pairing: Pairing, ratio: float) -> tuple[str, str]:
-    """Message and hint of unequal facing spacings."""
     keys = ", ".join(f"body.{body}.spacing" for body in pairing.bodies)
     return (
         f"contact {pairing.name}: spacings that face each other differ by a factor of {ratio:.3g}",
@@ -175,7 +169,6 @@ def ratio_message(pairing: Pairing, ratio: float) -> tuple[str, str]:
 
 
 def bonded_curves(model: Quality) -> Iterator[Check]:
-    """Rotation of bonded surfaces from node to node."""
     bonds = [one for one in model.prepared.pairings if one.bonded]
     for pairing, body, slave in ((one, body, slave) for one in bonds for body, slave, _ in one.sides):
         surface = pairing.surface_of(slave)
@@ -190,14 +183,12 @@ def bonded_curves(model: Quality) -> Iterator[Check]:
 
 
 def degree(model: Quality) -> Iterator[Check]:
-    """Local polynomials of degree 1."""
     lowest = min(one.settings.degree for one in model.prepared.models.values())
     message = "mls.degree = 1 is for comparisons only, its error hardly decreases with the spacing"
     yield Check("degree", lowest, message, "use 2")
 
 
 def initial_gap(model: Quality) -> Iterator[Check]:
-    """Initial gaps of contacts, relative to the smaller body."""
     for pairing in model.prepared.pairings:
         size = min(float(np.ptp(model.clouds[body].points, axis=0).max()) for body in pairing.bodies)
         gap, place = float(pairing.gap.min()) + pairing.closed_by, f"contact {pairing.name}"
@@ -257,7 +248,6 @@ def _interpolation(varying: list[str], cloud: Cloud, spans: IntArray) -> tuple[f
 
 
 def loaded_length(model: Quality) -> Iterator[Check]:
-    """Loaded parts with another length than given, as the nodes are from a file."""
     for load in model.case.load:
         if not isinstance(load, Pressure | Traction) or load.ends is None:
             continue
@@ -274,14 +264,12 @@ def loaded_length(model: Quality) -> Iterator[Check]:
 
 
 def weak_motions(model: Quality) -> Iterator[Check]:
-    """Motions that are hardly resisted."""
     for text in model.prepared.restrained.weak:
         message, _, hint = text.partition("; ")
         yield Check("weak_motion", 1.0, message, hint, message.partition(" is hardly")[0])
 
 
 def corners(model: Quality) -> Iterator[Check]:
-    """Sharp re-entrant corners."""
     for name, one in model.prepared.models.items():
         sharp = one.cloud.points[reentrant_corners(one.cloud)]
         for x, y in sharp[:1]:
@@ -295,7 +283,6 @@ def corners(model: Quality) -> Iterator[Check]:
 
 
 def materials(model: Quality) -> Iterator[Check]:
-    """Materials whose stress out of the plane is not known."""
     for name, material in model.case.material.items():
         if model.case.model.plane == "strain" and material.form == "stiffness":
             place = f"material {name}"
@@ -308,7 +295,6 @@ def materials(model: Quality) -> Iterator[Check]:
 
 
 def moduli(model: Quality) -> Iterator[Check]:
-    """Bodies in contact whose moduli may have different units."""
     for pairing in model.prepared.pairings:
         ratio = stiffness_ratio(pairing, model.prepared.models)
         if ratio > 0.0:
@@ -350,7 +336,6 @@ def cut_bodies(model: Quality) -> Iterator[Check]:
 
 
 def friction(model: Quality) -> Iterator[Check]:
-    """Coefficients of friction."""
     for contact in model.case.touching:
         place, value = f"contact {contact.name}", contact.friction
         if isinstance(value, float):

@@ -215,7 +215,6 @@ def _adapted(
 
 
 def _required(case: Case, prepared: SceneModel) -> tuple[Rule, int]:
-    """The spacings that contact patches require, and the number of passes."""
     touching = {body for pairing in prepared.pairings for body in pairing.bodies}
     if case.model.revolved and case.touching:
         placed = not any(body.has_nodes for body in case.body)
@@ -264,7 +263,6 @@ def found_patches(built: CondensedScene, rule: Rule) -> Iterator[Patch]:
 
 
 def _patch_zones(patch: Patch, rule: Rule) -> Iterator[Zone]:
-    """Zones under the patch and around its edges."""
     middle = (float(patch.middle[0]), float(patch.middle[1]))
     reach = rule.reach * patch.half_width + 2.0 * float(patch.uncertainty.max(initial=0.0))
     # Finer spacings over all that a patch may cover are wasted until its edges are known.

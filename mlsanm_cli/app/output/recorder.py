@@ -181,7 +181,6 @@ class Recorder(Closing):
         self._saved += 1
 
     def _count(self, analysis: Analysis, step: PathStep) -> None:
-        """Adds a step to the totals of the path."""
         tally = self.tally
         counts = {
             name: tally[name] + getattr(step, name) for name in ("iterations", "factorizations", "solves")
@@ -232,7 +231,6 @@ class Recorder(Closing):
         write_json_atomic(self.directory / run_dir.SUMMARY_FILE, summary)
 
     def close(self) -> None:
-        """Closes the files; may be called twice."""
         try:
             self._file.close()
         finally:

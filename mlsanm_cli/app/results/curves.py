@@ -60,7 +60,6 @@ def load_words(run: RunData, case: Case, position: float) -> str:
 
 
 def position_words(run: RunData, case: Case, position: float) -> str:
-    """A position as a number and in words."""
     return ", ".join(filter(None, (f"position {position:.4g}", load_words(run, case, position))))
 
 
@@ -187,7 +186,6 @@ def loop_picture(run: RunData, case: Case, name: str, choice: Choice, over_slip:
 
 
 def mean_slip(contact: Dataset) -> FloatArray:
-    """The mean slip (S+1,) of a contact along the path."""
     return np.asarray(contact.slip @ contact.weight / contact.weight.sum(), dtype=np.float64)
 
 
