@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
@@ -15,7 +16,6 @@ from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.condense import pulling_loads
 from mlsanm_cli.app.scene.corners import planes_of
 from mlsanm_cli.app.scene.load_profiles import amounts_at, runs_of
-from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import (
     BodyForce,
     Case,
@@ -204,47 +204,42 @@ def load_resolution(model: Quality) -> Iterator[Check]:
     for load in model.case.load:
         if not isinstance(load, Temperature | BodyForce | Centrifugal | Pressure | Traction):
             continue
-        body, cloud = load.owner, model.clouds[load.owner]
+        cloud, amounts = model.clouds[load.owner], list[Any]()
         if isinstance(load, Temperature):
-            amounts: Sequence[Any] = [load.temperature]
+            amounts = [load.temperature]
         elif isinstance(load, BodyForce | Centrifugal):
-            amounts = load.body_force
+            amounts += load.body_force
         else:
-            amounts = [load.pressure] if isinstance(load, Pressure) else load.traction or ()
-        if isinstance(load, Temperature | BodyForce | Centrifugal):
-            spans = [cloud.triangles]
-        else:
-            names = model.prepared.boundaries.names[load.place]
-            indices = [cloud.surfaces[name].index for name in names]
+            amounts += [load.pressure] if isinstance(load, Pressure) else load.traction or ()
+        if isinstance(load, Pressure | Traction):
+            surfaces = [cloud.surfaces[name].index for name in model.prepared.boundaries.names[load.place]]
             # Only inside of surfaces: tractions may be discontinuous at their ends.
-            spans = [np.stack([index[1:-2], index[2:-1]], axis=1) for index in indices if len(index) > 3]
-        varying = [one for one in amounts if isinstance(one, str)]
-        error, (x, y) = _interpolation(varying, cloud, np.concatenate(spans)) if varying and spans else NONE
+            spans = [np.stack([index[1:-2], index[2:-1]], axis=1) for index in surfaces if len(index) > 3]
+        else:
+            spans = [cloud.triangles]
+        varying, error, x, y = [one for one in amounts if isinstance(one, str)], 0.0, 0.0, 0.0
+        # Without a value at some node the load is refused when it is evaluated there.
+        with suppress(ExpressionError):
+            if varying and spans:
+                # The mean over a span from the value at its centre, over the largest value; a peak at a
+                # single node is seen at the nodes only.
+                corners = np.concatenate(spans)
+                middles, (nodes, at) = (
+                    cloud.points[corners].mean(axis=1),
+                    np.unique(corners, return_inverse=True),
+                )
+                known, between = amounts_at(varying, cloud.points[nodes]), amounts_at(varying, middles)
+                scale = max(np.abs(between).max(initial=0.0), np.abs(known).max(initial=0.0))
+                missed = np.abs(known[at.reshape(corners.shape)].mean(axis=1) - between).max(axis=1)
+                if scale > 0.0:
+                    error = float(missed.max() / scale)
+                    x, y = middles[int(missed.argmax())].tolist()
         message = (
-            f"load.{load.name} varies faster than the nodes of body {body} resolve near ({x:.4g}, {y:.4g}): "
-            f"interpolation between them is off by {100 * error:.2g} % of its largest value"
+            f"load.{load.name} varies faster than the nodes of body {load.owner} resolve near ({x:.4g}, "
+            f"{y:.4g}): interpolation between them is off by {100 * error:.2g} % of its largest value"
         )
-        hint = f"refine there with body.{body}.refine, or use a smoother expression"
+        hint = f"refine there with body.{load.owner}.refine, or use a smoother expression"
         yield Check("load_resolution", error, message, hint, f"load {load.name}")
-
-
-NONE = 0.0, (0.0, 0.0)
-
-
-def _interpolation(varying: list[str], cloud: Cloud, spans: IntArray) -> tuple[float, tuple[float, float]]:
-    """Largest error of the mean over a span (s, 2 or 3) of nodes over the largest value, and its place."""
-    middles: FloatArray = cloud.points[spans].mean(axis=1)
-    nodes, place = np.unique(spans, return_inverse=True)
-    try:
-        at_nodes, between = amounts_at(varying, cloud.points[nodes]), amounts_at(varying, middles)
-    except ExpressionError:  # reported when loads are evaluated at the nodes
-        return NONE
-    # A peak at a single node is seen at the nodes only.
-    scale = float(max(np.abs(between).max(initial=0.0), np.abs(at_nodes).max(initial=0.0)))
-    missed = np.abs(at_nodes[place.reshape(spans.shape)].mean(axis=1) - between).max(axis=1)
-    worst = int(missed.argmax())
-    x, y = middles[worst].tolist()
-    return (float(missed[worst] / scale), (x, y)) if scale > 0.0 else NONE
 
 
 def loaded_length(model: Quality) -> Iterator[Check]:
