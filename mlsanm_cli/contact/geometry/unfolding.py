@@ -22,8 +22,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.contact.geometry.grid import Hats
-from mlsanm_cli.contact.geometry.panels import chebyshev, lagrange
+from mlsanm_cli.contact.geometry.grid import Hats, chebyshev, lagrange
 from mlsanm_cli.mechanics.symmetry import SymmetryPlane, copies_around
 from mlsanm_cli.records import dataclass
 

@@ -17,7 +17,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.geometry.surface_response import SurfaceResponse, pin_displacements
+from mlsanm_cli.contact.geometry.surface_response import SurfaceResponse
 from mlsanm_cli.contact.response.nodal import NodalBasis
 from mlsanm_cli.contact.response.smoothing import smoothing
 from mlsanm_cli.mechanics.body import ElasticBody
@@ -68,8 +68,22 @@ class GridBasis:
         self.drivers = self.samples + 2 * (self._grid.covers + len(self._grid.pinned))
 
     def by_values(self, which: int) -> Any:
-        grid = self._grid
-        return np.concatenate([grid.driver_matrices[which], pin_displacements(grid, which)])
+        grid, unit = self._grid, np.eye(self._pairing.count)
+        if not (grid.covers or grid.pinned):
+            return grid.spreads[which]
+        deviation = grid.deviation(unit, which)
+        blocks = [grid.spreads[which] @ deviation]
+        if grid.covers:
+            blocks.append(grid.mean_traction(which))
+        if grid.pinned:
+            # Pins stay where they are: what the samples do not represent moves them back.
+            acting, moved = grid.hats.at_places(grid.directions[which]), []
+            for pin in grid.pinned:
+                response = SurfaceResponse.of(grid, pin.kernel, pin.slave)
+                singular = response.singular(np.array([pin.place]))[0]
+                moved.append(-np.einsum("mcd,md->cm", singular, acting))
+            blocks += list(np.array(moved).transpose(1, 0, 2) @ deviation)
+        return np.concatenate(blocks)
 
     def means(self, which: int) -> Any:
         return self._grid.means[which]
@@ -101,7 +115,7 @@ class GridBasis:
     def resultants(
         self, body: ElasticBody, name: str, sources: sparse.csc_array, center: tuple[float, float]
     ) -> list[FloatArray]:
-        return list(self._grid.resultants(name == self._pairing.slave_body, center))
+        return self._grid.resultants(name == self._pairing.slave_body, center)
 
 
 def sampled_rows(body: ElasticBody, name: str, pairing: Pairing, lost: bool = False) -> sparse.csr_array:

@@ -13,8 +13,7 @@ from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import AnyArray, FloatArray, IntArray
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
-from mlsanm_cli.contact.geometry.grid import RULE
-from mlsanm_cli.contact.geometry.panels import chebyshev, lagrange
+from mlsanm_cli.contact.geometry.grid import RULE, chebyshev, lagrange
 from mlsanm_cli.mechanics.near_field import (
     BATCH_SIZE,
     SURFACE_INSET,

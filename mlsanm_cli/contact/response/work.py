@@ -135,8 +135,9 @@ def _given_tractions(
                     adjacent = adjacent_traction(pairing.grid, kernel, slave, surface, pressure, traction)
                     total[name] -= sign * adjacent
                 if pairing.grid.covers:
-                    mean = pairing.grid.mean_traction(pressure, traction)
-                    total[pairing.surface_of(slave).name] += sign * mean
+                    mean = map(pairing.grid.mean_traction, (0, 1))
+                    even = next(mean) @ pressure + next(mean) @ traction
+                    total[pairing.surface_of(slave).name] += sign * even
         elif pairing.slave_body == body:
             given, chosen = _on_slave(pairing, pressure, traction), pairing.candidate
             position = pairing.position[chosen]
