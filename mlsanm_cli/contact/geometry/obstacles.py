@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 from scipy.spatial import cKDTree
 
-from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray, runs_of
 from mlsanm_cli.cloud.curves import Arc, Curve
 from mlsanm_cli.cloud.search import MAX_PAIRS, nearest
 from mlsanm_cli.cloud.splines import NodeSpline, Spline
@@ -87,8 +87,7 @@ class Chain:
     """A polyline through ``points`` (c, 2) with the obstacle on its left.
 
     Around an outward corner the normal rotates with the direction from the corner. Where the points are
-    samples of a smooth curve, the obstacle is a spline through them: pressure under a corner, however blunt,
-    is unbounded, which a tabulated profile is not meant to cause.
+    samples of a smooth curve, the obstacle is a spline through them, whose pressures are bounded.
     """
 
     points: FloatArray
@@ -97,11 +96,10 @@ class Chain:
     def smooth(self) -> BoolArray:
         """Mask (c,) of the points that are samples of a smooth curve; both ends are corners."""
         count = len(self.points)
-        along = np.diff(self.points, axis=0)
         result = np.zeros(count, dtype=bool)
         if count < MIN_SAMPLES + 2:
             return result
-        angle = np.arctan2(along[:, 1], along[:, 0])
+        angle = np.arctan2(*np.diff(self.points, axis=0).T[::-1])
         turn = np.angle(np.exp(1j * np.diff(angle)))
         turn[np.abs(turn) <= ROUND_OFF] = 0.0
         # Constant extrapolation of the turning angle beyond the ends.
@@ -113,7 +111,7 @@ class Chain:
         )
         even = np.abs(turn - mean) <= TURN_VARIATION * window.max(axis=1)
         result[1:-1] = even & (np.abs(turn) <= CORNER_ANGLE) & (window.max(axis=1) > 0.0)
-        for first, last in _runs(result):
+        for first, last in runs_of(result):
             result[first:last] &= last - first >= MIN_SAMPLES
         return result
 
@@ -139,7 +137,7 @@ class Chain:
             length <= STRAIGHT_RATIO * np.maximum(neighbours[:-2], neighbours[2:])
         )
         found = []
-        for first, last in _runs(curved):
+        for first, last in runs_of(curved):
             inner = np.flatnonzero(~self.smooth[first + 1 : last]) + first + 1
             ends = [first, *inner.tolist(), last]
             for a, b in pairwise(ends):
@@ -213,9 +211,3 @@ class Chain:
         for first in range(0, len(rows), MAX_PAIRS // count + 1):
             some = rows[first : first + MAX_PAIRS // count + 1]
             yield some, np.tile(np.arange(count), (len(some), 1))
-
-
-def _runs(chosen: BoolArray) -> list[tuple[int, int]]:
-    """Start and exclusive end of every run of ``chosen`` (n,)."""
-    steps = np.flatnonzero(np.diff(np.pad(chosen.astype(np.int8), 1)))
-    return [(int(a), int(b)) for a, b in zip(steps[::2], steps[1::2], strict=True)]
