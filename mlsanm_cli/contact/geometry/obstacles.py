@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from functools import cached_property
 from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray, runs_of
 from mlsanm_cli.cloud.curves import Arc, Curve
-from mlsanm_cli.cloud.search import MAX_PAIRS, nearest
+from mlsanm_cli.cloud.search import MAX_PAIRS
 from mlsanm_cli.cloud.splines import NodeSpline, Spline
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
@@ -24,10 +22,6 @@ TURN_VARIATION, TURN_NEIGHBORS = 0.6, 2
 """Points are samples of a smooth curve if the turning angle differs from the mean of its neighbours by less
 than TURN_VARIATION times the largest among TURN_NEIGHBORS on either side. A single corner between straight
 sides differs by 1."""
-CLOSEST_SIDES = 8
-"""Number of nearest sides examined exactly, if there are more than twice as many."""
-SPLIT_RATIO = 4.0
-"""Sides longer than this times the median are split in the search tree."""
 MIN_SAMPLES = 3
 """Least number of consecutive samples of a curve; two corners are a chamfer."""
 STRAIGHT_RATIO = 3.0
@@ -116,19 +110,6 @@ class Chain:
         return result
 
     @cached_property
-    def _middles(self) -> tuple[cKDTree, IntArray, float]:
-        """Search tree of the mid-points of sides or, if long, of their parts; the side of each; and the
-        largest distance of a side's point from the mid-point of its part."""
-        along = np.diff(self.points, axis=0)
-        length = np.hypot(along[:, 0], along[:, 1])
-        parts = np.ceil(length / max(SPLIT_RATIO * np.median(length), length.mean())).astype(np.int64)
-        side = np.repeat(np.arange(len(length)), parts)
-        number = np.arange(len(side)) - np.repeat(np.cumsum(parts) - parts, parts)
-        share = (number + 0.5) / parts[side]
-        reach = 0.5 * float((length / parts).max())
-        return cKDTree(self.points[:-1][side] + share[:, None] * along[side]), side, reach
-
-    @cached_property
     def _curves(self) -> tuple[tuple[int, int, Spline], ...]:
         """First and last (exclusive) side of every smooth part, and its spline."""
         length = np.hypot(*np.diff(self.points, axis=0).T)
@@ -166,23 +147,21 @@ class Chain:
         """Closest points and normals of straight sides, the side, and the inner corner that defines the
         normal, or -1."""
         start, along = self.points[:-1], np.diff(self.points, axis=0)
-        length = np.hypot(along[:, 0], along[:, 1])
+        length = np.hypot(*along.T)
         tangent = along / length[:, None]
         side, s = np.zeros(len(points), dtype=np.int64), np.zeros(len(points))
-        for rows, chosen in self._candidates(points):
-            away = points[rows, None, :] - start[chosen]
-            way = np.clip((away * tangent[chosen]).sum(axis=2), 0.0, length[chosen])
-            distance = np.linalg.norm(away - way[:, :, None] * tangent[chosen], axis=2)
+        for rows in np.array_split(np.arange(len(points)), 1 + len(points) * len(length) // MAX_PAIRS):
+            away = points[rows, None, :] - start
+            way = np.clip((away * tangent).sum(axis=2), 0.0, length)
+            distance = np.linalg.norm(away - way[:, :, None] * tangent, axis=2)
             # Of two sides at a corner take the one faced more; for points at the corner, by their surface's
             # normal.
             nearest = distance <= distance.min(axis=1, keepdims=True) + ROUND_OFF * length.max()
-            across = away[:, :, 0] * tangent[chosen, 1] - away[:, :, 1] * tangent[chosen, 0]
-            out = outward[rows, None, :]
-            facing = out[:, :, 0] * tangent[chosen, 1] - out[:, :, 1] * tangent[chosen, 0]
+            across = away[:, :, 0] * tangent[:, 1] - away[:, :, 1] * tangent[:, 0]
+            facing = outward[rows] @ np.stack([tangent[:, 1], -tangent[:, 0]])
             faced = across - ROUND_OFF * length.max() * facing
-            best = np.argmax(np.where(nearest, faced, -np.inf), axis=1)[:, None]
-            side[rows] = np.take_along_axis(chosen, best, axis=1)[:, 0]
-            s[rows] = np.take_along_axis(way, best, axis=1)[:, 0]
+            side[rows] = np.argmax(np.where(nearest, faced, -np.inf), axis=1)
+            s[rows] = way[np.arange(len(rows)), side[rows]]
         partner = start[side] + s[:, None] * tangent[side]
         normal = np.stack([tangent[side, 1], -tangent[side, 0]], axis=1)
         # Beyond a corner the normal is the direction from it; above a side it is exactly the side's.
@@ -194,20 +173,3 @@ class Chain:
         turned = corner & inner
         normal = np.where(turned[:, None], past / np.where(size > 0.0, size, 1.0)[:, None], normal)
         return partner, normal, side, np.where(turned, np.where(s == 0.0, side, side + 1), -1)
-
-    def _candidates(self, points: FloatArray) -> Iterator[tuple[IntArray, IntArray]]:
-        """Rows (r,) of ``points`` with the sides (r, k) that contain the closest one: those of the nearest
-        mid-points if this is certain, else all."""
-        count, rows = len(self.points) - 1, np.arange(len(points))
-        if count > 2 * CLOSEST_SIDES:
-            tree, side, reach = self._middles
-            distance, chosen = nearest(tree, points, CLOSEST_SIDES)
-            chosen = side[chosen]
-            # No side beyond the last candidate can be closer than the first.
-            certain = distance[:, -1] - reach > distance[:, 0]
-            if certain.any():
-                yield rows[certain], np.sort(chosen[certain], axis=1)
-            rows = rows[~certain]
-        for first in range(0, len(rows), MAX_PAIRS // count + 1):
-            some = rows[first : first + MAX_PAIRS // count + 1]
-            yield some, np.tile(np.arange(count), (len(some), 1))
