@@ -73,10 +73,11 @@ def slave_arc(pairing: Pairing) -> FloatArray:
 
 def platen_displacements(built: CondensedScene, state: State | None = None) -> dict[str, FloatArray]:
     """Displacement (2,) of the platen or obstacle that each load moves, in a state or initially."""
-    found = {name: np.zeros(2) for one in built.scene.rigid_constraints for name in _loads(built, one)}
+    loads = built.scene.loads
+    found = {loads[number]: np.zeros(2) for one in built.scene.rigid_constraints for number in one.loads}
     for constraint, motion, value in _motions(built, state) if state is not None else ():
-        for name in _loads(built, constraint):
-            found[name] = found[name] + value * motion.direction[:2]
+        for number in constraint.loads:
+            found[loads[number]] = found[loads[number]] + value * motion.direction[:2]
     return found
 
 
@@ -88,10 +89,6 @@ def plates_turned(built: CondensedScene, state: State) -> dict[str, dict[str, fl
             moment = built.condensed.quantities["moment"][constraint.name](*state.unknowns)[0]
             found[constraint.name] = {"rotation": angle, "moment": float(moment)}
     return found
-
-
-def _loads(built: CondensedScene, constraint: RigidConstraint) -> list[str]:
-    return [built.scene.loads[number] for number in constraint.loads]
 
 
 def _motions(built: CondensedScene, state: State) -> Iterator[tuple[RigidConstraint, RigidMotion, float]]:

@@ -13,15 +13,15 @@ import numpy as np
 from mlsanm_cli.app.checks.check import Check, Verdicts, all_of
 from mlsanm_cli.app.checks.limits import level, summary_limits
 from mlsanm_cli.app.checks.quality import announce
-from mlsanm_cli.app.finite.checks import END, FiniteEnd
-from mlsanm_cli.app.finite.contact_path import contact_path
-from mlsanm_cli.app.finite.estimate import (
+from mlsanm_cli.app.finite.accuracy import (
     energy_errors,
     energy_estimate,
     missing_figures,
     missing_works,
     work_error,
 )
+from mlsanm_cli.app.finite.checks import END, FiniteEnd
+from mlsanm_cli.app.finite.contact_path import contact_path
 from mlsanm_cli.app.finite.fields import (
     CONTACT_PREFIX,
     SceneForces,
@@ -126,7 +126,7 @@ class FiniteStrain(Analysis):
         return finite_path(self.scene, start, at=at)
 
     def forces(self, state: State) -> Mapping[str, FloatArray]:
-        forces = resultants(self.scene, SceneForces.of(self.scene, state))
+        forces = resultants(self.scene, SceneForces(self.scene, state))
         return forces | {name.removeprefix(CONTACT_PREFIX): force for name, force in forces.items()}
 
     def checks(self, state: State) -> Iterator[Check]:
@@ -169,7 +169,7 @@ class FiniteStrain(Analysis):
 
     def tallied(self, tally: Mapping[str, Any], before: State | None, step: PathStep) -> dict[str, Any]:
         scene, state = self.scene, step.state
-        forces, (nodal, energy) = SceneForces.of(scene, state), energy_errors(scene, state)
+        forces, (nodal, energy) = SceneForces(scene, state), energy_errors(scene, state)
         error = sum(float(each.sum()) for each in nodal.values())
         largest = max(tally.get("largest", 0.0), forces.size)
         # Rigid motion leaves round-off in the forces.
