@@ -11,7 +11,6 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.complementarity.problem import STICK
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.io.columns import Quantities
-from mlsanm_cli.mechanics.eigenstress import values_at
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.laws.von_mises import ZZ
 from mlsanm_cli.mechanics.rigid import ROTATION
@@ -26,10 +25,10 @@ def quantities(built: CondensedScene, state: State) -> Quantities:
     condensed = built.condensed
     return {
         "factors": dict(zip(built.scene.loads, state.factors.tolist(), strict=True)),
-        "resultants": {name: force(*state.unknowns) for name, force in condensed.forces.items()},
+        "resultants": {name: force(*state.unknowns) for name, force in condensed.quantities["force"].items()},
         "displacements": platen_displacements(built, state),
         "contacts": {one.name: contact_values(built, one, state) for one in condensed.reported},
-        "probes": {name: probe_values(built, name, state) for name in condensed.probes},
+        "probes": {name: probe_values(built, name, state) for name in condensed.quantities["probe"]},
     }
 
 
@@ -65,7 +64,7 @@ def slave_arc(pairing: Pairing) -> FloatArray:
     """Increasing arc lengths (m,) of a contact's candidates along the slave surface, from its start; on a
     closed surface the first of them is in the first turn."""
     arc, curve = pairing.arc[pairing.candidate], pairing.slave.curve
-    if pairing.grid is not None and not pairing.grid.facing.slave_first:
+    if not pairing.nodal and not pairing.grid.facing.slave_first:
         # Grid places run in the direction of the master, opposite to the slave.
         arc = curve.closest(pairing.points[pairing.candidate])
         arc = np.maximum.accumulate(np.unwrap(arc, period=curve.length) if curve.closed else arc)
@@ -74,10 +73,11 @@ def slave_arc(pairing: Pairing) -> FloatArray:
 
 def platen_displacements(built: CondensedScene, state: State | None = None) -> dict[str, FloatArray]:
     """Displacement (2,) of the platen or obstacle that each load moves, in a state or initially."""
-    found = {name: np.zeros(2) for one in built.scene.rigid_constraints for name in _loads(built, one)}
+    loads = built.scene.loads
+    found = {loads[number]: np.zeros(2) for one in built.scene.rigid_constraints for number in one.loads}
     for constraint, motion, value in _motions(built, state) if state is not None else ():
-        for name in _loads(built, constraint):
-            found[name] = found[name] + value * motion.direction[:2]
+        for number in constraint.loads:
+            found[loads[number]] = found[loads[number]] + value * motion.direction[:2]
     return found
 
 
@@ -86,13 +86,9 @@ def plates_turned(built: CondensedScene, state: State) -> dict[str, dict[str, fl
     found = {}
     for constraint, motion, angle in _motions(built, state):
         if constraint.held and motion.component == ROTATION:
-            moment = built.condensed.moments[constraint.name](*state.unknowns)[0]
+            moment = built.condensed.quantities["moment"][constraint.name](*state.unknowns)[0]
             found[constraint.name] = {"rotation": angle, "moment": float(moment)}
     return found
-
-
-def _loads(built: CondensedScene, constraint: RigidConstraint) -> list[str]:
-    return [built.scene.loads[number] for number in constraint.loads]
 
 
 def _motions(built: CondensedScene, state: State) -> Iterator[tuple[RigidConstraint, RigidMotion, float]]:
@@ -107,12 +103,12 @@ def _motions(built: CondensedScene, state: State) -> Iterator[tuple[RigidConstra
 def probe_values(built: CondensedScene, name: str, state: State) -> dict[str, Any]:
     """Displacement (2,), stress xx, yy, xy (3,) and von Mises stress at a probe, in bodies of revolution
     the hoop stress, too."""
-    values = built.condensed.probes[name](*state.unknowns)
+    values = built.condensed.quantities["probe"][name](*state.unknowns)
     body, point = next((probe.body, probe.point) for probe in built.scene.probes if probe.name == name)
     stress, material = values[2:], built.scene.bodies[body].model.material
     across = material.out_of_plane_stress(stress[None], built.scene.degrees(body, state.factors, point))
     if body in built.laws:
-        plastic = values_at(built.scene.bodies[body].model, point) @ state.history(body)[:, ZZ]
+        plastic = built.scene.bodies[body].model.field_rows(point) @ state.history(body)[:, ZZ]
         across = across - material.across_modulus * plastic
     mises = float(von_mises(stress[None], across)[0])
     found = {"displacement": values[:2], "stress": stress[:3], "von_mises": mises}

@@ -11,10 +11,10 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.geometry.surface_response import SurfaceResponse
-from mlsanm_cli.contact.laws.active_set import ExactState
+from mlsanm_cli.contact.laws.contact_state import ContactState
 from mlsanm_cli.contact.response.compressed import COMPRESSED_CONTACT
-from mlsanm_cli.contact.response.condensation import BodyResponses
 from mlsanm_cli.contact.response.condensed import Condensed
+from mlsanm_cli.contact.response.responses import BodyResponses
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 from mlsanm_cli.solve.grid_ranges import summits
@@ -49,9 +49,9 @@ ends of contacts half; not for tractions, as every node is an event of the path.
 def sampled(scene: Scene, answers: BodyResponses, grids: Mapping[str, ContactGrid]) -> dict[str, ContactGrid]:
     """Grids with as many samples as the responses of the bodies require."""
     result = dict(grids)
-    for pairing in answers.observation.pairings:
+    for pairing in answers.drivers.on_grids:
         grid = pairing.grid
-        if grid is None or grid.count >= MAX_SAMPLES:
+        if grid.count >= MAX_SAMPLES:
             continue
         log = sum(
             np.abs(SurfaceResponse.of(grid, scene.bodies[body].model.kernel, slave).tensors[0]).max()
@@ -74,7 +74,7 @@ def refined(
     condensed: Condensed,
     grids: Mapping[str, ContactGrid],
     ranges: Mapping[str, ContactRange],
-    states: Sequence[ExactState],
+    states: Sequence[ContactState],
     accuracy: Mapping[str, float],
     tractions: bool,
     limits: tuple[int, int] = DENSE_LIMITS,
@@ -129,13 +129,12 @@ def _halved(grid: ContactGrid, chosen: BoolArray, quartered: BoolArray, errors: 
 
 
 def grid_errors(
-    condensed: Condensed, name: str, states: Sequence[ExactState], tractions: bool = True
+    condensed: Condensed, name: str, states: Sequence[ContactState], tractions: bool = True
 ) -> FloatArray:
     """Contribution of every interval of a contact grid to the relative L2 error of its pressures (and
     tractions, if they count) in the worst of the states; 0 for the shortest, where pressures are unbounded.
     """
     pairing = condensed.pairing_of(name)
-    assert pairing.grid is not None
     hats, worst = pairing.grid.hats, np.zeros(len(pairing.grid.hats.steps))
     for state in states:
         pressure = state.pressure[condensed.spans[name]]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.run import run
-from mlsanm_cli.contact.response import load_vectors as sources
+from mlsanm_cli.contact.response import basis as sources
 from mlsanm_cli.mechanics.pieces import Pieces
 from mlsanm_cli.mechanics.remainder import remainder_sources
 from tests.app.scenes import EXACT_LAW, Quiet

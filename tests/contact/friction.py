@@ -8,9 +8,10 @@ import numpy as np
 import scipy.linalg as linalg
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.laws.coulomb import CoulombState, event_driven_path, start
+from mlsanm_cli.contact.laws.contact_state import ContactState
+from mlsanm_cli.contact.laws.coulomb import event_driven_path, start
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.contact.response.linear_map import Columns, LinearMap
+from mlsanm_cli.contact.response.linear_map import LinearMap
 from tests.contact.scenes import synthetic
 
 
@@ -30,7 +31,7 @@ class HalfPlanes:
         """Largest pressure of Hertz' formula."""
         return 2.0 * self.force / (np.pi * self.half)
 
-    def event_driven_path(self, *targets: tuple[float, float]) -> list[CoulombState]:
+    def event_driven_path(self, *targets: tuple[float, float]) -> list[ContactState]:
         """The states at the ends of stages to these load factors."""
         state = start(self.condensed, np.zeros(2))
         found = []
@@ -75,11 +76,11 @@ def half_planes(
         width, x = np.diff(edges), 0.5 * (edges[1:] + edges[:-1]) + shift
     force = 0.25 * np.pi * half**2
     normal, coupling = strip_compliance(x, width), beta * strip_coupling(x, width)
-    columns = Columns(2, 2, m, m)
+    counts = 2, 2, m, m
     moves, slides = np.zeros((m, 2)), np.zeros((m, 2))
     moves[:, 0], slides[:, 1] = 1.0, 1.0
     gap = 0.5 * x**2
-    balance = columns.of_loads(np.array([[force, 0.0], [0.0, -friction * force]]))
+    balance = LinearMap.of_loads(np.array([[force, 0.0], [0.0, -friction * force]]), counts)
     balance.pressure[0], balance.traction[1] = -width, -width
     base = synthetic(normal, gap)
     condensed = replace(
@@ -90,7 +91,7 @@ def half_planes(
         friction=np.full(m, friction),
         gap=LinearMap(gap, np.zeros((m, 2)), moves, normal, coupling),
         slip=LinearMap(np.zeros(m), np.zeros((m, 2)), slides, -coupling, normal),
-        watched=columns.zeros(0),
+        watched=LinearMap.zeros(0, counts),
         balance=balance,
     )
     return HalfPlanes(condensed, x, half, force, friction)

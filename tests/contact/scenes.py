@@ -14,11 +14,12 @@ from mlsanm_cli.app.scene.clouds import clouds
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import parse_case
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
+from mlsanm_cli.contact.laws.contact_state import ContactState
+from mlsanm_cli.contact.laws.frictionless import solve_exact
 from mlsanm_cli.contact.response.coercivity import contact_stability
 from mlsanm_cli.contact.response.condensation import condense
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.contact.response.linear_map import Columns, LinearMap
+from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.solve.condensed_scene import stage_factors
 from tests.case_text import head, load
@@ -38,7 +39,7 @@ def synthetic(
     m = len(gap)
     load = np.zeros((m, 1)) if load is None else load
     motion = np.zeros((m, 0)) if motion is None else motion
-    columns = Columns(load.shape[1], motion.shape[1], m)
+    none = LinearMap.zeros(0, (load.shape[1], motion.shape[1], m, 0))
     weight = np.ones(m)
     return Condensed(
         pairings=(),
@@ -50,13 +51,11 @@ def synthetic(
         friction_nodes=np.zeros(0, dtype=np.int64),
         friction=np.zeros(0),
         gap=LinearMap(gap, load, motion, compliance, np.zeros((m, 0))),
-        slip=columns.zeros(0),
-        watched=columns.zeros(0),
-        balance=columns.zeros(0) if balance is None else balance,
+        slip=none,
+        watched=none,
+        balance=none if balance is None else balance,
         beyond=sparse.csr_array((0, 0)),
-        forces={},
-        contact_forces={},
-        imbalance=columns.zeros(0),
+        quantities={"imbalance": {}},
         sources={},
         solutions={},
         solves=0,
@@ -104,11 +103,11 @@ class Small:
         """The certificate over all candidates."""
         return contact_stability(self.condensed, np.ones(len(self.condensed.weight), dtype=bool))
 
-    def exact(self, factors: FloatArray | None = None) -> ExactState:
+    def exact(self, factors: FloatArray | None = None) -> ContactState:
         """Exact contact at full load."""
         return solve_exact(self.condensed, self.factors if factors is None else factors)
 
-    def displacement(self, body: str, state: ExactState) -> FloatArray:
+    def displacement(self, body: str, state: ContactState) -> FloatArray:
         """Nodal displacements (n, 2)."""
         unknowns = (state.factors, state.motion, state.pressure, np.zeros(0))
         found, worth = self.condensed.checked_displacements(self.scene, body, [unknowns])

@@ -13,8 +13,7 @@ from mlsanm_cli.contact.response.coercivity import (
     contact_stability,
     relative_resistance,
 )
-from mlsanm_cli.contact.response.functionals import relative_rows
-from mlsanm_cli.contact.response.load_vectors import _on_pieces
+from mlsanm_cli.contact.response.nodal import _on_pieces, relative_rows
 from mlsanm_cli.contact.response.short_waves import FIT_WINDOW
 from tests.contact.scenes import Small, cylinder
 
@@ -106,7 +105,7 @@ def test_displacements_are_those_of_whole_solutions(pushed: Small) -> None:
     for body in pushed.scene.bodies:
         got = pushed.displacement(body, state)
         assert np.abs(got - expected[body]).max() <= 1e-9 * np.abs(expected[body]).max()
-    closed = gaps(pushed, expected)[state.active]
+    closed = gaps(pushed, expected)[state.closed]
     assert len(closed) > 3
     assert np.abs(closed).max() <= 1e-9 * 0.01
 
@@ -133,33 +132,40 @@ def test_gaps_and_slips_with_friction_are_those_of_whole_solutions(frictional: S
         assert np.abs(found - expected).max() <= 1e-9 * np.abs(expected).max()
 
 
+def imbalances(small: Small, *unknowns: FloatArray) -> FloatArray:
+    """Sum of all forces on every body (2 per body)."""
+    return np.concatenate([one(*unknowns) for one in small.condensed.quantities["imbalance"].values()])
+
+
 def test_tractions_enter_the_forces(frictional: Small) -> None:
     c, pairing = frictional.condensed, frictional.pairing
     count, nothing = len(c.weight), np.zeros(len(c.weight))
     t = np.full(count, 7.0)
-    force = c.contact_forces["interface"](np.zeros(1), np.zeros(0), nothing, t)
+    force = c.quantities["contact"]["interface"](np.zeros(1), np.zeros(0), nothing, t)
     n_x, n_y = pairing.normal[pairing.candidate].T
     expected = [(7.0 * c.weight) @ n_y, -(7.0 * c.weight) @ n_x]
     assert force == pytest.approx(expected, rel=1e-4, abs=1e-6 * np.abs(expected).max())
     # The platen carries what the contact does to its body; the other body's support takes the reaction.
     on_cylinder = force if pairing.slave_body == "cylinder" else -force
-    assert c.forces["press"](np.zeros(1), np.zeros(0), nothing, t) == pytest.approx(-on_cylinder, rel=1e-9)
-    imbalance = c.imbalance(np.zeros(1), np.zeros(0), nothing, t)
+    assert c.quantities["force"]["press"](np.zeros(1), np.zeros(0), nothing, t) == pytest.approx(
+        -on_cylinder, rel=1e-9
+    )
+    imbalance = imbalances(frictional, np.zeros(1), np.zeros(0), nothing, t)
     assert np.abs(imbalance).max() <= 0.05 * np.abs(force).max()
 
 
 def test_forces_are_those_of_the_pressures(forced: Small) -> None:
     c, state, pairing = forced.condensed, forced.exact(), forced.pairing
     arguments = (state.factors, state.motion, state.pressure)
-    contact = c.contact_forces["interface"](*arguments)
+    contact = c.quantities["contact"]["interface"](*arguments)
     # Pressures are linear along the arc, not lumped at the nodes.
     lumped = (c.weight * state.pressure) @ pairing.normal[pairing.candidate]
     assert contact == pytest.approx(lumped, rel=2e-5, abs=1e-4)
     assert contact == pytest.approx([0.0, 226.566], abs=1e-6)
-    assert c.forces["press"](*arguments) == pytest.approx(-contact, abs=1e-7)
-    assert np.abs(c.imbalance(*arguments)).max() <= 1e-9 * 226.566
+    assert c.quantities["force"]["press"](*arguments) == pytest.approx(-contact, abs=1e-7)
+    assert np.abs(imbalances(forced, *arguments)).max() <= 1e-9 * 226.566
     # The block's own loss stays small.
-    assert c.forces["block.bottom"](*arguments)[1] == pytest.approx(226.566, rel=0.03)
+    assert c.quantities["force"]["block.bottom"](*arguments)[1] == pytest.approx(226.566, rel=0.03)
 
 
 def test_force_and_displacement_control_meet(forced: Small) -> None:
@@ -167,13 +173,13 @@ def test_force_and_displacement_control_meet(forced: Small) -> None:
     down = float(state.motion[0])
     same = cylinder(0.012, control=f"uy = {down!r}\nux = 0.0").exact()
     assert np.abs(same.pressure - state.pressure).max() <= 1e-8 * state.pressure.max()
-    assert np.array_equal(same.active, state.active)
+    assert np.array_equal(same.closed, state.closed)
 
 
 def test_certificate_is_positive_for_facing_clouds(forced: Small) -> None:
     # Scale-free: the same for a finer cloud.
     for small in (forced, cylinder(0.004)):
-        assert contact_stability(small.condensed, small.exact().active) >= 0.9
+        assert contact_stability(small.condensed, small.exact().closed) >= 0.9
 
 
 @pytest.mark.parametrize("nodes", [16, 64])
@@ -196,19 +202,19 @@ def test_a_grain_along_the_surface_does_not_look_unsound() -> None:
 
 def test_gaps_of_the_wrong_sign_do_not_pass(forced: Small, monkeypatch: pytest.MonkeyPatch) -> None:
     wrong = lambda *arguments: -relative_rows(*arguments)  # noqa: E731
-    monkeypatch.setattr("mlsanm_cli.contact.response.observation.relative_rows", wrong)
+    monkeypatch.setattr("mlsanm_cli.contact.response.nodal.relative_rows", wrong)
     assert forced.again().stability < -0.5
 
 
 def test_a_master_that_receives_nothing_does_not_pass(forced: Small, monkeypatch: pytest.MonkeyPatch) -> None:
     def imbalance_of_block(small: Small) -> float:
         state = small.exact()
-        found = small.condensed.imbalance(state.factors, state.motion, state.pressure)
+        found = imbalances(small, state.factors, state.motion, state.pressure)
         return float(np.abs(found[2:]).max()) / 226.566
 
     assert imbalance_of_block(forced) <= 0.15
     wrong = lambda *arguments: 0.0 * _on_pieces(*arguments)  # noqa: E731
-    monkeypatch.setattr("mlsanm_cli.contact.response.load_vectors._on_pieces", wrong)
+    monkeypatch.setattr("mlsanm_cli.contact.response.nodal._on_pieces", wrong)
     assert imbalance_of_block(forced.again()) >= 0.9
 
 

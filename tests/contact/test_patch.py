@@ -8,7 +8,7 @@ import pytest
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.profile import half_width
 from mlsanm_cli.contact.geometry.transfer import transfer
-from mlsanm_cli.contact.laws.active_set import ExactState
+from mlsanm_cli.contact.laws.contact_state import ContactState
 from mlsanm_cli.contact.response.coercivity import contact_stability
 from mlsanm_cli.reference.hertz import HertzLine
 from tests.contact.scenes import Small, blocks, blocks_text, build, cylinder
@@ -16,7 +16,7 @@ from tests.contact.scenes import Small, blocks, blocks_text, build, cylinder
 RATIOS = [0.5, 0.73, 1.37, 2.0]
 
 
-def stress_error(small: Small, state: ExactState) -> float:
+def stress_error(small: Small, state: ContactState) -> float:
     """Largest |sigma_yy + p|/p, |sigma_xx|/p, |sigma_xy|/p in both bodies."""
     worst = 0.0
     for name, body in small.scene.bodies.items():
@@ -31,17 +31,17 @@ def test_pressure_and_stress_are_uniform(ratio: float, nu: float) -> None:
     small = blocks(ratio, nu)
     state = small.exact()
     arguments, c = (state.factors, state.motion, state.pressure), small.condensed
-    assert state.active.all()
+    assert state.closed.all()
     assert np.abs(state.pressure / 100.0 - 1.0).max() <= 1e-11
     assert stress_error(small, state) <= 1e-9
-    inner = np.ones(len(state.active), dtype=bool)
+    inner = np.ones(len(state.closed), dtype=bool)
     inner[[0, -1]] = False
     assert contact_stability(c, inner) >= 0.5
     # Two columns in plane strain, with the stiffness E/(1 - nu^2).
     assert state.motion[0] == pytest.approx(-100.0 * 2.0 * (1.0 - nu**2) / 210e3, rel=1e-10)
-    assert c.contact_forces["interface"](*arguments) == pytest.approx([0.0, 200.0], abs=1e-9)
-    assert c.forces["lower.bottom"](*arguments)[1] == pytest.approx(200.0, rel=1e-10)
-    assert np.abs(c.imbalance(*arguments)).max() <= 1e-8
+    assert c.quantities["contact"]["interface"](*arguments) == pytest.approx([0.0, 200.0], abs=1e-9)
+    assert c.quantities["force"]["lower.bottom"](*arguments)[1] == pytest.approx(200.0, rel=1e-10)
+    assert max(np.abs(one(*arguments)).max() for one in c.quantities["imbalance"].values()) <= 1e-8
 
 
 def test_seeds_and_slaves_make_no_difference() -> None:
@@ -70,7 +70,7 @@ def test_a_platen_free_to_turn_stays_level_above_the_middle() -> None:
 
 def test_pressures_carried_over_wrongly_break_the_patch(monkeypatch: pytest.MonkeyPatch) -> None:
     wrong = lambda *arguments: 1.01 * transfer(*arguments)  # noqa: E731
-    monkeypatch.setattr("mlsanm_cli.contact.response.load_vectors.transfer", wrong)
+    monkeypatch.setattr("mlsanm_cli.contact.response.nodal.transfer", wrong)
     small = blocks(1.37)
     assert stress_error(small, small.exact()) >= 1e-3
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -14,9 +15,10 @@ from mlsanm_cli.contact.geometry.transfer import surface_fit
 from mlsanm_cli.contact.laws.coulomb import increment, unloaded
 from mlsanm_cli.contact.response import condensation
 from mlsanm_cli.contact.response.coercivity import contact_stability
+from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.contact.response.short_waves import FIT_WINDOW, correct_short_waves
-from mlsanm_cli.contact.response.smoothing import smoothing
+from mlsanm_cli.contact.response.smoothing import plain_smoothing
 from tests.case_text import annulus, body, contact, head, item, load, material, support, table
 from tests.contact.scenes import Small, build, cylinder
 
@@ -117,9 +119,9 @@ def test_contacts_keep_to_themselves() -> None:
     eye, nothing = np.eye(2 * m), np.zeros((2 * m, 0))
     gap = LinearMap(np.zeros(2 * m), np.zeros((2 * m, 1)), nothing, eye, eye)
     slip = LinearMap(np.zeros(2 * m), np.zeros((2 * m, 1)), nothing, eye, 0.0 * eye)
-    second = slice(m, 2 * m)
-    places = {pairing.name: second}
-    gaps, both, _ = correct_short_waves(gap, slip, (pairing,), places, places, {pairing.name: np.ones(m)})
+    drivers = Drivers(1, 0, (replace(pairing, name="first", friction=np.inf), pairing))
+    half_planes = {name: np.ones((m, 2, 2)) for name in ("first", pairing.name)}
+    gaps, both, _ = correct_short_waves(gap, slip, drivers, half_planes)
     assert (both.pressure[:m] == eye[:m]).all()
     assert (both.pressure[:, :m] == eye[:, :m]).all()
     assert np.abs(both.pressure[m:] - eye[m:])[:, m:].max() > 0.1
@@ -149,10 +151,10 @@ def test_a_fit_sticks_independently_of_the_direction_of_the_load() -> None:
         zero = np.zeros_like(one.factors)
         state = increment(one.condensed, unloaded(one.condensed, zero), one.factors)
         assert state is not None
-        assert state.sets.stuck.all()
+        assert state.status.stuck.all()
         bush = one.scene.bodies["bush"].model.cloud.points[one.pairing.node]
         angle = np.arctan2(bush[:, 1], bush[:, 0]) - turn
-        tractions.append(np.interp(angles, angle[order := np.argsort(angle)], state.values.traction[order]))
+        tractions.append(np.interp(angles, angle[order := np.argsort(angle)], state.traction[order]))
     middle_, turned = (t[18:55] for t in tractions)
     assert np.abs(turned - middle_).max() <= 0.02 * np.abs(tractions[0]).max()
 
@@ -160,7 +162,7 @@ def test_a_fit_sticks_independently_of_the_direction_of_the_load() -> None:
 def test_smoothing_keeps_resolved_waves_and_linear_displacements() -> None:
     angle = chebyshev(0.0, np.pi, 48)
     points = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    project = smoothing(points, np.pi, 0.19)
+    project = plain_smoothing(points, np.pi, 0.19)
     assert project is not None
     kept = [np.ones(48), points[:, 0], points[:, 1], np.sin(2.0 * angle)]
     for values in kept:
@@ -170,14 +172,14 @@ def test_smoothing_keeps_resolved_waves_and_linear_displacements() -> None:
     middle = np.abs(angle - 0.5 * np.pi) < 0.3 * np.pi
     noise = np.sin(2.0 * np.pi * angle / (2.5 * 0.19))
     assert np.abs((project @ noise)[middle]).max() <= 0.3
-    assert smoothing(points, np.pi, 0.01) is None
+    assert plain_smoothing(points, np.pi, 0.01) is None
 
 
 def test_around_a_closed_surface_both_ends_move_together() -> None:
     # Polynomials that ended elsewhere made a peak of pressure there.
     angle = chebyshev(0.0, 2.0 * np.pi, 48)
     points = np.stack([2.0 * np.cos(angle), np.sin(angle)], axis=1)
-    project = smoothing(points, 10.0, 0.3, closed=True)
+    project = plain_smoothing(points, 10.0, 0.3, closed=True)
     assert project is not None
     assert project @ np.cos(4.0 * angle) == pytest.approx(np.cos(4.0 * angle), abs=1e-9)
     rough = project @ np.random.default_rng(3).normal(size=48)

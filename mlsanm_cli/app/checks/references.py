@@ -64,7 +64,7 @@ def check_reference(loaded: LoadedCase) -> None:
 def reference_profile(built: CondensedScene, pairing: Pairing, state: State) -> ReferenceProfile | None:
     """Reference pressure of a contact in a state; None without a reference or a contact force."""
     case = built.case
-    force = float(np.hypot(*built.condensed.contact_forces[pairing.name](*state.unknowns)))
+    force = float(np.hypot(*built.condensed.quantities["contact"][pairing.name](*state.unknowns)))
     if case.reference is None or force == 0.0:
         return None
     contact = next(c for c in case.contact if c.name == pairing.name)

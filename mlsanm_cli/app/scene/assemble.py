@@ -10,16 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.scene.boundaries import Boundaries, refuse_conflicts
-from mlsanm_cli.app.scene.conditions import conditions, prescribes, stays
-from mlsanm_cli.app.scene.contact_pairs import pair
+from mlsanm_cli.app.scene.boundaries import Boundaries, prescribes, refuse_conflicts
+from mlsanm_cli.app.scene.contact_pairs import check_tips, pair
 from mlsanm_cli.app.scene.contact_ranges import contact_ranges, directed
-from mlsanm_cli.app.scene.facing import check_tips
 from mlsanm_cli.app.scene.free_motions import Restrained, constrain_free_rigid_modes
-from mlsanm_cli.app.scene.loads import Acting, acting
+from mlsanm_cli.app.scene.loads import Acting, acting, rigid_constraints
 from mlsanm_cli.app.scene.materials import materials
-from mlsanm_cli.app.scene.rigid_constraints import components, rigid_constraints
-from mlsanm_cli.case import Body, Case
+from mlsanm_cli.case import Body, Case, Displacement
+from mlsanm_cli.case.model.conditions import Support
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.geometry.pairing import Pairing, facing_parts
@@ -30,7 +28,7 @@ from mlsanm_cli.mechanics.body import ElasticBody, Timed
 from mlsanm_cli.mechanics.body_model import BodyModel, model_key
 from mlsanm_cli.mechanics.defect import DEGREES, next_degree
 from mlsanm_cli.mechanics.material import PlaneMaterial
-from mlsanm_cli.mechanics.probes import Probe
+from mlsanm_cli.mechanics.scene import Probe
 from mlsanm_cli.mechanics.springs import restrained, restraining
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.operators.linear.interface import LinearSolver
@@ -90,31 +88,39 @@ def prepare(
     before: Mapping[str, BodyModel] = NOTHING,
     grids: bool = True,
 ) -> SceneModel:
-    """Stencils, pairs and conditions; models ``before`` are reused where the cloud is the same.
+    """Stencils, pairs and conditions; models ``before`` are reused where cloud and degree are the same.
 
     ``grids``: contacts away from corners may have contact grids. Raises CaseError for contacts without facing
-    nodes, for forces that nothing resists, for loads without a value at some node, and for probes outside
-    their body.
+    nodes, for forces that nothing resists, for loads without a value at some node, and for supports and
+    probes outside their body.
     """
     case = boundaries.case
     refuse_conflicts(boundaries)
     stiffness = materials(case)
     if case.model.revolved:
         _refuse_on_axis(boundaries, clouds, stiffness)
-    loads = acting(case, boundaries, clouds)
-    held = {body.name: _held_surfaces(case, boundaries, body.name, clouds[body.name]) for body in case.body}
+    loads = acting(boundaries, clouds)
+    held, fixed = _held_surfaces(boundaries, clouds)
+    pairings = tuple(pair(boundaries, clouds))
+    # Errors are estimated at a higher degree; with friction the path would have to be repeated.
+    known_next = case.mls.degree == "auto" or case.mls.degree in DEGREES
+    ahead = known_next and not any(contact.friction for contact in case.touching)
 
     def modelled(body: Body, low: bool) -> BodyModel:
-        known, material = before.get(body.name), stiffness[body.material]
-        return _model(case, body.name, clouds[body.name], material, memo, known, low)
+        known, cloud, material = before.get(body.name), clouds[body.name], stiffness[body.material]
+        settings = mls_settings(case, low)
+        if known and known.cloud.content == cloud.content and known.settings.degree == settings.degree:
+            return known
+        foresight = next_degree(settings, material).stencil_size if ahead else 0
+        build = partial(BodyModel.build, body.name, cloud, material, settings, foresight)
+        return memo.value("model", model_key(body.name, cloud, material, settings), build)
 
-    pairings = tuple(pair(case, boundaries, clouds))
     models = {}
     for body in case.body:
+        # Nodes of meshes are not suited to wide stencils, and tips of slits are not smooth enough.
+        cloud = clouds[body.name]
+        difficult = cloud.sight is not None or cloud.spacings_across < MIN_HIGH_SPACINGS
         try:
-            # Nodes of meshes are not suited to wide stencils, and tips of slits are not smooth enough.
-            cloud = clouds[body.name]
-            difficult = cloud.sight is not None or cloud.spacings_across < MIN_HIGH_SPACINGS
             models[body.name] = modelled(body, body.has_nodes or difficult)
         except NumericalError:
             if mls_settings(case) == mls_settings(case, low=True):
@@ -122,22 +128,17 @@ def prepare(
             # Some part is too thin for the high degree.
             models[body.name] = modelled(body, low=True)
     held_nodes = {body.name: single_nodes(case, body.name, clouds[body.name]) for body in case.body}
-    restraints = {
-        name: restrained(held[name], loads.springs[name], model.cloud, model.material)
-        for name, model in models.items()
-    }
-    rigid = rigid_constraints(case, boundaries, clouds, held, held_nodes, restraints, loads.springs)
-    occupied = {
-        name: sides
-        | dict.fromkeys(restraining(loads.springs[name], models[name].cloud, models[name].material))
-        for name, sides in held.items()
-    }
+    restraints, occupied = dict[str, Any](), dict[str, Any]()
+    for name, model in models.items():
+        restraints[name] = restrained(held[name], loads.springs[name], model.cloud, model.material)
+        sprung = restraining(loads.springs[name], model.cloud, model.material)
+        occupied[name] = held[name] | dict.fromkeys(sprung)
+    rigid = rigid_constraints(boundaries, clouds, held, held_nodes, restraints, loads.springs)
     # At finite strain knots are placed along sides of any kind; bodies of revolution have nodal pressures.
     small = case.model.strain == "small"
     if small:
         check_tips(case, pairings)
     grids = grids and small and not case.model.revolved
-    fixed = {name: fixed_surfaces(case, boundaries, name) for name in models}
     ranges = contact_ranges(case, models, pairings, occupied, fixed, held_nodes) if grids else {}
     # Contacts with nodal pressures are less stable at higher degrees; tractions of bonds vary slowly.
     nodal = [pairing for pairing in pairings if not (pairing.bonded or pairing.name in ranges)]
@@ -150,18 +151,14 @@ def prepare(
             raise
         # The resisting part of a surface, for instance a chamfer, may lie outside the ranges.
         return prepare(boundaries, clouds, memo, before, grids=False)
-    ignored = (
-        []
-        if small
-        else [
-            f"contact.{c.name}.reach has no effect at finite strain"
-            for c in case.contact
-            if c.reach != "auto"
-        ]
-    )
-    notes = (*_support_notes(case, clouds), *free.notes, *ignored)
+    notes = [*_support_notes(case, clouds), *free.notes]
+    if not small:
+        reaching = [contact.name for contact in case.contact if contact.reach != "auto"]
+        notes += [f"contact.{name}.reach has no effect at finite strain" for name in reaching]
     probes = _probes(case, clouds)
-    return SceneModel(boundaries, models, pairings, held, held_nodes, loads, probes, free, notes, ranges)
+    return SceneModel(
+        boundaries, models, pairings, held, held_nodes, loads, probes, free, tuple(notes), ranges
+    )
 
 
 def _refuse_on_axis(
@@ -170,20 +167,14 @@ def _refuse_on_axis(
     """CaseError for conditions and contacts on the axis of revolution, but for supports in x, and for
     materials that are not the same in all directions about it, whose stress there is 0 or unbounded."""
     case, hint, problems = boundaries.case, "leave out the sides on x = 0", list[CaseProblem]()
-    axis = {
-        (name, side)
-        for name, cloud in clouds.items()
-        for side, surface in cloud.surfaces.items()
-        if cloud.on_axis(surface)
-    }
-    placed = [(key, place) for key, one, place in conditions(case) if prescribes(one) != (True, False)]
-    placed += [
-        (f"contact.{contact.name}.{role}", side)
-        for contact in case.contact
-        for role, side in zip(("slave", "master"), contact.sides, strict=False)
-    ]
+    sides = [(name, side, s) for name, cloud in clouds.items() for side, s in cloud.surfaces.items()]
+    axis = {(name, side) for name, side, surface in sides if clouds[name].on_axis(surface)}
+    placed = [(key, place) for key, one, place in boundaries.conditions if prescribes(one) != (True, False)]
+    for contact in case.contact:
+        roles = zip(("slave", "master"), contact.sides, strict=False)
+        placed += [(f"contact.{contact.name}.{role}", side) for role, side in roles]
     for key, place in placed:
-        if any((place.body, name) in axis for name in boundaries.names(place)):
+        if any((place.body, name) in axis for name in boundaries.names[place]):
             problems.append(CaseProblem(key, "a side on the axis of revolution stays there", hint=hint))
     for number, body in enumerate(case.body):
         c, free = stiffness[body.material].stiffness, stiffness[body.material].free_expansion
@@ -199,43 +190,6 @@ def _refuse_on_axis(
         raise CaseError(tuple(problems))
 
 
-def _model(
-    case: Case,
-    name: str,
-    cloud: Cloud,
-    material: PlaneMaterial,
-    memo: Memo,
-    known: BodyModel | None,
-    low: bool,
-) -> BodyModel:
-    """The model of a body; a ``known`` one with the same cloud and degree is reused."""
-    settings = mls_settings(case, low)
-    if known and known.cloud.content == cloud.content and known.settings.degree == settings.degree:
-        return known
-    # Errors are estimated at a higher degree; with friction the path would have to be repeated.
-    known_next = case.mls.degree == "auto" or case.mls.degree in DEGREES
-    ahead = known_next and not any(contact.friction for contact in case.touching)
-    foresight = next_degree(settings, material).stencil_size if ahead else 0
-    return memo.value(
-        "model",
-        model_key(name, cloud, material, settings),
-        partial(BodyModel.build, name, cloud, material, settings, foresight),
-    )
-
-
-def _touching(prepared: SceneModel) -> dict[str, tuple[str, ...]]:
-    """The surfaces of every body that may be in contact."""
-    found: dict[str, set[str]] = {name: set() for name in prepared.models}
-    for pairing in prepared.pairings:
-        if pairing.name in prepared.ranges:
-            continue
-        parts = facing_parts(pairing.slave, pairing.position, pairing.normal)
-        found[pairing.slave_body].update(part.name for part, own, _ in parts if len(own))
-        if pairing.master is not None and pairing.master_body is not None:
-            found[pairing.master_body].update(part.name for part, _ in pairing.master.members)
-    return {name: tuple(sorted(names)) for name, names in found.items()}
-
-
 def assemble_bodies(
     case: Case,
     prepared: SceneModel,
@@ -246,75 +200,75 @@ def assemble_bodies(
 ) -> mechanics.Scene:
     """Assembles the system of every body; it is factorised within ``timed()`` on first use. Bodies
     ``before``, of the same case, are reused if their models are the same."""
+    touching: dict[str, set[str]] = {name: set() for name in prepared.models}
+    for pairing in prepared.pairings:
+        if pairing.name not in prepared.ranges:
+            parts = facing_parts(pairing.slave, pairing.position, pairing.normal)
+            touching[pairing.slave_body].update(part.name for part, own, _ in parts if len(own))
+            if pairing.master is not None and pairing.master_body is not None:
+                touching[pairing.master_body].update(part.name for part, _ in pairing.master.members)
     bodies: dict[str, ElasticBody] = {}
-    restraints = {
-        name: (prepared.held[name], prepared.held_nodes[name], prepared.acting.springs[name], touching)
-        for name, touching in _touching(prepared).items()
-    }
     for name, model in prepared.models.items():
         known = before.get(name)
         if known is not None and known.model is model:
             bodies[name] = known
             continue
-        held, held_nodes, springs, touching = restraints[name]
-        bodies[name] = memo.value(
-            "body",
-            digest(model.content, *restraints[name], solver),
-            partial(assemble, model, held, held_nodes, solver, springs, touching=touching),
-        )
+        held, nodes, springs = prepared.held[name], prepared.held_nodes[name], prepared.acting.springs[name]
+        surfaces = tuple(sorted(touching[name]))
+        build = partial(assemble, model, held, nodes, solver, springs, touching=surfaces)
+        key = digest(model.content, held, nodes, springs, surfaces, solver)
+        bodies[name] = memo.value("body", key, build)
         bodies[name].equations.timed = timed
-    supports = {
-        support.place.label: tuple(
-            (support.place.body, name) for name in prepared.boundaries.names(support.place)
-        )
-        for support in case.support
-        if support.place is not None
-    }
+    places = [support.place for support in case.support if support.place is not None]
+    single = [(one.body, one.near) for one in case.support if one.body is not None and one.near is not None]
     return mechanics.Scene(
         bodies=bodies,
         loads=case.moved,
         surface_loads=prepared.acting.surface_loads,
         rigid_constraints=prepared.restrained.rigid_constraints,
-        supports=supports,
-        held_nodes={name: components(nodes) for name, nodes in prepared.held_nodes.items()},
+        supports={
+            place.label: tuple((place.body, name) for name in prepared.boundaries.names[place])
+            for place in places
+        },
+        held_nodes={
+            name: (any(c == 0 for _, c in nodes), any(c == 1 for _, c in nodes))
+            for name, nodes in prepared.held_nodes.items()
+        },
         body_forces=prepared.acting.body_forces,
         heatings=prepared.acting.heatings,
         probes=prepared.probes,
         held_motions=prepared.restrained.held,
         loose_motions=prepared.restrained.loose,
         single_supports={
-            f"{one.body} near ({one.near[0]:g}, {one.near[1]:g})": (
-                one.body,
-                _nearest(prepared.models[one.body].cloud, one.near),
-            )
-            for one in case.support
-            if one.body is not None and one.near is not None
+            f"{body} near ({near[0]:g}, {near[1]:g})": (body, _nearest(prepared.models[body].cloud, near))
+            for body, near in single
         },
     )
 
 
 def _held_surfaces(
-    case: Case, boundaries: Boundaries, body: str, cloud: Cloud
-) -> dict[str, tuple[bool, bool]]:
-    """The fixed components of the surfaces of a body; those on the axis of revolution stay there."""
-    held = {name: (True, False) for name, surface in cloud.surfaces.items() if cloud.on_axis(surface)}
-    for _, condition, place in conditions(case):
+    boundaries: Boundaries, clouds: Mapping[str, Cloud]
+) -> tuple[dict[str, dict[str, tuple[bool, bool]]], dict[str, set[str]]]:
+    """The fixed components of the surfaces of every body, with those on the axis of revolution, which stay
+    there; and the surfaces on which all prescribed displacements are zero."""
+    held = {
+        body: {name: (True, False) for name, surface in cloud.surfaces.items() if cloud.on_axis(surface)}
+        for body, cloud in clouds.items()
+    }
+    fixed: dict[str, set[str]] = {body: set() for body in clouds}
+    moving: dict[str, set[str]] = {body: set() for body in clouds}
+    for _, condition, place in boundaries.conditions:
         x, y = prescribes(condition)
-        if place.body == body and (x or y):
-            for surface in boundaries.names(place):
-                before = held.get(surface, (False, False))
-                held[surface] = (before[0] or x, before[1] or y)
-    return held
-
-
-def fixed_surfaces(case: Case, boundaries: Boundaries, body: str) -> set[str]:
-    """The surfaces of a body on which all prescribed displacements are zero."""
-    found: set[str] = set()
-    moving: set[str] = set()
-    for _, condition, place in conditions(case):
-        if place.body == body and any(prescribes(condition)):
-            (found if stays(condition) else moving).update(boundaries.names(place))
-    return found - moving
+        if not (x or y):
+            continue
+        still = isinstance(condition, Support)
+        if isinstance(condition, Displacement):
+            still = all(one is None or one == 0.0 for one in condition.components)
+        for surface in boundaries.names[place]:
+            before = held[place.body].get(surface, (False, False))
+            held[place.body][surface] = (before[0] or x, before[1] or y)
+            (fixed if still else moving)[place.body].add(surface)
+    return held, {body: names - moving[body] for body, names in fixed.items()}
 
 
 def single_nodes(case: Case, body: str, cloud: Cloud) -> tuple[tuple[int, int], ...]:

@@ -1,4 +1,5 @@
-"""Boundaries of a case on the outlines of its bodies: sides of one name, lists, parts.
+"""Boundaries of a case on the outlines of its bodies: sides of one name, lists, parts; the sides of contacts,
+and the conditions on boundaries.
 
 Outlines have one piece per smooth stretch, and are cut at the ends of loaded, fixed and contacting parts and
 where tractions are discontinuous. Boundaries of several pieces and parts of boundaries are sets of pieces;
@@ -8,21 +9,20 @@ supports and loads act on each piece. A contact joins its pieces to one surface.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import accumulate, pairwise
+from itertools import pairwise
+from typing import TypeAlias
 
 import numpy as np
 
-from mlsanm_cli.app.scene.conditions import conditions
-from mlsanm_cli.app.scene.contact_sides import sides_of
-from mlsanm_cli.app.scene.forces import with_spread_forces
-from mlsanm_cli.app.scene.load_profiles import profiles
+from mlsanm_cli.app.scene.load_profiles import profiles, with_spread_forces
 from mlsanm_cli.app.scene.outlines import drawn, imported_geometry, run_of
-from mlsanm_cli.case import Body, Case, Place, Platen, Pressure, Traction
-from mlsanm_cli.case.model.conditions import Kind, compatible
+from mlsanm_cli.case import Body, Case, Contact, Displacement, Place, Platen, Pressure, Traction
+from mlsanm_cli.case.model.conditions import Kind, Support, compatible
+from mlsanm_cli.case.model.loads import OnBoundary
 from mlsanm_cli.case.model.shapes import Mesh, Points
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.cloud.curves import Curve, Outline, Segment
-from mlsanm_cli.cloud.joined import BoundaryRun
+from mlsanm_cli.cloud.curves import Arc, Outline, Segment, turn
+from mlsanm_cli.cloud.joined import SMOOTH_ANGLE, BoundaryRun
 from mlsanm_cli.cloud.surface import Surface, joined_surface
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.records import dataclass
@@ -30,6 +30,8 @@ from mlsanm_cli.roundoff import COARSE_ROUND_OFF, FINE_ROUND_OFF
 
 MAX_END_DISTANCE = 0.1
 """Largest distance of the given end of a part from the boundary, relative to the boundary's length."""
+COINCIDENCE = 1e-4
+"""Largest distance of coincident surfaces, relative to their length."""
 ONE_CONDITION = "one condition per boundary and direction"
 NO_CONDITION = (
     "only tractions and pressures may act on a contact surface: restrict both to different parts of it with "
@@ -37,154 +39,223 @@ NO_CONDITION = (
 )
 Cuts = Mapping[int, Sequence[float]]
 """Arc lengths at which the curves of an outline are cut, by curve number."""
+Condition: TypeAlias = Support | OnBoundary
+
+
+def prescribes(condition: Condition) -> tuple[bool, bool]:
+    """Whether a condition prescribes the displacements, or makes them rigid, in x and in y."""
+    if isinstance(condition, Platen):
+        return "x" in condition.control, "y" in condition.control
+    components: tuple[float | str | None, ...] = (None, None)
+    if isinstance(condition, Displacement):
+        components = condition.components
+    elif isinstance(condition, Support):
+        components = condition.ux, condition.uy
+    x, y = (component is not None for component in components)
+    return x, y
 
 
 @dataclass(frozen=True, eq=False)
 class Boundaries:
-    """The ``drawn`` outline of every body of a ``case`` and its ``cuts``; the ``sides`` of every contact,
-    slave first. Loads of kind `force` are body forces and tractions in this case."""
+    """The ``drawn`` outline of every body of a ``case`` and its ``cuts``; the ``conditions`` on boundaries:
+    key, support or load, and place, of plates for each of their bodies; the ``sides`` of every contact as
+    drawn, slave first; the ``names`` of the surfaces of every place with a condition or a contact, in order
+    along the outline. Loads of kind `force` are body forces and tractions in this case."""
 
     case: Case
     drawn: Mapping[str, Outline]
     cuts: Mapping[str, Cuts]
-    sides: Mapping[str, tuple[Place, ...]]
+    conditions: Sequence[tuple[str, Condition, Place]]
+    sides: Mapping[str, tuple[tuple[Place, BoundaryRun], ...]]
+    names: Mapping[Place, tuple[str, ...]]
 
     @classmethod
     def of(cls, case: Case) -> Boundaries:
         """Raises CaseError for invalid parts, and for pieces of a contact's side that do not join."""
         outlines = {body.name: drawn(body.shape) for body in case.body}
         case = with_spread_forces(case, outlines)
-        sides = {contact.name: sides_of(case, outlines, contact) for contact in case.contact}
-        conditioned = [(key, place) for key, _, place in conditions(case)]
-        touching = [(f"contact.{name}", place) for name, places in sides.items() for place in places]
-        parts = [(key, place) for key, place in (*conditioned, *touching) if place.ends is not None]
-        cuts = {body.name: _cuts_of(case, body, outlines, parts) for body in case.body}
-        return cls(case, outlines, cuts, sides)
+        conditions: list[tuple[str, Condition, Place]] = [
+            (f"support.{number}", support, support.place)
+            for number, support in enumerate(case.support)
+            if support.place is not None
+        ]
+        for load in case.load:
+            if isinstance(load, OnBoundary):
+                conditions += [(f"load.{load.name}", load, place) for place in load.places]
+        sides: dict[str, tuple[tuple[Place, BoundaryRun], ...]] = {}
+        placed = [(key, place) for key, _, place in conditions]
+        for contact in case.contact:
+            key, both = f"contact.{contact.name}", len(contact.sides) > 1
+            keys = [f"{key}.{role}" for role in ("slave", "master")]
+            places = [
+                _facing_part(outlines, contact, number)
+                if contact.bonded and both
+                else _with_roundings(case, conditions, outlines, contact, place, keys[number])
+                for number, place in enumerate(contact.sides)
+            ]
+            placed += [(key, place) for place in places]
+            runs = [run_of(outlines, place, role) for place, role in zip(places, keys, strict=False)]
+            sides[contact.name] = tuple(zip(places, runs, strict=True))
+        cuts = {body.name: _cuts_of(case, body, outlines, placed) for body in case.body}
+        places = [place for _, place in placed] + [side for one in case.contact for side in one.sides]
+        names = {place: _names(outlines[place.body], cuts[place.body], place) for place in places}
+        return cls(case, outlines, cuts, conditions, sides, names)
 
     def outline(self, body: str) -> Outline:
         """The outline of a body with its cuts."""
         return self.drawn[body].cut(self.cuts[body])
 
-    def curve(self, place: Place, key: str) -> tuple[Curve, tuple[Curve, ...]]:
-        """The curve of a side of a contact, and the other curves of the body's outline. Raises CaseError."""
-        run = run_of(self.drawn, place, key)
-        others = tuple(curve for k, curve in enumerate(run.outline.curves) if k not in run.numbers)
-        return run.part, others
-
-    def keyed(self, contact: str) -> list[tuple[Place, str]]:
-        """The sides of a contact, slave first, with their keys in the case."""
-        roles = zip(self.sides[contact], ("slave", "master"), strict=False)
-        return [(place, f"contact.{contact}.{role}") for place, role in roles]
-
-    def surface(self, cloud: Cloud, place: Place, key: str) -> Surface:
-        """A side of a contact as one surface. Raises CaseError if its pieces do not join."""
-        run = run_of(self.drawn, place, key)
-        pieces = [cloud.surfaces[name] for name in self.names(place)]
+    def surface(self, cloud: Cloud, place: Place, run: BoundaryRun) -> Surface:
+        """A side of a contact as one surface."""
+        pieces = [cloud.surfaces[name] for name in self.names[place]]
         return joined_surface(place.label.partition(".")[2], pieces, run.around and run.ends is None)
 
-    def parts(self, cloud: Cloud, place: Place) -> list[tuple[Surface, float]]:
-        """The surfaces of a place in the order of the outline, and the arc lengths along it, also across
-        pieces that do not join, at which they start."""
-        surfaces = [cloud.surfaces[name] for name in self.names(place)]
-        starts = accumulate((surface.curve.length for surface in surfaces), initial=0.0)
-        return list(zip(surfaces, starts, strict=False))
-
-    def names(self, place: Place) -> tuple[str, ...]:
-        """The names of the surfaces of a place, in order along the outline."""
-        outline, cuts = self.drawn[place.body], self.cuts[place.body]
-        chains = outline.chains(outline.numbers(*place.edges))
-        # Loaded and held boundaries need not join.
-        numbers = chains[0][0] if len(chains) == 1 else sorted(k for chain, _ in chains for k in chain)
-        run = BoundaryRun(outline, tuple(numbers), chains[0][1], place.ends)
-        (first, length), found = run.range, []
-        for number, start in zip(run.numbers, run.starts, strict=False):
-            for name, low, high in outline.pieces(number, cuts.get(number, ())):
-                found.append(((start + 0.5 * (low + high) - first) % run.starts[-1], name))
-        if place.ends is None:
-            return tuple(name for _, name in found)
-        return tuple(name for away, name in sorted(found) if away < length)
-
     def split(self, body: str, cloud: Cloud) -> Cloud:
-        """A cloud from a file with its surfaces cut like the outline."""
-        cuts = self.cuts[body]
-        if not cuts:
+        """A cloud from a file with its surfaces cut like the outline, at the nearest nodes."""
+        if not self.cuts[body]:
             return cloud
         surfaces: dict[str, Surface] = {}
         for number, name in enumerate(self.drawn[body].names):
-            whole, places = cloud.surfaces[name], sorted(cuts.get(number, ()))
+            whole, places = cloud.surfaces[name], sorted(self.cuts[body].get(number, ()))
             if not places:
                 surfaces[name] = whole
                 continue
+            at, count = (
+                [int(np.argmin(np.abs(whole.arc_length - place))) for place in places],
+                len(whole.index),
+            )
+            ends = [*at, at[0] + count] if whole.curve.closed else [0, *at, count - 1]
             parts = Outline((name,), (whole.curve,)).cut({0: places})
-            for own, curve, nodes in zip(parts.names, parts.curves, _split(whole, places), strict=True):
+            for own, curve, (low, high) in zip(parts.names, parts.curves, pairwise(ends), strict=True):
+                nodes = np.arange(low, high + 1) % count
                 arc = np.mod(whole.arc_length[nodes] - whole.arc_length[nodes[0]], whole.curve.length)
                 surfaces[own] = Surface(own, curve, whole.index[nodes], arc, whole.normal[nodes])
         return Cloud(cloud.points, cloud.spacing, surfaces, cloud.mirror)
 
     def bond_ends(self, contact: str) -> list[tuple[float, float]]:
         """The points at which a bond ends on a surface that continues."""
-        found = []
-        for place in self.sides[contact]:
-            if place.ends is None:
-                continue
-            run = run_of(self.drawn, place, f"contact.{contact}")
-            found += [point for point in place.ends if run.continues(run.nearest(point)[0])]
-        return found
+        ends = [(run, point) for place, run in self.sides[contact] for point in place.ends or ()]
+        return [point for run, point in ends if run.continues(run.nearest(point)[0])]
+
+
+def _names(outline: Outline, cuts: Cuts, place: Place) -> tuple[str, ...]:
+    """The names of the surfaces of a place, in order along the outline."""
+    chains = outline.chains(outline.numbers(*place.edges))
+    # Loaded and held boundaries need not join.
+    numbers = chains[0][0] if len(chains) == 1 else sorted(k for chain, _ in chains for k in chain)
+    run = BoundaryRun(outline, tuple(numbers), chains[0][1], place.ends)
+    (first, length), found = run.range, []
+    for number, start in zip(run.numbers, run.starts, strict=False):
+        for name, low, high in outline.pieces(number, cuts.get(number, ())):
+            found.append(((start + 0.5 * (low + high) - first) % run.starts[-1], name))
+    if place.ends is None:
+        return tuple(name for _, name in found)
+    return tuple(name for away, name in sorted(found) if away < length)
 
 
 def _cuts_of(
-    case: Case, body: Body, outlines: Mapping[str, Outline], parts: Sequence[tuple[str, Place]]
+    case: Case, body: Body, outlines: Mapping[str, Outline], placed: Sequence[tuple[str, Place]]
 ) -> Cuts:
-    """The cuts of the outline of a body at the ends of ``parts`` and where tractions are discontinuous."""
-    cuts: dict[int, list[float]] = {}
-    for key, place in parts:
-        if place.body != body.name:
+    """The cuts of the outline of a body, with given nodes at the nearest ones: at the ends of parts and where
+    tractions are discontinuous."""
+    marks: list[tuple[BoundaryRun, float]] = []
+    for key, place in placed:
+        if place.body != body.name or place.ends is None:
             continue
         run = run_of(outlines, place, key)
         whole = run.starts[-1]
-        assert place.ends is not None
         for name, end in zip(("from", "to"), place.ends, strict=True):
             at, away = run.nearest(end)
             if away > MAX_END_DISTANCE * whole:
                 message = f"({end[0]:g}, {end[1]:g}) is {away:g} away from the boundary"
                 raise CaseError((CaseProblem(f"{key}.{name}", message, hint="give a point on or near it"),))
-            _add_cut(cuts, run, body, at)
+            marks.append((run, at))
         if run.range[1] <= COARSE_ROUND_OFF * whole:
             message = "the part of the boundary between these points has no length"
             raise CaseError((CaseProblem(f"{key}.to", message, hint="give two different points"),))
     for load in case.load:
         if isinstance(load, Pressure | Traction) and load.owner == body.name:
-            for profile in profiles(body.shape, load):
-                whole = profile.run.starts[-1]
-                for jump in profile.jumps:
-                    _add_cut(cuts, profile.run, body, (profile.run.range[0] + jump) % whole)
+            for profile in profiles(outlines[body.name], load):
+                run = profile.run
+                marks += [(run, (run.range[0] + jump) % run.starts[-1]) for jump in profile.jumps]
+    cuts: dict[int, list[float]] = {}
+    for run, at in marks:
+        pieces = zip(run.numbers, run.curves, run.starts, strict=False)
+        number, curve, start = next(piece for piece in pieces if piece[2] <= at <= piece[2] + piece[1].length)
+        s = at - start
+        if isinstance(body.shape, Mesh | Points) and body.has_nodes:
+            nodes = imported_geometry(body.shape).cloud.surfaces[run.outline.names[number]].arc_length
+            s = float(nodes[np.argmin(np.abs(nodes - s))])
+        known = [*cuts.get(number, ()), *(() if curve.closed else (0.0, curve.length))]
+        if all(abs(s - other) > COARSE_ROUND_OFF * curve.length for other in known):
+            cuts.setdefault(number, []).append(s)
     return cuts
 
 
-def _add_cut(cuts: dict[int, list[float]], run: BoundaryRun, body: Body, at: float) -> None:
-    """Adds a cut of a run at an arc length (with given nodes: at the nearest one), unless it exists."""
-    for number, curve, start in zip(run.numbers, run.curves, run.starts, strict=False):
-        if not start <= at <= start + curve.length:
+def _with_roundings(
+    case: Case,
+    conditions: Sequence[tuple[str, Condition, Place]],
+    outlines: Mapping[str, Outline],
+    contact: Contact,
+    place: Place,
+    key: str,
+) -> Place:
+    """The side of a contact, extended by adjacent rounded corners: the contact zone of a face may extend into
+    them. Roundings with conditions of their own but tractions, or between two sides in contact, are excluded.
+    """
+    if place.ends is not None:
+        return place
+    run = run_of(outlines, place, key)
+    if run.around:
+        return place
+    outline, found = run.outline, list[tuple[str, int]]()
+    others = {name for other in case.contact if other is not contact for name in other.boundaries}
+    taken = others | {*contact.boundaries}
+    for _, condition, where in conditions:
+        taken |= set() if isinstance(condition, Pressure | Traction) else {*where.boundaries}
+    for last, ahead in ((run.numbers[0], 0), (run.numbers[-1], 1)):
+        adjacent = outline.neighbours(last)[ahead]
+        curve = outline.curves[adjacent]
+        if not isinstance(curve, Arc) or curve.sweep <= 0.0 or curve.closed:
             continue
-        s = at - start
-        if body.has_nodes:
-            assert isinstance(body.shape, Mesh | Points)
-            nodes = imported_geometry(body.shape).cloud.surfaces[run.outline.names[number]].arc_length
-            s = float(nodes[np.argmin(np.abs(nodes - s))])
-        small = COARSE_ROUND_OFF * curve.length
-        known = [*cuts.get(number, ()), *(() if curve.closed else (0.0, curve.length))]
-        if all(abs(s - other) > small for other in known):
-            cuts.setdefault(number, []).append(s)
-        return
+        before, after = (outline.curves[last], curve)[:: 1 if ahead else -1]
+        numbers = adjacent, outline.neighbours(adjacent)[ahead]
+        rounding, beyond = (f"{place.body}.{outline.names[k].partition('/')[0]}" for k in numbers)
+        apart = beyond not in others and (beyond in place.boundaries or beyond not in contact.boundaries)
+        if abs(turn(before, after)) < SMOOTH_ANGLE and rounding not in taken and apart:
+            found.append((rounding, adjacent))
+    # All arcs of a name are included, or none.
+    arcs = {number for _, number in found}
+    more = {name for name, _ in found if {*outline.numbers(name.partition(".")[2])} <= arcs}
+    return Place((*place.boundaries, *sorted(more))) if more else place
 
 
-def _split(surface: Surface, places: Sequence[float]) -> list[list[int]]:
-    """Node positions of the parts of a surface cut at the nodes at arc lengths ``places``."""
-    at = [int(np.argmin(np.abs(surface.arc_length - place))) for place in places]
-    count = len(surface.index)
-    if surface.curve.closed:
-        return [[k % count for k in range(a, b + 1)] for a, b in pairwise([*at, at[0] + count])]
-    return [list(range(a, b + 1)) for a, b in pairwise([0, *at, count - 1])]
+def _facing_part(outlines: Mapping[str, Outline], contact: Contact, which: int) -> Place:
+    """The part of one side of a bond that coincides with the other side."""
+    own, other = contact.sides[which], contact.sides[1 - which]
+    if own.ends is not None:
+        return own
+    run = run_of(outlines, own, f"contact.{contact.name}")
+    theirs = run_of(outlines, other, f"contact.{contact.name}").part
+    if theirs.closed:
+        return own
+    whole = run.starts[-1]
+    tips = theirs.points(np.array([0.0, 0.5, 1.0]) * theirs.length).tolist()
+    (start, *_), (middle, _), (end, *_) = places = [run.nearest((x, y)) for x, y in tips]
+    if places[1][1] > COINCIDENCE * whole:
+        return own
+    inside = [away <= COINCIDENCE * whole and run.continues(at) for at, away in places[::2]]
+    if not any(inside):
+        return own
+    # Surfaces that face each other run in opposite directions; on a closed one the part contains the middle.
+    low, high = sorted((start, end))
+    if run.around:
+        low, high = (low, high) if low < middle < high else (high, low)
+    else:
+        both = sorted(zip((start, end), inside, strict=True))
+        low, high = (at if within else far for (at, within), far in zip(both, (0.0, whole), strict=True))
+    (a, b), (c, d) = run.whole.points(np.array([low, high])).tolist()
+    return Place(own.boundaries, ((a, b), (c, d)))
 
 
 def refuse_conflicts(boundaries: Boundaries) -> None:
@@ -193,12 +264,16 @@ def refuse_conflicts(boundaries: Boundaries) -> None:
     case = boundaries.case
     taken: dict[tuple[str, str], list[tuple[int, Kind, str, str, bool]]] = {}
     problems: dict[tuple[str, str], CaseProblem] = {}
-    for key, condition, place in conditions(case):
+    for key, condition, place in boundaries.conditions:
         owner = condition.label if isinstance(condition, Platen) else place.label
         outline = boundaries.outline(place.body)
-        for name in boundaries.names(place):
+        for name in boundaries.names[place]:
             acting = taken.setdefault((place.body, name), [])
-            kinds = list(condition.conditions(_normal(outline.curves[outline.names.index(name)])))
+            curve, normal = outline.curves[outline.names.index(name)], None
+            if isinstance(curve, Segment):
+                x, y = curve.normals(np.zeros(1))[0].tolist()
+                normal = (x if abs(x) > FINE_ROUND_OFF else 0.0, y if abs(y) > FINE_ROUND_OFF else 0.0)
+            kinds = list(condition.conditions(normal))
             for component, kind in kinds:
                 for _, other, there, label, partial in [entry for entry in acting if entry[0] == component]:
                     if compatible(other, kind) and not (kind.startswith("platen") and label != owner):
@@ -210,23 +285,12 @@ def refuse_conflicts(boundaries: Boundaries) -> None:
             acting += [(component, kind, key, owner, place.ends is not None) for component, kind in kinds]
     for contact in case.contact:
         for role, side in zip(("slave", "master"), contact.sides, strict=False):
-            for name in boundaries.names(side):
-                for _, kind, there, _, partial in taken.get((side.body, name), ()):
-                    # Prescribed tractions and contact tractions add up.
-                    if kind != "traction":
-                        key, part = (
-                            f"contact.{contact.name}.{role}",
-                            "a part of " if partial or side.ends else "",
-                        )
-                        message = f"{there} acts on {part}the contact surface {side.label}"
-                        problems.setdefault((key, ""), CaseProblem(key, message, hint=NO_CONDITION))
+            acting = [entry for name in boundaries.names[side] for entry in taken.get((side.body, name), ())]
+            for _, kind, there, _, partial in acting:
+                # Prescribed tractions and contact tractions add up.
+                if kind != "traction":
+                    key, part = f"contact.{contact.name}.{role}", "a part of " if partial or side.ends else ""
+                    message = f"{there} acts on {part}the contact surface {side.label}"
+                    problems.setdefault((key, ""), CaseProblem(key, message, hint=NO_CONDITION))
     if problems:
         raise CaseError(tuple(problems.values()))
-
-
-def _normal(curve: Curve) -> tuple[float, float] | None:
-    """The outward normal of a straight curve, None for others."""
-    if not isinstance(curve, Segment):
-        return None
-    x, y = curve.normals(np.zeros(1))[0].tolist()
-    return (x if abs(x) > FINE_ROUND_OFF else 0.0, y if abs(y) > FINE_ROUND_OFF else 0.0)

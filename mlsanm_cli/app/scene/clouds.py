@@ -1,22 +1,49 @@
-"""Node clouds of the bodies of a case, and the line about which they are symmetric."""
+"""The size function and the node cloud of every body, and the line about which they are symmetric."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
 from mlsanm_cli.app.scene.boundaries import Boundaries
-from mlsanm_cli.app.scene.condition_sizes import spacing_of
+from mlsanm_cli.app.scene.condition_sizes import CONDITION_SOURCES
 from mlsanm_cli.app.scene.outlines import geometry_of, imported_geometry
+from mlsanm_cli.app.scene.sizes import OUTLINE_SOURCES, Domain
 from mlsanm_cli.case import Body
 from mlsanm_cli.case.model.shapes import Mesh, Points
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.loops import mirrored
 from mlsanm_cli.cloud.mirror import SymmetryLine
-from mlsanm_cli.cloud.spacing import Zone
+from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.roundoff import ROUND_OFF
+
+MIN_SPACING = 2.0**-14
+"""Least spacing relative to that far away: with 6e-6 of it factors lose their digits."""
+
+
+@lru_cache(maxsize=64)
+def spacing_of(boundaries: Boundaries, body: Body) -> Spacing:
+    """The size function of a body whose nodes are placed."""
+    far, zones = body.spacing, list[Zone]()
+    if isinstance(far, str):
+        domain = Domain(boundaries, body)
+        far = domain.far
+        for source in (*OUTLINE_SOURCES, *CONDITION_SOURCES):
+            for zone in source(domain):
+                if zone.spacing < far:
+                    size = max(zone.spacing, MIN_SPACING * far)
+                    zones.append(Zone(zone.curve, size, zone.radius, zone.growth))
+    for refine in body.refine:
+        if refine.at is not None:
+            zones.append(Zone.around(refine.at, refine.spacing, refine.radius, refine.growth))
+        else:
+            outline = boundaries.drawn[body.name]
+            for number in outline.numbers(str(refine.along).rpartition(".")[2]):
+                zones.append(Zone(outline.curves[number], refine.spacing, refine.radius, refine.growth))
+    return Spacing(far, tuple(zones))
 
 
 def clouds(boundaries: Boundaries, zones: tuple[Zone, ...] = (), memo: Memo = NO_CACHE) -> dict[str, Cloud]:
@@ -48,17 +75,16 @@ def line_of(boundaries: Boundaries) -> SymmetryLine | None:
         return None
     shapes = [geometry_of(body.shape) for body in case.body]
     size = max(shape.size for shape in shapes)
+
+    def symmetric(body: Body, line: SymmetryLine) -> bool:
+        if not isinstance(body.shape, Mesh | Points):
+            return spacing_of(boundaries, body).symmetric(line)
+        nodes = imported_geometry(body.shape).points
+        return line.images(nodes, np.full(len(nodes), size / np.sqrt(len(nodes)))) is not None
+
     for axis in (0, 1):
         line = SymmetryLine(axis, shapes[0].centre[axis])
         same = max(abs(shape.centre[axis] - line.at) for shape in shapes) <= ROUND_OFF * size
-        if same and all(_is_symmetric(boundaries, body, line, size) for body in case.body):
+        if same and all(symmetric(body, line) for body in case.body):
             return line
     return None
-
-
-def _is_symmetric(boundaries: Boundaries, body: Body, line: SymmetryLine, size: float) -> bool:
-    """Whether the spacing of a body, or its nodes from a file, are symmetric about a ``line``."""
-    if not isinstance(body.shape, Mesh | Points):
-        return spacing_of(boundaries, body).symmetric(line)
-    nodes = imported_geometry(body.shape).points
-    return line.images(nodes, np.full(len(nodes), size / np.sqrt(len(nodes)))) is not None

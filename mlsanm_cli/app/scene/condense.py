@@ -1,19 +1,21 @@
-"""The condensed problem of a scene at small strain."""
+"""The condensed problem of a scene at small strain, and forces that pull bodies away from their contacts."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 
+import numpy as np
+
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.assemble import NOTHING, SceneModel, assemble_bodies, prepare
+from mlsanm_cli.app.scene.load_profiles import amounts_of
 from mlsanm_cli.app.scene.materials import flow_laws
-from mlsanm_cli.app.scene.pulls import pull_hint
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Case
+from mlsanm_cli.case import AnyLoad, Case, Displacement, Platen
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.laws.active_set import ExactState
+from mlsanm_cli.contact.laws.contact_state import ContactState
 from mlsanm_cli.contact.laws.failures import EndlessError, NoStateError, UnbalancedError
 from mlsanm_cli.contact.response.condensation import condense
 from mlsanm_cli.contact.response.condensed import Condensed
@@ -38,10 +40,16 @@ def condense_scene(
     try:
         return _condensed_scene(case, prepared, context, before)
     except (UnbalancedError, NoStateError) as error:
-        hint = pull_hint(case, prepared.pairings)
-        if not hint:
+        forces = [(load, force) for load in case.load if (force := _force(load)) is not None]
+        found = [
+            f"load {load.name} pulls {load.owner} away from contact {pairing.name}"
+            for load, force in forces
+            for pairing in prepared.pairings
+            if load.owner in pairing.bodies and (_normals(pairing, load.owner) @ force > 0.0).all()
+        ]
+        if not found:
             raise
-        raise NumericalError(error.message, hint) from error
+        raise NumericalError(error.message, f"{'; '.join(found)}: change its sign") from error
 
 
 def _condensed_scene(
@@ -62,7 +70,11 @@ def _condensed_scene(
             path = partial(touching_states, case, scene, stages, laws) if laws else None
             found = find_grids(case, scene, prepared.pairings, prepared.ranges, search, context.memo, path)
         if found is None:
-            return _condensed_scene(case, _without_grids(prepared, context), context, None)
+            # Contact grids that do not converge are replaced by nodal pressures.
+            placed = {name: model.cloud for name, model in prepared.models.items()}
+            with context.phase("operators"):
+                nodal = prepare(prepared.boundaries, placed, context.memo, prepared.models, grids=False)
+            return _condensed_scene(case, nodal, context, None)
         condensed, ends = found
     else:
         condensed, ends = _condense(case, scene, prepared.pairings, stages, context)
@@ -71,16 +83,9 @@ def _condensed_scene(
     return CondensedScene(case, scene, condensed, stages, ends, stability, laws)
 
 
-def _without_grids(prepared: SceneModel, context: RunContext) -> SceneModel:
-    """A scene whose contact grids do not converge, with nodal pressures."""
-    placed = {name: model.cloud for name, model in prepared.models.items()}
-    with context.phase("operators"):
-        return prepare(prepared.boundaries, placed, context.memo, prepared.models, grids=False)
-
-
 def _condense(
     case: Case, scene: Scene, pairings: tuple[Pairing, ...], stages: FloatArray, context: RunContext
-) -> tuple[Condensed, tuple[ExactState, ...]]:
+) -> tuple[Condensed, tuple[ContactState, ...]]:
     """Condenses; an automatic reach of a contact is enlarged until no excluded node touches."""
     fixed = {contact.name: contact.reach for contact in case.contact}
     for _ in range(MAX_ENLARGEMENTS):
@@ -115,3 +120,50 @@ def _condense(
         f"the contact zone was still growing after {MAX_ENLARGEMENTS} enlargements",
         "refine the surfaces over the whole contact zone, or set contact.NAME.reach",
     )
+
+
+def pulling_loads(case: Case, pairings: Sequence[Pairing]) -> Iterator[tuple[str, str, str]]:
+    """Load, body and contact wherever nothing but one contact holds a body along the axis closest to its
+    mean normal, from one side, and no force pushes, but one pulls along this axis at the end of a stage."""
+    stages = [dict(zip(case.moved, values, strict=True)) for values in stage_factors(case)[1:].tolist()]
+    for body in case.body:
+        touching = [pairing for pairing in pairings if body.name in pairing.bodies]
+        loads = [load for load in case.load if body.name in load.owners]
+        forces = [(load.name, _force(load)) for load in loads]
+        if len(touching) != 1 or touching[0].bonded:
+            continue
+        normals = _normals(touching[0], body.name)
+        away = normals.mean(axis=0)
+        axis = int(np.argmax(np.abs(away)))
+        encloses = (normals[:, axis] * away[axis] <= 0.0).any()
+        held = encloses or any(
+            support.holds[axis] and body.name in (support.body, support.place and support.place.body)
+            for support in case.support
+        )
+        controls = [load.control for load in loads if isinstance(load, Platen)]
+        held |= any(control.get("xy"[axis], ("",))[0] == "displacement" for control in controls)
+        known = [(name, away[axis] * force[axis]) for name, force in forces if force is not None]
+        if held or len(known) < len(forces):
+            continue
+        for factors in stages:
+            pulls = {name: factors.get(name, 0.0) * pull for name, pull in known}
+            strongest = max(pulls, key=lambda name: pulls[name], default="")
+            if strongest and pulls[strongest] > 0.0 <= min(pulls.values()):
+                yield strongest, body.name, touching[0].name
+                break
+
+
+def _normals(pairing: Pairing, body: str) -> FloatArray:
+    """The directions (m, 2) away from the paired nodes of a contact, of one of its bodies."""
+    # The normal of a pairing, the master's outward one, points to the slave.
+    return np.asarray(pairing.normal * (1.0 if body == pairing.slave_body else -1.0))
+
+
+def _force(load: AnyLoad) -> FloatArray | None:
+    """The direction of the force of a load, None if it is not given by numbers."""
+    if isinstance(load, Platen):
+        held = [load.control.get(axis, ("force", 0.0)) for axis in "xy"]
+        return np.array([value if how == "force" else 0.0 for how, value in held])
+    given = () if isinstance(load, Displacement) else amounts_of(load)
+    numbers = [part for part in given if isinstance(part, int | float)]
+    return np.array(numbers) if len(numbers) == 2 else None

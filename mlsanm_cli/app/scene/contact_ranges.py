@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from mlsanm_cli.app.scene.condition_sizes import valleys
-from mlsanm_cli.app.scene.corners import END_CLEARANCE, Restraints, SmoothPart, shared_planes, stretches_of
-from mlsanm_cli.app.scene.facing import ALIKE, RAYS, facing_of, minimum
-from mlsanm_cli.app.scene.void import void_center
+from mlsanm_cli.app.scene.contact_pairs import ALIKE, RAYS, facing_of, minimum
+from mlsanm_cli.app.scene.corners import (
+    END_CLEARANCE,
+    Restraints,
+    SmoothPart,
+    shared_planes,
+    stretches_of,
+    void_center,
+)
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.curves import Curve
@@ -21,7 +27,6 @@ from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.geometry.facing import Facing, turned
 from mlsanm_cli.contact.geometry.obstacles import Chain
 from mlsanm_cli.contact.geometry.pairing import MAX_FACING_COSINE, Pairing
-from mlsanm_cli.contact.geometry.unfolding import Planes
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.near_field import as_complex, as_real
 from mlsanm_cli.mechanics.symmetry import SymmetryPlane, images_of
@@ -119,32 +124,27 @@ def _clear(
     count = SAMPLES if facing.profile is None else PROFILE_SAMPLES
     count = max(count, SAMPLES_PER_POINT * max(curve.data_points for curve in facing.curves))
     s = np.linspace(0.0, base.length, count + 1)[: count if base.closed else count + 1]
-    faces, gap = _faces(ahead, s), ahead.gap(s)
+    slack = COARSE_ROUND_OFF * base.length
+    points, partner, normal = ahead.opposite(s)
+    gap, across = ahead.gap(s), (as_real(-ahead.side(s, True)[1]) * normal).sum(axis=1)
+    faces = (across < MAX_FACING_COSINE) & (np.abs(cross(points - partner, normal)) <= slack)
     if not faces.any():
         return None
     surfaces = [pairing.surface_of(slave) for _, slave, _ in pairing.sides]
+    bodies = list(zip(surfaces, pairing.bodies, strict=True))
+    stretches = [stretches_of(models[b], one, held[b], touching[b], fixed[b]) for one, b in bodies]
+    stretches = shared_planes(stretches, slack)
     numbers, off = [], faces.copy()
-    stretches = shared_planes(
-        [
-            stretches_of(models[body], surface, held[body], touching[body], fixed[body])
-            for surface, body in zip(surfaces, pairing.bodies, strict=True)
-        ],
-        COARSE_ROUND_OFF * base.length,
-    )
     for surface, parts, (body, slave, _) in zip(surfaces, stretches, pairing.sides, strict=True):
         places = as_real(facing.side(sign * s, slave)[0])
         number, away_from_ends = _located(models[body], surface, parts, places)
         numbers.append(number)
         off &= away_from_ends
-    slack = COARSE_ROUND_OFF * base.length
-    if facing.profile is not None:
-        slack = min(slack, ALIKE * float(np.ptp(gap[faces])))
-    least = gap[faces].min() + slack
-    close = np.flatnonzero(off & (gap <= least))
-    if not len(close):
+    alike = slack if facing.profile is None else min(slack, ALIKE * float(np.ptp(gap[faces])))
+    close = np.flatnonzero(off & (gap <= gap[faces].min() + alike))
+    # Without a place away from corners, or touching on both sides of one.
+    if not len(close) or any(len(np.unique(number[close])) > 1 for number in numbers):
         return None
-    if any(len(np.unique(number[close])) > 1 for number in numbers):
-        return None  # touching on both sides of a corner
     nearest = int(close[len(close) // 2])
     for number in numbers:
         off &= number == number[nearest]
@@ -155,22 +155,23 @@ def _clear(
         off, gap = np.roll(off, -turn), np.roll(gap, -turn)
         s = np.concatenate([s[turn:], s[:turn] + base.length])
         nearest = (nearest - turn) % len(s)
-    stretch = _stretch(off, nearest)
-    if stretch is None:
+    before, after = np.flatnonzero(~off[:nearest]), np.flatnonzero(~off[nearest:])
+    low = int(before[-1]) + 1 if len(before) else 0
+    high = nearest + int(after[0]) - 1 if len(after) else len(off) - 1
+    if high <= low:
         return None
     around = base.closed and bool(off.all())
-    first, last = float(s[stretch[0]]), float(s[0] + base.length if around else s[stretch[1]])
-    corners = [tuple(filter(None, part.corners)) for part in chosen]
-    curves = [surface.curve for surface in surfaces]
-    exact_ends = _exact_ends(facing, list(zip(curves, chosen, strict=True)))
+    sampled = float(s[low]), float(s[0] + base.length if around else s[high])
+    exact = _exact_ends(facing, [one.curve for one in surfaces], chosen)
     step = SNAP_SAMPLES * float(s[1] - s[0])
-    snapped = [_snapped(end, exact_ends, step) for end in (first, last)]
-    planes = _planes_at(facing, snapped, chosen)
-    whole = around or snapped[0] is not None, around or snapped[1] is not None
-    first, last = (end if exact is None else exact for end, exact in zip((first, last), snapped, strict=True))
+    snapped = [_snapped(at, exact, step) for at in sampled]
+    one, other = (None if end is None else _plane_at(facing, end, chosen) for end in snapped)
+    whole, planes = (around or snapped[0] is not None, around or snapped[1] is not None), (one, other)
+    first, last = (at if end is None else end for end, at in zip(snapped, sampled, strict=True))
     inset = ROUND_OFF * base.length  # at a corner: the normal of the stretch
     rays = sign * np.linspace(first + inset, last - inset, RAYS)
     images = images_of([plane for plane in planes if plane is not None])
+    corners = [tuple(filter(None, part.corners)) for part in chosen]
     centers = [
         void_center(models[body].cloud, *facing.side(rays, slave), images)
         for body, slave in zip(pairing.bodies, (True, False), strict=False)
@@ -179,51 +180,19 @@ def _clear(
         return None
     closest = minimum(ahead, max(s[max(nearest - 1, 0)], first), min(s[min(nearest + 1, len(s) - 1)], last))
     if not facing.slave_first:
-        first, last, whole, planes = -last, -first, whole[::-1], planes[::-1]
-    both = centers[0][0], centers[1][0] if len(centers) > 1 else None
-    of_bodies = corners[0], corners[1] if len(corners) > 1 else ()
-    minima = len(valleys(gap[stretch[0] : stretch[1] + 1], slack))
-    return ContactRange(facing, first, last, sign * closest, both, of_bodies, planes, whole, minima, around)
-
-
-def _planes_at(facing: Facing, ends: list[float | None], parts: list[SmoothPart]) -> Planes:
-    """The planes of symmetry through the places at both ``ends`` of a range on the base."""
-    found: list[SymmetryPlane | None] = []
-    slack = COARSE_ROUND_OFF * facing.base.length
-    for end in ends:
-        tips = as_complex(facing.base.points(np.array([0.0 if end is None else end])))
-        through = [
-            plane
-            for part in parts
-            for plane in part.planes
-            if plane is not None and end is not None and abs(float(plane.height(tips)[0])) <= slack
-        ]
-        found.append(through[0] if through else None)
-    return found[0], found[1]
-
-
-def _faces(ahead: Facing, s: FloatArray) -> BoolArray:
-    """Whether (e,) the other surface faces the base at its arc lengths ``s`` (e,)."""
-    points, partner, normal = ahead.opposite(s)
-    offset = np.abs(cross(points - partner, normal))
-    across = (as_real(-ahead.side(s, True)[1]) * normal).sum(axis=1)
-    return np.asarray((across < MAX_FACING_COSINE) & (offset <= COARSE_ROUND_OFF * ahead.base.length))
-
-
-def _exact_ends(facing: Facing, parts: list[tuple[Curve, SmoothPart]]) -> list[float]:
-    """Arc lengths on the base opposite the ends of stretches of both surfaces up to which pressures may
-    extend, and the corners of an obstacle."""
-    base = facing.base
-    tips = [tip for curve, part in parts for tip in _tips(curve, part)]
-    if isinstance(facing.obstacle, Chain):
-        tips += as_complex(facing.obstacle.points[~facing.obstacle.smooth]).tolist()
-    at = as_real(np.array(tips, dtype=np.complex128))
-    ends = base.closest(at)
-    away, along = at - base.points(ends), turned(base.normals(ends))
-    # Points beyond an end of the base have that end as their closest point.
-    exact: list[float] = ends[np.abs((away * along).sum(axis=1)) <= COARSE_ROUND_OFF * base.length].tolist()
-    # The samples continue beyond the start of a closed curve.
-    return [*exact, *(end + base.length for end in exact)] if base.closed else exact
+        first, last, whole, planes = -last, -first, (whole[1], whole[0]), (other, one)
+    return ContactRange(
+        facing,
+        first,
+        last,
+        sign * closest,
+        (centers[0][0], centers[1][0] if len(centers) > 1 else None),
+        (corners[0], corners[1] if len(corners) > 1 else ()),
+        planes,
+        whole,
+        len(valleys(gap[low : high + 1], alike)),
+        around,
+    )
 
 
 def _snapped(s: float, ends: list[float], step: float) -> float | None:
@@ -232,8 +201,35 @@ def _snapped(s: float, ends: list[float], step: float) -> float | None:
     return nearest if abs(nearest - s) <= step else None
 
 
+def _plane_at(facing: Facing, end: float, parts: Sequence[SmoothPart]) -> SymmetryPlane | None:
+    """The plane of symmetry through the arc length ``end`` of the base, None without one."""
+    tip = as_complex(facing.base.points(np.array([end])))
+    planes = [plane for part in parts for plane in part.planes if plane is not None]
+    slack = COARSE_ROUND_OFF * facing.base.length
+    return next((plane for plane in planes if abs(float(plane.height(tip)[0])) <= slack), None)
+
+
+def _exact_ends(facing: Facing, curves: Sequence[Curve], parts: Sequence[SmoothPart]) -> list[float]:
+    """Arc lengths on the base opposite the ends of stretches of both surfaces up to which pressures may
+    extend, and the corners of an obstacle."""
+    base, tips = facing.base, [np.zeros((0, 2))]
+    for curve, part in zip(curves, parts, strict=True):
+        reached = [known or divided for known, divided in zip(part.known, part.divided, strict=True)]
+        ends = np.array([part.first, part.last])[reached]
+        tips.append(curve.points(np.mod(ends, curve.length) if curve.closed else ends))
+    if isinstance(facing.obstacle, Chain):
+        tips.append(facing.obstacle.points[~facing.obstacle.smooth])
+    at = np.concatenate(tips)
+    ends = base.closest(at)
+    away, along = at - base.points(ends), turned(base.normals(ends))
+    # Points beyond an end of the base have that end as their closest point.
+    exact: list[float] = ends[np.abs((away * along).sum(axis=1)) <= COARSE_ROUND_OFF * base.length].tolist()
+    # The samples continue beyond the start of a closed curve.
+    return [*exact, *(end + base.length for end in exact)] if base.closed else exact
+
+
 def _located(
-    model: BodyModel, surface: Surface, stretches: tuple[SmoothPart, ...], points: FloatArray
+    model: BodyModel, surface: Surface, stretches: Sequence[SmoothPart], points: FloatArray
 ) -> tuple[IntArray, BoolArray]:
     """For ``points`` (e, 2) on a surface the numbers (e,) of their stretches, and whether (e,) they are away
     from ends without known fields."""
@@ -254,20 +250,3 @@ def _located(
             elif curve.closed and not continues:
                 off[np.argmin(np.abs(arc - end))] = False  # a range must not pass it
     return number, off
-
-
-def _tips(curve: Curve, stretch: SmoothPart) -> list[complex]:
-    """The ends of a stretch of a curve up to which pressures may extend."""
-    ends = np.array([stretch.first, stretch.last])[list(stretch.ended)]
-    return [complex(x, y) for x, y in curve.points(np.mod(ends, curve.length) if curve.closed else ends)]
-
-
-def _stretch(chosen: BoolArray, inside: int) -> tuple[int, int] | None:
-    """First and last index of the run of ``chosen`` samples that contains ``inside``, None if there is
-    none."""
-    if not chosen[inside]:
-        return None
-    before, after = np.flatnonzero(~chosen[:inside]), np.flatnonzero(~chosen[inside:])
-    first = int(before[-1]) + 1 if len(before) else 0
-    last = inside + int(after[0]) - 1 if len(after) else len(chosen) - 1
-    return (first, last) if last > first else None

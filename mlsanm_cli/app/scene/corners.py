@@ -1,14 +1,15 @@
-"""Corners at the ends of surfaces, with the known fields of forces near them."""
+"""Ends of surfaces: corners with the known fields of forces near them, planes of symmetry, and where outside
+the body the fields end, at infinity or at a center in a hollow."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import TypeAlias
 
 import numpy as np
 
-from mlsanm_cli.app.scene.void import all_see
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud, continuations
 from mlsanm_cli.cloud.curves import Curve
@@ -17,8 +18,8 @@ from mlsanm_cli.contact.geometry.unfolding import Planes
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.corner import Corner
 from mlsanm_cli.mechanics.corner_faces import Face
-from mlsanm_cli.mechanics.near_field import Isotropic, as_complex, as_real
-from mlsanm_cli.mechanics.symmetry import SymmetryPlane, copies_around
+from mlsanm_cli.mechanics.near_field import ComplexArray, Isotropic, as_complex, as_real
+from mlsanm_cli.mechanics.symmetry import Image, SymmetryPlane, copies_around
 from mlsanm_cli.mechanics.wedge import Wedge
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
@@ -39,6 +40,12 @@ MIN_SPAN = 2.0
 CENTER_DISTANCE = 0.5
 """Distance from a tip in a hollow at which such fields end, relative to their span."""
 
+MIN_CLEARANCE = 0.1
+"""Least distance of centers from the outline, relative to the extent of the places, if others are visible."""
+HALVES = 0.5 ** np.arange(6)
+CHORDS = 200
+"""Number of chords by which every boundary is approximated."""
+
 Restraints: TypeAlias = Mapping[str, tuple[bool, bool] | None]
 """The surfaces of a body that are held, with their components; None with springs."""
 
@@ -51,67 +58,61 @@ class SmoothPart:
 
     first: float
     last: float
-    corners: tuple[Corner | None, Corner | None] = (None, None)
-    planes: Planes = (None, None)
-    continues: tuple[bool, bool] = (False, False)
-    divided: tuple[bool, bool] = (False, False)
+    corners: tuple[Corner | None, ...] = (None, None)
+    planes: tuple[SymmetryPlane | None, ...] = (None, None)
+    continues: tuple[bool, ...] = (False, False)
+    divided: tuple[bool, ...] = (False, False)
 
     @property
-    def known(self) -> tuple[bool, bool]:
+    def known(self) -> tuple[bool, ...]:
         """Whether the fields of forces near either end are known."""
-        first, last = (
-            corner is not None or plane is not None
-            for corner, plane in zip(self.corners, self.planes, strict=True)
+        return tuple(
+            any(one is not None for one in end) for end in zip(self.corners, self.planes, strict=True)
         )
-        return first, last
-
-    @property
-    def ended(self) -> tuple[bool, bool]:
-        """Whether pressures may reach either end."""
-        first, last = (any(each) for each in zip(self.known, self.divided, strict=True))
-        return first, last
-
-    def at_planes(self, chosen: tuple[bool, bool]) -> SmoothPart:
-        """The same with the planes at ``chosen`` ends only, without the corners there."""
-        planes = [plane if keep else None for plane, keep in zip(self.planes, chosen, strict=True)]
-        corners = [None if keep else corner for corner, keep in zip(self.corners, chosen, strict=True)]
-        return replace(self, planes=(planes[0], planes[1]), corners=(corners[0], corners[1]))
 
 
 def stretches_of(
-    model: BodyModel,
-    surface: Surface,
-    held: Restraints,
-    touching: Collection[str],
-    fixed: Collection[str] = (),
-) -> tuple[SmoothPart, ...]:
+    model: BodyModel, surface: Surface, held: Restraints, touching: Collection[str], fixed: Collection[str]
+) -> list[SmoothPart]:
     """The stretches of a surface between its corners; ``touching`` are the body's surfaces in contact,
-    ``fixed`` those held at zero displacement."""
-    curve = surface.curve
-    if curve.closed and not len(curve.corners):
-        return (SmoothPart(0.0, curve.length, continues=(True, True)),)
-    found = []
-    for parts, first in _between_corners(surface):
-        own = joined_surface(surface.name, parts, False)
-        names = {part.name for part in parts}
+    ``fixed`` those held at zero displacement. The one that passes the start of a closed surface is the last.
+    """
+    curve, corners = surface.curve, surface.curve.corners
+    if curve.closed and not len(corners):
+        return [SmoothPart(0.0, curve.length, continues=(True, True))]
+    parts = [part for part, _ in surface.members]
+    starts = np.cumsum([0.0, *(part.curve.length for part in parts)])
+    cut = [bool((np.abs(corners - at) <= ROUND_OFF * curve.length).any()) for at in starts[:-1]]
+    if curve.closed and not cut[0]:
+        turn = cut.index(True)
+        parts, cut = parts[turn:] + parts[:turn], cut[turn:] + cut[:turn]
+        starts = np.concatenate([starts[turn:-1], starts[:turn] + starts[-1]])
+    places, found = [k for k, begins in enumerate(cut) if begins or not k], []
+    for k, after in pairwise([*places, len(parts)]):
+        own = joined_surface(surface.name, parts[k:after], False)
+        names = {part.name for part in parts[k:after]}
         beyond = dict(continuations(model.cloud, own))
-        corners, planes, continues, divided = [], [], [], []
-        for at_end, place in ((False, 0), (True, -1)):
-            # A straight continuation that is held is a corner of 180 degrees.
-            smooth = place in beyond and beyond[place] not in held
-            corners.append(None if smooth else _corner(model, own, names, at_end, held))
-            planes.append(None if smooth else symmetry_plane(model, own, names, at_end, held, fixed))
-            continues.append(smooth)
-            divided.append(smooth and beyond[place] not in touching)
-        last = first + own.curve.length
-        (a, b), (c, d), (e, f), (g, h) = corners, planes, continues, divided
-        found.append(SmoothPart(first, last, (a, b), (c, d), (e, f), (g, h)))
-    return tuple(found)
+        # A straight continuation that is held is a corner of 180 degrees.
+        smooth = tuple(place in beyond and beyond[place] not in held for place in (0, -1))
+        ends = tuple(zip((False, True), smooth, strict=True))
+        first = float(starts[k])
+        found.append(
+            SmoothPart(
+                first,
+                first + own.curve.length,
+                tuple(None if on else _corner(model, own, names, end, held) for end, on in ends),
+                tuple(None if on else _plane(model, own, names, end, held, fixed) for end, on in ends),
+                smooth,
+                tuple(on and beyond[-1 if end else 0] not in touching for end, on in ends),
+            )
+        )
+    return found
 
 
-def shared_planes(stretches: Sequence[tuple[SmoothPart, ...]], slack: float) -> list[tuple[SmoothPart, ...]]:
+def shared_planes(stretches: Sequence[list[SmoothPart]], slack: float) -> list[list[SmoothPart]]:
     """The stretches of the bodies of a contact with those planes of symmetry only that all of them have, up
-    to a distance ``slack``, and where two planes of a stretch make a whole number of copies of it."""
+    to a distance ``slack``, and where two planes of a stretch make a whole number of copies of it; corners
+    at other ends only."""
     found = []
     for number, parts in enumerate(stretches):
         others = [
@@ -126,8 +127,11 @@ def shared_planes(stretches: Sequence[tuple[SmoothPart, ...]], slack: float) -> 
             )
             one, other = part.planes
             both = one is not None and other is not None and copies_around(one, other) is None
-            kept.append(part.at_planes((first and not (last and both), last and not (first and both))))
-        found.append(tuple(kept))
+            chosen = first and not (last and both), last and not (first and both)
+            planes = tuple(plane if at else None for plane, at in zip(part.planes, chosen, strict=True))
+            corners = tuple(None if at else corner for corner, at in zip(part.corners, chosen, strict=True))
+            kept.append(replace(part, planes=planes, corners=corners))
+        found.append(kept)
     return found
 
 
@@ -136,14 +140,12 @@ def ends_of(
 ) -> tuple[Planes, tuple[Corner | None, Corner | None]]:
     """The planes of symmetry, and the corners, at both ends of a surface; None if there is none, its fields
     are not known, or the surface is closed."""
-    if surface.curve.closed:
-        return (None, None), (None, None)
     first, last = planes_of(model, surface, held)
     if first is not None and last is not None and copies_around(first, last) is None:
         last = None
     own = {part.name for part, _ in surface.members}
     corners = [
-        _corner(model, surface, own, at_end, held) if plane is None else None
+        _corner(model, surface, own, at_end, held) if plane is None and not surface.curve.closed else None
         for at_end, plane in ((False, first), (True, last))
     ]
     return (first, last), (corners[0], corners[1])
@@ -154,26 +156,8 @@ def planes_of(model: BodyModel, surface: Surface, held: Restraints) -> Planes:
     if surface.curve.closed:
         return None, None
     own = {part.name for part, _ in surface.members}
-    first, last = (symmetry_plane(model, surface, own, at_end, held, held) for at_end in (False, True))
+    first, last = (_plane(model, surface, own, at_end, held, held) for at_end in (False, True))
     return first, last
-
-
-def _between_corners(surface: Surface) -> Iterator[tuple[list[Surface], float]]:
-    """The parts of a surface from corner to corner with the arc length of their starts; on a closed surface
-    the part that passes its start comes last."""
-    parts = [part for part, _ in surface.members]
-    starts = np.cumsum([0.0, *(part.curve.length for part in parts)])
-    corners = surface.curve.corners
-    small = ROUND_OFF * surface.curve.length
-    cut = [bool((np.abs(corners - start) <= small).any()) for start in starts[:-1]]
-    if surface.curve.closed and not cut[0]:
-        turn = cut.index(True)
-        parts, cut = parts[turn:] + parts[:turn], cut[turn:] + cut[:turn]
-        starts = np.concatenate([starts[turn:-1], starts[:turn] + starts[-1]])
-    cut[0] = True
-    places = [k for k, begins in enumerate(cut) if begins]
-    for k, after in zip(places, [*places[1:], len(parts)], strict=True):
-        yield parts[k:after], float(starts[k])
 
 
 def _corner(
@@ -191,7 +175,14 @@ def _corner(
         # Outlines have the body on their left.
         turn = -1j if at_end else 1j
         wedge = Wedge(model.kernel, face.along, other.along, turn, sliding, clamped)
-        if not _known(wedge):
+        inside = float(np.angle(wedge.other / wedge.along) * wedge.turn.imag) % (2.0 * np.pi)
+        angle = inside * (2.0 if sliding else 1.0)
+        # A straight outline is no corner; a wall at right angles is a symmetry line.
+        flat = sliding and abs(angle - np.pi) <= ROUND_OFF
+        blunt = BLUNTEST < angle < HOLLOW and not flat and not clamped
+        isotropic = isinstance(model.kernel, Isotropic)
+        sharpest = SHARPEST if isotropic else SHARPEST_ANISOTROPIC
+        if blunt or not sharpest <= inside <= angle <= WIDEST or (sliding and not isotropic):
             return None
         lengths = surface.curve.length, adjacent.curve.length
         spacing = float(model.cloud.spacing[surface.index[-1 if at_end else 0]])
@@ -203,7 +194,7 @@ def _corner(
     return None
 
 
-def symmetry_plane(
+def _plane(
     model: BodyModel,
     surface: Surface,
     own: Collection[str],
@@ -253,18 +244,6 @@ def _face(curve: Curve, at_end: bool) -> Face:
     return Face(complex(as_complex(curve.points(arc))[0]), along, inward, curve, at_end)
 
 
-def _known(wedge: Wedge) -> bool:
-    """Whether the fields of a corner with this angle are known."""
-    inside = float(np.angle(wedge.other / wedge.along) * wedge.turn.imag) % (2.0 * np.pi)
-    angle = inside * (2.0 if wedge.sliding else 1.0)
-    # A straight outline is no corner; a wall at right angles is a symmetry line.
-    straight = wedge.sliding and abs(angle - np.pi) <= ROUND_OFF
-    blunt = BLUNTEST < angle < HOLLOW and not straight and not wedge.clamped
-    isotropic = isinstance(wedge.kernel, Isotropic)
-    sharpest = SHARPEST if isotropic else SHARPEST_ANISOTROPIC
-    return sharpest <= inside <= angle <= WIDEST and not blunt and (isotropic or not wedge.sliding)
-
-
 def _limited(cloud: Cloud, corner: Corner, faces: tuple[Face, Face], spacing: float) -> Corner | None:
     """The corner with fields along its faces only, None if these cannot end outside the body."""
     curves = [face.curve for face in faces if face.curve is not None]
@@ -309,3 +288,83 @@ def _straight(curve: Curve) -> bool:
     ends = curve.points(np.array([0.0, curve.length]))
     straight = abs(float(np.hypot(*(ends[1] - ends[0]))) - curve.length) <= ROUND_OFF * curve.length
     return straight and not len(curve.corners)
+
+
+def void_center(
+    cloud: Cloud, place: ComplexArray, inward: ComplexArray, images: Sequence[Image] = ()
+) -> list[complex | None]:
+    """Where the fields of forces at places (e,) of an outline end: [None] at infinity if the outward rays are
+    free, else a center visible from all places; empty if there is none. The ``images`` of the body are in the
+    way as it is itself."""
+    free = _free(cloud, place, -inward)
+    for image in images:
+        free = np.minimum(free, _free(cloud, image.points(place), -image.directions(inward)))
+    if np.isinf(free).all():
+        return [None]
+    middle = len(place) // 2
+    away, wide = 0.5 * float(free.min()), float(np.abs(place - place[middle]).max())
+    # A wall that overhangs one end of the places is near that end, but not necessarily near the middle; the
+    # nodes of a surface close to a center would not resolve its fields.
+    for size in min(0.5 * float(free[middle]), wide) * HALVES if away < MIN_CLEARANCE * wide else (away,):
+        center = complex(place[middle] - size * inward[middle])
+        if all_see(cloud, place, inward, center, images):
+            return [center]
+    # The visible center farthest from the outline, of those outward of any place: the mouth of a slot is
+    # visible from its rounded edge and from its wall, the region outward of their middle is not.
+    sizes = np.minimum(0.5 * free, wide)[:, None] * HALVES
+    centers = (place[:, None] - sizes * inward[:, None]).ravel()
+    outline = np.concatenate(_chords(cloud))
+    clear = np.array([np.abs(outline - center).min() for center in centers])
+    for number in np.argsort(-clear):
+        if clear[number] < MIN_CLEARANCE * wide:
+            break
+        if all_see(cloud, place, inward, complex(centers[number]), images):
+            return [complex(centers[number])]
+    return []
+
+
+def all_see(
+    cloud: Cloud,
+    place: ComplexArray,
+    inward: ComplexArray,
+    center: complex | None,
+    images: Sequence[Image] = (),
+) -> bool:
+    """Whether the segments from places (e,) of an outline to a ``center``, or the outward rays without one,
+    are outside the body and its ``images``."""
+    if images:
+        ends = [None if center is None else complex(one.points(np.array(center))) for one in images]
+        each = zip(images, ends, strict=True)
+        seen = [all_see(cloud, one.points(place), one.directions(inward), end) for one, end in each]
+        return all(seen) and all_see(cloud, place, inward, center)
+    if center is None:
+        return bool(np.isinf(_free(cloud, place, -inward)).all())
+    lines = center - place
+    size = np.abs(lines)
+    return bool((_free(cloud, place, lines / size) > size).all())
+
+
+def _free(cloud: Cloud, place: ComplexArray, ahead: ComplexArray) -> FloatArray:
+    """Distance (e,) from places (e,) along unit directions ``ahead`` (e,) to the outline, ignoring hits
+    within a chord length."""
+    chains = _chords(cloud)
+    start = np.concatenate([points[:-1] for points in chains])
+    way = np.concatenate([np.diff(points) for points in chains])
+    across = (np.conj(ahead)[:, None] * way).imag
+    apart = start - place[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        distance = (np.conj(apart) * way).imag / across
+        share = -(np.conj(ahead)[:, None] * apart).imag / across
+    hit = (
+        (np.abs(across) > ROUND_OFF * np.abs(way))
+        & (share >= 0.0)
+        & (share <= 1.0)
+        & (distance > np.abs(way).max())
+    )
+    return np.asarray(np.where(hit, distance, np.inf).min(axis=1))
+
+
+def _chords(cloud: Cloud) -> list[ComplexArray]:
+    """Ends (c + 1,) of the chords of every boundary."""
+    curves = [surface.curve for surface in cloud.surfaces.values()]
+    return [as_complex(one.points(np.linspace(0.0, one.length, CHORDS + 1))) for one in curves]

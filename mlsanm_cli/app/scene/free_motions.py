@@ -11,28 +11,35 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from mlsanm_cli.app.scene.loads import Acting
-from mlsanm_cli.app.scene.rigid_modes import (
-    QUADRATURE,
-    UnknownMotion,
-    contact_resistance,
-    sliding_resistance,
-    unknown_motion,
-)
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
+from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.joined import normals_towards
+from mlsanm_cli.contact.geometry.facing import turned
 from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.contact.response.walls import resultant
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics.rigid import ROTATION, independent_rows, rigid_pattern
-from mlsanm_cli.mechanics.scene import RigidConstraint
+from mlsanm_cli.mechanics.scene import RigidConstraint, RigidMotion
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import stage_factors
 
+MIN_NORMAL_COMPONENT = 0.2
+"""Root mean square component of its normals above which a contact resists a direction. A smaller one is due
+to slight curvature of the surface, and too small to distinguish the motion from asymmetry of the
+discretisation."""
+MIN_EXACT_COMPONENT = 1e-3
+"""The same as ``MIN_NORMAL_COMPONENT`` for contacts with exact directions."""
+QUADRATURE = 1e-3
+"""Error of sums of forces by quadrature, relative to their magnitudes. Forces that all point to a centre, as
+a pressure in a bore, have a moment by it only: this part of force times arm counts as terms that cancel."""
 WEAK_RESISTANCE = 0.05
 """Motions whose component normal to the surfaces is below this part of themselves are weakly resisted, also
 if they move along both surfaces of a contact."""
@@ -55,6 +62,57 @@ class Restrained:
     weak: tuple[str, ...]
 
 
+@dataclass(frozen=True, eq=False)
+class UnknownMotion:
+    """One unknown motion: the ``force`` (L,) on it by load at factor 1, the sum ``size`` (L,) of the
+    magnitudes of that force's terms, whether something besides contacts resists it (``elastic``), and the
+    largest displacement of a contact under unit motion (``lever``)."""
+
+    constraint: RigidConstraint
+    motion: RigidMotion
+    force: FloatArray
+    size: FloatArray
+    elastic: bool
+    lever: float = 1.0
+
+    @property
+    def rotates(self) -> bool:
+        return self.motion.component == ROTATION
+
+    @property
+    def owner(self) -> str:
+        """What moves, in words."""
+        name = self.constraint.name
+        if self.constraint.floats:
+            return f"body {name}"
+        return f"platen on {name}" if self.constraint.bodies else f"the obstacle of contact {name}"
+
+    @property
+    def way(self) -> str:
+        """The name of its component."""
+        return MOTIONS[self.motion.component]
+
+    @property
+    def hint(self) -> str:
+        """How to prescribe it other than by a support."""
+        if self.constraint.floats or self.rotates:
+            return ""
+        return f", or prescribe {self.way} of the {'platen' if self.constraint.bodies else 'obstacle'}"
+
+    def side(self, pairing: Pairing) -> float:
+        """1 if it moves the slave of a contact, -1 for the master, else 0."""
+        bodies = self.constraint.bodies
+        if not bodies:
+            return -1.0 if self.constraint.name == pairing.name else 0.0
+        if self.elastic:
+            return 0.0
+        return float(pairing.slave_body in bodies) - float(pairing.master_body in bodies)
+
+    def at(self, points: FloatArray) -> FloatArray:
+        """Displacements (n, 2) of ``points`` (n, 2), at most 1 in contacts."""
+        return rigid_pattern(points, self.constraint.center, self.motion.component) / self.lever
+
+
 def constrain_free_rigid_modes(
     case: Case,
     clouds: Mapping[str, Cloud],
@@ -67,70 +125,123 @@ def constrain_free_rigid_modes(
     contacts named ``exact`` are those of their surfaces, of others those at the nodes. Raises CaseError if a
     load drives a free mode."""
     kept = [
-        unknown_motion(constraint, motion, clouds, pairings, loads)
+        _unknown(constraint, motion, clouds, pairings, loads)
         for constraint in rigid_constraints
         for motion in constraint.motions
         if motion.prescribed is None
     ]
     held, notes, problems = dict[int, dict[int, FloatArray]](), list[str](), list[CaseProblem]()
-    # At finite strain the unknowns are those along the axes.
-    oblique = case.model.strain == "small"
     unresisted, loose = list[Mapping[str, FloatArray]](), list[Mapping[str, FloatArray]]()
-    for slid in (True, False):
+    for resisted in (sliding_resistance, partial(contact_resistance, exact=exact)):
         fixed = []
-        if slid:
-            free = free_motions(sliding_resistance(kept, pairings, clouds))
-        else:
-            free = free_motions(contact_resistance(kept, pairings, clouds, exact))
-        for pivot, direction in sorted(free, key=lambda motion: kept[motion[0]].motion.component != ROTATION):
-            problems += _driven(case, kept, pivot, direction)
-            owner, component = kept[pivot].constraint, kept[pivot].motion.component
-            along = _velocity(kept, owner, direction) if oblique else np.eye(3)[component, :2]
-            notes.append(_note(kept, pivot, direction, along))
+        free = free_motions(resisted(kept, pairings, clouds))
+        for pivot, direction in sorted(free, key=lambda motion: not kept[motion[0]].rotates):
+            unknown = kept[pivot]
+            parts = [(one, part) for one, part in zip(kept, direction, strict=True) if part]
+            problems += _driven(case, unknown, parts)
+            owner, component = unknown.constraint, unknown.motion.component
+            ways = [
+                part / one.lever * one.motion.direction[:2] for one, part in parts if one.constraint is owner
+            ]
+            # At finite strain the unknowns are those along the axes.
+            along = sum(ways, np.zeros(2)) if case.model.strain == "small" else np.eye(3)[component, :2]
+            notes.append(_note(unknown, parts, along))
             held.setdefault(id(owner), {})[component] = along
-            unresisted.append(_of_bodies(kept, direction))
-            if all(unknown.constraint.floats for unknown in _moving(kept, direction)):
-                loose.append(unresisted[-1])
-            fixed.append(kept[pivot])
+            velocities: dict[str, FloatArray] = {}
+            for one, part in parts:
+                x, y = rigid_pattern(np.zeros((1, 2)), one.constraint.center, one.motion.component)[0]
+                velocity = part / one.lever * np.array([x, y, float(one.rotates)])
+                for body in one.constraint.bodies:
+                    velocities[body] = velocities.get(body, np.zeros(3)) + velocity
+            unresisted.append(velocities)
+            if all(one.constraint.floats for one, _ in parts):
+                loose.append(velocities)
+            fixed.append(unknown)
         kept = [unknown for unknown in kept if unknown not in fixed]
     if problems:
         raise CaseError(tuple(dict.fromkeys(problems)))
-    weak = free_motions(sliding_resistance(kept, pairings, clouds, at_once=True), WEAK_RESISTANCE)
+    weak = []
+    for pivot, direction in free_motions(
+        sliding_resistance(kept, pairings, clouds, at_once=True), WEAK_RESISTANCE
+    ):
+        unknown = kept[pivot]
+        others = _others(unknown, [one for one, part in zip(kept, direction, strict=True) if part])
+        moves = f", which moves {others} with it," if others else ""
+        weak.append(
+            f"{unknown.owner}: {unknown.way}{moves} is hardly resisted, because it follows the surfaces in "
+            "contact: results depend on the exact positions of supported nodes and on the contact width; fix "
+            f"it with a [[support]]{unknown.hint}"
+        )
     return Restrained(
         tuple(_held_at_zero(owner, held.get(id(owner), {})) for owner in rigid_constraints),
         tuple(notes),
         tuple(filter(None, unresisted)),
         tuple(loose),
-        tuple(_weakly_resisted(kept, pivot, direction) for pivot, direction in weak),
+        tuple(weak),
     )
+
+
+def _unknown(
+    constraint: RigidConstraint,
+    motion: RigidMotion,
+    clouds: Mapping[str, Cloud],
+    pairings: Sequence[Pairing],
+    loads: Acting,
+) -> UnknownMotion:
+    """The motion with its forces: its own, and tractions and body forces on the bodies that move."""
+    force, size, rotates = motion.force.copy(), np.abs(motion.force), motion.component == ROTATION
+    elastic = not motion.alone
+    if not elastic:
+        springs = [k for body in constraint.bodies for k in loads.springs[body].values()]
+        elastic = any(any(k) if rotates else k[motion.component] for k in springs)
+        for number, forces, points in _forces(loads, clouds, constraint.bodies):
+            parts = resultant(forces, points, constraint.center)[motion.component]
+            force[number] += parts.sum()
+            size[number] += np.abs(parts).sum()
+            if rotates:
+                size[number] += QUADRATURE * np.hypot(*forces.T) @ np.hypot(*(points - constraint.center).T)
+    unknown = UnknownMotion(constraint, motion, force, size, elastic)
+    moved = [unknown.at(clouds[p.slave_body].points[p.node]) for p in pairings if unknown.side(p)]
+    lever = max((float(np.hypot(*parts.T).max()) for parts in moved), default=1.0)
+    return replace(unknown, lever=lever)
+
+
+def _forces(
+    loads: Acting, clouds: Mapping[str, Cloud], bodies: Sequence[str]
+) -> Iterator[tuple[int, FloatArray, FloatArray]]:
+    """Load numbers, forces (n, 2) and points (n, 2) of all tractions and body forces on bodies."""
+    for body in bodies:
+        cloud = clouds[body]
+        for load in loads.surface_loads:
+            if load.body == body and load.between is not None:
+                surface = cloud.surfaces[load.surface]
+                halves = Halves.of(surface, FINE)
+                points = surface.curve.points(halves.arc)
+                yield load.number, (halves.length * cloud.around(points))[:, None] * load.between, points
+        for force in loads.body_forces:
+            if force.body == body:
+                yield force.number, cloud.volumes[:, None] * force.values, cloud.points
 
 
 def _held_at_zero(constraint: RigidConstraint, held: Mapping[int, FloatArray]) -> RigidConstraint:
     """The ``constraint`` with the components that ``held`` names prescribed at zero: those by which motions
-    are fixed that move its centre along ``held[component]`` (2,). Of a motion oblique to x and y its own
-    direction is fixed: with x or y alone, displacements would depend on the axes."""
-    axes, motions = _own_axes(constraint, held), []
+    are fixed that move its centre along ``held[component]`` (2,). If just one of two unknown translations is
+    held, and oblique to x and y, its own direction is fixed: with x or y alone, displacements would depend on
+    the axes."""
+    translations = [motion for motion in constraint.motions if motion.component != ROTATION]
+    unknown = {motion.component for motion in translations if motion.prescribed is None}
+    pivots, axes, motions = unknown & held.keys(), dict[int, tuple[float, float]](), []
+    if len(unknown) == 2 and len(pivots) == 1 and held[min(pivots)].all():
+        (pivot,) = pivots
+        x, y = (float(part) for part in held[pivot] / np.hypot(*held[pivot]))
+        axes = {pivot: (x, y), 1 - pivot: (-y, x)}
     for motion in constraint.motions:
         if motion.component in axes:
             axis = axes[motion.component]
-            forces = [part.force for part in constraint.motions if part.component != ROTATION]
-            motion = replace(motion, axis=axis, force=np.array(axis) @ forces)
+            motion = replace(motion, axis=axis, force=np.array(axis) @ [part.force for part in translations])
         still = motion.component in held
         motions.append(replace(motion, prescribed=np.zeros(len(motion.force))) if still else motion)
     return replace(constraint, motions=tuple(motions))
-
-
-def _own_axes(constraint: RigidConstraint, held: Mapping[int, FloatArray]) -> dict[int, tuple[float, float]]:
-    """Axes of the translations by component, if just one of two unknown ones is ``held`` and oblique."""
-    unknown = {motion.component for motion in constraint.motions if motion.prescribed is None} - {ROTATION}
-    pivots = unknown & held.keys()
-    if len(unknown) < 2 or len(pivots) != 1:
-        return {}
-    pivot = pivots.pop()
-    if not held[pivot].all():
-        return {}
-    x, y = (float(part) for part in held[pivot] / np.hypot(*held[pivot]))
-    return {pivot: (x, y), 1 - pivot: (-y, x)}
 
 
 def free_motions(resistance: FloatArray, least: float = COARSE_ROUND_OFF) -> list[tuple[int, FloatArray]]:
@@ -154,103 +265,133 @@ def free_motions(resistance: FloatArray, least: float = COARSE_ROUND_OFF) -> lis
 
 
 def _driven(
-    case: Case, unknowns: Sequence[UnknownMotion], pivot: int, direction: FloatArray
+    case: Case, unknown: UnknownMotion, parts: Sequence[tuple[UnknownMotion, float]]
 ) -> Iterator[CaseProblem]:
-    """A problem if the loads drive a free motion at the end of some stage."""
-    share = direction / np.array([unknown.lever for unknown in unknowns])
-    force = share @ np.array([unknown.force for unknown in unknowns])
-    size = np.abs(share) @ np.array([unknown.size for unknown in unknowns])
+    """A problem if the loads drive a free motion, with ``parts`` of unknowns, at the end of some stage."""
+    share = np.array([part / one.lever for one, part in parts])
+    force = share @ np.array([one.force for one, _ in parts])
+    size = np.abs(share) @ np.array([one.size for one, _ in parts])
     stages = stage_factors(case)
     driving = np.abs(stages @ force)
     if (driving > QUADRATURE * (np.abs(stages) @ size)).any():
-        worst = stages[int(np.argmax(driving))] * force / share[pivot]
-        load = case.moved[int(np.argmax(np.abs(worst)))]
-        unknown, together = unknowns[pivot], _together(unknowns, pivot, direction)
-        what = "moment" if unknown.motion.component == ROTATION else "force"
-        whom = f"{_owner(unknown)} in {_way(unknown)}"
-        if together:
-            whom += f", which moves {together} with it"
+        worst = stages[int(np.argmax(driving))] * force * unknown.lever
+        others = _others(unknown, [one for one, _ in parts])
+        whom = f"{unknown.owner} in {unknown.way}" + (f", which moves {others} with it" if others else "")
         yield CaseProblem(
-            f"load.{load}",
-            f"nothing resists its force on {whom}, where loads add up to a {what} of {worst.sum():.4g}: "
-            f"no support acts there, and contact normals have almost no component in this direction",
-            hint=f"add a [[support]] there{_prescribe_hint(unknown)}",
+            f"load.{case.moved[int(np.argmax(np.abs(worst)))]}",
+            f"nothing resists its force on {whom}, where loads add up to a "
+            f"{'moment' if unknown.rotates else 'force'} of {worst.sum():.4g}: "
+            "no support acts there, and contact normals have almost no component in this direction",
+            hint=f"add a [[support]] there{unknown.hint}",
         )
 
 
-def _note(unknowns: Sequence[UnknownMotion], pivot: int, direction: FloatArray, along: FloatArray) -> str:
-    unknown, together = unknowns[pivot], _together(unknowns, pivot, direction)
-    way = _way(unknown)
-    if unknown.motion.component != ROTATION and along.all():
+def _note(unknown: UnknownMotion, parts: Sequence[tuple[UnknownMotion, float]], along: FloatArray) -> str:
+    way, others = unknown.way, _others(unknown, [one for one, _ in parts])
+    if not unknown.rotates and along.all():
         x, y = along / np.hypot(*along)
         way = f"the displacement along ({x:.3g}, {y:.3g})"
-    if together:
+    if others:
         return (
-            f"{_owner(unknown)}: {way} is fixed at 0 (no load and no stiffness): it moves together with "
-            f"{together}; their relative motion stays free"
+            f"{unknown.owner}: {way} is fixed at 0 (no load and no stiffness): it moves together with "
+            f"{others}; their relative motion stays free"
         )
-    return f"{_owner(unknown)}: {way} is fixed at 0 (no load and no stiffness in this direction)"
+    return f"{unknown.owner}: {way} is fixed at 0 (no load and no stiffness in this direction)"
 
 
-def _weakly_resisted(unknowns: Sequence[UnknownMotion], pivot: int, direction: FloatArray) -> str:
-    """Warning about a weakly resisted motion."""
-    unknown, together = unknowns[pivot], _together(unknowns, pivot, direction)
-    moves = f", which moves {together} with it," if together else ""
-    return (
-        f"{_owner(unknown)}: {_way(unknown)}{moves} is hardly resisted, because it follows the surfaces in "
-        "contact: results depend on the exact positions of supported nodes and on the contact width; fix it "
-        f"with a [[support]]{_prescribe_hint(unknown)}"
-    )
+def _others(unknown: UnknownMotion, moving: Sequence[UnknownMotion]) -> str:
+    """The names of what else moves in a motion besides the unknown by which it is fixed."""
+    return " and ".join(name for name in dict.fromkeys(one.owner for one in moving) if name != unknown.owner)
 
 
-def _together(unknowns: Sequence[UnknownMotion], pivot: int, direction: FloatArray) -> str:
-    """The names of what else moves in a motion besides the unknowns by which it is fixed."""
-    names = dict.fromkeys(_owner(unknown) for unknown in _moving(unknowns, direction))
-    return " and ".join(name for name in names if name != _owner(unknowns[pivot]))
-
-
-def _moving(unknowns: Sequence[UnknownMotion], direction: FloatArray) -> list[UnknownMotion]:
-    """The unknowns that a motion involves."""
-    return [unknown for unknown, part in zip(unknowns, direction, strict=True) if part]
-
-
-def _velocity(
-    unknowns: Sequence[UnknownMotion], constraint: RigidConstraint, direction: FloatArray
+def sliding_resistance(
+    unknowns: Sequence[UnknownMotion],
+    pairings: Sequence[Pairing],
+    clouds: Mapping[str, Cloud],
+    at_once: bool = False,
 ) -> FloatArray:
-    """Velocity (2,) of a constraint's centre in a motion."""
-    return sum(
-        (
-            part / unknown.lever * unknown.motion.direction[:2]
-            for unknown, part in zip(unknowns, direction, strict=True)
-            if unknown.constraint is constraint
-        ),
-        np.zeros(2),
-    )
+    """Mean squares (k, k) of the motions normal to the surfaces they move; with friction, in all directions.
+
+    If one of two surfaces is straight, bodies may slide along both ``at_once``, as a disk that rotates about
+    a point above the plane on which it rests: only the width of the contact resists. Two straight surfaces
+    touch along their length or at a corner, which crosses the other unknown.
+    """
+    total = np.diag([float(unknown.elastic) for unknown in unknowns])
+    for pairing in pairings:
+        frame = _Frame(pairing, clouds)
+        sides = [np.linalg.eigh(frame.squares(*side)) for side in frame.sides]
+        free = [directions[:, sizes <= COARSE_ROUND_OFF**2] for sizes, directions in sides]
+        straight = [bool(null.shape[1] and np.abs(null[2]).max() <= COARSE_ROUND_OFF) for null in free]
+        if at_once and sum(straight) == 1 and not pairing.friction:
+            along = np.linalg.svd(np.hstack(free))
+            crossing = along[0][:, int((along[1] > COARSE_ROUND_OFF).sum()) :]
+            relative = crossing.T @ frame.relative(unknowns)
+            total += relative.T @ relative
+            continue
+        for side, (at, normal) in zip((1.0, -1.0), frame.sides, strict=True):
+            across = np.zeros((len(at), 2 if pairing.friction else 1, len(unknowns)))
+            for column, unknown in enumerate(unknowns):
+                if unknown.side(pairing) == side:
+                    across[:, 0, column] = (unknown.at(at) * normal).sum(axis=1)
+                    if pairing.friction:
+                        across[:, 1, column] = (unknown.at(at) * turned(normal)).sum(axis=1)
+            total += np.einsum("ndi,ndj->ij", across, across) / len(at)
+    return total
 
 
-def _of_bodies(unknowns: Sequence[UnknownMotion], direction: FloatArray) -> dict[str, FloatArray]:
-    """Velocities (3,) of all bodies in a motion, in x, y and rotation about the origin."""
-    found: dict[str, FloatArray] = {}
-    for unknown, part in zip(unknowns, direction, strict=True):
-        for body in unknown.bodies if part else ():
-            x, y = rigid_pattern(np.zeros((1, 2)), unknown.constraint.center, unknown.motion.component)[0]
-            turn = 1.0 if unknown.motion.component == ROTATION else 0.0
-            found[body] = found.get(body, np.zeros(3)) + part / unknown.lever * np.array([x, y, turn])
-    return found
+def contact_resistance(
+    unknowns: Sequence[UnknownMotion],
+    pairings: Sequence[Pairing],
+    clouds: Mapping[str, Cloud],
+    exact: Collection[str],
+) -> FloatArray:
+    """Mean squares (k, k) of the motions in the directions that contacts resist."""
+    total = np.diag([float(unknown.elastic) for unknown in unknowns])
+    for pairing in pairings:
+        frame = _Frame(pairing, clouds)
+        sizes, directions = np.linalg.eigh(
+            frame.squares(frame.sides[0][0], pairing.normal[pairing.candidate])
+        )
+        least = MIN_EXACT_COMPONENT if pairing.name in exact else MIN_NORMAL_COMPONENT
+        resisted = np.eye(3) if pairing.friction else directions[:, sizes >= least**2].T
+        relative = resisted @ frame.relative(unknowns)
+        total += relative.T @ relative
+    return total
 
 
-def _owner(unknown: UnknownMotion) -> str:
-    name = unknown.constraint.name
-    if unknown.constraint.floats:
-        return f"body {name}"
-    return f"platen on {name}" if unknown.bodies else f"the obstacle of contact {name}"
+Side = tuple[FloatArray, FloatArray]
+"""Points (m, 2) and normals (m, 2) of one side of a contact."""
 
 
-def _way(unknown: UnknownMotion) -> str:
-    return MOTIONS[unknown.motion.component]
+class _Frame:
+    """The frame of a contact: its ``middle`` (2,) and ``lever``, the root mean square distance from it. Rigid
+    motions (3,) are the translation of the middle and the rotation times the lever. ``share`` (m,) are the
+    weights of the points of the slave and master ``sides``."""
 
+    def __init__(self, pairing: Pairing, clouds: Mapping[str, Cloud]) -> None:
+        chosen = pairing.candidate
+        points = clouds[pairing.slave_body].points[pairing.node[chosen]]
+        self.pairing, self.share = pairing, pairing.weight[chosen] / pairing.weight[chosen].sum()
+        self.middle = self.share @ points
+        self.lever = float(np.sqrt(self.share @ ((points - self.middle) ** 2).sum(axis=1))) or 1.0
+        partner, normal = pairing.partner[chosen], pairing.normal[chosen]
+        outward = pairing.slave.normal[pairing.position[chosen]]
+        if pairing.master is not None:  # pressures may act along the normals of the slave
+            curve = pairing.master.curve
+            normal = normals_towards(curve, curve.closest(partner), outward)
+        self.sides: tuple[Side, Side] = (points, outward), (partner, normal)
 
-def _prescribe_hint(unknown: UnknownMotion) -> str:
-    if unknown.constraint.floats or unknown.motion.component == ROTATION:
-        return ""
-    return f", or prescribe {_way(unknown)} of the {'platen' if unknown.bodies else 'obstacle'}"
+    def squares(self, points: FloatArray, normal: FloatArray) -> FloatArray:
+        """Mean squares (3, 3) of the component of rigid motions along normals (m, 2) at ``points`` (m, 2)."""
+        arm, (n_x, n_y) = points - self.middle, normal.T
+        across = np.column_stack([n_x, n_y, (n_y * arm[:, 0] - n_x * arm[:, 1]) / self.lever])
+        return np.asarray(across.T @ (self.share[:, None] * across))
+
+    def relative(self, unknowns: Sequence[UnknownMotion]) -> FloatArray:
+        """The motion (3, k) of the slave relative to the master per unit of each unknown."""
+        found = np.zeros((3, len(unknowns)))
+        for column, unknown in enumerate(unknowns):
+            turn = self.lever / unknown.lever if unknown.rotates else 0.0
+            motion = np.append(unknown.at(self.middle[None, :])[0], turn)
+            found[:, column] = unknown.side(self.pairing) * motion
+        return found

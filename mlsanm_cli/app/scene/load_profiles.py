@@ -1,17 +1,30 @@
-"""Profiles of loads along their boundaries, with their discontinuities; numbers and expressions at points."""
+"""Loads as functions of place: the amounts given, their profiles along boundaries with discontinuities, and
+forces spread over bodies and boundaries."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 
 import numpy as np
 
-from mlsanm_cli.app.scene.outlines import drawn
+from mlsanm_cli.app.scene.outlines import run_of
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Displacement, ExpressionError, Place, Pressure, Traction, value_at
-from mlsanm_cli.case.model.shapes import AnyShape
-from mlsanm_cli.cloud.curves import Curve
+from mlsanm_cli.case import (
+    AnyLoad,
+    BodyForce,
+    Case,
+    Centrifugal,
+    Displacement,
+    ExpressionError,
+    Force,
+    Place,
+    Pressure,
+    Temperature,
+    Traction,
+    value_at,
+)
+from mlsanm_cli.cloud.curves import Outline
 from mlsanm_cli.cloud.joined import BoundaryRun
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.records import dataclass
@@ -25,6 +38,69 @@ MIN_DISTANCE = 1e-3
 """Least distance of a jump from the end of the boundary and from other jumps, relative to the boundary."""
 MAX_JUMPS = 64
 """Boundaries with more jumps are not cut at them."""
+POINTS, WEIGHTS = np.polynomial.legendre.leggauss(4)
+PANELS = 64
+"""Gauss panels per curve, as the knots of splines are not known here."""
+
+Amounts = Sequence[float | str | None]
+"""Numbers and expressions in x and y; None where nothing is given."""
+Table = tuple[tuple[float, ...], ...]
+"""Rows of arc length and values, interpolated linearly."""
+
+
+def amounts_of(load: AnyLoad) -> Amounts:
+    """The amounts that a load gives: components, a pressure or a temperature change; of other loads none."""
+    match load:
+        case Temperature():
+            return (load.temperature,)
+        case Pressure():
+            return (load.pressure,)
+        case Traction():
+            return load.traction or ()
+        case Displacement():
+            return load.components
+        case BodyForce() | Centrifugal():
+            return load.body_force
+    return ()
+
+
+def table_of(load: AnyLoad) -> Table:
+    """The table of a load over the arc length of its boundary, empty without one."""
+    return (load.table or ()) if isinstance(load, Pressure | Traction) else ()
+
+
+def amounts_at(amounts: Amounts, points: FloatArray) -> FloatArray:
+    """Amounts (c,) at ``points`` (n, 2), as columns (n, c); None is 0. Raises ExpressionError."""
+    columns = [
+        np.array([value_at(amount, x, y) for x, y in points.tolist()])
+        if isinstance(amount, str)
+        else np.full(len(points), amount or 0.0)
+        for amount in amounts
+    ]
+    return np.stack(columns, axis=1)
+
+
+def values_along(amounts: Amounts, table: Table, arc: FloatArray, points: FloatArray) -> FloatArray:
+    """Values (n, c) of a ``table`` at arc lengths ``arc`` (n,), without one of ``amounts`` at ``points``."""
+    if not table:
+        return amounts_at(amounts, points)
+    rows = np.array(table)
+    return np.stack([np.interp(arc, rows[:, 0], column) for column in rows[:, 1:].T], axis=1)
+
+
+@dataclass(frozen=True)
+class AmountField:
+    """The value of a ``key`` of the case: a number or an expression in x and y."""
+
+    key: str
+    amount: float | str
+
+    def at(self, points: FloatArray) -> FloatArray:
+        """Values (e,) at ``points`` (e, 2). Raises CaseError if an expression has no value there."""
+        try:
+            return amounts_at([self.amount], points)[:, 0]
+        except ExpressionError as error:
+            raise CaseError((CaseProblem(self.key, str(error)),)) from error
 
 
 @dataclass(frozen=True)
@@ -37,9 +113,8 @@ class LoadProfile:
     jumps: tuple[float, ...]
 
 
-def runs_of(shape: AnyShape, place: Place) -> list[BoundaryRun]:
-    """The runs of a place on the outline of a shape. Loaded boundaries need not join."""
-    outline = drawn(shape)
+def runs_of(outline: Outline, place: Place) -> list[BoundaryRun]:
+    """The runs of a place on the outline of its body. Loaded boundaries need not join."""
     groups = [place.edges] if place.ends else [(edge,) for edge in place.edges]
     return [
         BoundaryRun(outline, *chain, place.ends)
@@ -48,34 +123,24 @@ def runs_of(shape: AnyShape, place: Place) -> list[BoundaryRun]:
     ]
 
 
-def profiles(shape: AnyShape, load: Pressure | Traction | Displacement) -> tuple[LoadProfile, ...]:
-    """The profiles of a load that varies along the boundaries of a body of this ``shape``; empty if an
-    expression has no value."""
-    table: tuple[tuple[float, ...], ...] = ()
-    given: Sequence[float | str | None]
-    if isinstance(load, Displacement):
-        given = load.components
-    else:
-        table = load.table or ()
-        given = ((load.pressure,) if isinstance(load, Pressure) else load.traction) or ()
-    expressions = tuple(amount for amount in given if isinstance(amount, str))
-    return _profiles(shape, load.place, expressions, table) if expressions or table else ()
+def profiles(outline: Outline, load: Pressure | Traction | Displacement) -> tuple[LoadProfile, ...]:
+    """The profiles of a load that varies along boundaries of its body's ``outline``; empty if an expression
+    has no value."""
+    expressions = tuple(amount for amount in amounts_of(load) if isinstance(amount, str))
+    table = table_of(load)
+    return _profiles(outline, load.place, expressions, table) if expressions or table else ()
 
 
 @lru_cache(maxsize=256)
 def _profiles(
-    shape: AnyShape, place: Place, expressions: tuple[str, ...], table: tuple[tuple[float, ...], ...]
+    outline: Outline, place: Place, expressions: tuple[str, ...], table: Table
 ) -> tuple[LoadProfile, ...]:
     found, start = [], 0.0
-    rows = np.array(table)
-    for run in runs_of(shape, place):
+    for run in runs_of(outline, place):
         curve = run.part
 
-        def values(arc: FloatArray, curve: Curve = curve, start: float = start) -> FloatArray:
-            if table:
-                columns = [np.interp(start + arc, rows[:, 0], column) for column in rows[:, 1:].T]
-                return np.stack(columns, axis=1)
-            return amounts_at(expressions, curve.points(arc))
+        def values(arc: FloatArray, run: BoundaryRun = run, start: float = start) -> FloatArray:
+            return values_along(expressions, table, start + arc, run.part.points(arc))
 
         arc = np.linspace(0.0, curve.length, SAMPLES + 1)
         try:
@@ -110,27 +175,34 @@ def _jumps(
     return tuple(marks[2:]) if len(marks) <= MAX_JUMPS else ()
 
 
-@dataclass(frozen=True)
-class AmountField:
-    """The value of a ``key`` of the case: a number or an expression in x and y."""
-
-    key: str
-    amount: float | str
-
-    def at(self, points: FloatArray) -> FloatArray:
-        """Values (e,) at ``points`` (e, 2). Raises CaseError if an expression has no value there."""
-        try:
-            return amounts_at([self.amount], points)[:, 0]
-        except ExpressionError as error:
-            raise CaseError((CaseProblem(self.key, str(error)),)) from error
+def with_spread_forces(case: Case, outlines: Mapping[str, Outline]) -> Case:
+    """The case with a body force or a traction of the same resultants for every load of kind `force`. Raises
+    CaseError for parts of boundaries that do not join."""
+    revolved = case.model.revolved
+    loads = [_spread(load, outlines, revolved) if isinstance(load, Force) else load for load in case.load]
+    return case.model_copy(update={"load": tuple(loads)})
 
 
-def amounts_at(amounts: Sequence[float | str], points: FloatArray) -> FloatArray:
-    """Numbers and expressions (c,) at ``points`` (n, 2), as columns (n, c). Raises ExpressionError."""
-    columns = [
-        np.array([value_at(amount, x, y) for x, y in points.tolist()])
-        if isinstance(amount, str)
-        else np.full(len(points), amount)
-        for amount in amounts
-    ]
-    return np.stack(columns, axis=1)
+def _spread(load: Force, outlines: Mapping[str, Outline], revolved: bool) -> Traction | BodyForce:
+    outline = outlines[load.owner]
+    curves = list(outline.curves)
+    for place in load.places:
+        curves = [outline.curves[number] for number in outline.numbers(*place.edges)]
+        if place.ends is not None:
+            curves = [run_of(outlines, place, f"load.{load.name}").part]
+    share = ((np.arange(PANELS)[:, None] + 0.5 + 0.5 * POINTS) / PANELS).ravel()
+    points = np.concatenate([curve.points(share * curve.length) for curve in curves])
+    normals = np.concatenate([curve.normals(share * curve.length) for curve in curves])
+    panel = np.tile(0.5 * WEIGHTS / PANELS, PANELS)
+    weight = np.concatenate([panel * curve.length for curve in curves])
+    if revolved:
+        ring = np.pi * points[:, 0] * weight
+        size = ring @ (points[:, 0] * normals[:, 0]) if load.body is not None else 2.0 * ring.sum()
+        return load.spread(float(size), (0.0, 0.0), 1.0)
+    # Integrals of 1, x and x^2: over an area, by the divergence theorem, from those of x . n.
+    inside = load.body is not None
+    flux = weight * (points * normals).sum(axis=1) if inside else weight
+    one, two, three = (2.0, 3.0, 4.0) if inside else (1.0, 1.0, 1.0)
+    size, second = flux.sum() / one, flux @ (points**2).sum(axis=1) / three
+    x, y = (flux @ points / two / size).tolist()
+    return load.spread(float(size), (x, y), float(second - size * (x * x + y * y)))

@@ -248,12 +248,6 @@ class ContactGrid:
         at planes of symmetry."""
         return self.covers, self.covers and not self.mirrored
 
-    @property
-    def drivers(self) -> int:
-        """Number of forces x, and of forces y, that represent all tractions: those at the samples and, if the
-        grid :attr:`covers` the surfaces, the mean; then, instead of forces, displacements of pins."""
-        return self.count + self.covers + len(self.pinned)
-
     def deviation(self, values: FloatArray, which: int) -> FloatArray:
         """Part of nodal pressures (``which`` 0) or tractions (1) (m, ...) that acts through near fields."""
         if not self.evened[which]:
@@ -273,17 +267,18 @@ class ContactGrid:
 
     @cached_property
     def driver_matrices(self) -> tuple[FloatArray, FloatArray]:
-        """Matrices (2 d, m) from pressures, and from tractions, to the d representing forces, all x, then all
-        y."""
+        """Matrices (d, m) from pressures, and from tractions, to the forces that represent them: x at all
+        samples, y at all samples and, if the grid :attr:`covers` the surfaces, the mean traction x and y."""
         if not self.covers:
             return self.spreads
         share, unit = self.mean_weights, np.eye(len(self.mean_weights))
-        found = []
-        for which, (spread, direction) in enumerate(zip(self.spreads, self.directions, strict=True)):
-            parts = np.split(spread @ self.deviation(unit, which), 2)
-            x, y = self.evened[which] * direction[0]
-            found.append(np.concatenate([parts[0], [x * share], parts[1], [y * share]]))
-        return found[0], found[1]
+        pressure, traction = (
+            np.vstack([spread @ self.deviation(unit, which), np.outer(even * direction[0], share)])
+            for which, (spread, direction, even) in enumerate(
+                zip(self.spreads, self.directions, self.evened, strict=True)
+            )
+        )
+        return pressure, traction
 
     @cached_property
     def means(self) -> tuple[FloatArray, FloatArray]:

@@ -34,8 +34,8 @@ class Pairing:
     ``candidate`` (w,) marks the points that can touch; the others are only monitored. ``friction`` is
     Coulomb's coefficient, inf for bonded surfaces. ``interference`` reduces the gaps when the load of the
     contact's name is 1, ``closed_by`` is their reduction to surfaces drawn touching. A contact with a rigid
-    obstacle has neither ``master_body`` nor ``master``. With a ``grid`` the candidates are the nodes of a
-    contact grid, and gaps and normals are averages over its hats. ``exchanged``: slave and master are swapped
+    obstacle has neither ``master_body`` nor ``master``. With a ``contact_grid`` the candidates are its nodes,
+    and gaps and normals are averages over its hats. ``exchanged``: slave and master are swapped
     with respect to the case.
     """
 
@@ -57,8 +57,24 @@ class Pairing:
     friction: float = 0.0
     interference: float = 0.0
     closed_by: float = 0.0
-    grid: ContactGrid | None = None
+    contact_grid: ContactGrid | None = None
     exchanged: bool = False
+
+    @property
+    def count(self) -> int:
+        """Number m of candidates."""
+        return int(self.candidate.sum())
+
+    @property
+    def nodal(self) -> bool:
+        """Whether the candidates are nodes of the slave, without near field."""
+        return self.contact_grid is None
+
+    @property
+    def grid(self) -> ContactGrid:
+        """The contact grid, of a contact that is not :attr:`nodal`."""
+        assert self.contact_grid is not None, f"contact {self.name} has nodal pressures"
+        return self.contact_grid
 
     @property
     def bodies(self) -> tuple[str, ...]:
@@ -86,6 +102,10 @@ class Pairing:
         motions."""
         return tuple(zip(self.bodies, (True, False), (1.0, -1.0), strict=False))
 
+    def sides_of(self, body: str) -> list[tuple[bool, float]]:
+        """Of those of ``body``: whether it is the slave, and the sign."""
+        return [(slave, sign) for name, slave, sign in self.sides if name == body]
+
     def surface_of(self, slave: bool) -> Surface:
         """The surface of the slave, or of the master if it is an elastic body."""
         found = self.slave if slave else self.master
@@ -111,8 +131,7 @@ class Pairing:
     @property
     def all_around(self) -> bool:
         """Whether the candidates are all nodes of a closed surface."""
-        count = int(self.candidate.sum())
-        return self.grid is None and self.slave.curve.closed and count == len(self.slave.index)
+        return self.nodal and self.slave.curve.closed and self.count == len(self.slave.index)
 
     def with_reach(self, reach: float) -> Pairing:
         """The same pairs with nodes of initial gap up to ``reach`` as candidates."""
@@ -174,7 +193,7 @@ def on_grid(pairing: Pairing, grid: ContactGrid) -> Pairing:
         spacing=joined(hats.weight, pairing.spacing),
         around=joined(np.ones(count), pairing.around),
         candidate=np.arange(count + int(beyond.sum())) < count,
-        grid=grid,
+        contact_grid=grid,
     )
 
 

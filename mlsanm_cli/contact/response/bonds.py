@@ -17,11 +17,11 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.geometry.pairing import Pairing, facing_spacing
 from mlsanm_cli.contact.response.dense import DenseSystem, SingularSystemError
-from mlsanm_cli.contact.response.drivers import Drivers
-from mlsanm_cli.contact.response.linear_map import Columns, LinearMap
+from mlsanm_cli.contact.response.drivers import Drivers, spans
+from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.records import dataclass
@@ -37,105 +37,101 @@ STRETCH_GAP = 3.0
 
 @dataclass(frozen=True)
 class Bonds:
-    """The bonded contacts ``pairings``, with the ``spans`` of their nodes among those of all bonds.
+    """The bonded contacts ``pairings``, with the ``spans`` of their b nodes among those of all bonds.
 
-    ``pressure`` and ``traction`` (b,) are maps from the unknowns of the other contacts, which ``free`` (m,)
-    marks among all pressures and ``sliding`` (n,) among all tractions. ``response`` (2b, 2b) maps gaps and
-    slips of the bonds to the pressures and tractions that close them.
+    ``tractions`` (2b,) maps the unknowns of the other contacts, ``kept`` (u,) among all, to the bonds' own
+    pressures and then tractions, ``own`` (2b,) among all. ``response`` (2b, 2b) maps gaps and slips of the
+    bonds to the tractions that close them; ``effects`` (m + n + k, 2b) are the changes of gaps, slips and
+    force imbalance by these.
     """
 
     pairings: tuple[Pairing, ...]
     spans: Mapping[str, slice]
-    pressure: LinearMap
-    traction: LinearMap
-    free: BoolArray
-    sliding: BoolArray
+    tractions: LinearMap
+    kept: IntArray
+    own: IntArray
     response: FloatArray
+    effects: FloatArray
 
     @classmethod
     def none(cls) -> Bonds:
         """No bonds."""
-        nothing, no = Columns(0, 0, 0).zeros(0), np.zeros(0, dtype=bool)
-        return cls((), {}, nothing, nothing, no, no, np.zeros((0, 0)))
+        no, nothing = np.zeros(0, dtype=np.int64), np.zeros((0, 0))
+        return cls((), {}, LinearMap.zeros(0, (0, 0, 0, 0)), no, no, nothing, nothing)
 
-    def whole(self, unknowns: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    def whole(self, unknowns: Sequence[FloatArray]) -> FloatArray:
         """The unknowns f, q, p, t extended to the pressures and tractions of all contacts."""
-        f, q, p, t = unknowns
         if not self.pairings:
-            return f, q, p, t
-        pressure, traction = np.zeros(len(self.free)), np.zeros(len(self.sliding))
-        pressure[self.free], traction[self.sliding] = p, t
-        pressure[~self.free], traction[~self.sliding] = self.pressure(f, q, p, t), self.traction(f, q, p, t)
-        return f, q, pressure, traction
+            return np.concatenate(unknowns)
+        total = np.zeros(len(self.kept) + len(self.own))
+        total[self.kept], total[self.own] = np.concatenate(unknowns), self.tractions(*unknowns)
+        return total
 
     def values(self, name: str, unknowns: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
         """Pressures and tractions (m,) of one bond."""
-        own = self.spans[name]
-        return self.pressure.take(own)(*unknowns), self.traction.take(own)(*unknowns)
+        pressure, traction = np.split(self.tractions(*unknowns), 2)
+        return pressure[self.spans[name]], traction[self.spans[name]]
 
     def opened(self, gaps: FloatArray, slips: FloatArray) -> Bonds:
         """Bonds that also close ``gaps`` (b,) and ``slips`` (b,), which arise from something else."""
-        more = np.split(self.response @ np.concatenate([gaps, slips]), 2)
-        maps = zip((self.pressure, self.traction), more, strict=True)
-        pressure, traction = (replace(one, constant=one.constant + by) for one, by in maps)
-        return replace(self, pressure=pressure, traction=traction)
+        more = self.response @ np.concatenate([gaps, slips])
+        return replace(self, tractions=self.tractions.shifted(more))
 
     def acting(self, linear: LinearMap) -> FloatArray:
-        """Columns (r, 2b) of a map of all unknowns for the pressures and tractions of bonds."""
+        """Columns (r, 2b) of a map of all unknowns for the tractions of bonds."""
         if not self.pairings:
             return np.zeros((len(linear.constant), 0))
-        return np.hstack([linear.pressure[:, ~self.free], linear.traction[:, ~self.sliding]])
+        return np.hstack(linear.parts[1:])[:, self.own]
 
     def reduced(self, linear: LinearMap) -> LinearMap:
         """A map of all unknowns as a map of those of the other contacts."""
         if not self.pairings:
             return linear
-        pressure, traction = linear.pressure[:, ~self.free], linear.traction[:, ~self.sliding]
-        own = self.pressure.combined(pressure) + self.traction.combined(traction)
-        kept = linear.pressure[:, self.free], linear.traction[:, self.sliding]
-        return own + replace(linear, pressure=kept[0], traction=kept[1])
+        rest = LinearMap.of_rows(np.hstack(linear.parts[1:])[:, self.kept], self.tractions.counts)
+        return (rest + self.tractions.combined(self.acting(linear))).shifted(linear.constant)
 
 
-def bind(
-    scene: Scene, pairings: tuple[Pairing, ...], drivers: Drivers, gap: LinearMap, slip: LinearMap
-) -> Bonds:
-    """Solve for the bonded tractions, from the candidates' gaps (m,) and slips (n,) of all ``pairings``.
+def bind(scene: Scene, drivers: Drivers, gap: LinearMap, slip: LinearMap) -> Bonds:
+    """Solve for the bonded tractions, from the candidates' gaps (m,) and slips (n,) of all contacts.
 
     Initial gaps remain. Raises NumericalError if the tractions are not determined.
     """
-    bonded = tuple(pairing for pairing in pairings if pairing.bonded)
+    bonded = tuple(pairing for pairing in drivers.pairings if pairing.bonded)
     if not bonded:
         return Bonds.none()
-    free, sliding = np.ones(len(gap.constant), dtype=bool), np.ones(len(slip.constant), dtype=bool)
-    spans, first = {}, 0
-    for pairing in bonded:
-        own = drivers.spans[pairing.name]
-        free[own], sliding[drivers.tangential[pairing.name]] = False, False
-        spans[pairing.name] = slice(first, first + own.stop - own.start)
-        first += own.stop - own.start
-    held = [gap.take(~free), slip.take(~sliding)]
-    matrix = np.concatenate([np.hstack([one.pressure[:, ~free], one.traction[:, ~sliding]]) for one in held])
-    rest = [
-        np.hstack([one.load, one.motion, one.pressure[:, free], one.traction[:, sliding]]) for one in held
-    ]
+    loads, motions, pressures, tractions = drivers.counts
+    gaps, slips = (
+        np.concatenate([np.arange(ranges[one.name].start, ranges[one.name].stop) for one in bonded])
+        for ranges in (drivers.spans, drivers.tangential)
+    )
+    first = loads + motions
+    own = np.concatenate([first + gaps, first + pressures + slips])
+    kept = np.setdiff1d(np.arange(sum(drivers.counts)), own)
+    held = np.concatenate([np.hstack(one.parts[1:]) for one in (gap.take(gaps), slip.take(slips))])
     shapes = [_shapes(pairing, scene) for pairing in bonded]
     whole = sparse.block_diag([*shapes, *shapes]).toarray()
     weight = np.concatenate([pairing.weight[pairing.candidate] for pairing in bonded])
     means = (np.tile(weight, 2)[:, None] * whole).T
     try:
-        system = DenseSystem(means @ matrix @ whole, whole.shape[1])
-        known = np.hstack([np.concatenate(rest), np.eye(2 * first)])
-        solved = -whole @ system.solve(means @ known)
+        system = DenseSystem(means @ held[:, own] @ whole, whole.shape[1])
+        solved = -whole @ system.solve(means @ np.hstack([held[:, kept], np.eye(len(own))]))
     except SingularSystemError as error:
         raise NumericalError(
             f"the tractions of bonded contact {bonded[0].name} are not determined",
             f"use more similar spacings along {' and '.join(bonded[0].names)}",
         ) from error
-    ends = np.cumsum([gap.load.shape[1], gap.motion.shape[1], int(free.sum()), int(sliding.sum())])
-    *parts, response = np.split(solved, ends, axis=1)
-    halves = zip(*(np.split(part, 2) for part in parts), strict=True)
-    maps = [LinearMap(np.zeros(first), *half) for half in halves]
-    return Bonds(bonded, spans, maps[0], maps[1], free, sliding, response)
+    by_others, response = np.split(solved, [len(kept)], axis=1)
+    counts = loads, motions, pressures - len(gaps), tractions - len(slips)
+    names = [one.name for one in bonded]
+    return Bonds(
+        pairings=bonded,
+        spans=spans(names, [one.count for one in bonded]),
+        tractions=LinearMap.of_rows(by_others, counts),
+        kept=kept,
+        own=own,
+        response=response,
+        effects=np.zeros((0, len(own))),
+    )
 
 
 def _shapes(pairing: Pairing, scene: Scene) -> FloatArray:

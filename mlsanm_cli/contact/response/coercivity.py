@@ -22,9 +22,9 @@ BLOCK, BLOCKS = 300, 8
 """Candidates per block where there are many, and least number of blocks examined."""
 
 
-def contact_stability(condensed: Condensed, chosen: BoolArray, loose: Sequence[int] = ()) -> float:
+def contact_stability(condensed: Condensed, chosen: BoolArray, loose: Sequence[str] = ()) -> float:
     """Smallest resistance to pressures, and with friction tractions, on the ``chosen`` candidates (m,);
-    bodies with the numbers ``loose`` are held by contact only.
+    the bodies ``loose`` are held by contact only.
 
     See :func:`relative_resistance`. Nodes that never touch are excluded: the outermost candidates, whose
     pressure only half arrives on the master, resist little and carry nothing. For many candidates only some
@@ -39,7 +39,7 @@ def contact_stability(condensed: Condensed, chosen: BoolArray, loose: Sequence[i
     return min(_stability(condensed, rows[number], loose) for number in some)
 
 
-def _stability(condensed: Condensed, kept: IntArray, loose: Sequence[int]) -> float:
+def _stability(condensed: Condensed, kept: IntArray, loose: Sequence[str]) -> float:
     """The same for the candidates ``kept``."""
     chosen = np.isin(np.arange(len(condensed.weight)), kept)
     friction_nodes = np.flatnonzero(chosen[condensed.friction_nodes])
@@ -57,17 +57,17 @@ def _stability(condensed: Condensed, kept: IntArray, loose: Sequence[int]) -> fl
     root = np.sqrt(condensed.around[place])
     compliance *= root[:, None] / root
     unbalanced = np.zeros((0, len(place)))
-    if any(pairing.grid is not None for pairing in condensed.pairings):
+    if condensed.on_grids:
         # Near-field displacements of floating bodies have an arbitrary rigid part, even where symmetry
         # forbids balancing forces: restrict to balanced pressures.
-        rows = [2 * body + component for body in loose for component in (0, 1)]
-        parts = [
+        sums = [condensed.quantities["imbalance"][name] for name in loose]
+        balance, *forces = (
             np.hstack([one.pressure[:, kept], one.traction[:, friction_nodes]])
-            for one in (condensed.balance, condensed.imbalance.take(np.array(rows, dtype=np.int64)))
-        ]
+            for one in (condensed.balance, *sums)
+        )
         size = np.linalg.norm(condensed.weight[place])
-        parts[1] = parts[1][np.linalg.norm(parts[1], axis=1) > COARSE_ROUND_OFF * size]
-        unbalanced = np.concatenate(parts)
+        acting = [one[np.linalg.norm(one, axis=1) > COARSE_ROUND_OFF * size] for one in forces]
+        unbalanced = np.concatenate([balance, *acting])
     # In anisotropic materials normal and tangential compliances differ and couple.
     way = np.repeat([0, 1], [len(kept), len(friction_nodes)])
     half_plane = np.where(place[:, None] == place, condensed.half_plane[place, way][:, way], 0.0)

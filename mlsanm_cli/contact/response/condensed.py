@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import field
 from functools import cached_property, partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.sparse as sparse
@@ -59,16 +59,11 @@ class Condensed:
     (m + n, m + n) is the part of gaps and slips that is not due to displacements
     (:func:`correct_short_waves`).
 
-    ``forces`` maps each load and support to its force (2,) on its body, ``contact_forces`` each contact to
-    its force (2,) on the slave, ``mismatches`` to the sum of this and the force on the master. ``imbalance``
-    is the sum of forces on each body (2 per body) except components held at single nodes, ``sums`` the same
-    without exception. ``probes`` maps each probe to its displacement and stress (5,), ``moments`` each
-    rotating plate to its moment on the bodies about the hinge, ``holding`` the body and component of each
-    motion held at zero to the reaction. ``by_bonds`` (m + n + k, 2b) are the changes of gaps, slips and force
-    imbalance by the pressures and tractions of bonds. ``solves`` counts columns. ``content`` is a digest of
-    everything except friction coefficients. ``kept`` are near fields at points of the bodies. Bodies may have
-    ``inner`` right-hand sides (r,) and their solutions (2N,), by eigenstresses; ``eigen`` are the maps of
-    these.
+    ``quantities`` are the maps of all other results by kind and subject
+    (:meth:`ForceSums.quantities`, and "probe" the displacement and stress (5,) of each probe). ``solves``
+    counts columns. ``content`` is a digest of everything except friction coefficients. ``kept`` are near
+    fields at points of the bodies. Bodies may have ``inner`` right-hand sides (r,) and their solutions (2N,),
+    by eigenstresses; ``eigen`` are the maps of these.
     """
 
     pairings: tuple[Pairing, ...]
@@ -84,21 +79,13 @@ class Condensed:
     watched: LinearMap
     balance: LinearMap
     beyond: sparse.csr_array
-    forces: Mapping[str, LinearMap]
-    contact_forces: Mapping[str, LinearMap]
-    imbalance: LinearMap
+    quantities: Mapping[str, Mapping[Any, LinearMap]]
     sources: Mapping[str, sparse.csc_array]
     solutions: Mapping[str, FloatArray]
     solves: int
     content: str
     bonds: Bonds = field(default_factory=Bonds.none)
-    by_bonds: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
-    probes: Mapping[str, LinearMap] = field(default_factory=dict)
-    moments: Mapping[str, LinearMap] = field(default_factory=dict)
-    holding: Mapping[tuple[str, int], LinearMap] = field(default_factory=dict)
     drivers: Drivers = field(default_factory=lambda: Drivers(0, 0, ()))
-    mismatches: Mapping[str, LinearMap] = field(default_factory=dict)
-    sums: LinearMap | None = None
     kept: Memo = field(default_factory=partial(Memo, MAX_KEPT))
     inner: Mapping[str, tuple[FloatArray, FloatArray]] = field(default_factory=dict)
     eigen: Eigenstresses | None = None
@@ -107,6 +94,16 @@ class Condensed:
     def reported(self) -> tuple[Pairing, ...]:
         """All contacts, including bonded ones, in the order of the case."""
         return self.drivers.pairings
+
+    @property
+    def on_grids(self) -> tuple[Pairing, ...]:
+        """The contacts with a contact law and a contact grid."""
+        return tuple(pairing for pairing in self.pairings if not pairing.nodal)
+
+    @property
+    def nodal(self) -> tuple[Pairing, ...]:
+        """The contacts with a contact law and nodal pressures."""
+        return tuple(pairing for pairing in self.pairings if pairing.nodal)
 
     def pairing_of(self, name: str) -> Pairing:
         """The contact with a contact law called ``name``."""
@@ -196,11 +193,10 @@ class Condensed:
         """The contacts with a ``pressure`` (m,) at an outermost node of a grid that is not at the end of a
         surface."""
         found, closed = [], pressure > ROUND_OFF * pressure.max(initial=0.0)
-        for pairing in self.pairings:
-            if pairing.grid is not None:
-                ends = closed[self.spans[pairing.name]][[0, -1]]
-                if (ends & ~np.array(pairing.grid.hats.whole)).any():
-                    found.append(pairing.name)
+        for pairing in self.on_grids:
+            ends = closed[self.spans[pairing.name]][[0, -1]]
+            if (ends & ~np.array(pairing.grid.hats.whole)).any():
+                found.append(pairing.name)
         return found
 
     def watched_of(self, name: str) -> slice:
@@ -223,7 +219,7 @@ class Condensed:
 
     def drive(self, unknowns: Sequence[FloatArray]) -> FloatArray:
         """The drivers (drivers,) of one state."""
-        return self.drivers.drive(*self.bonds.whole(unknowns))
+        return np.asarray(self.drivers.matrix @ self.bonds.whole(unknowns))
 
     @property
     def areas(self) -> FloatArray:
@@ -281,23 +277,19 @@ class Condensed:
         model = scene.bodies[body].model
         seen = model.cloud.points if points is None else points
         displacement, stress = np.zeros((len(seen), 2)), np.zeros((len(seen), len(model.material.stiffness)))
-        for pairing in self.reported:
-            if pairing.grid is None or body not in pairing.bodies:
+        for pairing in self.drivers.on_grids:
+            if body not in pairing.bodies:
                 continue
             pressure, traction = self.contact_values(pairing, unknowns)
             if not (pressure.any() or traction.any()):
                 continue
-            for own, slave, sign in pairing.sides:
-                if own == body:
-                    side, count = (pairing.grid, model.kernel, slave), len(self.reported)
-                    make = partial(NearFields.at, *side, as_complex(seen), count)
-                    few = len(pressure) <= MAX_KEPT_UNKNOWNS
-                    fields = self.kept.value(pairing.name, digest(slave, seen), make) if few else make()
-                    found = fields(pressure[:, None], traction[:, None])
-                    displacement, stress = (
-                        displacement + sign * found[0][:, :, 0],
-                        stress + sign * found[1][:, :, 0],
-                    )
+            for slave, sign in pairing.sides_of(body):
+                side, count = (pairing.grid, model.kernel, slave), len(self.reported)
+                make = partial(NearFields.at, *side, as_complex(seen), count)
+                few = len(pressure) <= MAX_KEPT_UNKNOWNS
+                fields = self.kept.value(pairing.name, digest(slave, seen), make) if few else make()
+                moved, stressed = fields(pressure[:, None], traction[:, None])
+                displacement, stress = displacement + sign * moved[:, :, 0], stress + sign * stressed[:, :, 0]
         return displacement, stress
 
     def contact_values(

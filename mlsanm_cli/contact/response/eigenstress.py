@@ -11,7 +11,7 @@ H is the response to unit functionals, like the one to loads. Equation (33) of d
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields, replace
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
@@ -21,8 +21,8 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.linear_map import LinearMap
-from mlsanm_cli.contact.response.observation import ResponseFunctionals
-from mlsanm_cli.mechanics.eigenstress import eigenstress_loads, eigenstress_reaction, values_at
+from mlsanm_cli.contact.response.responses import BodyResponses, functional_rows
+from mlsanm_cli.mechanics.eigenstress import eigenstress_loads, eigenstress_reaction
 from mlsanm_cli.mechanics.scene import RigidMotion, Scene
 from mlsanm_cli.records import dataclass
 
@@ -43,30 +43,29 @@ class Eigenstresses:
     wide: Condensed
 
     @classmethod
-    def of(cls, observation: ResponseFunctionals, wide: Condensed) -> Eigenstresses:
+    def of(cls, responses: BodyResponses, wide: Condensed) -> Eigenstresses:
         """The maps of a scene's bodies."""
-        scene, loads, rows, own = observation.scene, {}, {}, {}
+        scene, loads, rows, own = responses.scene, {}, {}, {}
         for name in flowing(scene):
             body = scene.bodies[name]
             columns = 3 * len(body.model.cloud.points)
             parts: dict[Any, sparse.csr_array] = {}
             for surface in body.restrained:
-                parts["held", (name, surface)] = eigenstress_reaction(
-                    body, surface, scene.center(name, surface)
-                )
+                reaction = eigenstress_reaction(body, surface, scene.center(name, surface))
+                parts["held", (name, surface)] = reaction
             for probe in scene.probes:
                 if probe.body == name:
-                    value = values_at(body.model, probe.point)
+                    value = body.model.field_rows(probe.point)
                     moved = sparse.csr_array((2, columns))
                     parts["probe", probe.name] = sparse.vstack([moved, sparse.block_diag([value] * 3)])
             blocks = [
                 parts.get(key, sparse.csr_array((place.stop - place.start, columns)))
-                for key, place in observation.places.items()
+                for key, place in responses.places.items()
             ]
-            own[name] = sparse.csr_array(
-                sparse.vstack([sparse.csr_array((0, columns)), *blocks], format="csr")
-            )
-            loads[name], rows[name] = eigenstress_loads(body), observation.rows(name)
+            nothing = sparse.csr_array((0, columns))
+            own[name] = sparse.csr_array(sparse.vstack([nothing, *blocks], format="csr"))
+            loads[name] = eigenstress_loads(body)
+            rows[name] = functional_rows(scene, responses.drivers, responses.places, name)
         return cls(scene, loads, rows, own, len(scene.loads), wide)
 
     def response(
@@ -98,7 +97,7 @@ class Eigenstresses:
         inner, seen = self.response(stresses, quick, more)
 
         def shifted(linear: LinearMap, wide: LinearMap) -> LinearMap:
-            return replace(linear, constant=linear.constant + wide.load[:, self.count :] @ seen)
+            return linear.shifted(wide.load[:, self.count :] @ seen)
 
         found = replace(_mapped(condensed, self.wide, shifted), inner=inner)
         # Whatever does not depend on constants, computed at most once.
@@ -147,15 +146,13 @@ def without(sources: sparse.csc_array, columns: slice) -> sparse.csc_array:
 
 def _mapped(condensed: Condensed, other: Condensed, change: Any) -> Condensed:
     """A condensed scene with every linear map changed, given the same map of an ``other`` one."""
-    changes: dict[str, Any] = {}
-    for entry in fields(condensed):
-        value, model = getattr(condensed, entry.name), getattr(other, entry.name)
-        if isinstance(value, LinearMap):
-            changes[entry.name] = change(value, model)
-        elif isinstance(value, Mapping) and any(isinstance(one, LinearMap) for one in value.values()):
-            changes[entry.name] = {name: change(one, model[name]) for name, one in value.items()}
-    bonds, known = condensed.bonds, other.bonds
-    if bonds.pairings:
-        pressure, traction = change(bonds.pressure, known.pressure), change(bonds.traction, known.traction)
-        changes["bonds"] = replace(bonds, pressure=pressure, traction=traction)
+    names = ("gap", "slip", "watched", "balance")
+    changes: dict[str, Any] = {name: change(getattr(condensed, name), getattr(other, name)) for name in names}
+    changes["quantities"] = {
+        kind: {key: change(one, other.quantities[kind][key]) for key, one in each.items()}
+        for kind, each in condensed.quantities.items()
+    }
+    if condensed.bonds.pairings:
+        tractions = change(condensed.bonds.tractions, other.bonds.tractions)
+        changes["bonds"] = replace(condensed.bonds, tractions=tractions)
     return replace(condensed, **changes)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from operator import add, neg
+from typing import TypeAlias
 
 import numpy as np
 
@@ -11,18 +13,42 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.response.compressed import stacked
 from mlsanm_cli.records import dataclass
 
+Counts: TypeAlias = tuple[int, int, int, int]
+"""Numbers of load factors, motions, pressures and tractions."""
+
 
 @dataclass(frozen=True)
 class LinearMap:
-    """``constant`` (r,) + ``load`` (r, L) f + ``motion`` (r, k) q + ``pressure`` (r, m) p + ``traction`` t.
-    ``traction`` (r, n) multiplies the tractions of frictional contacts. ``pressure`` may be
-    :class:`Compressed`, which behaves like an array."""
+    """``constant`` (r,) + ``load`` (r, L) f + ``motion`` (r, k) q + ``pressure`` (r, m) p + ``traction``
+    (r, n) t. ``pressure`` may be :class:`Compressed`, which behaves like an array."""
 
     constant: FloatArray
     load: FloatArray
     motion: FloatArray
     pressure: FloatArray
     traction: FloatArray
+
+    @classmethod
+    def of_rows(cls, rows: FloatArray, counts: Counts, constant: FloatArray | None = None) -> LinearMap:
+        """A dense array (r, L + k + m + n) as a linear map."""
+        start = np.zeros(len(rows)) if constant is None else constant
+        return cls(start, *np.split(rows, np.cumsum(counts[:3]), axis=1))
+
+    @classmethod
+    def zeros(cls, rows: int, counts: Counts) -> LinearMap:
+        """The zero map."""
+        return cls.of_rows(np.zeros((rows, sum(counts))), counts)
+
+    @classmethod
+    def of_loads(cls, load: FloatArray, counts: Counts) -> LinearMap:
+        """A map (r, L) of the load factors alone."""
+        return replace(cls.zeros(len(load), counts), load=load)
+
+    @property
+    def counts(self) -> Counts:
+        """Numbers of load factors, motions, pressures and tractions."""
+        loads, motions, pressures, tractions = (part.shape[1] for part in self.parts[1:])
+        return loads, motions, pressures, tractions
 
     @property
     def parts(self) -> tuple[FloatArray, ...]:
@@ -50,47 +76,17 @@ class LinearMap:
         """A selection of rows."""
         return LinearMap(*(part[rows] for part in self.parts))
 
+    def shifted(self, change: FloatArray) -> LinearMap:
+        """The map with ``change`` (r,) added to its constant."""
+        return replace(self, constant=self.constant + change)
+
     @property
     def matrix(self) -> FloatArray:
         """All coefficients (r, 1 + L + k + m + n) of 1, f, q, p and t."""
         return np.column_stack(self.parts)
 
 
-@dataclass(frozen=True)
-class Columns:
-    """Numbers of unknowns of each kind, in the order loads, motions, pressures, tractions."""
-
-    loads: int
-    motions: int
-    pressures: int
-    tractions: int = 0
-
-    @property
-    def total(self) -> int:
-        """Number of all columns."""
-        return self.loads + self.motions + self.pressures + self.tractions
-
-    @property
-    def motion_places(self) -> slice:
-        """Range of the motions."""
-        return slice(self.loads, self.loads + self.motions)
-
-    def split(self, rows: FloatArray, constant: FloatArray | None = None) -> LinearMap:
-        """A dense array (r, total) as a linear map."""
-        ends = np.cumsum([self.loads, self.motions, self.pressures])
-        start = np.zeros(len(rows)) if constant is None else constant
-        return LinearMap(start, *np.split(rows, ends, axis=1))
-
-    def zeros(self, rows: int) -> LinearMap:
-        """The zero map."""
-        return self.split(np.zeros((rows, self.total)))
-
-    def of_loads(self, load: FloatArray) -> LinearMap:
-        """A map (r, L) of the load factors alone."""
-        return replace(self.zeros(len(load)), load=load)
-
-
-def stack(maps: list[LinearMap], columns: Columns) -> LinearMap:
+def stack(maps: Sequence[LinearMap], counts: Counts) -> LinearMap:
     """Stack maps vertically."""
-    each = [columns.zeros(0).parts, *(one.parts for one in maps)]
+    each = [LinearMap.zeros(0, counts).parts, *(one.parts for one in maps)]
     return LinearMap(*(stacked(parts) for parts in zip(*each, strict=True)))

@@ -10,6 +10,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.geometry.transfer import candidates_fit
+from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.linear_map import LinearMap
 
 FIT_WINDOW = 6.0
@@ -22,23 +23,17 @@ measured additional half compensates for slightly longer waves."""
 
 
 def correct_short_waves(
-    gap: LinearMap,
-    slip: LinearMap,
-    pairings: tuple[Pairing, ...],
-    gaps: Mapping[str, slice],
-    slips: Mapping[str, slice],
-    contact_compliance: Mapping[str, FloatArray],
+    gap: LinearMap, slip: LinearMap, drivers: Drivers, half_planes: Mapping[str, FloatArray]
 ) -> tuple[LinearMap, LinearMap, sparse.csr_array]:
     """Gaps (m,) and slips (n,) of all frictional contacts with short waves approximately as on a half-plane.
 
-    ``gaps`` and ``slips`` are the contacts' ranges, ``contact_compliance`` 1/E* at their nodes along the
-    tangent. Let F be a local linear fit along the surface. Slips due to anything but the contact's own
-    tractions are smooth; their short waves come from the clouds' irregularity, and they become F s. Least
-    squares respond less to a traction t the shorter its waves, hardly at all at two spacings: its deviation
-    from the fit gets the compliance 3 h/(pi E*) (t - F t) in addition. Without this, tractions of sticking
-    nodes oscillate from node to node. With G t the linear function closest to t over the whole
-    contact, slips due to G t are fitted like the others, so that a patch under uniform stress stays exact. On
-    a closed surface F continues across the seam and G t is constant.
+    ``half_planes`` are 1/E* (m, 2, 2) at the nodes of every contact. Let F be a local linear fit along the
+    surface. Slips due to anything but the contact's own tractions are smooth; their short waves come from the
+    clouds' irregularity, and they become F s. Least squares respond less to a traction t the shorter its
+    waves: its deviation from the fit gets the compliance 3 h/(pi E*) (t - F t) in addition. Without this,
+    tractions of sticking nodes oscillate from node to node. With G t the linear function closest to t over
+    the whole contact, slips due to G t are fitted like the others, so that a patch under uniform stress stays
+    exact. On a closed surface F continues across the seam and G t is constant.
 
     Gaps depend on F t only, and slips due to pressures on F p only. With short waves of t in the gaps but not
     of p in the slips, the compliance loses its positivity for spacings that grow along the contact. Besides,
@@ -52,18 +47,18 @@ def correct_short_waves(
     (m + n, m + n).
     """
     m, n = len(gap.constant), len(slip.constant)
+    pairings = [one for one in drivers.frictional if one.nodal and not one.bonded]
     if not pairings:
         return gap, slip, sparse.csr_array((m + n, m + n))
     gap, slip = gap.take(np.arange(m)), slip.take(np.arange(n))
     beyond = np.zeros((m + n, m + n))
     by_pressure, by_traction = beyond[:, :m], beyond[:, m:]
     for pairing in pairings:
-        own, facing = slips[pairing.name], gaps[pairing.name]
+        own, facing = drivers.tangential[pairing.name], drivers.spans[pairing.name]
         fit = slip_fit(pairing).toarray()
         short = np.eye(len(fit)) - fit
-        shortest = (
-            ALTERNATING_COMPLIANCE * contact_compliance[pairing.name] * pairing.spacing[pairing.candidate]
-        )
+        along = half_planes[pairing.name][:, 1, 1]
+        shortest = ALTERNATING_COMPLIANCE * along * pairing.spacing[pairing.candidate]
         if pairing.revolved:
             by_traction[m:][own, own] = shortest[:, None] * short
             slip.traction[own, own] += by_traction[m:][own, own]

@@ -20,10 +20,29 @@ LEAST_ORDER = 6
 """Order up to which polynomials are kept on contacts shorter than that."""
 
 
-def smoothing(points: FloatArray, length: float, spacing: float, closed: bool = False) -> FloatArray | None:
-    """Projection (k, k) of values at Chebyshev ``points`` (k, 2) along a contact of some ``length``, or all
-    around a ``closed`` surface, onto functions resolved by nodes of some ``spacing``; linear displacements
-    stay exact. None if the points resolve nothing more."""
+def smoothing(grid: ContactGrid, points: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray] | None:
+    """Projections (k, k) of values at a grid's samples ``points`` (k, 2) along its two axes onto functions
+    resolved by nodes of some ``spacing``; rigid displacements stay exact. None if the samples resolve nothing
+    more."""
+    if not grid.mirrored:
+        both = plain_smoothing(points, grid.last - grid.first, spacing, grid.hats.period is not None)
+        return None if both is None else (both, both)
+    length, closed = grid.last - grid.first, grid.unfolding.period is not None
+    order = max(LEAST_ORDER, int(np.ceil((2.0 if closed else np.pi) * length / (SHORTEST_WAVE * spacing))))
+    if order >= grid.count - 1:
+        return None
+    # A body moves along one plane, and not at all between two at an angle.
+    along = next(plane.along for plane in grid.mirrors if plane is not None)
+    rigid = grid.axes @ np.array([along.real, along.imag])
+    even, odd = zip(grid.unfolding.waves(order), rigid, strict=True)
+    return _projection(even[0], even[1][:, None]), _projection(odd[0], odd[1][:, None])
+
+
+def plain_smoothing(
+    points: FloatArray, length: float, spacing: float, closed: bool = False
+) -> FloatArray | None:
+    """:func:`smoothing` at Chebyshev ``points`` (k, 2) along a contact of some ``length``, or all around a
+    ``closed`` surface; linear displacements stay exact."""
     count = len(points)
     order = max(LEAST_ORDER, int(np.ceil(np.pi * length / (SHORTEST_WAVE * spacing))))
     angle = np.pi * (np.arange(count) + 0.5) / count
@@ -36,25 +55,6 @@ def smoothing(points: FloatArray, length: float, spacing: float, closed: bool = 
     if order >= count - 1:
         return None
     return _projection(waves, points - points.mean(axis=0))
-
-
-def folded_smoothing(grid: ContactGrid, spacing: float) -> tuple[FloatArray, FloatArray] | None:
-    """:func:`smoothing` along both axes of a ``grid`` with planes of symmetry; rigid displacements stay
-    exact."""
-    length, closed = grid.last - grid.first, grid.unfolding.period is not None
-    order = max(LEAST_ORDER, int(np.ceil((2.0 if closed else np.pi) * length / (SHORTEST_WAVE * spacing))))
-    if order >= grid.count - 1:
-        return None
-    # A body moves along one plane, and not at all between two at an angle.
-    first, last = grid.mirrors
-    plane = first or last
-    assert plane is not None
-    rigid = grid.axes @ np.array([plane.along.real, plane.along.imag])
-    even, odd = (
-        _projection(waves, moved[:, None])
-        for waves, moved in zip(grid.unfolding.waves(order), rigid, strict=True)
-    )
-    return even, odd
 
 
 def _projection(waves: FloatArray, extent: FloatArray) -> FloatArray:

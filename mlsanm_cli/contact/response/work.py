@@ -128,16 +128,15 @@ def _given_tractions(
             total[load.surface] += factors[load.number] * load.values
     for pairing in condensed.reported:
         pressure, traction = condensed.contact_values(pairing, unknowns)
-        if pairing.grid is not None:
+        if not pairing.nodal:
             kernel = scene.bodies[body].model.kernel
-            for own, slave, sign in pairing.sides:
-                if own == body:
-                    for name, surface in surfaces.items():
-                        adjacent = adjacent_traction(pairing.grid, kernel, slave, surface, pressure, traction)
-                        total[name] -= sign * adjacent
-                    if pairing.grid.covers:
-                        mean = pairing.grid.mean_traction(pressure, traction)
-                        total[pairing.surface_of(slave).name] += sign * mean
+            for slave, sign in pairing.sides_of(body):
+                for name, surface in surfaces.items():
+                    adjacent = adjacent_traction(pairing.grid, kernel, slave, surface, pressure, traction)
+                    total[name] -= sign * adjacent
+                if pairing.grid.covers:
+                    mean = pairing.grid.mean_traction(pressure, traction)
+                    total[pairing.surface_of(slave).name] += sign * mean
         elif pairing.slave_body == body:
             given, chosen = _on_slave(pairing, pressure, traction), pairing.candidate
             position = pairing.position[chosen]
@@ -155,7 +154,7 @@ def _on_master(
     total = 0.0
     for pairing in condensed.reported:
         master = pairing.master
-        if pairing.master_body != body or master is None or pairing.grid is not None:
+        if pairing.master_body != body or master is None or not pairing.nodal:
             continue
         pressure, traction = condensed.contact_values(pairing, unknowns)
         given, slave = _on_slave(pairing, pressure, traction), pairing.slave

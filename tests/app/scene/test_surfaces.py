@@ -10,8 +10,7 @@ import pytest
 
 from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.clouds import clouds
-from mlsanm_cli.app.scene.contact_pairs import pair
-from mlsanm_cli.app.scene.facing import check_tips
+from mlsanm_cli.app.scene.contact_pairs import check_tips, pair
 from mlsanm_cli.app.scene.outlines import load_with_files
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import CaseError
@@ -250,7 +249,7 @@ def test_a_tip_that_touches_with_both_sides_needs_a_radius(slope: float, sharp: 
         .load("press", "wedge.back", "platen", ux=0.0, fy=-10.0)
         .contact("tip", slave=["wedge.other", "wedge.one"], master="block.top")
     ).case
-    pairings = tuple(pair(case, Boundaries.of(case), clouds(Boundaries.of(case))))
+    pairings = tuple(pair(Boundaries.of(case), clouds(Boundaries.of(case))))
     if not sharp:
         check_tips(case, pairings)
         return

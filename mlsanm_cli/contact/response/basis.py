@@ -1,0 +1,146 @@
+"""Discretisations of contacts: how nodal pressures and tractions act on bodies and observe their motions.
+
+Of a contact with m nodes, pressures (and, with friction, tractions) are represented by *drivers* of the
+bodies, whose motions are observed by *samples*; both are linear in the nodal values. On contact grids the
+drivers are forces x and y at the samples, which represent all pressures and tractions there through the near
+field (:mod:`mlsanm_cli.contact.geometry.contact_grid`); pressures at the nodes of a surface are drivers
+themselves (:mod:`mlsanm_cli.contact.response.nodal`).
+"""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
+from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.contact.geometry.surface_response import SurfaceResponse, pin_displacements
+from mlsanm_cli.contact.response.nodal import NodalBasis
+from mlsanm_cli.contact.response.smoothing import smoothing
+from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.near_field import Isotropic, as_real
+from mlsanm_cli.mechanics.remainder import remainder_sources
+
+
+class Basis(Protocol):
+    """A discretisation with numbers of ``drivers`` and ``samples``."""
+
+    @property
+    def drivers(self) -> int: ...
+
+    @property
+    def samples(self) -> int: ...
+
+    def by_values(self, which: int) -> Any:
+        """The drivers (d, m) of unit pressures (``which`` 0) or tractions (1)."""
+
+    def means(self, which: int) -> Any:
+        """Gaps (``which`` 0) or slips (1) at the nodes by unit motions of the samples (m, s)."""
+
+    def rows(self, body: ElasticBody, name: str) -> sparse.csr_array:
+        """Motions of the samples (s, 2N) by displacements of a body."""
+
+    def sources(self, body: ElasticBody, name: str, centred: bool) -> sparse.csc_array:
+        """Right-hand sides (r, d) of a body for unit drivers; ``centred`` where motions are held."""
+
+    def resultants(
+        self, body: ElasticBody, name: str, sources: sparse.csc_array, center: tuple[float, float]
+    ) -> list[FloatArray]:
+        """Force x, y and moment about ``center`` (3, m) on a body by unit pressures, and by unit
+        tractions."""
+
+
+def basis_of(pairing: Pairing) -> Basis:
+    """The discretisation of a contact."""
+    return NodalBasis(pairing) if pairing.nodal else GridBasis(pairing)
+
+
+class GridBasis:
+    """The discretisation of a contact by a contact grid. Its drivers are forces x and y at the samples, then
+    if it covers the surfaces the mean traction x and y, then displacements x and y of pins."""
+
+    def __init__(self, pairing: Pairing) -> None:
+        self._pairing, self._grid = pairing, pairing.grid
+        self.samples = 2 * self._grid.count
+        self.drivers = self.samples + 2 * (self._grid.covers + len(self._grid.pinned))
+
+    def by_values(self, which: int) -> Any:
+        grid = self._grid
+        return np.concatenate([grid.driver_matrices[which], pin_displacements(grid, which)])
+
+    def means(self, which: int) -> Any:
+        return self._grid.means[which]
+
+    def rows(self, body: ElasticBody, name: str) -> sparse.csr_array:
+        return sampled_rows(body, name, self._pairing)
+
+    def sources(self, body: ElasticBody, name: str, centred: bool) -> sparse.csc_array:
+        """Those of the remainders of the near fields, uniform tractions, and displacements of pins."""
+        grid, total = self._grid, np.zeros((body.rows, self.drivers))
+        for slave, sign in self._pairing.sides_of(name):
+            pins = [(number, pin) for number, pin in enumerate(grid.pinned) if pin.slave == slave]
+            response = SurfaceResponse.of(grid, body.model.kernel, slave)
+            held = {pin.node: response.smooth(np.array([pin.place]))[0] for _, pin in pins}
+            forces = grid.forces(body.model.kernel, slave)
+            total[:, : self.samples] += sign * remainder_sources(body, forces, centred, held)
+            if grid.covers:
+                surface = self._pairing.surface_of(slave)
+                for component, axis in enumerate(np.eye(2)):
+                    along = np.tile(axis, (len(surface.index), 1))
+                    source = body.source(surface.name, along, held=False)
+                    total[:, self.samples + component] += sign * source
+            for number, pin in pins:
+                for component, row in body.pin_rows(pin.node):
+                    place = number + component * len(grid.pinned)
+                    total[row, self.samples + 2 * grid.covers + place] += sign
+        return sparse.csc_array(total)
+
+    def resultants(
+        self, body: ElasticBody, name: str, sources: sparse.csc_array, center: tuple[float, float]
+    ) -> list[FloatArray]:
+        return list(self._grid.resultants(name == self._pairing.slave_body, center))
+
+
+def sampled_rows(body: ElasticBody, name: str, pairing: Pairing, lost: bool = False) -> sparse.csr_array:
+    """Contribution (2k, 2N) of body ``name`` to the motions x, then y, of the slave relative to the master at
+    a contact grid's samples, or what is ``lost`` of it by smoothing."""
+    total = sparse.csr_array((2 * pairing.grid.count, body.model.unknowns))
+    for slave, sign in pairing.sides_of(name):
+        total = sparse.csr_array(total + sign * _moved(body, pairing.grid, slave, lost))
+    return total
+
+
+def _moved(body: ElasticBody, grid: ContactGrid, slave: bool, lost: bool) -> sparse.csr_array:
+    """Displacements x and y (2k, 2N) of a body at the samples of a contact grid, or what is ``lost`` of them
+    by smoothing: in isotropic bodies away from corners. Remainders are less smooth at corners, and in
+    orthotropic bodies."""
+    points, cloud, fitted = as_real(grid.facing.side(grid.samples, slave)[0]), body.model.cloud, None
+    if isinstance(body.model.kernel, Isotropic) and not grid.corners_of(slave):
+        fitted = smoothing(grid, points, float(cloud.spacing[cloud.tree.query(points)[1]].min()))
+    if lost and fitted is None:
+        return sparse.csr_array((2 * grid.count, 2 * len(cloud.points)))
+    along = [body.model.values_along(points, axis) for axis in grid.axes]
+    if fitted is not None:
+        taken = [np.eye(grid.count) - one if lost else one for one in fitted]
+        along = [sparse.csr_array(one @ rows) for one, rows in zip(taken, along, strict=True)]
+    if grid.mirrored:
+        back = [[sparse.diags_array(axis[:, c]) for axis in grid.axes] for c in (0, 1)]
+        along = [sparse.csr_array(a @ along[0] + b @ along[1]) for a, b in back]
+    return sparse.csr_array(sparse.vstack(along, format="csr"))
+
+
+def changes(
+    body: ElasticBody, name: str, pairing: Pairing, displacement: FloatArray, lost: bool = False
+) -> tuple[FloatArray, FloatArray]:
+    """Changes of a contact's gaps and slips (m,) at its nodes by the ``displacement`` (N, 2) of body
+    ``name``, or what is ``lost`` of them by smoothing."""
+    if pairing.nodal:
+        gap, slip = NodalBasis(pairing).both_rows(body, name)
+        kept = 0.0 if lost else 1.0
+        return kept * (gap @ displacement.ravel()), kept * (slip @ displacement.ravel())
+    normal, tangent = pairing.grid.means
+    samples = sampled_rows(body, name, pairing, lost) @ displacement.ravel()
+    return normal @ samples, tangent @ samples

@@ -1,0 +1,213 @@
+"""Responses of the bodies to their drivers, seen by all functionals needed or reported for a scene: motions
+of contacts' samples and gaps watched beyond them, reactions of held surfaces, probes, forces of springs.
+
+Each body is factorised once, and only the functionals of its solutions are computed. Both are skipped if the
+memo holds the functionals already.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, TypeAlias
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.contact.response.drivers import Drivers, spans
+from mlsanm_cli.contact.response.near_field_response import near_field_response
+from mlsanm_cli.contact.response.nodal import relative_rows
+from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.memo import NO_CACHE, Arrays, Memo, digest
+from mlsanm_cli.operators.rows import nodal_rows
+from mlsanm_cli.records import dataclass
+
+Functional: TypeAlias = tuple[str, Any]
+"""Kind and subject: "contact" with its name, "held" and "spring" with body and surface, "probe" with its
+name."""
+
+
+@dataclass(frozen=True)
+class BodyResponses:
+    """Responses of a scene's bodies to their ``sources`` (r, drivers): ``observed`` (rows, drivers) by the
+    functionals at ``places`` of the rows, and without contact the ``solutions`` (n, drivers). Of contact
+    grids only the samples matter."""
+
+    scene: Scene
+    drivers: Drivers
+    places: Mapping[Functional, slice]
+    sources: Mapping[str, sparse.csc_array]
+    observed: FloatArray
+    solutions: Mapping[str, FloatArray]
+
+    @classmethod
+    def of(cls, scene: Scene, pairings: tuple[Pairing, ...], memo: Memo = NO_CACHE) -> BodyResponses:
+        """Compute the responses, near fields included; once for all positive friction coefficients, as in
+        :func:`condense`."""
+
+        def made() -> BodyResponses:
+            drivers = Drivers(len(scene.loads), len(scene.unknown_motions), pairings)
+            places = functional_places(scene, drivers)
+            sources = {name: _sources(scene, name, drivers) for name in scene.bodies}
+            observed, solutions = _observe(scene, drivers, places, sources, memo)
+            observed += near_field_response(scene, drivers, places, len(observed))
+            return cls(scene, drivers, places, sources, observed, solutions)
+
+        return memo.value("responses", digest(scene, without_coefficients(pairings)), made)
+
+    def widened(self, loads: int) -> BodyResponses:
+        """The responses with all functionals as further drivers after the ``loads``."""
+        count, place = len(self.observed), [loads] * len(self.observed)
+        observed = np.insert(self.observed, place, np.eye(count), axis=1)
+        solutions = {name: np.insert(one, place, 0.0, axis=1) for name, one in self.solutions.items()}
+        sources = {}
+        for name, one in self.sources.items():
+            nothing = sparse.csc_array((one.shape[0], count))
+            sources[name] = sparse.csc_array(sparse.hstack([one[:, :loads], nothing, one[:, loads:]]))
+        drivers = replace(self.drivers, loads=loads + count)
+        return replace(self, drivers=drivers, observed=observed, solutions=solutions, sources=sources)
+
+    def smooth(self, pairing: Pairing) -> FloatArray:
+        """Smooth part of the response (2k, 2k) of a contact's samples to forces there."""
+        seen = self.observed[self.places["contact", pairing.name]]
+        return seen[: 2 * pairing.grid.count, self.drivers.of_samples(pairing)]
+
+
+def without_coefficients(pairings: tuple[Pairing, ...]) -> list[Pairing]:
+    """The pairings without values of friction coefficients."""
+    return [
+        pairing if pairing.bonded else replace(pairing, friction=float(pairing.friction > 0.0))
+        for pairing in pairings
+    ]
+
+
+def used_columns(source: sparse.csc_array) -> IntArray:
+    """Indices of the columns with entries."""
+    return np.flatnonzero(np.diff(source.indptr))
+
+
+def functional_places(scene: Scene, drivers: Drivers) -> dict[Functional, slice]:
+    """Range of rows of every functional."""
+    bodies, counts = scene.bodies.items(), dict[Functional, int]()
+    for pairing in drivers.pairings:
+        watched = len(pairing.position) - pairing.count
+        counts["contact", pairing.name] = drivers.bases[pairing.name].samples + watched
+    counts |= {("held", (name, surface)): 3 for name, body in bodies for surface in body.restrained}
+    for probe in scene.probes:
+        # Displacement and stress.
+        counts["probe", probe.name] = 2 + len(scene.bodies[probe.body].model.material.stiffness)
+    counts |= {("spring", (name, surface)): 3 for name, body in bodies for surface in body.soft_springs}
+    return spans(counts, counts.values())
+
+
+def functional_rows(
+    scene: Scene, drivers: Drivers, places: Mapping[Functional, slice], name: str
+) -> sparse.csr_array:
+    """All functionals (rows, n) of the unknowns of one body."""
+    body, found = scene.bodies[name], dict[Functional, sparse.csr_array]()
+    for pairing in drivers.pairings:
+        beyond = relative_rows(body, name, pairing, pairing.normal, np.flatnonzero(~pairing.candidate))
+        seen = drivers.bases[pairing.name].rows(body, name)
+        found["contact", pairing.name] = sparse.vstack([seen, beyond])
+    for surface in body.restrained:
+        found["held", (name, surface)] = body.reaction_rows(surface, scene.center(name, surface))
+    for probe in scene.probes:
+        if probe.body == name:
+            found["probe", probe.name] = body.model.probe_rows(probe.point)
+    for surface in body.soft_springs:
+        found["spring", (name, surface)] = _spring_rows(body, surface)
+    blocks = [
+        found.get(key, sparse.csr_array((place.stop - place.start, body.model.unknowns)))
+        for key, place in places.items()
+    ]
+    nothing = sparse.csr_array((0, body.model.unknowns))
+    return sparse.csr_array(sparse.vstack([nothing, *blocks], format="csr"))
+
+
+def _spring_rows(body: ElasticBody, surface_name: str) -> sparse.csr_array:
+    """Force x, y and moment about the origin (3, 2N) of the soft springs along a surface on their body."""
+    index, nodes = body.model.cloud.surfaces[surface_name].index, len(body.model.cloud.points)
+    total = sparse.csr_array((3, 2 * nodes))
+    for component, spring in enumerate(body.soft_springs[surface_name]):
+        along = body.resultants()[:, body.condition_rows(surface_name, component)]
+        total = total - spring * (along @ nodal_rows(index, component, nodes))
+    return sparse.csr_array(total)
+
+
+def _sources(scene: Scene, name: str, drivers: Drivers) -> sparse.csc_array:
+    """All right-hand sides (rows, drivers) of one body; columns that do not act on it are empty."""
+    body = scene.bodies[name]
+    cloud = body.model.cloud
+    few = np.zeros((body.rows, drivers.loads + drivers.motions))
+    for load in scene.surface_loads:
+        if load.body == name:
+            few[:, load.number] += load.source(body)
+    for force in scene.body_forces:
+        if force.body == name:
+            few[:, force.number] += body.force_source(force.values)
+    for heating in scene.heated(name):
+        few[:, heating.number] += heating.source(body)
+    for platen, motion, by in scene.motions:
+        for surface in platen.surfaces_of(name):
+            pattern = platen.pattern(cloud.surfaces[surface], cloud.points, motion)
+            few += np.outer(body.source(surface, pattern, held=True), by)
+    centred = any(name in motion for motion in scene.held_motions)
+    by_contacts = [basis.sources(body, name, centred) for basis in drivers.bases.values()]
+    return sparse.csc_array(sparse.hstack([sparse.csc_array(few), *by_contacts], format="csc"))
+
+
+def _observe(
+    scene: Scene,
+    drivers: Drivers,
+    places: Mapping[Functional, slice],
+    sources: Mapping[str, sparse.csc_array],
+    memo: Memo,
+) -> tuple[FloatArray, dict[str, FloatArray]]:
+    """Functionals (rows, drivers) of the bodies' responses to their ``sources`` (r, drivers) and motions;
+    without contact also the responses (n, drivers) themselves."""
+    motions, quick = slice(drivers.loads, drivers.loads + drivers.motions), bool(drivers.pairings)
+    observed = np.zeros((max((place.stop for place in places.values()), default=0), drivers.total))
+    solutions = {}
+    # Memory peaks while the last factor is built, so the smallest body comes last.
+    for name, body in sorted(scene.bodies.items(), key=lambda item: -item[1].model.unknowns):
+        rows = functional_rows(scene, drivers, places, name)
+        # Reactions are computed from stresses, of which free expansion has none.
+        for heating in scene.heated(name):
+            for surface in body.restrained:
+                expansion = heating.reaction(body, surface, scene.center(name, surface))
+                observed[places["held", (name, surface)], heating.number] -= expansion
+        used = used_columns(sources[name])
+        solved = np.zeros((rows.shape[1], 0 if quick else drivers.total))
+        # Loads separately: when their magnitudes change, the other responses remain valid. Loads, motions and
+        # mean tractions are few and solved for accurately, as patch tests depend on them.
+        acting = used < motions.start
+        moving = (used < motions.stop) & ~acting | np.isin(used, drivers.means)
+        for chosen, mixed in ((acting, False), (moving, False), (~acting & ~moving, quick)):
+            some = used[chosen]
+            if len(some):
+                response = _observed_response(body, sources[name][:, some], rows, mixed, memo)
+                observed[:, some] += response["observed"]
+                if not quick:
+                    solved[:, some] = response["solution"]
+        if not quick:
+            solutions[name] = solved
+        observed[:, motions] += rows @ scene.floating_patterns(name)
+    return observed, solutions
+
+
+def _observed_response(
+    body: ElasticBody, sources: sparse.csc_array, rows: sparse.csr_array, quick: bool, memo: Memo
+) -> Arrays:
+    """Functionals ``rows`` (o, n) of the responses to ``sources`` (r, c): (o, c); unless ``quick`` (accuracy
+    for functionals only) also the responses (n, c)."""
+
+    def solve() -> Arrays:
+        if quick:
+            return {"observed": body.system.functionals(rows, sources), "solution": np.zeros((0, 0))}
+        solution = body.system.solve(sources)
+        return {"observed": np.asarray(rows @ solution), "solution": solution}
+
+    return memo.value("answers", digest(body.equations.content, sources, rows, quick), solve)
