@@ -69,7 +69,7 @@ def preload() -> None:
     import mlsanm_cli.app.results.plot
     import mlsanm_cli.app.results.probe
     import mlsanm_cli.app.run
-    import mlsanm_cli.app.sweep.run_sweep  # noqa: F401
+    import mlsanm_cli.app.sweep  # noqa: F401
     from mlsanm_cli.kernels.aot.jit import load
 
     load()

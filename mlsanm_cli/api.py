@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from mlsanm_cli.errors import CaseError, CaseProblem, Interrupted, MlsanmError, NumericalError, RunError
+from mlsanm_cli.inputs import results_of
 from mlsanm_cli.results import Contact, ContactState, Run
 from mlsanm_cli.system import THREAD_VARIABLES
 from mlsanm_cli.toml import toml_value
@@ -76,8 +77,9 @@ def run(
     are kept, and ``error.run`` is the run.
     """
     options: dict[str, Any] = {"force": force, "skip_done": skip_done, "max_wall": max_wall}
-    options |= {"out": _path(out), "overrides": overrides(changes), "argv": _argv()}
+    options |= {"overrides": overrides(changes), "argv": _argv()}
     with _file_of(case) as path:
+        options["out"] = _path(out) or results_of(path)
         summary = _call("run.run", threads, path, threads=threads, progress=progress, **options)
     return _opened(summary)
 
@@ -140,7 +142,7 @@ def sweep(
     options: dict[str, Any] = {"jobs": jobs, "force": force, "argv": _argv()}
     options |= {"out": _path(out), "overrides": overrides(changes)}
     with _file_of(case) as path:
-        result = _call("sweep.run_sweep.sweep", 1, path, texts, progress=progress, **options)
+        result = _call("sweep.sweep", 1, path, texts, progress=progress, **options)
     if result["stopped"]:
         raise Interrupted("the sweep was stopped", "repeat the call to continue with the remaining points")
     return [Run(Path(place)) for place in result["directories"]]
@@ -183,8 +185,7 @@ def _call(function: str, numerics: int, /, *given: Any, progress: bool = False, 
 
 @contextmanager
 def _file_of(case: CaseSource) -> Iterator[Path]:
-    """The file of a case; that of dicts exists within the block. Files named in them are relative to the
-    current directory, as if the case were in it."""
+    """The file of a case; dicts are written to one within the block, and name files as seen from here."""
     if not isinstance(case, Mapping):
         yield Path(case)
         return
@@ -210,24 +211,21 @@ def _path(place: Place | None) -> Path | None:
 
 @contextmanager
 def _numerics(threads: int) -> Iterator[None]:
-    """A block in which libraries are imported with this number of threads; those imported earlier keep
-    theirs."""
+    """A block in which libraries are imported with this number of threads."""
     before = {name: os.environ.get(name) for name in THREAD_VARIABLES}
     os.environ.update(dict.fromkeys(THREAD_VARIABLES, str(threads)))
     try:
         yield
     finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
+        for name in THREAD_VARIABLES:
+            del os.environ[name]
+        os.environ.update({name: value for name, value in before.items() if value is not None})
 
 
 @contextmanager
 def _console(progress: bool) -> Iterator[Any]:
     """The console of a run: the terminal, or none. Raises Interrupted at the wall-time limit."""
-    from mlsanm_cli.app.sweep.engines import Silent
+    from mlsanm_cli.app.context import Silent
 
     shown = None
     if progress:

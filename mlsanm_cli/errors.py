@@ -68,8 +68,7 @@ class CaseError(MlsanmError):
 
 
 class RunError(MlsanmError):
-    """Invalid usage outside the case file: an existing run directory, an unreadable file, too large a
-    scene."""
+    """Invalid usage outside the case: an existing run directory, an unreadable file, too large a scene."""
 
     exit_code = 2
 

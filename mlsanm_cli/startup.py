@@ -116,9 +116,7 @@ _lock = threading.RLock()
 
 
 class _DeferredModule(ModuleType):
-    """A module whose code runs when a name is accessed that it does not have. A module of
-    ``importlib.util.LazyLoader`` runs it for any name, so that submodules of a package could not be imported
-    before."""
+    """A module, or a package around others, whose code runs when a name is accessed that it lacks."""
 
     def __getattr__(self, name: str) -> Any:
         if name == "__path__":

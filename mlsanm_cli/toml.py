@@ -13,8 +13,7 @@ _BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 
 def plain(value: Any) -> Any:
-    """The value in JSON's types: numpy scalars and arrays converted, nan and inf as None, paths as text.
-    Raises TypeError for other types."""
+    """The value in JSON's types, with None for nan and inf. Raises TypeError for other types."""
     if value is None or isinstance(value, str | bool | int):
         return value
     if hasattr(value, "tolist"):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import ClassVar, Protocol
+from typing import Any, ClassVar, Protocol
 
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.records import dataclass
@@ -29,6 +29,15 @@ class Console(Protocol):
 
     def error(self, message: str, hint: str) -> None:
         """Why a run failed, and what to do."""
+
+
+class Silent:
+    """Console without output: warnings are counted and stored in summaries."""
+
+    def phase(self, *given: Any, **named: Any) -> None:
+        """No output."""
+
+    step = note = warning = error = phase
 
 
 PHASES = (

@@ -213,7 +213,6 @@ class Report:
 
     @cached_property
     def lines(self) -> Mapping[KeyPath, int]:
-        """Line of each key; computed for the first problem."""
         return key_lines(self.text)
 
     def add(self, faults: Iterable[Fault]) -> None:
@@ -228,7 +227,6 @@ class Report:
 
     @property
     def paths(self) -> frozenset[KeyPath]:
-        """The paths of all problems."""
         return frozenset(path for path, _ in self._found)
 
     def _is_set(self, path: KeyPath) -> bool:

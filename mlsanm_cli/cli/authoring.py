@@ -17,22 +17,22 @@ from mlsanm_cli.cli import completion, declare
 from mlsanm_cli.cli.settings import Settings, print_result, say
 from mlsanm_cli.cli.text import BOLD, grid, paint, table
 from mlsanm_cli.errors import RunError
+from mlsanm_cli.toml import plain
 
-DEFAULT_KIND = "hertz"
 SCHEMA_LINE = "#:schema ./mlsanm.schema.json"
 """First line of a starter, by which editors find the schema written by `mlsanm schema`."""
 
 
 @declare.command(
     click.argument("name", type=declare.FILE, required=False),
-    click.option(
+    declare.option(
         "--kind",
-        default=DEFAULT_KIND,
+        "Kind of scene, see --list.",
+        default="hertz",
         show_default=True,
         shell_complete=completion.kinds,
-        help="Kind of scene, see --list.",
     ),
-    click.option("--list", "listing", is_flag=True, help="List the kinds of scenes."),
+    declare.option("--list listing", "List the kinds of scenes.", is_flag=True),
     declare.flag("force", "Overwrite an existing file."),
 )
 def new(settings: Settings, name: Path | None, kind: str, listing: bool, force: bool) -> int:
@@ -73,11 +73,11 @@ def schema(settings: Settings) -> int:
 
 @declare.command(
     click.argument("data", type=declare.FILE),
-    click.option("--law", "laws", multiple=True, help="A law, repeatable.  [default: all laws of rubber]"),
-    click.option(
-        "--nu", default=0.499, show_default=True, type=click.FloatRange(0.0, 0.4999), help="Poisson's ratio."
+    declare.option("--law laws", "A law, repeatable.  [default: all laws of rubber]", multiple=True),
+    declare.option(
+        "--nu", "Poisson's ratio.", default=0.499, show_default=True, type=click.FloatRange(0.0, 0.4999)
     ),
-    declare.file_option("--picture", help="Draw the data and the laws."),
+    declare.file_option("--picture", "Draw the data and the laws."),
     declare.flag("force", "Overwrite an existing picture."),
 )
 def fit_law(
@@ -95,75 +95,63 @@ def fit_law(
             raise RunError(f'there is no law of rubber "{law}"', suggestion(law, START, "laws"))
     if picture is not None and picture.exists() and not force:
         raise RunError(f"{picture} already exists", "use --force to overwrite it, or another name")
-    found = fit_law(data, laws or tuple(START), picture, nu)
-    rows = [(one.law, *(f"{100.0 * error:.2g} %" for error in one.errors.values())) for one in found]
-    shown = [grid("root mean square errors, of the largest stress", ("law", *found[0].errors), rows)]
-    warnings = [
-        f"warning: {one.law}: the stress falls with the stretch within the data ({', '.join(one.falling)})"
-        for one in found
-        if one.falling
-    ]
-    shown += [*warnings, found[0].toml]
-    result = {
-        one.law: {"constants": dict(one.constants), "errors": dict(one.errors), "falling": list(one.falling)}
-        for one in found
-    }
-    print_result(settings, {"laws": result, "best": found[0].law}, "\n\n".join(shown))
+    fits = fit_law(data, laws or tuple(START), picture, nu)
+    rows = [(fit.law, *(f"{100.0 * error:.2g} %" for error in fit.errors.values())) for fit in fits]
+    shown = [grid("root mean square errors, of the largest stress", ("law", *fits[0].errors), rows)]
+    result = {}
+    for fit in fits:
+        result[fit.law] = {key: plain(getattr(fit, key)) for key in ("constants", "errors", "falling")}
+        if fit.falling:
+            tests = ", ".join(fit.falling)
+            shown.append(f"warning: {fit.law}: the stress falls with the stretch within the data ({tests})")
+    print_result(settings, {"laws": result, "best": fits[0].law}, "\n\n".join([*shown, fits[0].toml]))
     return 0
 
 
 @declare.command(
     click.argument("key", required=False, default="", shell_complete=completion.plain_keys),
-    click.option("--all", "all_keys", is_flag=True, help="Print the reference of all keys as Markdown."),
+    declare.option("--all all_keys", "Print the reference of all keys as Markdown.", is_flag=True),
 )
 def explain(settings: Settings, key: str, all_keys: bool) -> int:
     """Explain a key of the case file.
 
     KEY is a dotted key, for instance body.refine.spacing. Without KEY, list the tables.
     """
-    if all_keys:
-        from mlsanm_cli.case.explain import all_explanations, markdown
+    from mlsanm_cli.case import explain as reference
 
-        if key:
-            raise RunError("--all explains every key", f"omit {key} or --all")
-        explanations = all_explanations()
-        described = [entry._asdict() for entry in explanations]
-        print_result(settings, {"explanations": described}, markdown(explanations))
-        return 0
-    from mlsanm_cli.case.explain import explain as explain_key
-
-    described = [entry._asdict() for entry in explain_key(key)]
+    if all_keys and key:
+        raise RunError("--all explains every key", f"omit {key} or --all")
+    explanations = reference.all_explanations() if all_keys else reference.explain(key)
+    described = [entry._asdict() for entry in explanations]
     color = settings.paints(sys.stdout)
-    text = "\n\n".join(_explanation(entry, color) for entry in described)
+    if all_keys:
+        text = reference.markdown(explanations)
+    else:
+        text = "\n\n".join(_explanation(entry, color) for entry in described)
     print_result(settings, {"explanations": described}, text)
     return 0
 
 
 def _explanation(entry: dict[str, Any], color: bool) -> str:
     width = min(shutil.get_terminal_size((100, 24)).columns, 100)
+
+    def wrapped(text: str, indent: int) -> list[str]:
+        return textwrap.wrap(text, width, initial_indent=" " * indent, subsequent_indent=" " * indent)
+
     title = entry["place"] if entry["keys"] else f"{entry['key']}, under {entry['place']}"
     kinds = f" ({', '.join(entry['kinds'])})" if entry["kinds"] else ""
-    lines = [paint(title, BOLD, color) + kinds, *_wrapped(entry["meaning"], width, 2)]
+    lines = [paint(title, BOLD, color) + kinds, *wrapped(entry["meaning"], 2)]
     rows = [(name, entry[name]) for name in ("type", "unit", "allowed", "default", "example") if entry[name]]
     if entry["key"]:
-        rows.append(("required", "yes" if entry["required"] else "no"))
-        lines.append(table("", rows))
-    for heading, listed in (("kinds", entry["variants"]), ("keys", entry["keys"])):
-        if listed:
-            lines.append(f"  {heading}")
-            indent = max(map(len, listed)) + 6
-            for name, meaning in listed.items():
-                # The first sentence of the description of a key, brackets in one piece.
-                meaning = (
-                    meaning
-                    if heading == "kinds"
-                    else re.split(r"[.;:]\s(?![^()]*\))", meaning)[0].rstrip(".")
-                )
-                text = _wrapped(meaning, width, indent)
-                lines += [f"    {name}".ljust(indent) + text[0].lstrip(), *text[1:]]
+        lines.append(table("", [*rows, ("required", "yes" if entry["required"] else "no")]))
+    # Of the description of a key the first sentence, brackets in one piece.
+    keys = {
+        name: re.split(r"[.;:]\s(?![^()]*\))", text)[0].rstrip(".") for name, text in entry["keys"].items()
+    }
+    for heading, listed in (("kinds", entry["variants"]), ("keys", keys)):
+        lines += [f"  {heading}"] if listed else []
+        indent = max(map(len, listed), default=0) + 6
+        for name, meaning in listed.items():
+            first, *others = wrapped(meaning, indent)
+            lines += [f"    {name}".ljust(indent) + first.lstrip(), *others]
     return "\n".join(lines)
-
-
-def _wrapped(text: str, width: int, indent: int) -> list[str]:
-    space = " " * indent
-    return textwrap.wrap(text, width, initial_indent=space, subsequent_indent=space)

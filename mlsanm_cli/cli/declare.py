@@ -50,77 +50,73 @@ class Seconds(click.FloatRange):
 
 
 FILE = File()
-
-
-def _store(context: click.Context, parameter: click.Parameter, value: Any) -> None:
-    if parameter.name is not None:
-        setattr(context.ensure_object(Settings), parameter.name, value)
-
-
-def _common_option(*names: str, **settings: Any) -> Callable[[Function], Function]:
-    # Eager options are read first, and so apply to errors in other options too.
-    return click.option(*names, is_eager=True, expose_value=False, callback=_store, **settings)
-
-
 Decorator = Callable[[Function], Function]
-COMMON: tuple[Decorator[Any], ...] = (
-    _common_option("--quiet", "-q", is_flag=True, help="Show warnings and errors only."),
-    _common_option("--json", is_flag=True, help="Print the result as JSON on stdout."),
-    _common_option(
-        "--color",
-        type=click.Choice(["auto", "always", "never"]),
-        default="auto",
-        help="Colours; auto depends on the terminal and NO_COLOR.",
-    ),
-    _common_option("--debug", is_flag=True, help="Show tracebacks of errors."),
-)
-"""The options of every command, stored in the settings."""
-CASE = click.argument("case", type=File(read_once=False))
-CASE_OR_STDIN = click.argument("case", type=FILE)
-RUNDIR = click.argument("rundir", type=FILE)
-RUNDIRS = click.argument("rundirs", metavar="RUNDIR...", type=FILE, nargs=-1, required=True)
-SET = click.option(
-    "--set",
-    "overrides",
-    metavar="KEY=VALUE",
-    multiple=True,
-    shell_complete=completion.keys,
-    help="Change a key of the case, as in --set solver.order=15. Repeatable.",
-)
-THREADS = click.option(
-    "--threads", type=click.IntRange(min=1), default=1, show_default=True, help="Number of threads."
-)
-MAX_WALL = click.option(
-    "--max-wall",
-    type=Seconds(min=0.0, min_open=True, max=MAX_WALL_SECONDS),
-    metavar="SECONDS",
-    help="Stop after this wall-clock time, with exit code 75; `mlsanm resume` continues.",
-)
+
+
+def option(names: str, text: str, **settings: Any) -> Decorator[Any]:
+    """An option with these names, separated by spaces, and its help."""
+    return click.option(*names.split(), help=text, **settings)
 
 
 def flag(name: str, text: str) -> Decorator[Any]:
-    """An option without a value."""
-    return click.option(f"--{name}", is_flag=True, help=text)
+    return option(f"--{name}", text, is_flag=True)
 
 
-def file_option(*names: str, help: str) -> Decorator[Any]:  # noqa: A002
-    """An option whose value is a file or directory."""
-    return click.option(*names, type=FILE, help=help)
+def count(names: str, text: str, default: int | None = 1) -> Decorator[Any]:
+    """An option whose value is a number from 1 on."""
+    shown = default is not None
+    return option(names, text, type=click.IntRange(min=1), default=default, show_default=shown)
+
+
+def file_option(names: str, text: str) -> Decorator[Any]:
+    return option(names, text, type=FILE)
 
 
 def output(text: str) -> Decorator[Any]:
-    """The option of an output file."""
-    return file_option("-o", "--output", "out", help=text)
+    return file_option("-o --output out", text)
 
 
 def positions(text: str) -> Decorator[Any]:
-    """The option of positions on the load path."""
-    return click.option("--at", type=float, multiple=True, help=text)
+    return option("--at", text, type=float, multiple=True)
 
 
 def name_option(name: str, text: str, *tables: str) -> Decorator[Any]:
     """An option whose value is the name of an item of these tables of the case of a run."""
-    return click.option(f"--{name}", metavar="NAME", shell_complete=completion.names(*tables), help=text)
+    return option(f"--{name}", text, metavar="NAME", shell_complete=completion.names(*tables))
+
+
+def _common(names: str, text: str, **settings: Any) -> Decorator[Any]:
+    """An option that is stored in the settings."""
+
+    def store(context: click.Context, parameter: click.Parameter, value: Any) -> None:
+        setattr(context.ensure_object(Settings), str(parameter.name), value)
+
+    # Eager options are read first, and so apply to errors in other options too.
+    return option(names, text, is_eager=True, expose_value=False, callback=store, **settings)
+
+
+COLORS = click.Choice(["auto", "always", "never"])
+COMMON: tuple[Decorator[Any], ...] = (
+    _common("--quiet -q", "Show warnings and errors only.", is_flag=True),
+    _common("--json", "Print the result as JSON on stdout.", is_flag=True),
+    _common("--color", "Colours; auto depends on the terminal and NO_COLOR.", type=COLORS, default="auto"),
+    _common("--debug", "Show tracebacks of errors.", is_flag=True),
+)
+"""The options of every command."""
+CASE = click.argument("case", type=File(read_once=False))
+CASE_OR_STDIN = click.argument("case", type=FILE)
+RUNDIR = click.argument("rundir", type=FILE)
+RUNDIRS = click.argument("rundirs", metavar="RUNDIR...", type=FILE, nargs=-1, required=True)
+KEYS: dict[str, Any] = {"multiple": True, "shell_complete": completion.keys}
+_SET_HELP = "Change a key of the case, as in --set solver.order=15. Repeatable."
+SET = option("--set overrides", _SET_HELP, metavar="KEY=VALUE", **KEYS)
+THREADS = count("--threads", "Number of threads.")
+MAX_WALL = option(
+    "--max-wall",
+    "Stop after this wall-clock time, with exit code 75; `mlsanm resume` continues.",
+    type=Seconds(min=0.0, min_open=True, max=MAX_WALL_SECONDS),
+    metavar="SECONDS",
+)
 
 
 def command(*declared: Decorator[Any]) -> Callable[[Callable[..., int]], click.Command]:

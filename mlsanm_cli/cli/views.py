@@ -24,30 +24,29 @@ from mlsanm_cli.toml import plain
 
 @declare.command(
     declare.RUNDIRS,
-    click.option(
+    declare.option(
         "--what",
+        "Kind of picture. Repeatable.  [default: all except hysteresis and line]",
         type=click.Choice(KINDS),
         multiple=True,
-        help="Kind of picture. Repeatable.  [default: all except hysteresis and line]",
     ),
     declare.name_option("contact", "Draw this contact only.", "contact"),
-    click.option("--field", type=click.Choice(FIELDS), help="Field shown on bodies or along a line."),
+    declare.option("--field", "Field shown on bodies or along a line.", type=click.Choice(FIELDS)),
     declare.positions("Position on the load path. Repeatable.  [default: saved positions]"),
-    click.option(
-        "--along", metavar="LINE", help="Draw a field along a boundary such as block.top, or a line X,Y:X,Y."
+    declare.option(
+        "--along", "Draw a field along a boundary such as block.top, or a line X,Y:X,Y.", metavar="LINE"
     ),
     declare.output("Output file of a single picture; the suffix selects the format."),
     declare.flag(
         "animate", "Animate the path: pressures, or --what bodies; a GIF, or with -o NAME.mp4 an MP4 file."
     ),
-    click.option(
-        "--format",
-        "formats",
+    declare.option(
+        "--format formats",
+        "File format. Repeatable.",
         type=click.Choice(["png", "svg", "pdf"]),
         multiple=True,
         default=("png",),
         show_default=True,
-        help="File format. Repeatable.",
     ),
 )
 def plot(settings: Settings, /, rundirs: tuple[Path, ...], formats: tuple[str, ...], **chosen: Any) -> int:
@@ -106,21 +105,20 @@ class PointType(click.ParamType[tuple[float, float]]):
     declare.RUNDIR,
     declare.positions("Position on the load path. Repeatable.  [default: the end]"),
     declare.name_option("contact", "Results along a contact.", "contact"),
-    click.option(
-        "--quantity",
-        "quantities",
+    declare.option(
+        "--quantity quantities",
+        "Quantity of the contact. Repeatable.  [default: all]",
         type=click.Choice(QUANTITIES),
         multiple=True,
-        help="Quantity of the contact. Repeatable.  [default: all]",
     ),
     declare.name_option("force", "Force of a load, support or contact.", "load", "support", "contact"),
     declare.name_option("probe", "Results of a [[probe]] of the case.", "probe"),
     declare.name_option("body", "Body with the --point.", "body"),
-    click.option("--point", type=PointType(), help="Coordinates of a point in the undeformed body."),
-    click.option(
-        "--field", type=click.Choice(POINT_FIELDS), help="Field at the point or probe.  [default: all]"
+    declare.option("--point", "Coordinates of a point in the undeformed body.", type=PointType()),
+    declare.option(
+        "--field", "Field at the point or probe.  [default: all]", type=click.Choice(POINT_FIELDS)
     ),
-    click.option("--csv", "as_csv", is_flag=True, help="Print the result as CSV on stdout."),
+    declare.option("--csv as_csv", "Print the result as CSV on stdout.", is_flag=True),
 )
 def probe(
     settings: Settings,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
@@ -30,20 +29,17 @@ _SUFFICIENT_DECREASE = 1e-4
 _END_SHARE = 0.3
 
 
+Effort: TypeAlias = Counter[str]
+"""Running counts of steps and corrections: updates, factorizations, solves."""
+
+
 @dataclass(frozen=True, eq=False)
 class Correction:
-    """A corrected point, its largest residual, and the work it took if that was counted."""
+    """A corrected point and its largest residual."""
 
     x: FloatArray
     lam: float
     residual: float
-    updates: int = 0
-    factorizations: int = 0
-    solves: int = 0
-
-
-Effort: TypeAlias = Counter[str]
-"""Running counts of one step or correction: updates, factorizations, solves."""
 
 
 def residual_norm(problem: Problem, x: FloatArray, lam: float) -> float:
@@ -60,18 +56,26 @@ def point_at(problem: Problem, x: FloatArray, lam: float) -> Correction:
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def correct(problem: Problem, x: FloatArray, lam: float, options: PathOptions | None = None) -> Correction:
+def correct(
+    problem: Problem,
+    x: FloatArray,
+    lam: float,
+    options: PathOptions | None = None,
+    effort: Effort | None = None,
+) -> Correction:
     """Solve R(x, lam) = 0 at fixed ``lam`` by Newton's method from an admissible ``x``, shape (size,).
 
     Updates are halved until the point is admissible and the norm of the residual decreases. The target for
-    the residual is ``options.goal``; if round-off prevents that, ``tolerance`` is accepted. Raises
-    NumericalError if ``x`` is not admissible, the tangent singular, or the iteration does not converge.
+    the residual is ``options.goal``; if round-off prevents that, ``tolerance`` is accepted. Counts are added
+    to ``effort``. Raises NumericalError if ``x`` is not admissible, the tangent singular, or the iteration
+    does not converge.
     """
-    options, effort = options or PathOptions(), Effort()
+    options, effort = options or PathOptions(), Effort() if effort is None else effort
     if not np.isfinite(residual_norm(problem, x, lam)):
         raise NumericalError(
             f"the start point at load factor {lam:.9g} is not admissible", "start from open gaps and no load"
         )
+    before = effort["updates"]
     try:
         found = iterate(problem, x, lam, None, options, effort)
     except SingularTangentError as error:
@@ -82,11 +86,10 @@ def correct(problem: Problem, x: FloatArray, lam: float, options: PathOptions | 
     if found.residual > options.tolerance:
         raise NumericalError(
             f"no solution found at load factor {lam:.9g}: residual {found.residual:.3g} after "
-            f"{effort['updates']} updates, tolerance {options.tolerance:.3g}",
+            f"{effort['updates'] - before} updates, tolerance {options.tolerance:.3g}",
             'use contact.regularization.law = "exact", or a larger contact.regularization.eta',
         )
-    updates, factorizations, solves = effort["updates"], effort["factorizations"], effort["solves"]
-    return replace(found, updates=updates, factorizations=factorizations, solves=solves)
+    return found
 
 
 @np.errstate(over="ignore", invalid="ignore")
@@ -124,10 +127,18 @@ def iterate(
             raise SingularTangentError(f"singular tangent at load factor {point.lam:.9g}") from error
         if not np.all(np.isfinite(dx)):
             raise SingularTangentError(f"singular tangent at load factor {point.lam:.9g}")
-        damped = _damped(problem, point, (dx, along), float(np.linalg.norm(residual)))
-        if damped is None:
+        # The Euclidean norm decreases along a Newton update, the largest residual need not.
+        size, part = float(np.linalg.norm(residual)), admissible_part(problem, point.x, point.lam, dx, along)
+        while part >= 0.5**_MAX_HALVINGS:
+            ahead, lam = point.x + part * dx, point.lam + part * along
+            if problem.admissible(ahead, lam):
+                residual = problem.residual(ahead, lam)
+                if float(np.linalg.norm(residual)) <= (1.0 - _SUFFICIENT_DECREASE * part) * size:
+                    break
+            part *= 0.5
+        else:
             break
-        point = damped
+        point = Correction(ahead, lam, float(np.abs(residual).max(initial=0.0)))
         effort["updates"] += 1
     return point
 
@@ -136,13 +147,14 @@ def iterate(
 def correct_end(
     problem: Problem,
     start: ExpansionPoint,
-    end: tuple[FloatArray, float],
+    x: FloatArray,
+    lam: float,
     options: PathOptions,
     effort: Effort,
 ) -> Correction | None:
     """Correct the end of a step to the path, at its load factor; None when that fails. The factorised tangent
     of the step's start is used, and a new one if that converges slowly. Counts are added to ``effort``."""
-    point = point_at(problem, *end)
+    point = point_at(problem, x, lam)
     for _ in range(_CHORD_UPDATES):
         if point.residual <= options.goal:
             return point
@@ -160,14 +172,12 @@ def correct_end(
     return point if point.residual <= max(options.goal, _END_SHARE * options.tolerance) else None
 
 
-def admissible_part(
-    problem: Problem, point: tuple[FloatArray, float], update: tuple[FloatArray, float]
-) -> float:
+def admissible_part(problem: Problem, x: FloatArray, lam: float, dx: FloatArray, dlam: float) -> float:
     """Return the part of an update of an admissible point that stays in the admissible region: 1, a margin
     before its boundary, or 0 if that is next to nothing."""
 
     def inside(part: float) -> bool:
-        return problem.admissible(point[0] + part * update[0], point[1] + part * update[1])
+        return problem.admissible(x + part * dx, lam + part * dlam)
 
     if inside(1.0):
         return 1.0
@@ -180,20 +190,3 @@ def admissible_part(
         middle = 0.5 * (low + high)
         low, high = (middle, high) if inside(middle) else (low, middle)
     return _BOUNDARY_MARGIN * low
-
-
-def _damped(
-    problem: Problem, point: Correction, update: tuple[FloatArray, float], size: float
-) -> Correction | None:
-    """Return the point after an update, halved until it sufficiently lowers the residual's norm ``size``;
-    None on failure."""
-    part = admissible_part(problem, (point.x, point.lam), update)
-    while part >= 0.5**_MAX_HALVINGS:
-        x, lam = point.x + part * update[0], point.lam + part * update[1]
-        if problem.admissible(x, lam):
-            residual = problem.residual(x, lam)
-            # The Euclidean norm decreases along a Newton update, the largest residual need not.
-            if float(np.linalg.norm(residual)) <= (1.0 - _SUFFICIENT_DECREASE * part) * size:
-                return Correction(x, lam, float(np.abs(residual).max(initial=0.0)))
-        part *= 0.5
-    return None

@@ -3,7 +3,7 @@ package contains no mechanics."""
 
 from __future__ import annotations
 
-from typing import Literal, Protocol, TypeAlias
+from typing import ClassVar, Literal, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,45 +57,29 @@ class Problem(Protocol):
         """Whether (x, lam) satisfies every constraint, for instance gaps > 0."""
 
 
-# The target of a correction as a part of the tolerance; the rest is left to the series that follows.
-_CORRECTION_TARGET = 0.01
+MIN_LENGTH = 1e-10
+"""A step shorter than this, in scaled units of the path, ends the path."""
 
 
 @dataclass(frozen=True)
 class PathOptions:
-    """Options of every method.
-
-    Attributes
-    ----------
-    tolerance : largest residual allowed anywhere on the path (Newton's method: at the ends of steps)
-    max_steps : the path stops after this number of steps
-    direction : direction at the start: load factor increasing (1), decreasing (-1), or (0) the direction of
-        the previous piece of path, else towards the target; later steps follow the path
-    min_length : a step shorter than this, in scaled units of the path, ends the path
-    max_corrections : largest number of Newton updates of one correction
-    """
+    """Options of every method: the ``tolerance`` is the largest residual allowed anywhere on the path
+    (Newton's method: at the ends of steps)."""
 
     tolerance: float = 1e-8
-    max_steps: int = 2000
-    direction: Literal[-1, 0, 1] = 0
-    min_length: float = 1e-10
-    max_corrections: int = 50
+    max_corrections: ClassVar[int] = 50
+    """Largest number of Newton updates of one correction."""
 
     @property
     def goal(self) -> float:
-        """Target for the residual of a correction."""
-        return self.tolerance * _CORRECTION_TARGET
+        """Target for the residual of a correction; the rest is left to the series that follows."""
+        return 0.01 * self.tolerance
 
 
 @dataclass(frozen=True)
 class AnmOptions(PathOptions):
-    """Options of a path followed by power series.
-
-    Attributes
-    ----------
-    order : order N of the series, 2 to 40; 15 to 30 is most efficient
-    pade : use a Padé approximant where that makes the step longer
-    """
+    """Power series of ``order`` 2 to 40, of which 15 to 30 is most efficient, in the form of Padé
+    approximants (``pade``) where that makes the step longer."""
 
     order: int = 20
     pade: bool = True
@@ -103,19 +87,8 @@ class AnmOptions(PathOptions):
 
 @dataclass(frozen=True)
 class NewtonOptions(PathOptions):
-    """Options of a path followed by Newton-Raphson iterations.
+    """Newton-Raphson iterations: every step solves at a given load factor ("load"), or on the plane normal to
+    its first tangent ("arc-length"), which passes folds."""
 
-    Attributes
-    ----------
-    control : every step solves at a given load factor ("load"), or on the plane normal to its first tangent
-        ("arc-length"), which passes folds
-    first : first step as a part of the straight way to the target load factor
-    wanted : steps grow if they take fewer iterations than this, and shrink if they take more
-    growth : largest ratio of the lengths of consecutive steps
-    """
-
-    max_corrections: int = 25
+    max_corrections: ClassVar[int] = 25
     control: Literal["load", "arc-length"] = "load"
-    first: float = 0.1
-    wanted: int = 6
-    growth: float = 2.0

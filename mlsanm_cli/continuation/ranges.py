@@ -14,9 +14,8 @@ import numpy as np
 
 from mlsanm_cli.continuation.corrector import residual_norm
 from mlsanm_cli.continuation.expansion import Metric
-from mlsanm_cli.continuation.problem import AnmOptions, FloatArray, Problem
+from mlsanm_cli.continuation.problem import MIN_LENGTH, AnmOptions, FloatArray, Problem
 from mlsanm_cli.continuation.series import Branch, denominator, nearest_pole
-from mlsanm_cli.records import dataclass
 
 # A length is accepted if the residual there lies between the first and the last of these parts of the
 # tolerance (it grows as the power N + 1 of the length), or if its bounds differ by less than this ratio.
@@ -39,14 +38,11 @@ _POLE_MARGIN = 0.9
 _MAX_ROUND_OFF, _SHORTENING = 0.02, 0.95
 
 
-@dataclass(frozen=True)
 class RangeOfValidity:
     """Determines ranges of validity on a path of ``problem`` to the load factor ``lam_end``."""
 
-    problem: Problem
-    metric: Metric
-    lam_end: float
-    options: AnmOptions
+    def __init__(self, problem: Problem, metric: Metric, lam_end: float, options: AnmOptions) -> None:
+        self.problem, self.metric, self.lam_end, self.options = problem, metric, lam_end, options
 
     def error(self, branch: Branch, a: float) -> float:
         """Return the largest residual at ``a``; inf if the point is not admissible or not finite."""
@@ -92,18 +88,17 @@ class RangeOfValidity:
         reach = self._longest(rational, _PADE_EXTENSION * guess, np.inf)
         if reach == 0.0:
             return None
-        pole = nearest_pole(lower, reach / _POLE_MARGIN)
-        ceiling = min(_POLE_MARGIN * pole, self._quiet(rational, reach))
-        return rational.shortened(self._range(rational, min(reach, ceiling), ceiling))
-
-    def _quiet(self, branch: Branch, reach: float) -> float:
-        """Return the length up to which ``branch`` evaluates with little round-off; inf: up to ``reach``."""
-        a = reach
+        # Up to this length the approximant evaluates with little round-off; without limit if up to its reach.
+        quiet, limit = reach, _MAX_ROUND_OFF * self.options.tolerance
         for _ in range(_MAX_TRIALS):
-            if branch.round_off(a, self.problem.scale) <= _MAX_ROUND_OFF * self.options.tolerance:
-                return a if a < reach else np.inf
-            a *= _SHORTENING
-        return 0.0
+            if rational.round_off(quiet, self.problem.scale) <= limit:
+                break
+            quiet *= _SHORTENING
+        else:
+            quiet = 0.0
+        pole = nearest_pole(lower, reach / _POLE_MARGIN)
+        ceiling = min(_POLE_MARGIN * pole, quiet if quiet < reach else np.inf)
+        return rational.shortened(self._range(rational, min(reach, ceiling), ceiling))
 
     def _range(self, branch: Branch, guess: float, ceiling: float) -> float:
         """Return the end of a range <= ``ceiling`` that is valid inside as well; 0 if there is none."""
@@ -118,7 +113,7 @@ class RangeOfValidity:
 
     def _shortest(self, x: FloatArray, lam: float) -> float:
         """Return the parameter of the shortest step, x (size,) and lam the first coefficients."""
-        return self.options.min_length / self.metric.norm(x, float(lam))
+        return MIN_LENGTH / self.metric.norm(x, float(lam))
 
     def _longest(self, branch: Branch, guess: float, ceiling: float) -> float:
         """Return about the largest a <= ``ceiling`` whose residual is within the tolerance, or 0."""

@@ -71,16 +71,6 @@ class Branch:
         """Order N of the series."""
         return int(self.lam.size) - 1
 
-    @property
-    def tangent(self) -> Branch:
-        """The tangent at the start, as a piece of the same length."""
-        return Branch(self.x[:2], self.lam[:2], self.length)
-
-    @property
-    def size(self) -> int:
-        """Number of unknowns."""
-        return int(self.x.shape[1])
-
     def evaluate(self, a: float) -> tuple[FloatArray, float]:
         """Return x, shape (size,), and lam at the parameter ``a``."""
         weights = self._weights(a)
@@ -127,8 +117,11 @@ class Branch:
 
     def first_crossing(self, lam: float) -> float | None:
         """As :meth:`parameter_at`, but return None when the load factor is not reached."""
-        if self.denominator is None and self._stays_off(lam):
-            return None
+        if self.denominator is None:
+            # Even the sum of the magnitudes of the terms may not reach the load factor.
+            sums, first = float(self._weights(self.length) @ np.abs(self.lam)), float(self.lam[0])
+            if sums - abs(first) + _ROUND_OFF * (abs(lam) + sums) < abs(lam - first):
+                return None
         terms, scale = self.terms[1], self.length**self._exponents
         slack = _ROUND_OFF * (abs(lam) + float(np.abs(self._weights(self.length)) @ np.abs(terms)))
         if abs(terms[0] - lam) <= slack:
@@ -151,12 +144,6 @@ class Branch:
             return self.length if abs(values[-1]) <= slack else None
         low, high = grid[changes[0] : changes[0] + 2].tolist()
         return root(lambda a: self.load_factor(a) - lam, low, high)
-
-    def _stays_off(self, lam: float) -> bool:
-        """Whether even the sum of the magnitudes of the terms does not reach the load factor."""
-        reach = float(self._weights(self.length) @ np.abs(self.lam))
-        first = float(self.lam[0])
-        return reach - abs(first) + _ROUND_OFF * (abs(lam) + reach) < abs(lam - first)
 
     def shortened(self, length: float) -> Branch:
         """Return the same piece of path with another ``length``."""

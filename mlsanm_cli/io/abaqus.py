@@ -44,11 +44,9 @@ class _Section(NamedTuple):
     rows: list[list[str]]
 
     def refuse(self, message: str, hint: str = "") -> GeometryError:
-        """The error of this section."""
         return GeometryError(f"line {self.line}, *{self.keyword}: {message}", hint)
 
     def name(self, parameter: str) -> str:
-        """The value of a required parameter."""
         if not self.parameters.get(parameter):
             raise self.refuse(f"{parameter} is missing")
         return self.parameters[parameter]
@@ -81,15 +79,7 @@ class _Scope:
         self.listed: set[str] = set()
         self.rotation, self.shift = np.eye(3), np.zeros(3)
 
-    def moved(self, rotation: FloatArray, shift: FloatArray) -> _Scope:
-        """An instance of this part."""
-        instance = deepcopy(self)
-        instance.nodes = {number: rotation @ node + shift for number, node in self.nodes.items()}
-        instance.rotation, instance.shift = rotation, shift
-        return instance
-
     def add_nodes(self, section: _Section) -> None:
-        """The nodes of a *NODE section."""
         numbers = []
         for label, *values in section.rows:
             number = section.whole(label)
@@ -119,8 +109,7 @@ class _Scope:
             self.elements[number] = kind, [nodes[0], nodes[2], nodes[1]] if kind == "line3" else nodes
         if "ELSET" in section.parameters:
             name = section.name("ELSET")
-            if name not in self.element_sets:
-                self.listed.add(name)
+            self.listed |= {name} - self.element_sets.keys()
             self.element_sets.setdefault(name, []).extend(number for number, *_ in table)
 
     def add_set(self, section: _Section) -> None:
@@ -128,8 +117,14 @@ class _Scope:
         nodes = section.keyword == "NSET"
         sets, name = (self.node_sets, "NSET") if nodes else (self.element_sets, "ELSET")
         members = sets.setdefault(section.name(name), [])
+
+        def known(sets: dict[str, list[int]], wanted: str) -> list[int]:
+            if wanted not in sets:
+                raise section.refuse(f'there is no set "{wanted}"')
+            return sets[wanted]
+
         if nodes and "ELSET" in section.parameters:
-            for number in self._members(section, self.element_sets, section.name("ELSET")):
+            for number in known(self.element_sets, section.name("ELSET")):
                 members += self.elements[number][1]
         for row in section.rows:
             if "GENERATE" in section.parameters:
@@ -137,35 +132,30 @@ class _Scope:
                 members += range(first, last + 1, max(*step, 1) if step else 1)
                 continue
             for value in filter(None, row):
-                members += [int(value)] if value.isdecimal() else self._members(section, sets, value)
+                members += [int(value)] if value.isdecimal() else known(sets, value)
         if not nodes:
             self.listed.discard(section.name(name))
 
     def add_surface(self, section: _Section) -> None:
         """The sides of a *SURFACE section; other kinds of surfaces name no edges."""
         if section.parameters.get("TYPE", "ELEMENT").upper() == "ELEMENT":
-            sides = [
-                (row[0], re.fullmatch(r"[SE]([1-4])", row[1].upper())) for row in section.rows if row[1:]
-            ]
             known = self.surfaces.setdefault(section.name("NAME"), [])
-            known += [(members, int(side[1]) - 1) for members, side in sides if side]
+            for members, side, *_ in (row for row in section.rows if row[1:]):
+                if re.fullmatch("[SEse][1-4]", side):
+                    known.append((members, int(side[1]) - 1))
 
-    def edges(self, sides: list[tuple[str, int]]) -> list[tuple[int, ...]]:
-        """Ends and mid-side node, if there is one, of the sides of a surface that are here."""
-        found = []
-        for members, side in sides:
+    def name_surfaces(self, surfaces: dict[str, list[tuple[str, int]]]) -> None:
+        """Adds surfaces as sets of line elements. One that shares an edge with another, with a line element
+        or with a set of nodes is left out: an edge has one name."""
+        # Ends and mid-side node, if there is one, of the sides that are here.
+        edges: dict[str, list[tuple[int, ...]]] = {name: [] for name in surfaces}
+        for name, members, side in ((name, *place) for name, places in surfaces.items() for place in places):
             numbers = [int(members)] if members.isdecimal() else self.element_sets.get(members, [])
             for kind, nodes in (self.elements[number] for number in numbers if number in self.elements):
                 corners = 3 if kind.startswith("triangle") else 4
                 if not kind.startswith("line") and side < corners:
                     middle = nodes[corners + side : corners + side + 1]
-                    found.append((nodes[side], nodes[(side + 1) % corners], *middle))
-        return found
-
-    def name_surfaces(self, surfaces: dict[str, list[tuple[str, int]]]) -> None:
-        """Adds surfaces as sets of line elements. One that shares an edge with another, with a line element
-        or with a set of nodes is left out: an edge has one name."""
-        edges = {name: self.edges(sides) for name, sides in surfaces.items()}
+                    edges[name].append((nodes[side], nodes[(side + 1) % corners], *middle))
         counts = Counter(frozenset(edge[:2]) for listed in edges.values() for edge in set(listed))
         counts.update(frozenset(nodes[:2]) for kind, nodes in self.elements.values() if kind[:4] == "line")
         for name, listed in edges.items():
@@ -175,12 +165,6 @@ class _Scope:
             for number, edge in enumerate(dict.fromkeys(listed), max(self.elements, default=0) + 1):
                 self.elements[number] = "line" if len(edge) == 2 else "line3", list(edge)
                 self.element_sets.setdefault(name, []).append(number)
-
-    @staticmethod
-    def _members(section: _Section, sets: dict[str, list[int]], name: str) -> list[int]:
-        if name not in sets:
-            raise section.refuse(f'there is no set "{name}"')
-        return sets[name]
 
 
 def read_abaqus(text: str) -> meshio.Mesh:
@@ -205,12 +189,8 @@ def read_abaqus(text: str) -> meshio.Mesh:
             if section.parameters.keys() & {"INPUT", "SYSTEM"}:
                 raise section.refuse("INPUT and SYSTEM are not supported", "write all values in this file")
             target = _named(section, scope, instances)
-            if keyword == "NODE":
-                target.add_nodes(section)
-            elif keyword == "ELEMENT":
-                target.add_elements(section)
-            else:
-                target.add_set(section)
+            add = {"NODE": target.add_nodes, "ELEMENT": target.add_elements}.get(keyword, target.add_set)
+            add(section)
         elif keyword == "SURFACE":
             scope.add_surface(section)
     return _merged({**(instances or parts), "": assembly})
@@ -288,17 +268,15 @@ def _placed(section: _Section, parts: dict[str, _Scope]) -> _Scope:
         if len(rows[1]) < 7:
             raise section.refuse("a rotation has seven values: two points and an angle")
         start, end = np.array(rows[1][:3]), np.array(rows[1][3:6])
-        rotation = _rotation(end - start, np.radians(rows[1][6]))
+        # By the formula of Rodrigues.
+        (x, y, z), angle = (end - start) / np.linalg.norm(end - start), np.radians(rows[1][6])
+        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        rotation = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
         shift = start + rotation @ (shift - start)
-    return parts[wanted].moved(rotation, shift)
-
-
-def _rotation(axis: FloatArray, angle: float) -> FloatArray:
-    """The rotation (3, 3) about an axis (3,), by the formula of Rodrigues."""
-    x, y, z = axis / np.linalg.norm(axis)
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    turned: FloatArray = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
-    return turned
+    instance = deepcopy(parts[wanted])
+    instance.nodes = {number: rotation @ node + shift for number, node in instance.nodes.items()}
+    instance.rotation, instance.shift = rotation, shift
+    return instance
 
 
 def _merged(scopes: dict[str, _Scope]) -> meshio.Mesh:
@@ -323,14 +301,10 @@ def _merged(scopes: dict[str, _Scope]) -> meshio.Mesh:
         for name, numbers in scope.node_sets.items():
             point_sets.setdefault(name, []).extend(row[number] for number in numbers if number in row)
         lines = {number for number, (kind, _) in scope.elements.items() if kind.startswith("line")}
-        named = {
-            number
-            for name, numbers in scope.element_sets.items()
-            if name not in scope.listed
-            for number in lines.intersection(numbers)
-        }
+        sets = {name: numbers for name, numbers in scope.element_sets.items() if name not in scope.listed}
+        named = lines & {number for numbers in sets.values() for number in numbers}
         groups = [
-            (name, [number for number in numbers if name not in scope.listed or number not in named])
+            (name, numbers if name in sets else [number for number in numbers if number not in named])
             for name, numbers in scope.element_sets.items()
         ]
         # An instance is a group of faces; lines are in one group at most.

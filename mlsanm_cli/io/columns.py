@@ -40,38 +40,47 @@ def row(path: Mapping[str, float], quantities: Quantities) -> dict[str, Any]:
     return values
 
 
-def path_table(root: Any) -> Mapping[str, NDArray[Any]]:
-    """Columns (S+1,) of the path in an open run.h5 ``root``; empty if it has no path. Position and stage,
+def path_table(run: Mapping[str, Any]) -> Mapping[str, NDArray[Any]]:
+    """Columns (S+1,) of the path of a run, given its datasets by path; none without a path. Position, stage,
     load factors, displacements of platens and the work of their forces, forces of loads and supports; for
     every contact the force on the slave, the largest pressure, the closed length and the dissipated work."""
-    if "path" not in root:
+    position = run.get("path/position", ())
+    if not len(position):
         return {}
-    position = root["path/position"][...]
     columns: dict[str, NDArray[Any]] = {
         "position": position,
         # The end of a stage belongs to it, and the start of the path to the first one.
         "stage": np.maximum(np.ceil(position), 1.0).astype(np.int64),
     }
-    columns |= {f"factor.{name}": data[...] for name, data in _items(root, "path/factors")}
-    forces = {name: data[...] for name, data in _items(root, "path/resultants")}
-    for name, data in _items(root, "path/displacements"):
-        moved = data[...]
-        columns |= _vector(f"displacement.{name}", moved)
+
+    def below(group: str) -> dict[str, Any]:
+        return {path.removeprefix(group): run[path] for path in run if path.startswith(group)}
+
+    def vector(name: str, values: FloatArray) -> dict[str, NDArray[Any]]:
+        return {f"{name}_x": values[:, 0], f"{name}_y": values[:, 1]}
+
+    columns |= {f"factor.{name}": values for name, values in below("path/factors/").items()}
+    forces = below("path/resultants/")
+    for name, moved in below("path/displacements/").items():
+        columns |= vector(f"displacement.{name}", moved)
         if name in forces:
-            columns[f"work.{name}"] = _work(forces[name], moved)
+            # The work of the force along displacements, by the trapezoidal rule.
+            force = forces[name]
+            steps = (0.5 * (force[1:] + force[:-1]) * np.diff(moved, axis=0)).sum(axis=1)
+            columns[f"work.{name}"] = np.concatenate([[0.0], np.cumsum(steps)])
     for name, force in forces.items():
-        columns |= _vector(f"force.{name}", force)
-    for name, group in _items(root, "contacts"):
-        weight, pressure = group["weight"][...], group["pressure"][...]
-        if f"contact {name}" in forces:
-            # At finite strain the force is stored, as directions and lengths change.
-            force = forces[f"contact {name}"]
-        else:
-            force = force_on_slave(weight, group["normal"][...], pressure, group["traction"][...])
-        columns |= _vector(f"contact.{name}.force", force)
+        columns |= vector(f"force.{name}", force)
+    for name in dict.fromkeys(path.split("/")[0] for path in below("contacts/")):
+        contact = below(f"contacts/{name}/")
+        weight, pressure = contact["weight"], contact["pressure"]
+        # At finite strain the force is stored, as directions and lengths change.
+        force = forces.get(f"contact {name}")
+        if force is None:
+            force = force_on_slave(weight, contact["normal"], pressure, contact["traction"])
+        columns |= vector(f"contact.{name}.force", force)
         columns[f"contact.{name}.peak_pressure"] = pressure.max(axis=1, initial=0.0)
-        columns[f"contact.{name}.closed_length"] = (group["status"][...] != 0) @ weight
-        columns[f"contact.{name}.dissipated_work"] = group["dissipated_work"][...]
+        columns[f"contact.{name}.closed_length"] = (contact["status"] != 0) @ weight
+        columns[f"contact.{name}.dissipated_work"] = contact["dissipated_work"]
     return columns
 
 
@@ -84,18 +93,3 @@ def force_on_slave(
     if traction is not None:
         force = force + (traction * weight) @ np.stack([normal[:, 1], -normal[:, 0]], axis=1)
     return np.asarray(force, dtype=np.float64)
-
-
-def _work(force: FloatArray, moved: FloatArray) -> FloatArray:
-    """Work (S+1,) of a force (S+1, 2) along displacements (S+1, 2), by the trapezoidal rule."""
-    steps = (0.5 * (force[1:] + force[:-1]) * np.diff(moved, axis=0)).sum(axis=1)
-    return np.concatenate([[0.0], np.cumsum(steps)])
-
-
-def _vector(name: str, values: FloatArray) -> dict[str, NDArray[Any]]:
-    return {f"{name}_x": values[:, 0], f"{name}_y": values[:, 1]}
-
-
-def _items(root: Any, place: str) -> list[tuple[str, Any]]:
-    """The members of a group of an open file, empty if it does not exist."""
-    return list(root[place].items()) if place in root else []

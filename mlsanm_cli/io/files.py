@@ -1,19 +1,32 @@
-"""Atomic files, and files with a digest of their content."""
+"""Text files of a run (summary.json, events.jsonl, CSV tables), atomic files, and files with a digest of
+their content."""
 
 from __future__ import annotations
 
+import csv
 import errno
 import hashlib
+import io
+import json
+import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
+
+import tomli_w
+from numpy.typing import NDArray
 
 from mlsanm_cli import system
-from mlsanm_cli.errors import WriteError
+from mlsanm_cli.errors import RunError, WriteError
+from mlsanm_cli.records import Closing
+from mlsanm_cli.toml import plain
 
 TEMPORARY_SUFFIX = ".tmp"
+toml_text = tomli_w.dumps
+"""A mapping as TOML text, which reads back as equal values to the last bit."""
 
 
 @contextmanager
@@ -57,18 +70,17 @@ SEAL = b"mlsanm blake2b "
 
 
 def sealed(content: bytes) -> bytes:
-    """The content of a file, followed by its digest."""
     return content + SEAL + hashlib.blake2b(content).digest()
 
 
 def check_seal(path: Path) -> None:
     """Raises OSError if a sealed file is damaged; one that has not changed is read once."""
     found = path.stat()
-    _read_once(path, found.st_mtime_ns, found.st_size)
+    _check_version(path, found.st_mtime_ns, found.st_size)
 
 
 @lru_cache(maxsize=8)
-def _read_once(path: Path, changed: int, size: int) -> None:
+def _check_version(path: Path, changed: int, size: int) -> None:
     unsealed(path)
 
 
@@ -82,3 +94,95 @@ def unsealed(path: Path) -> bytes:
             raise OSError("its content does not agree with its digest")
         return content
     return whole
+
+
+def write_json_atomic(path: Path, mapping: Mapping[str, Any]) -> None:
+    """Writes ``mapping`` as indented JSON, nan and inf as null. Raises RunError if that fails."""
+    text = json.dumps(plain(mapping), indent=2, ensure_ascii=False, allow_nan=False)
+    write_text(path, text + "\n")
+
+
+DEPTHS = {
+    **dict.fromkeys(("contacts", "probes", "peak_stress"), 2),
+    **dict.fromkeys(("forces", "error_estimate", "quality", "limits", "seconds"), 1),
+}
+"""Entries of a summary that are mappings, 1, and mappings of mappings, 2."""
+
+
+def read_summary(path: Path) -> dict[str, Any]:
+    """Reads the summary of a run. Raises RunError if that fails, or if it is damaged."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise RunError(f"{path} cannot be read: {error}", hint="remove it; run.h5 holds the run") from error
+    known = isinstance(content, dict)
+    for name, depth in DEPTHS.items() if known else ():
+        values = [content.get(name) or {}]
+        for _ in range(depth):
+            known = known and all(isinstance(value, dict) for value in values)
+            values = [inner for value in values if known for inner in value.values()]
+    if not known or not all(isinstance(content.get(name) or [], list) for name in ("warnings", "checks")):
+        raise RunError(f"{path} is not the summary of a run", hint="remove it; run.h5 holds the run")
+    return dict(content)
+
+
+def write_csv(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
+    """Writes columns (n,) by name; floats read back equal. Raises RunError if that fails."""
+    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+    header = io.StringIO()
+    # Names with commas, as those of supports at points, are quoted.
+    csv.writer(header, lineterminator="").writerow(columns)
+    lines = [header.getvalue(), *(",".join(map(repr, row)) for row in rows)]
+    write_text(path, "\n".join(lines) + "\n")
+
+
+class EventLog(Closing):
+    """events.jsonl: one JSON object per line, written immediately; a resumed run appends to it."""
+
+    def __init__(self, path: Path, rows: int | None = None) -> None:
+        """Opens ``path``, and removes an incomplete last line and the steps from number ``rows`` on, which a
+        resumed run repeats. Raises RunError."""
+        self._path = path
+        try:
+            flags = os.O_RDWR | os.O_APPEND | os.O_CREAT
+            self._stream = os.fdopen(system.open_regular(path, flags), "a+b", buffering=0)
+            self._stream.seek(0)
+            lines = self._stream.read().split(b"\n")[:-1]
+            kept = [line for line in lines if rows is None or not _is_step_from(line, rows)]
+            self._stream.truncate(0)
+            self._stream.write(b"".join(line + b"\n" for line in kept))
+        except OSError as error:
+            raise cannot_write(path, error) from error
+        self._earlier = set(kept)
+
+    def write(self, event: str, **values: Any) -> None:
+        """Appends ``{"event": event, ...values}``. Raises RunError if that fails."""
+        line = _line(event, values)
+        try:
+            # One write call per line: a kill leaves complete lines only.
+            done = self._stream.write(line + b"\n")
+        except OSError as error:
+            raise cannot_write(self._path, error) from error
+        if done != len(line) + 1:
+            raise cannot_write(self._path, OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
+
+    def write_once(self, event: str, **values: Any) -> None:
+        """The same, unless the line existed when the log was opened."""
+        if _line(event, values) not in self._earlier:
+            self.write(event, **values)
+
+    def close(self) -> None:
+        self._stream.close()
+
+
+def _is_step_from(line: bytes, rows: int) -> bool:
+    try:
+        event = json.loads(line)
+        return bool(event["event"] == "step" and event["index"] >= rows)
+    except (ValueError, KeyError, TypeError):
+        # Lines of other programs are kept.
+        return False
+
+
+def _line(event: str, values: Mapping[str, Any]) -> bytes:
+    return json.dumps(plain({"event": event, **values}), ensure_ascii=False, allow_nan=False).encode()

@@ -60,7 +60,7 @@ def read_mesh(path: Path, group: str | None = None) -> MeshFile:
     faces, lines, known = [], [], dict[str, None]()
     for number, block in enumerate(mesh.cells):
         kind, cells = block.type, np.asarray(block.data, dtype=np.int64)
-        if kind not in _RINGS and kind not in _LINES and kind != "vertex":
+        if kind not in (*_RINGS, *_LINES, "vertex"):
             hint = f"triangles and quads only: {', '.join(_RINGS)}"
             raise GeometryError(f'there are elements of type "{kind}"', hint)
         if len(cells) and not 0 <= cells.min() <= cells.max() < len(mesh.points):
@@ -185,9 +185,20 @@ def _groups(mesh: meshio.Mesh, block: int, dimension: int, count: int) -> list[t
         for name, cells in mesh.cell_sets.items()
         if name not in _NOT_NAMES and len(cells) == len(mesh.cells) and cells[block] is not None
     }
-    values = _tags(mesh) if PHYSICAL in mesh.cell_data or not mesh.cell_sets else None
-    if values is not None:
-        array, tags = values
+    # The integers that identify groups: Gmsh's physical groups, else the only integer cell data.
+    arrays = {
+        name: values
+        for name, values in mesh.cell_data.items()
+        if name == PHYSICAL
+        or (
+            not (mesh.cell_sets or PHYSICAL in mesh.cell_data or name in _NOT_NAMES)
+            and all(v.ndim == 1 and v.dtype.kind in "iu" for v in map(np.asarray, values))
+        )
+    }
+    if len(arrays) > 1:
+        message = f"several cell data could name the boundaries: {', '.join(arrays)}"
+        raise GeometryError(message, "leave one integer array")
+    for array, tags in arrays.items():
         known = {int(tag): name for name, (tag, d) in mesh.field_data.items() if d == dimension}
         prefix = array.rpartition(":")[2]
         for cell, tag in enumerate(map(int, tags[block])):
@@ -202,24 +213,6 @@ def _groups(mesh: meshio.Mesh, block: int, dimension: int, count: int) -> list[t
     return groups
 
 
-def _tags(mesh: meshio.Mesh) -> tuple[str, list[NDArray[Any]]] | None:
-    """The integers that identify groups: Gmsh's physical groups, else the only integer cell data."""
-    if PHYSICAL in mesh.cell_data:
-        return PHYSICAL, mesh.cell_data[PHYSICAL]
-    whole = {
-        name: values
-        for name, values in mesh.cell_data.items()
-        if name not in _NOT_NAMES
-        and all(v.ndim == 1 and v.dtype.kind in "iu" for v in map(np.asarray, values))
-    }
-    if len(whole) > 1:
-        raise GeometryError(
-            f"several cell data could name the boundaries: {', '.join(whole)}", "leave one integer array"
-        )
-    return next(iter(whole.items()), None)
-
-
 def _name(name: str) -> str:
-    """A group's name, reduced to the characters allowed in boundary names."""
     plain = re.sub(r"[^A-Za-z0-9_-]+", "_", name.strip())
     return f"group{plain}" if plain.isdecimal() else plain

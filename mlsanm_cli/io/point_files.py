@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,9 +31,8 @@ def read_points(path: Path) -> tuple[FloatArray, tuple[str, ...], FloatArray, tu
     tags = tuple(text.strip() for text in table["tag"])
     for tag, place in zip(tags, places, strict=True):
         if tag and not tag.replace("-", "_").isidentifier():
-            raise GeometryError(
-                f'{place}: the tag "{tag}" is not a valid name', "letters, digits, _ and - only"
-            )
+            message = f'{place}: the tag "{tag}" is not a valid name'
+            raise GeometryError(message, "letters, digits, _ and - only")
     points = np.stack([numbers["x"], numbers["y"]], axis=1)
     missing = np.full(len(points), np.nan)
     normals = np.stack([numbers.get("nx", missing), numbers.get("ny", missing)], axis=1)
@@ -50,10 +49,6 @@ def read_points(path: Path) -> tuple[FloatArray, tuple[str, ...], FloatArray, tu
     return points, tags, normals / length[:, None], places
 
 
-def _too_many(count: int) -> GeometryError:
-    return GeometryError(f"there are {count} nodes", f"{MAX_NODES} at most")
-
-
 Table = Mapping[str, Sequence[str]]
 
 
@@ -62,31 +57,22 @@ def _csv(path: Path) -> tuple[Table, tuple[str, ...]]:
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
         raise GeometryError(f"it is not UTF-8 text (byte {error.start})") from error
-    if text.count("\n") > MAX_NODES:
-        raise _too_many(text.count("\n"))
+    if (count := text.count("\n")) > MAX_NODES:
+        raise GeometryError(f"there are {count} nodes", f"{MAX_NODES} at most")
     lines = csv.reader(text.splitlines())
-    header = [name.strip() for name in next(_rows(lines), [])]
-    _check_columns(header, "line 1")
-    rows, places = [], []
-    for row in _rows(lines):
-        if not any(cell.strip() for cell in row):
-            continue
-        place = f"line {lines.line_num}"
-        if len(row) != len(header):
-            raise GeometryError(f"{place}: {len(row)} values for {len(header)} columns")
-        rows.append(row)
-        places.append(place)
-    if not rows:
-        raise GeometryError("there are no nodes", f"a header {','.join(COLUMNS)} and a line per node")
-    return dict(zip(header, zip(*rows, strict=True), strict=True)), tuple(places)
-
-
-def _rows(lines: Any) -> Iterator[list[str]]:
-    """The rows of a table. Raises GeometryError for an invalid one."""
     try:
-        yield from lines
+        numbered = [(f"line {lines.line_num}", row) for row in lines]
     except csv.Error as error:
         raise GeometryError(f"line {lines.line_num}: {error}") from error
+    header = [name.strip() for name in numbered[0][1]] if numbered else []
+    _check_columns(header, "line 1")
+    rows = {place: row for place, row in numbered[1:] if any(cell.strip() for cell in row)}
+    for place, row in rows.items():
+        if len(row) != len(header):
+            raise GeometryError(f"{place}: {len(row)} values for {len(header)} columns")
+    if not rows:
+        raise GeometryError("there are no nodes", f"a header {','.join(COLUMNS)} and a line per node")
+    return dict(zip(header, zip(*rows.values(), strict=True), strict=True)), tuple(rows)
 
 
 def _hdf5(path: Path) -> tuple[Table, tuple[str, ...]]:
@@ -104,14 +90,13 @@ def _hdf5(path: Path) -> tuple[Table, tuple[str, ...]]:
                 if size is None:
                     raise GeometryError(f"the dataset {name} has no data")
                 if size > MAX_NODES:
-                    raise _too_many(size)
+                    raise GeometryError(f"there are {size} nodes", f"{MAX_NODES} at most")
             table = {name: [_text(value) for value in np.ravel(file[name][()])] for name in found}
     except UnicodeDecodeError as error:
         raise GeometryError(f"it contains a text that is not UTF-8 (byte {error.start})") from error
     except (OSError, RuntimeError, TypeError, KeyError) as error:
-        raise GeometryError(
-            f"it is not an HDF5 file ({error})", "a cloud is a .csv or an HDF5 file"
-        ) from error
+        message = f"it is not an HDF5 file ({error})"
+        raise GeometryError(message, "a cloud is a .csv or an HDF5 file") from error
     counts = {name: len(values) for name, values in table.items()}
     if len(set(counts.values())) != 1:
         lengths = ", ".join(f"{name} {count}" for name, count in counts.items())
@@ -141,7 +126,6 @@ def _check_columns(names: Sequence[str], where: str) -> None:
 
 
 def _numbers(name: str, values: Sequence[str], places: Sequence[str]) -> FloatArray:
-    """Numbers (n,), nan for empty cells."""
     numbers = np.full(len(values), np.nan)
     for row, text in enumerate(values):
         if text.strip():

@@ -30,11 +30,9 @@ FAILURE_FILE = "failure.vtu"
 COMPARISON_FILE = "comparison.json"
 LOCK_FILE = "run.lock"
 
-_FIXED = frozenset(
-    (
-        *(RUN_FILE, SUMMARY_FILE, RESOLVED_FILE, EVENTS_FILE, PATH_FILE),
-        *(COLLECTION_FILE, LINES_FILE, FAILURE_FILE, LOCK_FILE),
-    )
+_FIXED = (
+    *(RUN_FILE, SUMMARY_FILE, RESOLVED_FILE, EVENTS_FILE, PATH_FILE),
+    *(COLLECTION_FILE, LINES_FILE, FAILURE_FILE, LOCK_FILE),
 )
 _FIELDS = re.compile(r"(fields|contacts|obstacles)_\d{4,}\.vtu")
 _INTERFACE = re.compile(r"interface(_.+)?\.csv")
@@ -77,17 +75,16 @@ def file_part(name: str) -> str:
 def check(directory: Path, force: bool) -> None:
     """Raises RunError if `prepare` would refuse ``directory`` or a run is in progress in it. Changes no
     file."""
-    refuse_held(directory)
+    if process := holder(directory):
+        raise _in_use(directory, process)
     _replaced(directory, force)
 
 
 def prepare(directory: Path, force: bool) -> None:
-    """Prepares ``directory``, which the caller has locked, for a new run.
-
-    It is created with its parents if it does not exist. With ``force`` the files of an earlier run are
-    removed, and no others. Raises RunError if the directory holds a run or other files and ``force`` is not
-    given, if another file in it has a name that the run needs, or if it is not writable.
-    """
+    """Prepares ``directory``, which the caller has locked, for a new run: it is created with its parents if
+    it does not exist, and with ``force`` the files of an earlier run are removed, and no others. Raises
+    RunError if the directory holds a run or other files and ``force`` is not given, if another file in it has
+    a name that the run needs, or if it is not writable."""
     _remove(_replaced(directory, force), directory)
 
 
@@ -107,10 +104,8 @@ def check_comparison(directory: Path, force: bool) -> list[Path]:
         if not (path.is_file() and mark in path.read_bytes()):
             hint = "no file was changed; use another --out, or move it"
             raise RunError(f"{path} was not written by mlsanm", hint)
-    if known and not force:
-        raise _held(directory, "already holds a comparison")
-    if entries and not known and not force and not _is_run(directory / RUN_FILE):
-        raise _not_empty(directory, "comparison")
+    if not force and (known or (entries and not _is_run(directory / RUN_FILE))):
+        raise _occupied(directory, "comparison", bool(known))
     return known
 
 
@@ -149,26 +144,21 @@ def _replaced(directory: Path, force: bool) -> list[Path]:
     """The files of an earlier run to remove. Raises RunError."""
     entries = [path for path in _entries(directory) if path.name not in {*_COMPARISON, LOCK_FILE}]
     holds_run = _is_run(directory / RUN_FILE)
-    if holds_run and not force:
-        raise _held(directory, "already holds a run")
-    if not holds_run:
-        taken = [path.name for path in entries if _is_reserved(path.name)]
-        if taken:
-            hint = "no file was changed; use another --out, or move these files"
-            raise RunError(f"{directory} holds {', '.join(taken)}, but no run of mlsanm", hint)
-        if entries and not force:
-            raise _not_empty(directory, "run")
-        return []
-    ours = [path for path in entries if path.is_file() and _is_ours(path)]
+    taken = [] if holds_run else [path.name for path in entries if _is_reserved(path.name)]
+    if taken:
+        hint = "no file was changed; use another --out, or move these files"
+        raise RunError(f"{directory} holds {', '.join(taken)}, but no run of mlsanm", hint)
+    if entries and not force:
+        raise _occupied(directory, "run", holds_run)
+    ours = [path for path in entries if holds_run and path.is_file() and _is_ours(path)]
     # run.h5 last: if the removal is interrupted, the directory still counts as a run.
     return sorted(ours, key=lambda path: path.name == RUN_FILE)
 
 
-def _held(directory: Path, words: str) -> RunError:
-    return RunError(f"{directory} {words}", "use --force to replace it, or another --out")
-
-
-def _not_empty(directory: Path, what: str) -> RunError:
+def _occupied(directory: Path, what: str, holds: bool) -> RunError:
+    """The error of a directory that ``holds`` what is to be written already, or other files."""
+    if holds:
+        return RunError(f"{directory} already holds a {what}", "use --force to replace it, or another --out")
     hint = f"use another --out, or --force to write the {what} next to the files in it"
     return RunError(f"{directory} is not empty and holds no run of mlsanm", hint)
 
@@ -223,8 +213,7 @@ def locked(directory: Path) -> Iterator[None]:
     except OSError as error:
         raise cannot_write(path, error) from error
     if fd is None:
-        refuse_held(directory)
-        raise RunError(f"{directory} is being written by another process", hint="wait until it has ended")
+        raise _in_use(directory, holder(directory) or "another process")
     try:
         yield
     finally:
@@ -237,13 +226,10 @@ def locked(directory: Path) -> Iterator[None]:
                 path.unlink(missing_ok=True)
 
 
-def refuse_held(directory: Path) -> None:
-    """Raises RunError if another process writes to ``directory``."""
-    found = holder(directory)
-    if found:
-        raise RunError(
-            f"{directory} is being written by {found}", hint="wait until it has ended, or use another --out"
-        )
+def _in_use(directory: Path, process: str) -> RunError:
+    return RunError(
+        f"{directory} is being written by {process}", "wait until it has ended, or use another --out"
+    )
 
 
 def holder(directory: Path) -> str:

@@ -18,11 +18,10 @@ from mlsanm_cli import __version__
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import schema
 from mlsanm_cli.io.columns import path_table
-from mlsanm_cli.io.files import check_seal
+from mlsanm_cli.io.files import check_seal, read_summary
 from mlsanm_cli.io.run_dir import RUN_FILE, SUMMARY_FILE
-from mlsanm_cli.io.run_file import FORMAT
-from mlsanm_cli.io.summary import read_summary
 
+FORMAT = 1
 MAX_LISTED = 5
 """Largest number of directories listed in a hint."""
 RESULTS = ("bodies", "path", "contacts", "probes", "maps", "fields")
@@ -61,7 +60,7 @@ class Dataset(Mapping[str, Any]):
 
 
 class SavedState(NamedTuple):
-    """Fields saved at one position: body name -> field name -> array (n, ...)."""
+    """Fields (n, ...) saved at one position, by body and name."""
 
     position: float
     bodies: Dataset
@@ -125,7 +124,15 @@ def read_run(rundir: Path, groups: Sequence[str] = RESULTS) -> RunData:
     another format."""
 
     def read(root: Any, file: Path) -> RunData:
-        attributes = _head(root, file)
+        attributes: dict[str, str | int | float] = {}
+        for name, value in root.attrs.items():
+            plain = value.item() if isinstance(value, np.generic) else value
+            attributes[name] = plain if isinstance(plain, str | int | float) else str(plain)
+        if "mlsanm_version" not in attributes or "status" not in attributes:
+            raise RunError(f"{file} was not written by mlsanm", hint="give the directory of a run")
+        if attributes.get("format") != FORMAT:
+            message = f"{file} has format {attributes.get('format')}, this version reads format {FORMAT}"
+            raise RunError(message, f"it was written by mlsanm {attributes['mlsanm_version']}")
         members = {name: _tree(root[name]) if name in root else {} for name in ("case", *groups)}
         return RunData(file.parent, _completed(members), attributes)
 
@@ -161,7 +168,7 @@ def finished(directory: Path, case_hash: str) -> Mapping[str, Any] | None:
 
 def read_path(rundir: Path) -> Mapping[str, NDArray[Any]]:
     """Reads the columns of path.csv, also of a run in progress. Raises RunError as `read_run` does."""
-    return _reading(rundir, lambda root, file: path_table(root))
+    return path_table(dict(flat(read_run(rundir, ("path", "contacts")))))
 
 
 def read_series(rundir: Path, step: int) -> Dataset:
@@ -175,7 +182,6 @@ def read_series(rundir: Path, step: int) -> Dataset:
 
 
 def _reading(rundir: Path, read: Callable[[Any, Path], Read]) -> Read:
-    """The result of ``read`` on the open run.h5."""
     file = rundir if rundir.is_file() else rundir / RUN_FILE
     if not file.is_file():
         what = "no such directory" if not rundir.exists() else f"it holds no {RUN_FILE}"
@@ -194,25 +200,8 @@ def _reading(rundir: Path, read: Callable[[Any, Path], Read]) -> Read:
         raise RunError(f"{file} cannot be read: {error.strerror}") from error
     except (OSError, LookupError, ValueError, RuntimeError, TypeError, AttributeError, MemoryError) as error:
         # A damaged dataset may have no shape, be None, or claim to be too large for the memory.
-        raise RunError(
-            f"{file} cannot be read: it is damaged ({error})", hint="run the case again with --force"
-        ) from error
-
-
-def _head(root: Any, file: Path) -> dict[str, str | int | float]:
-    """The attributes of the file. Raises RunError if it is not a run of this format."""
-    attributes: dict[str, str | int | float] = {}
-    for name, value in root.attrs.items():
-        plain = value.item() if isinstance(value, np.generic) else value
-        attributes[name] = plain if isinstance(plain, str | int | float) else str(plain)
-    if "mlsanm_version" not in attributes or "status" not in attributes:
-        raise RunError(f"{file} was not written by mlsanm", hint="give the directory of a run")
-    if attributes.get("format") != FORMAT:
-        raise RunError(
-            f"{file} has format {attributes.get('format')}, this version reads format {FORMAT}",
-            hint=f"it was written by mlsanm {attributes['mlsanm_version']}",
-        )
-    return attributes
+        message = f"{file} cannot be read: it is damaged ({error})"
+        raise RunError(message, hint="run the case again with --force") from error
 
 
 def _completed(members: dict[str, Any]) -> dict[str, Any]:
@@ -240,10 +229,20 @@ def _completed(members: dict[str, Any]) -> dict[str, Any]:
 
 def _tree(group: Any) -> dict[str, Any]:
     """The content of a group: groups as mappings, texts, lists of texts, arrays."""
-    return {name: _tree(item) if hasattr(item, "items") else _value(item) for name, item in group.items()}
+    return {name: _tree(item) if hasattr(item, "items") else read_value(item) for name, item in group.items()}
 
 
-def _value(item: Any) -> Any:
+def flat(group: Any, above: str = "") -> Iterator[tuple[str, Any]]:
+    """The datasets of a group by path, in their order."""
+    for name, item in group.items():
+        if hasattr(item, "items"):
+            yield from flat(item, f"{above}{name}/")
+        else:
+            yield f"{above}{name}", item
+
+
+def read_value(item: Any) -> Any:
+    """The content of a dataset: an array, a text, or texts."""
     if not h5py.check_string_dtype(item.dtype):
         return item[...]
     text = item.asstr()[()]

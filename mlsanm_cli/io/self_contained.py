@@ -30,9 +30,8 @@ def check_self_contained(path: Path) -> None:
     """Raises GeometryError for a mesh that refers to other files or contains more than the limit."""
     name = path.name.lower()
     if name.endswith(MULTI_FILE_SUFFIXES):
-        raise GeometryError(
-            "files of this format refer to other files", "write the mesh to a single one, .msh, .inp or .vtu"
-        )
+        hint = "write the mesh to a single one, .msh, .inp or .vtu"
+        raise GeometryError("files of this format refer to other files", hint)
     if name.endswith(".gz"):
         raise GeometryError("it is compressed", "unpack it first")
     with path.open("rb") as file:
@@ -58,12 +57,11 @@ def check_readable(path: Path) -> None:
     """Raises GeometryError for an HDF5 file that the library, in a process of its own, does not read to an
     end: a damaged file may keep it busy for ever, or end the process. Other errors are left to the reader."""
     try:
-        done = subprocess.run(
-            [sys.executable, "-c", READER, str(path)], capture_output=True, timeout=MAX_SECONDS
-        )
+        command = [sys.executable, "-c", READER, str(path)]
+        ended = subprocess.run(command, capture_output=True, timeout=MAX_SECONDS).returncode >= 0
     except subprocess.TimeoutExpired:
-        done = None
-    if done is None or done.returncode < 0:
+        ended = False
+    if not ended:
         raise GeometryError("the HDF5 library does not read it: it is damaged", "write the file again")
 
 
@@ -102,15 +100,12 @@ def bounded_unpacking() -> Iterator[None]:
     meshio, which has no limit of its own, accesses zlib and lzma by name."""
     from meshio.vtu import _vtu
 
-    names = {"zlib": zlib.decompressobj, "lzma": lzma.LZMADecompressor}
-    before = {name: getattr(_vtu, name) for name in names}
+    before = _vtu.zlib, _vtu.lzma
     try:
-        for name, make in names.items():
-            setattr(_vtu, name, _Unpacker(make))
+        _vtu.zlib, _vtu.lzma = _Unpacker(zlib.decompressobj), _Unpacker(lzma.LZMADecompressor)
         yield
     finally:
-        for name, module in before.items():
-            setattr(_vtu, name, module)
+        _vtu.zlib, _vtu.lzma = before
 
 
 class _Unpacker:

@@ -9,7 +9,7 @@ import sys
 from binascii import b2a_base64
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,15 +84,9 @@ class StateWriter:
             f'name="{escape(name)}" file="{part}"/>'
             for number, (name, part) in enumerate(parts.items())
         ]
-        lines = (
-            '<?xml version="1.0"?>',
-            '<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">',
-            "  <Collection>",
-            *self._listed[file],
-            "  </Collection>",
-            "</VTKFile>",
-        )
-        write_text(self._directory / file, "\n".join(lines) + "\n")
+        head = '<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n  <Collection>'
+        lines = ['<?xml version="1.0"?>', head, *self._listed[file], "  </Collection>\n</VTKFile>\n"]
+        write_text(self._directory / file, "\n".join(lines))
 
 
 def write_parts(path: Path, number: str, parts: Sequence[VtuPart]) -> None:
@@ -138,47 +132,31 @@ def write_grid(
 ) -> None:
     """Writes ``points`` (n, 3) as a VTU file with ``data`` (n,) or (n, c) and blocks of ``cells``. A block is
     a cell type and the point numbers (c, k) of its cells. Raises RunError if the file cannot be written."""
-    count = len(points)
-    widths = np.concatenate([np.full(len(block), block.shape[1]) for _, block in cells])
     kinds = np.concatenate([np.full(len(block), kind, dtype=np.uint8) for kind, block in cells])
+    widths = np.concatenate([np.full(len(block), block.shape[1]) for _, block in cells])
     described: dict[str, NDArray[Any]] = {
         "connectivity": np.concatenate([block.ravel() for _, block in cells]).astype(np.int64),
         "offsets": np.cumsum(widths, dtype=np.int64),
         "types": kinds,
     }
-    sections: tuple[tuple[str, Mapping[str, NDArray[Any]]], ...] = (
-        ("Points", {"Points": points}),
-        ("Cells", described),
-        ("PointData", data),
-    )
     with replacing(path) as temporary, temporary.open("wb") as stream:
-        _put(
-            stream,
-            '<?xml version="1.0"?>',
-            f'<VTKFile type="UnstructuredGrid" version="1.0" byte_order="{_ORDER}" header_type="UInt64">',
-            "<UnstructuredGrid>",
-            f'<Piece NumberOfPoints="{count}" NumberOfCells="{len(kinds)}">',
+        stream.write(
+            f'<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="1.0" byte_order="{_ORDER}" '
+            'header_type="UInt64">\n<UnstructuredGrid>\n'
+            f'<Piece NumberOfPoints="{len(points)}" NumberOfCells="{len(kinds)}">\n'.encode()
         )
-        for section, arrays in sections:
-            _put(stream, f"<{section}>")
-            for name, array in arrays.items():
-                _array(stream, name, array)
-            _put(stream, f"</{section}>")
-        _put(stream, "</Piece>", "</UnstructuredGrid>", "</VTKFile>")
-
-
-def _array(stream: BinaryIO, name: str, array: NDArray[Any]) -> None:
-    array = np.ascontiguousarray(array, array.dtype.newbyteorder("="))
-    width = f' NumberOfComponents="{array.shape[1]}"' if array.ndim == 2 else ""
-    kind = _TYPES[array.dtype.str[1:]]
-    _put(stream, f'<DataArray type="{kind}" Name="{escape(name)}"{width} format="binary">')
-    # Length and array are encoded together: separately only in compressed files.
-    stream.write(b2a_base64(struct.pack("=Q", array.nbytes) + array.tobytes()))
-    _put(stream, "</DataArray>")
-
-
-def _put(stream: BinaryIO, *lines: str) -> None:
-    stream.write("".join(f"{line}\n" for line in lines).encode())
+        for section, arrays in (("Points", {"Points": points}), ("Cells", described), ("PointData", data)):
+            stream.write(f"<{section}>\n".encode())
+            for name, values in arrays.items():
+                array = np.ascontiguousarray(values, values.dtype.newbyteorder("="))
+                width = f' NumberOfComponents="{array.shape[1]}"' if array.ndim == 2 else ""
+                kind = _TYPES[array.dtype.str[1:]]
+                head = f'<DataArray type="{kind}" Name="{escape(name)}"{width} format="binary">\n'
+                # Length and array are encoded together: separately only in compressed files.
+                content = b2a_base64(struct.pack("=Q", array.nbytes) + array.tobytes())
+                stream.write(head.encode() + content + b"</DataArray>\n")
+            stream.write(f"</{section}>\n".encode())
+        stream.write(b"</Piece>\n</UnstructuredGrid>\n</VTKFile>\n")
 
 
 def escape(text: str) -> str:

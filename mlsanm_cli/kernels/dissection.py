@@ -14,20 +14,6 @@ STACK_SIZE = 256
 
 
 @inner
-def _extents(
-    indptr: IndexArray, indices: IndexArray, rank: IndexArray, lowest: IndexArray, highest: IndexArray
-) -> None:
-    """Smallest and largest ``rank`` (d, n) of every vertex and its neighbours in each direction."""
-    for direction in range(len(rank)):
-        for vertex in range(rank.shape[1]):
-            low = high = rank[direction, vertex]
-            for entry in range(indptr[vertex], indptr[vertex + 1]):
-                other = rank[direction, indices[entry]]
-                low, high = min(low, other), max(high, other)
-            lowest[direction, vertex], highest[direction, vertex] = low, high
-
-
-@inner
 def _touches(vertex: int, indptr: IndexArray, indices: IndexArray, side: IntArray, other: int) -> bool:
     """Whether a neighbour of ``vertex`` is on the ``other`` side."""
     found = False
@@ -53,9 +39,9 @@ def _separator(
     """Size of the separator of a ``part`` (in rank order) cut before ``cut``: vertices of its upper or lower
     half that touch the other half; at most ``limit``.
 
-    ``extents`` (n,) are the ranks and the result of :func:`_extents`; ``side`` (n,) labels the lower and
-    upper half with ``names``. The loop starts at the cut and skips vertices whose neighbours all rank on
-    their own side.
+    ``extents`` (n,) are the ranks of vertices, and the lowest and highest of them and their neighbours;
+    ``side`` (n,) labels the lower and upper half with ``names``. The loop starts at the cut and skips
+    vertices whose neighbours all rank on their own side.
     """
     rank, lowest, highest = extents
     count = 0
@@ -77,11 +63,6 @@ def _rearrange(nodes: IndexArray, low: int, high: int, group: IndexArray, sizes:
     for vertex in part:
         nodes[at[group[vertex]]] = vertex
         at[group[vertex]] += 1
-
-
-@inner
-def _push(place: IntArray, low: int, high: int, end: int, parent: int) -> None:
-    place[0], place[1], place[2], place[3] = low, high, end, parent
 
 
 @kernel
@@ -109,7 +90,13 @@ def dissect(
     for direction in range(directions):
         for place in range(count):
             rank[direction, ranked[direction, place]] = place
-    _extents(indptr, indices, rank, lowest, highest)
+        # Extreme ranks of every vertex and its neighbours.
+        for vertex in range(count):
+            low = high = rank[direction, vertex]
+            for entry in range(indptr[vertex], indptr[vertex + 1]):
+                other = rank[direction, indices[entry]]
+                low, high = min(low, other), max(high, other)
+            lowest[direction, vertex], highest[direction, vertex] = low, high
     # Label of the last half every vertex was in; its group: kept half, other half, separator.
     side, group = np.full(count, -1, dtype=np.int64), np.zeros(count, dtype=np.int32)
     waiting = np.zeros((STACK_SIZE, 4), dtype=np.int64)
@@ -153,9 +140,11 @@ def dissect(
             _rearrange(ranked[direction], low, high, group, (kept, rest))
         copy_to(order[end - smallest :], ranked[0, high - smallest : high])
         begins[fronts - 1] = end - smallest
-        _push(waiting[depth], low, low + kept, end - smallest - rest, fronts - 1)
-        _push(waiting[depth + 1], low + kept, low + kept + rest, end - smallest, fronts - 1)
-        depth += 2
+        middle, last = low + kept, end - smallest
+        for first, final, stop in ((low, middle, last - rest), (middle, middle + rest, last)):
+            waiting[depth, 0], waiting[depth, 1] = first, final
+            waiting[depth, 2], waiting[depth, 3] = stop, fronts - 1
+            depth += 1
     return fronts
 
 

@@ -24,8 +24,7 @@ DONE, PAUSED, FULL_POINTS, FULL_TABLE = 0, 1, 2, 3
 def _distance(zone: FloatArray, x: float, y: float) -> float:
     """Distance to a zone's segment (0, x0, y0, x1, y1, ...) or arc (1, cx, cy, radius, from, sweep, ...)."""
     if zone[0] == 0.0:
-        ex = zone[3] - zone[1]
-        ey = zone[4] - zone[2]
+        ex, ey = zone[3] - zone[1], zone[4] - zone[2]
         length2 = ex * ex + ey * ey
         t = 0.0
         if length2 > 0.0:
@@ -95,30 +94,6 @@ def _slot(keys: IntArray, key: int) -> int:
 
 
 @inner
-def _enter(
-    keys: IntArray,
-    heads: IntArray,
-    following: IntArray,
-    points: FloatArray,
-    h: FloatArray,
-    finest: float,
-    node: int,
-) -> int:
-    """Insert ``node`` at the head of its cell's list; returns 1 for a new cell."""
-    level = _level(h[node], finest)
-    cell = _cell(level, finest)
-    key = _key(level, math.floor(points[node, 0] / cell), math.floor(points[node, 1] / cell))
-    slot = _slot(keys, key)
-    fresh = 0
-    if keys[slot] == EMPTY:
-        keys[slot] = key
-        fresh = 1
-    following[node] = heads[slot]
-    heads[slot] = node
-    return fresh
-
-
-@inner
 def _inside(
     loops: FloatArray,
     strip_start: IntArray,
@@ -179,30 +154,14 @@ def _nodes_within(
                     continue
                 node = heads[slot]
                 while node != EMPTY:
-                    dx = points[node, 0] - x
-                    dy = points[node, 1] - y
+                    dx, dy = points[node, 0] - x, points[node, 1] - y
                     if dx * dx + dy * dy < reach * reach:
                         if found == near.shape[0]:
                             near = _doubled(near)
-                        near[found, 0] = points[node, 0]
-                        near[found, 1] = points[node, 1]
+                        near[found, 0], near[found, 1] = points[node, 0], points[node, 1]
                         found += 1
                     node = following[node]
     return near, found
-
-
-@inner
-def _nearest(near: FloatArray, count: int, x: float, y: float, enough: float) -> float:
-    """Squared distance from (x, y) to the nearest of ``count`` points, or to the first one below
-    ``enough``."""
-    smallest = math.inf
-    for k in range(count):
-        dx = near[k, 0] - x
-        dy = near[k, 1] - y
-        smallest = min(smallest, dx * dx + dy * dy)
-        if smallest < enough:
-            break
-    return smallest
 
 
 @kernel
@@ -234,19 +193,13 @@ def advance_front(
     Returns DONE at the end or from ``limit`` nodes on, PAUSED after ``parents`` nodes, FULL_POINTS or
     FULL_TABLE if there may be no room for another parent; the caller then enlarges the arrays.
     """
-    finest = far
-    steepest = 0.0
+    finest, steepest = far, 0.0
     for z in range(zones.shape[0]):
         finest = min(finest, zones[z, 6])
         steepest = max(steepest, zones[z, 8])
-    count = progress[0]
-    parent = progress[1]
-    entered = progress[2]
-    used = progress[3]
-    state = np.uint64(progress[4])
-    near = np.empty((64, 2))
-    stopped = PAUSED
-    last = parent + parents
+    count, parent, entered, used = progress[0], progress[1], progress[2], progress[3]
+    state, near = np.uint64(progress[4]), np.empty((64, 2))
+    stopped, last = PAUSED, parent + parents
     while parent < last:
         if parent == count or count >= limit:
             stopped = DONE
@@ -259,8 +212,16 @@ def advance_front(
             break
         state = state * np.uint64(6364136223846793005) + np.uint64(1442695040888963407)
         turn = float(state >> np.uint64(11)) / 9007199254740992.0
+        # New nodes become the heads of their cells' lists.
         while entered < count:
-            used += _enter(keys, heads, following, points, h, finest, entered)
+            level = _level(h[entered], finest)
+            cell = _cell(level, finest)
+            key = _key(level, math.floor(points[entered, 0] / cell), math.floor(points[entered, 1] / cell))
+            slot = _slot(keys, key)
+            if keys[slot] == EMPTY:
+                keys[slot] = key
+                used += 1
+            following[entered], heads[slot] = heads[slot], entered
             entered += 1
         # Candidates are one spacing away; nodes that reject them are within another spacing.
         size = h[parent]
@@ -279,7 +240,12 @@ def advance_front(
             angle = 2.0 * math.pi * (c + turn) / candidates
             x = points[parent, 0] + size * math.cos(angle)
             y = points[parent, 1] + size * math.sin(angle)
-            distance2 = _nearest(near, around, x, y, least * least)
+            distance2 = math.inf
+            for k in range(around):
+                dx, dy = near[k, 0] - x, near[k, 1] - y
+                distance2 = min(distance2, dx * dx + dy * dy)
+                if distance2 < least * least:
+                    break
             if distance2 < least * least:
                 continue
             own = _spacing(far, zones, x, y)
@@ -288,17 +254,10 @@ def advance_front(
                 continue
             if not _inside(edges, strip_start, strip_edges, strip_low, strip_step, x, y):
                 continue
-            points[count, 0] = x
-            points[count, 1] = y
-            h[count] = own
-            count += 1
-            near[around, 0] = x
-            near[around, 1] = y
-            around += 1
+            points[count, 0], points[count, 1], h[count] = x, y, own
+            near[around, 0], near[around, 1] = x, y
+            count, around = count + 1, around + 1
         parent += 1
-    progress[0] = count
-    progress[1] = parent
-    progress[2] = entered
-    progress[3] = used
+    progress[0], progress[1], progress[2], progress[3] = count, parent, entered, used
     progress[4] = np.int64(state)
     return stopped

@@ -148,15 +148,6 @@ def _extend_add(
 
 
 @inner
-def _flip_signs(front: FloatArray, first: int, columns: int, height: int) -> None:
-    """Flip the signs of some columns of a panel from the diagonal of column ``first`` down."""
-    for column in range(first, first + columns):
-        part = front[column * height + first : (column + 1) * height]
-        for i in range(len(part)):
-            part[i] = -part[i]
-
-
-@inner
 def _eliminate(front: FloatArray, update: FloatArray, pivots: int, positive: int, edge: int) -> bool:
     """Factorise a panel in place and subtract its Schur complement from ``update``; false if one of the first
     ``positive`` pivots is not positive or one of the others not negative. STRIP_COLUMNS columns at a time:
@@ -169,8 +160,10 @@ def _eliminate(front: FloatArray, update: FloatArray, pivots: int, positive: int
         rows, rest = height - first - columns, pivots - first - columns
         i: Any = np.array([columns, height, 0], dtype=np.int32)
         strip: Any = front[first * (height + 1) :]
-        if not own:
-            _flip_signs(front, first, columns, height)
+        for column in range(first, first if own else first + columns):
+            part = front[column * height + first : (column + 1) * height]
+            for row in range(len(part)):
+                part[row] = -part[row]
         dpotrf(c[LOWER:].ctypes, i.ctypes, strip.ctypes, i[1:].ctypes, i[2:].ctypes)
         if i[2] != 0:
             return False

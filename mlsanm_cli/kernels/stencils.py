@@ -8,13 +8,13 @@ import math
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.kernels.aot.jit import inner, kernel
 from mlsanm_cli.kernels.aot.signature import Float1, Float2, FloatOut1, FloatOut2, FloatOut3, Int1
 from mlsanm_cli.kernels.copies import copy_to
 
 LANES = 32
-"""Stencils processed at once: 16 take a fifth longer, 64 as long."""
+"""Stencils processed at once."""
 
 
 @inner
@@ -39,8 +39,7 @@ def _functional(degree: int, dx: int, dy: int, x: float, y: float, row: FloatArr
     column = 0
     for total in range(degree + 1):
         for power in range(total + 1):
-            i = total - power
-            j = power
+            i, j = total - power, power
             if i < dx or j < dy:
                 row[column] = 0.0
             else:
@@ -132,16 +131,6 @@ def _solve(
         _reflect(matrix[c], c, rows, tau[c], x, dot, lanes)
 
 
-@inner
-def _equal_size_run(indptr: IntArray, first: int) -> int:
-    """Number of consecutive stencils of equal size from ``first`` on, at most LANES."""
-    lanes, last = 1, min(LANES, len(indptr) - 1 - first)
-    size = indptr[first + 1] - indptr[first]
-    while lanes < last and indptr[first + lanes + 1] - indptr[first + lanes] == size:
-        lanes += 1
-    return lanes
-
-
 @kernel
 def mls_weights(
     points: Float2,
@@ -174,7 +163,10 @@ def mls_weights(
     tau, diagonal = np.empty((columns, LANES)), np.empty((columns, LANES))
     done = 0
     while done < centers.shape[0]:
-        first, lanes, rows = done, _equal_size_run(indptr, done), indptr[done + 1] - indptr[done]
+        first, lanes, rows = done, 1, indptr[done + 1] - indptr[done]
+        most = min(LANES, len(indptr) - 1 - first)
+        while lanes < most and indptr[first + lanes + 1] - indptr[first + lanes] == rows:
+            lanes += 1
         done += lanes
         if rows < columns:
             ratio[first:done] = 0.0

@@ -116,25 +116,6 @@ def _flip_signs(x: FloatArray, c: int, columns: int, pivots: int, negative: int)
 
 
 @inner
-def _mark(mark: IntArray, columns: IntArray, f: int) -> None:
-    for i in range(len(columns)):
-        mark[columns[i]] = f
-
-
-@inner
-def _marked(mark: IntArray, f: int, at: IntArray) -> IntArray:
-    """Columns marked with f; ``at`` receives the position of each among them."""
-    active = np.empty(len(mark), dtype=np.int64)
-    c = 0
-    for column in range(len(mark)):
-        if mark[column] == f:
-            active[c] = column
-            at[column] = c
-            c += 1
-    return active[:c].copy()
-
-
-@inner
 def _add_product(
     x: FloatArray, columns: IntArray, left: int, pivots: int, negative: int, result: FloatArray
 ) -> None:
@@ -180,13 +161,20 @@ def products(
     for f in range(len(parent)):
         first, end, nodes = start[f], start[f + 1], border[begin[f] : begin[f + 1]]
         pivots, height = 2 * (end - first), 2 * (end - first + len(nodes))
+        # Columns with entries in the front or its children, and the position of each among them.
         bottom = depth
         while bottom > 0 and parent[owner[bottom - 1]] == f:
-            _mark(mark, active[bottom], f)
+            for other in active[bottom]:
+                mark[other] = f
             bottom -= 1
-        _mark(mark, indices[indptr[2 * first] : indptr[2 * end]], f)
-        columns = _marked(mark, f, at)
-        c = len(columns)
+        for entry in range(indptr[2 * first], indptr[2 * end]):
+            mark[indices[entry]] = f
+        columns, c = np.empty(total, dtype=np.int64), 0
+        for column in range(total):
+            if mark[column] == f:
+                columns[c], at[column] = column, c
+                c += 1
+        columns = columns[:c].copy()
         x = np.zeros(height * c)
         for row in range(2 * first, 2 * end):
             for entry in range(indptr[row], indptr[row + 1]):

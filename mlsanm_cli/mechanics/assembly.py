@@ -17,10 +17,10 @@ from types import MappingProxyType
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cells import Halves
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.mechanics.body import BodyEquations, ElasticBody
+from mlsanm_cli.mechanics.body import BodyEquations, ElasticBody, first_rows
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.corners import corner_weight, one_sided_weight, reentrant_corners, reentrant_weight
 from mlsanm_cli.mechanics.elasticity import first_order_rows, moduli_of, traction_moduli
@@ -30,31 +30,12 @@ from mlsanm_cli.mechanics.springs import FREE, NO_SPRING, Held, Springs, restrai
 from mlsanm_cli.memo import digest
 from mlsanm_cli.operators import least_squares
 from mlsanm_cli.operators.least_squares import Strong
-from mlsanm_cli.operators.linear.interface import LinearSolver
+from mlsanm_cli.operators.linear.interface import LinearSolver, compact
 from mlsanm_cli.operators.rows import nodal_pairs, nodal_rows
-from mlsanm_cli.operators.structure import compact
 from mlsanm_cli.operators.system import LinearSystem
-from mlsanm_cli.records import dataclass
 
 HOLD_WEIGHT = 5.0
-"""Weight of held displacements: measured, the bulk error is the same from 3 to 10."""
-
-
-@dataclass(frozen=True)
-class RowTable:
-    """Positions of a body's rows: ``surfaces[name]`` is the first of a surface's conditions (x of its b
-    nodes, then y), ``nodes`` the first of single held nodes; ``modulus`` and ``springs`` scale tractions."""
-
-    surfaces: Mapping[str, int]
-    nodes: int
-    total: int
-    modulus: float
-    springs: Springs
-
-    def moduli(self, surface: str, component: int, length: FloatArray) -> FloatArray:
-        """Scale (b,) of the tractions of a surface's nodes: modulus plus spring stiffness times ``length``
-        (b,)."""
-        return np.asarray(self.modulus + self.springs.get(surface, NO_SPRING)[component] * length)
+"""Weight of held displacements."""
 
 
 def assemble(
@@ -73,100 +54,61 @@ def assemble(
     ``springs`` have the row sigma n + k u. A body with free rigid motions is pinned, which affects nothing
     but these motions. ``touching`` are the surfaces in contact.
     """
-    cloud = model.cloud
+    cloud, material = model.cloud, model.material
     free = free_motions(cloud, held, held_nodes, springs)
     single = [*held_nodes, *pins(cloud.points, free)]
-    first_row, total = _first_rows(cloud)
-    table = RowTable(first_row, total, total + len(single), model.material.modulus, springs)
-    restraints = restrained(held, springs, cloud, model.material)
+    first_row, total = first_rows(cloud)
+    total += len(single)
+    restraints = restrained(held, springs, cloud, material)
     # In nearly incompressible plane bodies, pairs would make nodal pressures alternate.
-    unpaired = model.material.nearly_incompressible and not cloud.revolved
+    unpaired = material.nearly_incompressible and not cloud.revolved
     pieces = Pieces.of(cloud, () if unpaired else touching, restraints)
-    count = table.total + 3 * pieces.count
+    count = total + 3 * pieces.count
     # Computed on first use, by the equations or for the body's forces.
     loads = cache(partial(pieces.loads, first_row, count, restraints))
-    pulls = spring_rows(cloud, table, len(model.cloud.points))
+    pulls = spring_rows(cloud, springs, total)
     rows = compact(sparse.csr_array(_rows(model, held, single) + pulls))
-    weight = row_weights(model, held, single, table, restraints, touching)
+    weight = row_weights(model, held, single, springs, restraints, touching)
     known = pieces.rows_known(list(held_nodes[: len(held_nodes) - unloaded]))
-    strong = partial(_strong, model, pieces, restraints, loads, pulls, known)
-    sums = pieces.sums(known)
-    factorise = partial(_least_squares, model, rows, weight, strong, sums, pieces, solver)
-    # Digest of the input of the rows, which are many times as large. The weights and the points halfway
-    # between nodes capture what nodes and normals do not tell of the curves.
+
+    def factorise() -> LinearSystem:
+        """The system with the equilibrium of the pieces as strong rows, strains times their strength, zero
+        where forces are not known. The rows are weighted in place: they are the largest array."""
+        lines = pieces.fluxes(model, restraints, np.asarray(known.reshape(3, -1).any(axis=0)))
+        if pulls.nnz:
+            # A spring row prescribes the sum of traction and spring force.
+            lines = lines + loads()[:, :total] @ pulls
+        strength = pieces.strengths_of(material) / (material.modulus * pieces.size)
+        scale = np.where(known, np.tile(strength, 3), 0.0)
+        lines, on_pieces = (sparse.csr_array(sparse.diags_array(scale) @ part) for part in (lines, loads()))
+        rows.data *= np.repeat(weight, np.diff(rows.indptr))
+        node = [np.flatnonzero(level >= 0) for level in pieces.levels]
+        piece = np.concatenate([level[some] for level, some in zip(pieces.levels, node, strict=True)])
+        times, at = np.bincount(piece, minlength=pieces.count), cloud.points[np.concatenate(node)]
+        sums_of = [np.bincount(piece, values, pieces.count) for values in at.T]
+        places = np.stack(sums_of, axis=1) / np.maximum(times, 1)[:, None]
+        unscaled = sparse.diags_array(1.0 / np.where(scale > 0.0, scale, 1.0))
+        sums = sparse.csr_array(pieces.sums(known) @ unscaled)
+        strong = Strong(lines, on_pieces, np.tile(np.arange(pieces.count), 3), places, sums)
+        return least_squares.factorise(rows, weight, cloud.points, solver, strong)
+
+    # Of the input of the rows, which are many times as large. Points between nodes tell of the curves.
     curves = [surface.curve.points(Halves.of(surface).arc) for surface in cloud.surfaces.values()]
+    kind = [cloud.content, material.stiffness, material.flows, model.settings]
     chosen = [held, held_nodes, springs, solver, sorted(touching), unloaded]
-    content = digest(model.rows_content, weight, curves, chosen)
+    content = digest(kind, weight, curves, chosen)
     equations = BodyEquations(content, factorise)
-    body = ElasticBody(
-        model, held, springs, free, first_row, count, pieces, loads, equations, tuple(held_nodes)
-    )
+    body = ElasticBody(model, held, springs, free, count, pieces, loads, equations, tuple(held_nodes))
     if not free.components:
         return body
     unpinned = partial(_without_pins, body, single[len(held_nodes) :])
     return replace(body, equations=BodyEquations(content, unpinned))
 
 
-def _strong(
-    model: BodyModel,
-    pieces: Pieces,
-    restraints: Held,
-    loads_on_pieces: Callable[[], sparse.csr_array],
-    pulls: sparse.csr_array,
-    known: BoolArray,
-) -> tuple[sparse.csr_array, sparse.csr_array, FloatArray]:
-    """Equilibrium of the pieces as strong rows (3k, 2N), its operator (3k, r) on right-hand sides, both as
-    strains times their strength and zero where not ``known`` (3k,); and the scale (3k,) of forces."""
-    loads = loads_on_pieces()
-    rows = pieces.fluxes(model, restraints, np.asarray(known.reshape(3, -1).any(axis=0)))
-    if pulls.nnz:
-        # A spring row prescribes the sum of traction and spring force.
-        rows = rows + loads[:, : pulls.shape[0]] @ pulls
-    strength = pieces.strengths_of(model.material) / (model.material.modulus * pieces.size)
-    scale = np.where(known, np.tile(strength, 3), 0.0)
-    scaled = sparse.diags_array(scale)
-    return sparse.csr_array(scaled @ rows), sparse.csr_array(scaled @ loads), scale
-
-
-def _least_squares(
-    model: BodyModel,
-    rows: sparse.csr_array,
-    weight: FloatArray,
-    strong: Callable[[], tuple[sparse.csr_array, sparse.csr_array, FloatArray]],
-    sums: sparse.csr_array,
-    pieces: Pieces,
-    solver: LinearSolver,
-) -> LinearSystem:
-    """Factorise; the ``rows`` are weighted in place."""
-    lines, loads, scale = strong()
-    owner = np.tile(np.arange(pieces.count), 3)
-    # In place: the rows are the largest array before factorisation.
-    rows.data *= np.repeat(weight, np.diff(rows.indptr))
-    node = [np.flatnonzero(level >= 0) for level in pieces.levels]
-    piece = np.concatenate([level[some] for level, some in zip(pieces.levels, node, strict=True)])
-    times, at = np.bincount(piece, minlength=pieces.count), model.cloud.points[np.concatenate(node)]
-    sums_of = [np.bincount(piece, values, pieces.count) for values in at.T]
-    places = np.stack(sums_of, axis=1) / np.maximum(times, 1)[:, None]
-    sums = sparse.csr_array(sums @ sparse.diags_array(1.0 / np.where(scale > 0.0, scale, 1.0)))
-    strong_rows = Strong(lines, loads, owner, places, sums)
-    return least_squares.factorise(rows, weight, model.cloud.points, solver, strong_rows)
-
-
-def _first_rows(cloud: Cloud) -> tuple[dict[str, int], int]:
-    """First row of every surface's conditions, and the total number of rows."""
-    first_row, total = {}, 2 * len(cloud.points)
-    for name, surface in cloud.surfaces.items():
-        first_row[name] = total
-        total += 2 * len(surface.index)
-    return first_row, total
-
-
 def node_rows(body: ElasticBody) -> sparse.csr_array:
     """The rows (r, 2N) of a body's nodes: equilibrium, conditions of surfaces, single held components."""
-    first_row, total = _first_rows(body.model.cloud)
-    last = total + len(body.held_nodes)
-    table = RowTable(first_row, total, last, body.model.material.modulus, body.springs)
-    pulls = spring_rows(body.model.cloud, table, len(body.model.cloud.points))
+    cloud = body.model.cloud
+    pulls = spring_rows(cloud, body.springs, first_rows(cloud)[1] + len(body.held_nodes))
     return sparse.csr_array(_rows(body.model, body.held, body.held_nodes) + pulls)
 
 
@@ -219,13 +161,13 @@ def rows_of_nodes(
     return sparse.csr_array(sparse.vstack([*blocks, single], format="csr"))
 
 
-def spring_rows(cloud: Cloud, table: RowTable, nodes: int) -> sparse.csr_array:
-    """Contribution (r, 2N) of springs to the rows."""
-    pulls = sparse.csr_array((table.total, 2 * nodes))
-    for name, stiffness in table.springs.items():
+def spring_rows(cloud: Cloud, springs: Springs, rows: int) -> sparse.csr_array:
+    """Contribution (r, 2N) of springs to the r ``rows``."""
+    pulls, first_row = sparse.csr_array((rows, 2 * len(cloud.points))), first_rows(cloud)[0]
+    for name, stiffness in springs.items():
         index = cloud.surfaces[name].index
         for component, spring in enumerate(stiffness):
-            at = table.surfaces[name] + component * len(index) + np.arange(len(index))
+            at = first_row[name] + component * len(index) + np.arange(len(index))
             entries = (np.full(len(index), spring), (at, 2 * index + component))
             pulls = pulls + sparse.csr_array(entries, shape=pulls.shape)
     return pulls
@@ -248,40 +190,31 @@ def row_weights(
     model: BodyModel,
     held: Mapping[str, tuple[bool, bool]],
     held_nodes: Sequence[tuple[int, int]],
-    table: RowTable,
+    springs: Springs,
     restraints: Held,
     touching: Collection[str] = (),
 ) -> FloatArray:
     """Weights (r,) of the rows in the least-squares sum; stresses are singular where ``restraints`` end, but
     next to surfaces ``touching``."""
-    cloud = model.cloud
-    corners = _unenriched_corners(model, restraints)
+    cloud, modulus = model.cloud, model.material.modulus
+    corners = reentrant_corners(cloud)
+    if model.tips is not None:
+        # Without singular functions: all but isolated ones between free faces.
+        bound = [cloud.surfaces[name].index for name, axes in restraints.items() if any(axes)]
+        away = np.abs(cloud.points[corners][:, None] - model.tips.place).sum(axis=2).min(axis=1)
+        corners = corners[np.isin(corners, np.concatenate([corners[:0], *bound])) | (away > 0.0)]
     restraints = {name: axes for name, axes in restraints.items() if not cloud.on_axis(cloud.surfaces[name])}
-    corner = corner_weight(cloud, restraints, table.springs, touching)
+    corner = corner_weight(cloud, restraints, springs, touching)
     factor = corner * reentrant_weight(cloud, corners)
     inside = one_sided_weight(cloud, corner, model.settings)
-    weights = [factor * inside * cloud.spacing / table.modulus] * 2
+    weights = [factor * inside * cloud.spacing / modulus] * 2
     for name, surface in cloud.surfaces.items():
         spacing = cloud.spacing[surface.index]
         # A node at the end of a surface represents half a spacing of it.
         traction = factor[surface.index] * np.sqrt(surface.weight / spacing)
         for component, holds in enumerate(held.get(name, FREE)):
             # A stiff spring counts as a hold.
-            weights.append(
-                HOLD_WEIGHT / spacing
-                if holds
-                else traction / table.moduli(name, component, spacing / HOLD_WEIGHT)
-            )
+            stiffness = modulus + springs.get(name, NO_SPRING)[component] * (spacing / HOLD_WEIGHT)
+            weights.append(HOLD_WEIGHT / spacing if holds else traction / stiffness)
     single = np.array([node for node, _ in held_nodes], dtype=np.int64)
     return np.concatenate([*weights, HOLD_WEIGHT / cloud.spacing[single]])
-
-
-def _unenriched_corners(model: BodyModel, restraints: Held) -> IntArray:
-    """Nodes at reentrant corners without singular functions: all but isolated ones between free faces."""
-    corners = reentrant_corners(model.cloud)
-    if model.tips is None:
-        return corners
-    restrained = [model.cloud.surfaces[name].index for name, held in restraints.items() if any(held)]
-    away = np.abs(model.cloud.points[corners][:, None] - model.tips.place).sum(axis=2).min(axis=1)
-    unknown = np.isin(corners, np.concatenate([np.zeros(0, dtype=np.int64), *restrained])) | (away > 0.0)
-    return np.asarray(corners[unknown])

@@ -16,6 +16,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.pieces import Pieces, reaction_rows
 from mlsanm_cli.mechanics.rigid import RigidBodyModes
@@ -55,11 +56,19 @@ class BodyEquations:
         return "" if self._system is None else self._system.note
 
 
+def first_rows(cloud: Cloud) -> tuple[dict[str, int], int]:
+    """First row of every surface's conditions, x of its b nodes, then y; and of those of single nodes."""
+    first_row, total = {}, 2 * len(cloud.points)
+    for name, surface in cloud.surfaces.items():
+        first_row[name] = total
+        total += 2 * len(surface.index)
+    return first_row, total
+
+
 @dataclass(frozen=True)
 class ElasticBody:
     """A body with its boundary conditions and its system, factorised on first use.
 
-    ``first_row[surface]`` is the first row of the surface's conditions: x for its b nodes, then y.
     ``held[surface]`` tells for x and y whether a displacement is prescribed, ``springs[surface]`` are the
     spring stiffnesses, ``free`` the rigid motions that nothing holds. ``system`` then solves for balanced
     loads; the mean free motions of the solution are the right-hand sides of the rows from ``first_pin`` on.
@@ -72,7 +81,6 @@ class ElasticBody:
     held: Mapping[str, tuple[bool, bool]]
     springs: Springs
     free: RigidBodyModes
-    first_row: Mapping[str, int]
     rows: int
     pieces: Pieces
     loads_on_pieces: Callable[[], sparse.csr_array]
@@ -87,7 +95,7 @@ class ElasticBody:
     @property
     def content(self) -> str:
         """Digest of the body with its conditions."""
-        chosen = [self.held, self.springs, self.free, self.first_row, self.rows]
+        chosen = [self.held, self.springs, self.free, self.rows]
         return digest(self.model.content, self.equations.content, chosen)
 
     @property
@@ -97,17 +105,17 @@ class ElasticBody:
 
     def pin_rows(self, node: int) -> list[tuple[int, int]]:
         """Components in which a single node is held, with the rows of these conditions."""
-        first = 2 * (len(self.model.cloud.points) + sum(map(len, self._surface_nodes)))
+        first = self._first_rows[1]
         return [(axis, first + row) for row, (own, axis) in enumerate(self.held_nodes) if own == node]
 
-    @property
-    def _surface_nodes(self) -> list[IntArray]:
-        return [surface.index for surface in self.model.cloud.surfaces.values()]
+    @cached_property
+    def _first_rows(self) -> tuple[dict[str, int], int]:
+        return first_rows(self.model.cloud)
 
     def condition_rows(self, surface: str, component: int) -> IntArray:
         """Row numbers (b,) of a surface's conditions in x (0) or y (1)."""
         count = len(self.model.cloud.surfaces[surface].index)
-        first = self.first_row[surface] + component * count
+        first = self._first_rows[0][surface] + component * count
         return np.arange(first, first + count, dtype=np.int64)
 
     def source(

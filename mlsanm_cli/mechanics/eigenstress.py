@@ -1,13 +1,16 @@
-"""Eigenstresses of a body, C e of nodal eigenstrains e such as plastic ones, and their right-hand sides.
+"""Eigenstresses of a body, C e of eigenstrains e, and their right-hand sides.
 
-Stresses are sigma = C e(u) - s with a nodal field s. The stresses C e(u), which the rows represent, therefore
-balance div s inside and s n on free surfaces, and faces of pieces transmit s n: by first derivatives, nodal
-values and fitted values of s. Nodal stresses (3n,) are ordered xx of all nodes, yy, xy.
+Stresses are sigma = C e(u) - s. The stresses C e(u), which the rows represent, therefore balance div s inside
+and s n on free surfaces, and faces of pieces transmit s n in addition to their load. Plastic strains are
+nodal: s has first derivatives, nodal values and fitted values, (3n,) ordered xx of all nodes, yy, xy. Thermal
+strains a T are those of a temperature field.
 
 Equation (32) of docs/method.md.
 """
 
 from __future__ import annotations
+
+from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sparse
@@ -15,11 +18,12 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
-from mlsanm_cli.mechanics.elasticity import XX, XY, YY, force_sums
-from mlsanm_cli.mechanics.pieces import reaction_rows
+from mlsanm_cli.mechanics.elasticity import XX, XY, YY, force_sums, traction_of
+from mlsanm_cli.mechanics.pieces import reaction_of, reaction_rows
 from mlsanm_cli.mechanics.springs import FREE
 from mlsanm_cli.operators.rows import scalar_rows
 from mlsanm_cli.operators.stencils import build_gradients
+from mlsanm_cli.records import dataclass
 
 PARTS = ((XX, XY), (XY, YY))
 """Stresses whose derivatives, or products with a normal, by x and by y are the force x, and the force y."""
@@ -75,12 +79,6 @@ def eigenstress_reaction(body: ElasticBody, surface: str, center: tuple[float, f
     return reaction_rows(model, where, held, center, lambda *places: forces_through(model, *places))
 
 
-def values_at(model: BodyModel, points: FloatArray) -> sparse.csr_array:
-    """Rows (e, n) of a nodal field at ``points`` (e, 2)."""
-    stencils = model.stencils_at(points, 0)
-    return scalar_rows(stencils, np.ascontiguousarray(stencils.weights[:, 0]))
-
-
 def _placed(parts: tuple[int, int], blocks: list[sparse.csr_array], nodes: int) -> sparse.csr_array:
     """Rows (e, 3n) with two ``blocks`` (e, n) at the stresses ``parts``."""
     empty = sparse.csr_array((blocks[0].shape[0], nodes))
@@ -88,3 +86,46 @@ def _placed(parts: tuple[int, int], blocks: list[sparse.csr_array], nodes: int) 
     for part, block in zip(parts, blocks, strict=True):
         found[part] = block
     return sparse.csr_array(sparse.hstack(found, format="csr"))
+
+
+class Field(Protocol):
+    """A scalar field over a body."""
+
+    def at(self, points: FloatArray) -> FloatArray:
+        """Values (e,) at ``points`` (e, 2) of the body."""
+
+
+@dataclass(frozen=True)
+class Heating:
+    """Temperature change of a body at factor 1: a ``field``, and its ``values`` (n,) at the cloud's
+    points."""
+
+    number: int
+    body: str
+    field: Field
+    values: FloatArray
+
+    def source(self, body: ElasticBody) -> FloatArray:
+        """Right-hand side (r,) of its ``body``."""
+        even = body.model.material.stress_of_expansion
+        source = np.zeros(body.rows)
+        inside = body.model.stress_divergence(self.values[:, None] * even)
+        source[: inside.size] = inside.T.ravel()
+        for name, surface in body.model.cloud.surfaces.items():
+            traction = traction_of(self.values[surface.index, None] * even, surface.normal)
+            source += body.source(name, traction, held=False)
+        fluxes = body.pieces.flux_of(lambda _, points: self._blocked(even, points), body.restrained)
+        source[body.rows - len(fluxes) :] = fluxes - body.loads @ source
+        return source
+
+    def reaction(self, body: ElasticBody, surface: str, center: tuple[float, float]) -> FloatArray:
+        """Force x, y and moment about ``center`` (3,) due to thermal expansion, to be subtracted from those
+        computed for a held surface from displacements."""
+        even, held = body.model.material.stress_of_expansion, body.restrained[surface]
+        where = body.model.cloud.surfaces[surface]
+        return reaction_of(body.model, where, held, center, lambda points: self._blocked(even, points))
+
+    def _blocked(self, even: FloatArray, points: FloatArray) -> FloatArray:
+        """Minus the stress (..., 3) at points (..., 2) of a body prevented from expanding."""
+        degrees = self.field.at(points.reshape(-1, 2)).reshape(points.shape[:-1])
+        return np.asarray(degrees[..., None] * even)

@@ -51,6 +51,11 @@ class PlaneMaterial:
         return own + self.across * thickening if thickening else own
 
     @property
+    def stress_of_expansion(self) -> FloatArray:
+        """Stress (3 | 4,) of free thermal expansion by one degree, to be subtracted."""
+        return np.asarray(self.stiffness @ self.expansion)
+
+    @property
     def revolved(self) -> bool:
         """Whether stresses have a hoop component."""
         return len(self.stiffness) == 4

@@ -19,8 +19,7 @@ from scipy.linalg.lapack import dgeqp3
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.springs import Springs
-from mlsanm_cli.operators.refinement import FULL_TOLERANCE
-from mlsanm_cli.operators.system import Equations, LinearSystem
+from mlsanm_cli.operators.system import FULL_TOLERANCE, Equations, LinearSystem
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 
@@ -61,12 +60,7 @@ def freedom(points: FloatArray, areas: FloatArray, held: BoolArray) -> RigidBody
     center = (float(middle[0]), float(middle[1]))
     whole = RigidBodyModes(center, (0, 1, ROTATION)).patterns(points)
     whole[:, ROTATION] /= size
-    return left_free(whole[held.ravel()], center, size)
-
-
-def left_free(rows: FloatArray, center: tuple[float, float], size: float) -> RigidBodyModes:
-    """Rigid motions left free by constraints on the displacements ``rows`` (m, 3) under unit motions x, y and
-    rotation by 1/``size`` about ``center``."""
+    rows = whole[held.ravel()]
     if not len(rows) or not np.abs(rows).max():
         return RigidBodyModes(center, (0, 1, ROTATION))
     _, sizes, motions = np.linalg.svd(np.linalg.qr(rows, mode="r"))
@@ -156,24 +150,19 @@ class FreeSystem:
         return sparse.csc_array(dense + self.balance @ (self.work @ dense))
 
     def solve(self, sources: sparse.csc_array, tolerance: float = FULL_TOLERANCE) -> FloatArray:
-        """Solutions (n, c) for right-hand sides ``sources`` (r, c), balanced first."""
         return self._centred(self.system.solve(self._balanced(sources), tolerance), self._wanted(sources))
 
     def solve_with_error(
         self, sources: sparse.csc_array, start: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        """Solutions (n, c), and the relative change (c,) by the last refinement."""
         pinned = None if start is None else self._pinned(start)
         solution, change = self.system.solve_with_error(self._balanced(sources), pinned)
         return self._centred(solution, self._wanted(sources)), change
 
     def solve_unrefined(self, sources: sparse.csc_array) -> FloatArray:
-        """Solutions (n, c) by the factor alone."""
         return self._centred(self.system.solve_unrefined(self._balanced(sources)), self._wanted(sources))
 
     def step(self, source: sparse.csc_array, solution: FloatArray, more: sparse.csc_array) -> FloatArray:
-        """A refinement step of a ``solution`` (n, 1) for ``source`` (r, 1), and the solution for ``more``
-        (r, 1) by the factor alone: (n, 2)."""
         found = self.system.step(self._balanced(source), self._pinned(solution), self._balanced(more))
         wanted = self._wanted(more)
         return self._centred(found, np.hstack([np.zeros_like(wanted), wanted]))
@@ -185,8 +174,6 @@ class FreeSystem:
     def functionals(
         self, observed: sparse.csr_array, sources: sparse.csc_array, mixture: FloatArray | None = None
     ) -> FloatArray:
-        """Rows ``observed`` (g, n) applied to the solutions for ``sources`` (r, s), times the ``mixture``
-        (s, c) if given: (g, s) or (g, c)."""
         rows = sparse.csr_array(sparse.vstack([observed, sparse.csr_array(self.mean)], format="csr"))
         wanted, acting = self._wanted(sources), np.ones(sources.shape[0])
         acting[self._pins] = 0.0
@@ -200,7 +187,6 @@ class FreeSystem:
         return np.asarray(pinned + (observed @ self.patterns) @ (wanted @ mixed - mean))
 
     def residual(self, sources: sparse.csc_array, solutions: FloatArray) -> FloatArray:
-        """Relative change (c,) of the ``solutions`` (n, c) by one more refinement."""
         return self.system.residual(self._balanced(sources), self._pinned(solutions))
 
     def _pinned(self, solution: FloatArray) -> FloatArray:
@@ -210,22 +196,17 @@ class FreeSystem:
 
     @property
     def note(self) -> str:
-        """Remark on the pinned body's equations."""
         return self.system.note
 
     def inverse_normal(self, vectors: FloatArray) -> FloatArray:
-        """(S^T S)^-1 times ``vectors`` (n, c), with S the scaled equations of the pinned body."""
         return self.system.inverse_normal(vectors)
 
     def scaled(self, sources: sparse.csc_array, strong: bool = True) -> FloatArray:
-        """Right-hand sides (r, c), balanced, in the scaling of the equations."""
         return self.system.scaled(self._balanced(sources), strong)
 
     def equations(self, sources: sparse.csc_array) -> Equations:
-        """The equations of the pinned body."""
         return self.system.equations(self._balanced(sources))
 
     def residual_vector(self, source: FloatArray, solution: FloatArray) -> FloatArray:
-        """Residual of ``solution`` (n,) in each equation of the pinned body."""
         balanced = self._balanced(sparse.csc_array(source[:, None])).toarray()[:, 0]
         return self.system.residual_vector(balanced, solution)

@@ -13,9 +13,8 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.eigenstress import Heating
 from mlsanm_cli.mechanics.elasticity import traction_of
-from mlsanm_cli.mechanics.heat import Heating
-from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.mechanics.rigid import ROTATION, RigidBodyModes, rigid_pattern
 from mlsanm_cli.mechanics.springs import FREE
 from mlsanm_cli.memo import digest
@@ -126,6 +125,15 @@ class RigidConstraint:
 
 
 @dataclass(frozen=True)
+class Probe:
+    """A named point (1, 2) of a body, in the reference configuration."""
+
+    name: str
+    body: str
+    point: FloatArray
+
+
+@dataclass(frozen=True)
 class Scene:
     """Factorised bodies with everything that acts on them except contact.
 
@@ -203,7 +211,7 @@ class Scene:
         if not self.heated(body):
             return 0.0
         model, degrees = self.bodies[body].model, np.abs(self.degrees(body, factors))
-        even = model.material.stiffness @ model.material.expansion
+        even = model.material.stress_of_expansion
         area = model.cloud.areas
         forces = [np.abs(even).max() * (model.cloud.volumes @ degrees) / np.sqrt(area.sum())]
         for surface in model.cloud.surfaces.values():

@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.operators.refinement import BLOCK_COLUMNS
+from mlsanm_cli.operators.system import BLOCK_COLUMNS
 from mlsanm_cli.roundoff import ROUND_OFF
 
 RANK = 8

@@ -37,18 +37,18 @@ from mlsanm_cli.operators.linear.dissection import Fronts
 from mlsanm_cli.operators.linear.interface import Factor, LinearSolver
 from mlsanm_cli.operators.linear.multifrontal import factor_definite, mirrored
 from mlsanm_cli.operators.normal import NormalPattern, bordered, normal_equations
-from mlsanm_cli.operators.refinement import (
+from mlsanm_cli.operators.system import (
     DIRECTIONS,
     FULL_TOLERANCE,
     FUNCTIONAL_TOLERANCE,
     MAX_UPDATES,
     TINY,
     VERIFIED_TOLERANCE,
+    Equations,
+    LinearSystem,
     Progress,
-    best_part,
     relative,
 )
-from mlsanm_cli.operators.system import Equations, LinearSystem
 from mlsanm_cli.records import dataclass
 
 
@@ -74,13 +74,15 @@ class Strong:
 @dataclass(frozen=True)
 class LeastSquares(LinearSystem):
     """Factorised least-squares problem: ``rows`` (e, n) already multiplied by ``weight`` (e,), and ``strong``
-    rows, whose sums are the ``conditions``. Of the r right-hand sides the first e are those of the rows."""
+    rows, whose sums are the ``conditions``. Of the r right-hand sides the first e are those of the rows. The
+    ``factor`` is that of the equations for the n unknowns followed by ``multipliers``."""
 
     rows: sparse.csr_array
     weight: FloatArray
     strong: Strong
     factor: Factor
     conditions: Conditions
+    multipliers: int = 0
 
     def solve(self, sources: sparse.csc_array, tolerance: float = FULL_TOLERANCE) -> FloatArray:
         scaled = self.scaled(sources)
@@ -93,14 +95,15 @@ class LeastSquares(LinearSystem):
         force, misfit = np.zeros((self.rows.shape[1], 1)), self.scaled(sources)
         wanted = self._sums(misfit)
         if start is None:
-            solution = self.factor.solve(self._gather(misfit))
+            solution = self.inverse_normal(self._gather(misfit))
             misfit = misfit - self._apply(solution)
-            progress = Progress.of(solution, FULL_TOLERANCE, VERIFIED_TOLERANCE)
+            sizes = np.linalg.norm(solution, axis=0)
         else:
             image = self._apply(start)
-            part = best_part(image, misfit)
+            part = image.T @ misfit / max(float((image**2).sum()), TINY)
             solution, misfit = start @ part, misfit - image @ part
-            progress = Progress.begun(sources.shape[1], FULL_TOLERANCE, VERIFIED_TOLERANCE)
+            sizes = np.full(sources.shape[1], np.inf)
+        progress = Progress.of(sizes, FULL_TOLERANCE, VERIFIED_TOLERANCE)
         solution, _, progress = self._further(force, misfit, solution, progress)
         return self.conditions.met(solution, wanted), relative(progress.last, solution)
 
@@ -116,7 +119,7 @@ class LeastSquares(LinearSystem):
     def functionals(
         self, observed: sparse.csr_array, sources: sparse.csc_array, mixture: FloatArray | None = None
     ) -> FloatArray:
-        weighted = self._weighted(sources)
+        weighted = sparse.csc_array(self._scaling @ sources)
         mixed = np.eye(sources.shape[1]) if mixture is None else mixture
         count, first = weighted.shape[0], self.rows.shape[0]
         rows = sparse.csr_array(sparse.vstack([observed, self.conditions.rows], format="csr"))
@@ -132,8 +135,13 @@ class LeastSquares(LinearSystem):
             images = -self._refined(np.asarray(rows.T @ chosen), misfit, FUNCTIONAL_TOLERANCE)[1]
             return np.asarray((weighted.T @ images).T @ mixed)
 
-        gathered = self.rows.T @ weighted[:first] + self.strong.rows.T @ weighted[first:]
-        start = self.factor.products(rows, sparse.csc_array(gathered))
+        gathered = sparse.csc_array(self.rows.T @ weighted[:first] + self.strong.rows.T @ weighted[first:])
+        # Followed by the multipliers, which nothing observes or loads.
+        size = self.rows.shape[1] + self.multipliers
+        wide = sparse.csr_array((rows.data, rows.indices, rows.indptr), shape=(rows.shape[0], size))
+        entries = (gathered.data, gathered.indices, gathered.indptr)
+        tall = sparse.csc_array(entries, shape=(size, gathered.shape[1]))
+        start = self.factor.products(wide, tall)
         seen, kept = np.split(corrected(start @ mixed, of_columns, of_rows), [observed.shape[0]])
         wanted = (self.strong.sums @ weighted[first:]) @ mixed
         return np.asarray(seen + (observed @ self.conditions.lift) @ (wanted - kept))
@@ -143,8 +151,8 @@ class LeastSquares(LinearSystem):
     ) -> tuple[FloatArray, FloatArray]:
         """Solutions (n, c) of N x = ``force`` + A^T ``misfit`` (e + g, c), A all rows, and the remaining
         misfit. ``force`` (n, c) or (n, 1) is zero for solutions of the least-squares problem."""
-        solution = self.factor.solve(force + self._gather(misfit))
-        progress = Progress.of(solution, tolerance)
+        solution = self.inverse_normal(force + self._gather(misfit))
+        progress = Progress.of(np.linalg.norm(solution, axis=0), tolerance)
         return self._further(force, misfit - self._apply(solution), solution, progress)[:2]
 
     def _further(
@@ -154,7 +162,7 @@ class LeastSquares(LinearSystem):
         before: deque[tuple[FloatArray, FloatArray, FloatArray]] = deque(maxlen=DIRECTIONS)
         for _ in range(MAX_UPDATES):
             gradient = force + self._gather(misfit)
-            step = self.factor.solve(gradient)
+            step = self.inverse_normal(gradient)
             image = self._apply(step)
             for other, seen, size in before:
                 share = np.einsum("ij,ij->j", seen, image) / size
@@ -167,7 +175,7 @@ class LeastSquares(LinearSystem):
             misfit -= length * image
             before.append((step, image, size))
             progress = progress.after(length * step, solution)
-            if progress.finished:
+            if progress.done.all():
                 break
         return solution, misfit, progress
 
@@ -181,7 +189,7 @@ class LeastSquares(LinearSystem):
     def _solve_once(self, misfit: FloatArray, wanted: FloatArray) -> FloatArray:
         """Solutions (n, c) by the factor alone for a ``misfit`` (e + g, c) of the rows and conditions
         ``wanted`` (s, c)."""
-        return self._unrefined_conditions.met(self.factor.solve(self._gather(misfit)), wanted)
+        return self._unrefined_conditions.met(self.inverse_normal(self._gather(misfit)), wanted)
 
     @cached_property
     def _unrefined_conditions(self) -> Conditions:
@@ -190,7 +198,7 @@ class LeastSquares(LinearSystem):
         rows = self.conditions.rows
         if not rows.shape[0]:
             return self.conditions
-        answer = self.factor.solve(rows.T.toarray())
+        answer = self.inverse_normal(rows.T.toarray())
         stiffness = np.linalg.inv(rows @ answer)
         return Conditions(rows, answer @ stiffness, stiffness)
 
@@ -203,17 +211,12 @@ class LeastSquares(LinearSystem):
         return self.factor.note
 
     def inverse_normal(self, vectors: FloatArray) -> FloatArray:
-        """The inverse of the normal equations times ``vectors`` (n, c)."""
-        return self.factor.solve(vectors)
+        nothing = np.zeros((self.multipliers, *vectors.shape[1:]))
+        return self.factor.solve(np.concatenate([vectors, nothing]))[: len(vectors)]
 
     def scaled(self, sources: sparse.csc_array, strong: bool = True) -> FloatArray:
-        """Right-hand sides (r, c) in the scaling of the rows, followed by those of the strong rows: (e + g,
-        c)."""
-        weighted = self._weighted(sources)
-        return np.asarray((weighted if strong else weighted[: len(self.weight)]).toarray())
-
-    def _weighted(self, sources: sparse.csc_array) -> sparse.csc_array:
-        return sparse.csc_array(self._scaling @ sources)
+        found = (self._scaling @ sources).toarray()
+        return np.asarray(found if strong else found[: len(self.weight)])
 
     @cached_property
     def _scaling(self) -> sparse.csc_array:
@@ -225,7 +228,7 @@ class LeastSquares(LinearSystem):
         """The normal equations of all rows, including strong ones, which fill the matrix, with the forces of
         the conditions in the right-hand sides."""
         normal = sparse.csr_array(normal_equations(self.rows)) + self.strong.rows.T @ self.strong.rows
-        weighted, first = self._weighted(sources), self.rows.shape[0]
+        weighted, first = sparse.csc_array(self._scaling @ sources), self.rows.shape[0]
         caused = self.rows.T @ weighted[:first] + self.strong.rows.T @ weighted[first:]
         turned, holding = self._holding
         caused = caused + turned @ sparse.csr_array((weighted.T @ holding.T).T)
@@ -253,32 +256,6 @@ class LeastSquares(LinearSystem):
         """The right-hand side (n, c) of the normal equations."""
         count = self.rows.shape[0]
         return np.asarray(self.rows.T @ scaled[:count] + self.strong.rows.T @ scaled[count:])
-
-
-@dataclass(frozen=True)
-class Eliminated:
-    """The ``factor`` of equations for n unknowns followed by multipliers, as a factor for the unknowns."""
-
-    factor: Factor
-    unknowns: int
-    multipliers: int
-
-    @property
-    def note(self) -> str:
-        """Remark of the full factor."""
-        return self.factor.note
-
-    def solve(self, rhs: FloatArray) -> FloatArray:
-        """Solution for (n,) or (n, c) right-hand sides."""
-        nothing = np.zeros((self.multipliers, *rhs.shape[1:]))
-        return self.factor.solve(np.concatenate([rhs, nothing]))[: self.unknowns]
-
-    def products(self, left: sparse.csr_array, right: sparse.csc_array) -> FloatArray:
-        """``left`` (g, n) times the solutions for ``right`` (n, c)."""
-        size = self.unknowns + self.multipliers
-        wide = sparse.csr_array((left.data, left.indices, left.indptr), shape=(left.shape[0], size))
-        tall = sparse.csc_array((right.data, right.indices, right.indptr), shape=(size, right.shape[1]))
-        return self.factor.products(wide, tall)
 
 
 @dataclass(frozen=True)
@@ -330,8 +307,8 @@ def factorise(
         whole, fronts = symbolic.normal.matrix(rows, strong.rows, rows, strong.rows), symbolic.fronts
     places = np.concatenate([points, vertices])
     factor = factor_definite(whole, places, len(vertices), solver=solver, fronts=fronts)
-    alone = Eliminated(factor, rows.shape[1], 2 * len(vertices))
-    without = LeastSquares(rows, weight, strong, alone, Conditions.none(rows.shape[1]))
+    none = Conditions.none(rows.shape[1])
+    without = LeastSquares(rows, weight, strong, factor, none, 2 * len(vertices))
     kept, numbers = independent_sums(strong.rows, strong.sums)
     if not len(numbers):
         return replace(without, strong=replace(strong, sums=strong.sums[numbers]))
@@ -339,4 +316,4 @@ def factorise(
     answer = without._refined(force, np.zeros((count, len(numbers))), FUNCTIONAL_TOLERANCE)[0]
     conditions = conditions_of(kept, answer)
     sums = sparse.csr_array(strong.sums[numbers[: conditions.rows.shape[0]]])
-    return LeastSquares(rows, weight, replace(strong, sums=sums), alone, conditions)
+    return replace(without, strong=replace(strong, sums=sums), conditions=conditions)

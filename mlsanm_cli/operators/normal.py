@@ -9,7 +9,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import IndexArray, IntArray
 from mlsanm_cli.kernels.normal import add_blocks, count_neighbours, group_rows, rows_of_nodes
-from mlsanm_cli.operators.structure import refuse_too_many, structure
+from mlsanm_cli.operators.linear.interface import refuse_too_many, structure
 from mlsanm_cli.records import dataclass
 
 
@@ -58,7 +58,18 @@ class NormalPattern:
         vertex 2 ``owner[i]`` (g,) or the next one, of ``vertices`` in all; unused multipliers are zero.
         Raises NumericalError for more blocks than 32-bit indices can count."""
         count = rows.shape[1] // 2
-        groups, neighbours = _grouped(rows)
+        own_indptr, nodes = structure(_pairs(rows))
+        group, begin = np.empty(rows.shape[0], dtype=np.int32), np.zeros(rows.shape[0] + 1, dtype=np.int32)
+        members = np.empty_like(nodes)
+        number = group_rows(own_indptr, nodes, np.full(count, -1, dtype=np.int32), group, begin, members)
+        begin, members = begin[: number + 1], members[: begin[number]].copy()
+        start, end = np.zeros(count + 1, dtype=np.int32), np.zeros(count + 1, dtype=np.int64)
+        of_node, entry = np.empty((2, len(members)), dtype=np.int32)
+        rows_of_nodes(begin, members, start, of_node, entry)
+        count_neighbours(begin, members, start, of_node, np.full(count, -1, dtype=np.int32), end)
+        in_groups = np.argsort(group, kind="stable")
+        first_row = np.searchsorted(group[in_groups], np.arange(number + 1))
+        groups = (own_indptr, in_groups, first_row, begin, members, start, of_node, entry)
         order = np.argsort(owner, kind="stable")
         place = np.empty(len(owner), dtype=np.int64)
         place[order] = np.arange(len(owner)) - np.searchsorted(owner[order], owner[order])
@@ -67,7 +78,7 @@ class NormalPattern:
         pairs, block = np.unique(line // 2 * count + column // 2, return_inverse=True)
         vertex, node = np.divmod(pairs, count)
         room, below = np.bincount(node, minlength=count), np.bincount(vertex, minlength=vertices)
-        indptr = np.concatenate([[0], np.cumsum(np.concatenate([neighbours + room, below + 1]))])
+        indptr = np.concatenate([[0], np.cumsum(np.concatenate([np.diff(end) + room, below + 1]))])
         refuse_too_many(int(indptr[-1]))
         border = np.zeros(indptr[-1], dtype=np.int32)
         down = indptr[count + vertex] + np.arange(len(vertex)) - np.searchsorted(vertex, vertex)
@@ -99,23 +110,6 @@ class NormalPattern:
         flat[self.up], flat[self.down] = left_strong.data, right_strong.data
         blocks[self.indptr[count + 1 :] - 1] = -np.eye(2)
         return sparse.bsr_array((blocks, neighbour, self.indptr.astype(np.int32)), shape=(size, size))
-
-
-def _grouped(rows: sparse.csr_array) -> tuple[Groups, IntArray]:
-    """The groups of ``rows`` (r, 2n), and the numbers of neighbours (n,)."""
-    indptr, nodes = structure(_pairs(rows))
-    count = rows.shape[1] // 2
-    group, begin = np.empty(rows.shape[0], dtype=np.int32), np.zeros(rows.shape[0] + 1, dtype=np.int32)
-    members = np.empty_like(nodes)
-    groups = group_rows(indptr, nodes, np.full(count, -1, dtype=np.int32), group, begin, members)
-    begin, members = begin[: groups + 1], members[: begin[groups]].copy()
-    start, end = np.zeros(count + 1, dtype=np.int32), np.zeros(count + 1, dtype=np.int64)
-    of_node, entry = np.empty((2, len(members)), dtype=np.int32)
-    rows_of_nodes(begin, members, start, of_node, entry)
-    count_neighbours(begin, members, start, of_node, np.full(count, -1, dtype=np.int32), end)
-    row = np.argsort(group, kind="stable")
-    first = np.searchsorted(group[row], np.arange(groups + 1))
-    return (indptr, row, first, begin, members, start, of_node, entry), np.diff(end)
 
 
 def _pairs(rows: sparse.csr_array) -> sparse.bsr_array:

@@ -6,8 +6,8 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
+from mlsanm_cli.operators.linear.interface import MAX_ENTRIES
 from mlsanm_cli.operators.stencil_weights import Stencils
-from mlsanm_cli.operators.structure import MAX_ENTRIES
 
 
 def vector_rows(stencils: Stencils, on_x: FloatArray | None, on_y: FloatArray | None) -> sparse.csr_array:

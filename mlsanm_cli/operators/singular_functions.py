@@ -111,18 +111,37 @@ def singular_corners(
     sight: VisibilityCriterion | None,
     tips: Tips | None,
 ) -> list[SingularCorner]:
-    """Singular functions of those ``tips`` that the nodes ``points`` (n, 2) resolve."""
-    found = []
-    for number in range(0 if tips is None else len(tips.place)):
-        assert tips is not None
+    """Singular functions of those ``tips`` that the nodes ``points`` (n, 2) resolve, by fits around them."""
+    found: list[SingularCorner] = []
+    if tips is None:
+        return found
+    for number in range(len(tips.place)):
         place, size = tips.place[number : number + 1], _nodes_around(settings, tips, number)
         numbers = neighbors_of(points, tree, place, min(size + EXTRA_NODES, tree.n), sight)[1]
         # With all nodes as far as the last one, mirror images of corners have mirrored fits.
         away = distances(points, place, numbers)[0]
         around = numbers[0][away <= (1.0 + TIE_TOLERANCE) * np.sort(away)[min(size, len(away)) - 1]]
-        corner = _singular_corner(points[around], around, settings, tips, number)
-        if corner is not None:
-            found.append(corner)
+        nodes = points[around]
+        away = nodes - place
+        radius = float(np.hypot(*away.T).max())
+        axis, half, modes = complex(*tips.axis[number]), float(tips.half[number]), tips.modes[number]
+        known = (complex(*place[0]), axis, half, modes, tips.kappa, radius, around)
+        corner = SingularCorner(*known, np.zeros((0, len(nodes))))
+        gauss = np.exp(-WEIGHT_EXPONENT * (away**2).sum(axis=1) / radius**2)[:, None]
+        x, y = away.T / radius
+        powers = [(total - j, j) for total in range(settings.degree + 1) for j in range(total + 1)]
+        q, r = np.linalg.qr(gauss * np.stack([x**i * y**j for i, j in powers], axis=1))
+        diagonal = np.abs(np.diagonal(r))
+        if corner.beyond(nodes).any() or diagonal.min() < settings.rank_tolerance * diagonal.max():
+            continue
+        singular = gauss * corner.derivatives(nodes, (0, 0))[:, 0]
+        # Part orthogonal to the polynomials, reorthogonalised to round-off.
+        rest = singular - q @ (q.T @ singular)
+        rest -= q @ (q.T @ rest)
+        u, sigma, v = np.linalg.svd(rest, full_matrices=False)
+        kept = sigma > RANK_TOLERANCE * np.linalg.norm(singular, axis=0).max()
+        strengths = (v[kept].T / sigma[kept]) @ (gauss * u[:, kept]).T
+        found.append(replace(corner, strengths=strengths))
     return found
 
 
@@ -181,37 +200,6 @@ def isolated_tips(settings: MlsSettings, tips: Tips) -> Tips | None:
     if not kept.any():
         return None
     return Tips(tips.place[kept], tips.axis[kept], tips.half[kept], tips.apart[kept], tips.kappa)
-
-
-def _singular_corner(
-    nodes: FloatArray, indices: IntArray, settings: MlsSettings, tips: Tips, number: int
-) -> SingularCorner | None:
-    """Singular functions of one of the ``tips``, from a fit to the ``nodes`` (k, 2) with numbers ``indices``
-    (k,) around it; None if the nodes do not determine it."""
-    away = nodes - tips.place[number]
-    radius = float(np.hypot(*away.T).max())
-    tip, empty = tips.place[number], np.zeros((0, len(nodes)))
-    known = (complex(*tip), complex(*tips.axis[number]), float(tips.half[number]), tips.modes[number])
-    corner = SingularCorner(*known, tips.kappa, radius, indices, empty)
-    gauss = np.exp(-WEIGHT_EXPONENT * (away**2).sum(axis=1) / radius**2)[:, None]
-    q, r = np.linalg.qr(gauss * _monomials(away / radius, settings.degree))
-    diagonal = np.abs(np.diagonal(r))
-    if corner.beyond(nodes).any() or diagonal.min() < settings.rank_tolerance * diagonal.max():
-        return None
-    singular = gauss * corner.derivatives(nodes, (0, 0))[:, 0]
-    # Part orthogonal to the polynomials, reorthogonalised to round-off.
-    rest = singular - q @ (q.T @ singular)
-    rest -= q @ (q.T @ rest)
-    u, sigma, v = np.linalg.svd(rest, full_matrices=False)
-    kept = sigma > RANK_TOLERANCE * np.linalg.norm(singular, axis=0).max()
-    strengths = (v[kept].T / sigma[kept]) @ (gauss * u[:, kept]).T
-    return replace(corner, strengths=strengths)
-
-
-def _monomials(x: FloatArray, degree: int) -> FloatArray:
-    """All x^i y^j (k, c) up to ``degree`` at points ``x`` (k, 2)."""
-    powers = [(total - j, j) for total in range(degree + 1) for j in range(total + 1)]
-    return np.stack([x[:, 0] ** i * x[:, 1] ** j for i, j in powers], axis=1)
 
 
 def _derivatives_of_powers(

@@ -3,13 +3,12 @@ cloud are built on one side and reflected. Equation (1) of docs/method.md."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from mlsanm_cli.arrays import BoolArray, FloatArray, IndexArray, IntArray
+from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
 from mlsanm_cli.cloud.mirror import Mirror
 from mlsanm_cli.cloud.revolution import radius_of
 from mlsanm_cli.cloud.sight import VisibilityCriterion
@@ -99,22 +98,37 @@ def _built(
             f"a body of {len(points)} nodes has too few of them for polynomials of degree {settings.degree}",
             "use a smaller spacing or a lower mls.degree",
         )
-    size, pending, numbers = settings.stencil_size, np.arange(len(centers)), []
-    parts: list[Stencils] = []
+    size, pending = settings.stencil_size, np.arange(len(centers))
+    numbers: list[IndexArray | IntArray] = []
+    parts: list[tuple[IntArray, IntArray, FloatArray]] = []
+    enlarged, worst = 0, 1.0
     while len(pending):
         size = min(size, len(points))
         some, near = centers[pending], None if known is None else known[pending]
         radius, indices = neighbors_of(points, tree, some, size, sight, near)
         radius = weight_radius(points, some, radius, indices, settings)
-        weights, ratio = _weights(points, indices, some, targets[pending], radius, settings, orders)
-        sound = _sound(ratio, size, len(points), settings)
+        weights, ratio, aims = np.empty((len(some), size, kinds)), np.empty(len(some)), targets[pending]
+        # In slices, between which signals are handled.
+        for first in range(0, len(some), BLOCK_SIZE):
+            here = slice(first, min(first + BLOCK_SIZE, len(some)))
+            indptr = np.arange(here.stop - first + 1, dtype=np.int64) * size
+            mls_weights(
+                *(points, indptr, indices[here].ravel(), some[here], aims[here].reshape(-1, 2)),
+                *(radius[here], settings.degree, WEIGHT_EXPONENT, *orders),
+                *(weights[here].reshape(-1, kinds), ratio[here]),
+            )
+        patient = settings.degree >= MARGIN_DEGREE
+        patient &= size < min(len(points), MARGIN_GROWTH * settings.stencil_size)
+        margin = CONDITION_MARGIN if patient else 1.0
+        # A ratio above one (or nan) means nodes too close together to be separated at this radius.
+        sound = (ratio >= margin * settings.rank_tolerance) & (ratio <= 1.0)
         # Without a copy where all are sound: weights take much memory.
         kept = slice(None) if sound.all() else sound
+        enlarged += len(pending[kept]) if parts else 0
+        worst = min(worst, float(ratio[kept].min(initial=1.0)))
         numbers.append(pending[kept])
-        indptr = np.arange(len(numbers[-1]) + 1, dtype=np.int64) * size
-        enlarged, worst = len(numbers[-1]) if parts else 0, float(ratio[kept].min(initial=1.0))
-        flat = indices[kept].ravel(), weights[kept].reshape(-1, kinds)
-        parts.append(Stencils(indptr, *flat, len(points), enlarged, worst))
+        counts = np.full(len(numbers[-1]), size)
+        parts.append((counts, indices[kept].ravel(), weights[kept].reshape(-1, kinds)))
         pending = pending[~sound]
         if len(pending) and (size == len(points) or size >= MAX_GROWTH * settings.stencil_size):
             x, y = centers[pending[0]]
@@ -124,55 +138,14 @@ def _built(
                 "use a smaller spacing there, or a lower mls.degree",
             )
         size = int(np.ceil(ENLARGEMENT * size))
-    whole = parts[0] if len(parts) == 1 else _joined(parts).take(np.argsort(np.concatenate(numbers)))
+    counts, indices, weights = parts[0] if len(parts) == 1 else map(np.concatenate, zip(*parts, strict=True))
+    indptr = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(counts)])
+    whole = Stencils(indptr, indices, weights, len(points), enlarged, worst)
+    if len(parts) > 1:
+        whole = whole.take(np.argsort(np.concatenate(numbers)))
     corners = singular_corners(points, tree, settings, sight, tips)
     whole = enriched(whole, corners, points, centers, targets, orders)
     return whole if own is None else whole.of_revolution(own, radius_of(targets.reshape(-1, 2), points))
-
-
-def _weights(
-    points: FloatArray,
-    indices: IntArray,
-    centers: FloatArray,
-    targets: FloatArray,
-    radius: FloatArray,
-    settings: MlsSettings,
-    orders: tuple[int, int],
-) -> tuple[FloatArray, FloatArray]:
-    """Weights (e, k, kinds) of stencils of nodes ``indices`` (e, k) and their ratios of diagonal entries of R
-    (e,). Computed in slices, between which signals are handled."""
-    count, size = indices.shape
-    kinds = targets.shape[1] * sum(order + 1 for order in range(orders[0], orders[1] + 1))
-    weights, ratio = np.empty((count, size, kinds)), np.empty(count)
-    for first in range(0, count, BLOCK_SIZE):
-        here = slice(first, min(first + BLOCK_SIZE, count))
-        indptr = np.arange(here.stop - first + 1, dtype=np.int64) * size
-        mls_weights(
-            *(points, indptr, indices[here].ravel(), centers[here], targets[here].reshape(-1, 2)),
-            *(radius[here], settings.degree, WEIGHT_EXPONENT, *orders),
-            *(weights[here].reshape(-1, kinds), ratio[here]),
-        )
-    return weights, ratio
-
-
-def _sound(ratio: FloatArray, size: int, nodes: int, settings: MlsSettings) -> BoolArray:
-    """Mask (e,) of the fits of ``size`` nodes accepted with this ``ratio`` (e,) of diagonal entries of R."""
-    patient = settings.degree >= MARGIN_DEGREE and size < min(nodes, MARGIN_GROWTH * settings.stencil_size)
-    margin = CONDITION_MARGIN if patient else 1.0
-    # A ratio above one (or nan) means nodes too close together to be separated at this radius.
-    return np.asarray((ratio >= margin * settings.rank_tolerance) & (ratio <= 1.0))
-
-
-def _joined(parts: Sequence[Stencils]) -> Stencils:
-    """All stencils of several ``parts``, one after the other."""
-    return Stencils(
-        np.concatenate([[0], np.cumsum(np.concatenate([np.diff(part.indptr) for part in parts]))]),
-        np.concatenate([part.indices for part in parts]),
-        np.concatenate([part.weights for part in parts]),
-        parts[0].nodes,
-        sum(part.enlarged for part in parts),
-        min(part.worst_ratio for part in parts),
-    )
 
 
 def reflected(stencils: Stencils, mirror: Mirror) -> Stencils:

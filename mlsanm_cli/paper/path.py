@@ -6,7 +6,6 @@ follow the plastic slips; within a part the path is one smooth curve, whatever m
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Generator, Iterator
 from dataclasses import replace
 
@@ -14,7 +13,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.complementarity.problem import ContactStatus
-from mlsanm_cli.continuation import AnmOptions, Branch, NewtonOptions, correct, follow
+from mlsanm_cli.continuation import AnmOptions, Branch, Effort, NewtonOptions, correct, follow
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.paper.system import System
 from mlsanm_cli.records import dataclass
@@ -31,16 +30,17 @@ def paper_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterat
     asked = 10 if solver.increments == "auto" else solver.increments
     parts = asked if len(system.law.mu) else 1
     ends, stage, position = np.arange(1.0, parts + 1.0) / parts, 0, 0.0
-    options: AnmOptions | NewtonOptions = NewtonOptions(solver.tolerance, sys.maxsize)
+    options: AnmOptions | NewtonOptions = NewtonOptions(solver.tolerance)
     if solver.method != "newton":
-        options = AnmOptions(solver.tolerance, sys.maxsize, order=solver.order, pade=solver.pade)
+        options = AnmOptions(solver.tolerance, solver.order, solver.pade)
     if start is None:
-        found = correct(system, system.drawn(), 0.0, options)
+        effort = Effort()
+        found = correct(system, system.drawn(), 0.0, options, effort)
         point = Point(system, found.x, 0.0, np.zeros(len(system.law.mu)))
         state = point.state(0, found.residual)
         saved = (state,) if 0.0 in output_positions(built) else ()
-        effort = found.updates, found.factorizations, found.solves
-        yield PathStep(state, saved, 0.0, 0, *effort, checkpoint=Checkpoint(state))
+        counts = effort["updates"], effort["factorizations"], effort["solves"]
+        yield PathStep(state, saved, 0.0, 0, *counts, checkpoint=Checkpoint(state))
     else:
         stage, position = min(start.stage, len(stages) - 2), start.position
         point = _restored(system.changed(start=stages[stage], end=stages[stage + 1]), start.state, stage)
@@ -105,14 +105,14 @@ def _increment(
     follower = follow(system, point.x, point.lam, end, options, levels=levels)
     for step in follower.steps():
         before, point, residual = point, replace(point, x=step.x, lam=step.lam), step.residual
-        saved, updates = list[State](), 0
+        saved, effort = list[State](), Effort(step.effort)
         for level in [one for one in wanted if stage + before.lam < one <= stage + step.lam]:
             x, lam = step.x, step.lam
             if level < stage + lam:
                 x, lam = step.branch.evaluate(step.branch.parameter_at(level - stage))
             # Series only satisfy the tolerance, while results are compared to the last digit.
-            better = correct(system, x, lam, options)
-            found, updates = replace(before, x=better.x, lam=lam), updates + better.updates
+            better = correct(system, x, lam, options, effort)
+            found = replace(before, x=better.x, lam=lam)
             if lam == step.lam:
                 point, residual = found, better.residual
             saved.append(replace(found.state(stage, better.residual), position=level))
@@ -122,19 +122,18 @@ def _increment(
             tuple(saved),
             step.arc_length,
             step.order,
-            step.iterations + updates,
-            step.factorizations + updates,
-            step.solves + updates,
+            effort["updates"],
+            effort["factorizations"],
+            effort["solves"],
             # Predictors of Newton-Raphson between states are not stored.
             series=_series(system, step.branch, stage) if step.order else {},
             series_attributes={"length": step.branch.length, "stage": stage},
             checkpoint=Checkpoint(state),
         )
-    outcome = follower.outcome
-    if not outcome.reached:
+    if not follower.reached:
         raise NumericalError(
-            f"the path stopped at position {stage + outcome.lam:.6g}: {outcome.reason.value}",
-            f'{outcome.message}; raise contact.regularization.eta, or use its law = "exact"',
+            f"the path stopped at position {stage + follower.lam:.6g}: {follower.reason.value}",
+            f'{follower.message}; raise contact.regularization.eta, or use its law = "exact"',
         )
     return point.with_moved_references()
 

@@ -11,11 +11,90 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.response.nodal import NodalBasis
 from mlsanm_cli.contact.response.short_waves import slip_fit
 from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.mechanics.assembly import node_rows
+from mlsanm_cli.mechanics.body import ElasticBody
+from mlsanm_cli.mechanics.springs import FREE, NO_SPRING
 from mlsanm_cli.operators.linear.superlu import THRESHOLD, elimination_order, factor_in_order
-from mlsanm_cli.operators.refinement import FULL_TOLERANCE, Progress, refine
-from mlsanm_cli.paper.collocation import Collocation
-from mlsanm_cli.paper.law import LENGTH, Law
+from mlsanm_cli.operators.system import FULL_TOLERANCE, Equations, Progress, refine
 from mlsanm_cli.solve.condensed_scene import CondensedScene
+
+LENGTH = 0.1
+"""Reference gap over the elastic change of the gaps."""
+LEAST_SHARE = 0.01
+"""Least reference value of a contact over the largest one of the scene."""
+
+
+class Law:
+    """Tensions ``eta`` and lengths ``delta`` (m,); friction coefficients ``mu``, ``compliance`` c, its
+    ``elastic_slip`` c mu p at the largest pressure, and products ``eps`` (n,). ``pressure``, ``gap``,
+    ``elastic`` (of displacements) and ``slip`` are scales."""
+
+    def __init__(self, built: CondensedScene) -> None:
+        """The law of a case, relative to the exact states at the ends of its stages: units and sizes of loads
+        do not matter. Raises NumericalError if no state has any pressure."""
+        c, law = built.condensed, {contact.name: contact.regularization for contact in built.case.touching}
+        nodes, pressures = c.friction_nodes, [state.pressure for state in built.ends]
+        largest = np.max(pressures, axis=0)
+        pressure = float(largest.max(initial=0.0))
+        if pressure <= 0.0:
+            raise NumericalError(
+                "no contact carries any pressure at the end of a stage, so the hyperbolic law has no scale",
+                'check the direction of the loads, or use contact.regularization.law = "exact"',
+            )
+        elastic = max(c.elastic_gap(one) for one in pressures)
+        eta, apart, reference = np.empty((3, len(largest)))
+        for pairing in c.pairings:
+            own, drawn = c.spans[pairing.name], pairing.gap[pairing.candidate]
+            eta[own], apart[own] = law[pairing.name].eta, drawn - drawn.min()
+            reference[own] = max(largest[own].max(), LEAST_SHARE * pressure)
+        cone = c.friction * reference[nodes]
+        slips = np.max([np.abs(c.slip.traction @ (c.friction * one[nodes])) for one in pressures], axis=0)
+        slip, elastic_slip = float(slips.max(initial=0.0)), np.empty(len(nodes))
+        for name, own in c.tangential.items():
+            elastic_slip[own] = law[name].stick * max(slips[own].max(), LEAST_SHARE * slip)
+        # Far from contact the law pulls with eta: the farther, the less, with the same product.
+        self.eta = eta * reference / np.maximum(apart / elastic, 1.0)
+        self.delta = np.maximum(apart, LENGTH * elastic)
+        self.mu, self.compliance, self.elastic_slip = c.friction, elastic_slip / cone, elastic_slip
+        self.eps = eta[nodes] * elastic_slip * cone
+        self.pressure, self.gap, self.elastic, self.slip = pressure, LENGTH * elastic, elastic, slip
+
+
+SINGLE, HELD, TRACTION, EQUILIBRIUM = range(4)
+
+
+class Collocation:
+    """Equations ``matrix`` (2N, 2N) u = ``choice`` (2N, r) times the right-hand sides of a body's rows."""
+
+    def __init__(self, body: ElasticBody) -> None:
+        """For every unknown the row with the highest rank at its node: a displacement, else a traction, else
+        equilibrium. At free corners both tractions are added: separately they would impose the shear stress
+        twice. Scales: displacement 1, traction h/E, equilibrium h^2/E."""
+        rows, h, modulus = node_rows(body), body.model.cloud.spacing, body.model.material.modulus
+        nodes, inside = np.arange(len(h)), np.full(len(h), EQUILIBRIUM)
+        parts = [(2 * nodes + axis, inside, h**2 / modulus) for axis in (0, 1)]
+        for name, surface in body.model.cloud.surfaces.items():
+            for axis in (0, 1):
+                index, held = surface.index, body.held.get(name, FREE)[axis]
+                stiffness = modulus + body.springs.get(name, NO_SPRING)[axis] * h[index]
+                scale = np.ones(len(index)) if held else h[index] / stiffness
+                parts.append((2 * index + axis, np.full(len(index), HELD if held else TRACTION), scale))
+        single = np.array([2 * node + axis for node, axis in body.held_nodes], dtype=np.int64)
+        parts.append((single, np.full(len(single), SINGLE), np.ones(len(single))))
+        unknown, rank, scale = (np.concatenate(column) for column in zip(*parts, strict=True))
+        highest = np.full(2 * len(h), EQUILIBRIUM)
+        np.minimum.at(highest, unknown, rank)
+        row = np.flatnonzero(rank == highest[unknown])
+        self.choice = sparse.csr_array((scale[row], (unknown[row], row)), shape=(2 * len(h), body.rows))
+        self.matrix = sparse.csr_array(self.choice[:, : rows.shape[0]] @ rows)
+
+    def equations(self, sources: sparse.csc_array) -> Equations:
+        """The equations for right-hand sides ``sources`` (r, c) of the rows."""
+        return Equations(self.matrix, sparse.csr_array(self.choice @ sources), definite=False)
+
+    def residual_vector(self, source: FloatArray, solution: FloatArray) -> FloatArray:
+        """Left-hand side minus right-hand side (2N,)."""
+        return np.asarray(self.matrix @ solution - self.choice @ source)
 
 
 class System:
@@ -35,7 +114,7 @@ class System:
         square = built.case.mls.scheme == "collocation"
         self.built, self.law = built, law
         self.bodies = {
-            name: Collocation.of(body) if square else body.system for name, body in scene.bodies.items()
+            name: Collocation(body) if square else body.system for name, body in scene.bodies.items()
         }
         equations = [
             body.equations(sparse.csc_array(c.sources[name] @ c.drivers.matrix))
@@ -194,7 +273,8 @@ class Tangent:
             return by_factor(rhs - system.linear(unloaded, y[:, 0]) - self._local @ y[:, 0])
 
         start = by_factor(rhs)
-        return np.asarray(refine(start, update, Progress.of(start, FULL_TOLERANCE))[0][:, 0])
+        progress = Progress.of(np.linalg.norm(start, axis=0), FULL_TOLERANCE)
+        return np.asarray(refine(start, update, progress)[0][:, 0])
 
 
 def _relative_motions(built: CondensedScene) -> list[sparse.csr_array]:

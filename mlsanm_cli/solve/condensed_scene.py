@@ -9,7 +9,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
-from mlsanm_cli.contact.laws.active_set import ExactState
+from mlsanm_cli.contact.laws.contact_state import ContactState
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.laws.von_mises import VonMises, plastic_stress
 from mlsanm_cli.mechanics.scene import Scene
@@ -32,7 +32,7 @@ class CondensedScene:
     scene: Scene
     condensed: Condensed
     stages: FloatArray
-    ends: tuple[ExactState, ...]
+    ends: tuple[ContactState, ...]
     stability: float
     laws: Mapping[str, VonMises] = field(default_factory=dict)
 

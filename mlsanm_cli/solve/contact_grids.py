@@ -14,12 +14,12 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from mlsanm_cli.case import Case, Contact
+from mlsanm_cli.case import Case
 from mlsanm_cli.contact.complementarity.problem import ContactStatus
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.geometry.pairing import Pairing, on_grid
-from mlsanm_cli.contact.laws.active_set import ExactState
+from mlsanm_cli.contact.laws.contact_state import ContactState
 from mlsanm_cli.contact.response.condensation import condense
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.responses import BodyResponses
@@ -38,19 +38,19 @@ TURN_ABOVE, TURN_TOLERANCE, MAX_TURNS = 1e-3, 3e-4, 4
 second, at most so many times, or twice as many if a motion along them is fixed."""
 EXACT_FACTOR, FRICTION_FACTOR = 0.25, 1.7
 """Estimated error of a grid over the requested accuracy at which refinement ends: without friction, at hardly
-any cost; with friction, where every node that starts to slide is an event of the path; and with regularised
-friction, which is 0.6 % off partial slip whatever the grid."""
+any cost; and with it, where every node that starts to slide is an event of the path."""
 MAX_PATCHES, MAX_ENDS = 2, 10
 """Frictionless contacts with more patches, or on paths with more ends of stages and requested states, are
-refined to the requested accuracy only: their unknowns are solved for together, and one grid is fine at the
-ends of contact in all states."""
+refined to the requested accuracy only: one grid is fine at the ends of contact in all states."""
 
 Wanted: TypeAlias = Literal["ends", "known", "every", "between"]
 """States at the ends of the stages, of those that had one to start from, all that count, or some on the way
 that show where surfaces touch."""
-Path: TypeAlias = Callable[[Condensed], tuple[ExactState, ...]]
+Path: TypeAlias = Callable[[Condensed], tuple[ContactState, ...]]
 """The states of the path of a condensed scene whose bodies flow, or those up to one at an end of a grid."""
-Search = Callable[[Condensed, Sequence[ContactStatus], Wanted, Sequence[ExactState]], tuple[ExactState, ...]]
+Search = Callable[
+    [Condensed, Sequence[ContactStatus], Wanted, Sequence[ContactState]], tuple[ContactState, ...]
+]
 """The exact states of a condensed scene, searched from sets if there are any; some may be known."""
 
 
@@ -62,7 +62,7 @@ def find_grids(
     search: Search,
     memo: Memo,
     path: Path | None = None,
-) -> tuple[Condensed, tuple[ExactState, ...]] | None:
+) -> tuple[Condensed, tuple[ContactState, ...]] | None:
     """Condense a scene on grids that are wide and fine enough, with the exact states at the ends of its
     stages; None if a contact is too close to a corner, or its range does not converge. The search begins on
     coarse grids over all facing places. If given, it ends with the states of the ``path`` of bodies that
@@ -71,11 +71,14 @@ def find_grids(
     starts, common = list[ContactStatus](), dict[str, float]()
     places = len(case.contact) + sum(one.places - 1 for one in ranges.values())
     few = places <= MAX_PATCHES and len({*range(1, len(case.stage) + 1), *case.output.at}) <= MAX_ENDS
-    accuracy = {contact.name: contact.accuracy * _effort(contact, few) for contact in case.contact}
+    effort = EXACT_FACTOR if few else 1.0
+    accuracy = {
+        one.name: one.accuracy * (FRICTION_FACTOR if one.friction else effort) for one in case.contact
+    }
     exact = all(one.regularization.law == "exact" and not one.friction for one in case.contact)
     limits = COMPRESSED_LIMITS if exact else DENSE_LIMITS
     responses = resolved = None
-    known: tuple[ExactState, ...] = ()
+    known: tuple[ContactState, ...] = ()
     looked = flows = settled = False
     every, turnings = False, MAX_TURNS * (2 if scene.held_motions else 1)
     condensed: Condensed | None = None
@@ -106,7 +109,11 @@ def find_grids(
         if _same(wanted, grids) and responses is not resolved:
             wanted, resolved = sampled(scene, responses, grids), responses
         if _same(wanted, grids):
-            wanted = refined(condensed, grids, ranges, _loaded(states), accuracy, not every, limits)
+            # States with pressures above round-off of the largest of all.
+            peaks = [float(state.pressure.max(initial=0.0)) for state in states]
+            least = ROUND_OFF * max(peaks, default=0.0)
+            loaded = [state for state, peak in zip(states, peaks, strict=True) if peak > least]
+            wanted = refined(condensed, grids, ranges, loaded, accuracy, not every, limits)
             settled = flows
         if _same(wanted, grids):
             turned = None
@@ -144,16 +151,10 @@ def find_grids(
     return None
 
 
-def _loaded(states: Sequence[ExactState]) -> list[ExactState]:
-    """States with pressures above round-off of the largest of all."""
-    largest = max((float(state.pressure.max(initial=0.0)) for state in states), default=0.0)
-    return [state for state in states if state.pressure.max(initial=0.0) > ROUND_OFF * largest]
-
-
 def _turned(
     scene: Scene,
     condensed: Condensed,
-    states: Sequence[ExactState],
+    states: Sequence[ContactState],
     grids: Mapping[str, ContactGrid],
     common: dict[str, float],
 ) -> dict[str, ContactGrid] | None:
@@ -191,14 +192,6 @@ def _turned(
     return {**grids, **changed} if changed else None
 
 
-def _effort(contact: Contact, few: bool) -> float:
-    """Estimated error up to which a contact's grid is refined, over its accuracy, on paths with ``few``
-    patches and states or not."""
-    if not contact.friction:
-        return EXACT_FACTOR if few else 1.0
-    return FRICTION_FACTOR
-
-
 def _same(one: Mapping[str, ContactGrid], other: Mapping[str, ContactGrid]) -> bool:
     return all(one[name] is other[name] for name in one)
 
@@ -216,28 +209,30 @@ def _on_grids(
 def _starting_status(pairings: Sequence[Pairing]) -> ContactStatus:
     """Initial sets of a search: wide patches around the places of closest approach. Searches from few nodes
     may roll a body out of its contact."""
-    found = [np.zeros(0, dtype=bool)]
+    closed, stuck = [np.zeros(0, dtype=bool)], [np.zeros(0, dtype=bool)]
     for pairing in pairings:
         gap = pairing.gap[pairing.candidate]
-        if pairing.nodal:
-            found.append(gap <= gap.min())
-            continue
-        place, least = pairing.grid.hats.place, int(np.argmin(gap))
-        close = np.abs(place - place[least]) <= FIRST_HALF_WIDTH * (pairing.grid.last - pairing.grid.first)
-        found.append(gap <= gap[close].max())
-    stuck = [closed for closed, pairing in zip(found[1:], pairings, strict=True) if pairing.friction]
-    sticking = np.concatenate([np.zeros(0, dtype=bool), *stuck])
-    return ContactStatus(np.concatenate(found), sticking, np.zeros(len(sticking)))
+        most = gap.min()
+        if not pairing.nodal:
+            place, least = pairing.grid.hats.place, int(np.argmin(gap))
+            close = np.abs(place - place[least]) <= FIRST_HALF_WIDTH * (
+                pairing.grid.last - pairing.grid.first
+            )
+            most = gap[close].max()
+        closed.append(gap <= most)
+        stuck += [closed[-1]] if pairing.friction else []
+    sticking = np.concatenate(stuck)
+    return ContactStatus(np.concatenate(closed), sticking, np.zeros(len(sticking)))
 
 
-def _moved(condensed: Condensed, after: Sequence[Pairing], state: ExactState) -> ContactStatus:
+def _moved(condensed: Condensed, after: Sequence[Pairing], state: ContactState) -> ContactStatus:
     """Sets of a state interpolated to other grids."""
     closed, stuck, slip_sign = ([np.zeros(0)] for _ in range(3))
     for old, new in zip(condensed.pairings, after, strict=True):
-        span = condensed.spans[old.name]
-        own = [state.active[span].astype(float)]
+        own = [state.closed[condensed.spans[old.name]].astype(float)]
         if old.friction:
-            own += [state.stuck[span], np.sign(state.traction[condensed.tangential[old.name]])]
+            rubbing = condensed.tangential[old.name]
+            own += [state.status.stuck[rubbing], np.sign(state.traction[rubbing])]
         if not (old.nodal or new.nodal):
             place, before = new.grid.hats.place, old.grid.hats.place
             own = [np.interp(place, before, values, 0.0, 0.0) for values in own]
@@ -247,6 +242,5 @@ def _moved(condensed: Condensed, after: Sequence[Pairing], state: ExactState) ->
             stuck.append(stick)
             slips = (touch >= 0.5) & (stick < 0.5)
             slip_sign.append(np.where(slips, np.where(sign < 0.0, -1.0, 1.0), 0.0))
-    return ContactStatus(
-        np.concatenate(closed) >= 0.5, np.concatenate(stuck) >= 0.5, np.concatenate(slip_sign)
-    )
+    touch, stick, sign = map(np.concatenate, (closed, stuck, slip_sign))
+    return ContactStatus(touch >= 0.5, stick >= 0.5, sign)

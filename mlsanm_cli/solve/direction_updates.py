@@ -1,4 +1,4 @@
-"""First-order rotation of the directions of contact pressures with the bodies.
+"""First-order rotation of the directions of contact pressures with the bodies, and bodies that loads rotate.
 
 Directions vary along a contact as the normals of the flatter surface, the base. As bodies rotate and move
 along each other the patch moves to where both normals agree: its direction is the initial normal of the base
@@ -30,11 +30,9 @@ from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.contact.complementarity.basis import SingularError
 from mlsanm_cli.contact.complementarity.problem import ContactStatus
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
-from mlsanm_cli.contact.laws.active_set import ExactState
-from mlsanm_cli.contact.laws.contact_state import Linearised
+from mlsanm_cli.contact.laws.contact_state import ContactState, Linearised
 from mlsanm_cli.contact.laws.failures import UnbalancedError
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.near_field import as_real
 from mlsanm_cli.mechanics.rigid import ROTATION
 from mlsanm_cli.mechanics.scene import RigidConstraint, Scene
@@ -50,14 +48,14 @@ SIDE_WIDTHS = 1.0
 """Distance from the middle of a patch, in its widths, at which the rotation of a surface is evaluated."""
 
 
-def turns(scene: Scene, condensed: Condensed, state: ExactState) -> dict[str, float]:
+def turns(scene: Scene, condensed: Condensed, state: ContactState) -> dict[str, float]:
     """Rotation (radian, counter-clockwise) of the directions of contacts that touch in one patch, by name."""
     found: dict[str, float] = {}
     solved: dict[str, FloatArray] = {}
     unknowns = state.unknowns
     for pairing in condensed.on_grids:
         span, grid = condensed.spans[pairing.name], pairing.grid
-        closed = np.flatnonzero(state.active[span])
+        closed = np.flatnonzero(state.closed[span])
         if not len(closed) or closed[-1] - closed[0] >= len(closed):
             continue
         place, share = grid.hats.place, grid.hats.weight * state.pressure[span]
@@ -74,9 +72,12 @@ def turns(scene: Scene, condensed: Condensed, state: ExactState) -> dict[str, fl
             continue
         base = grid.facing.slave_first
         body = pairing.slave_body if base else pairing.master_body
+        moves = any(
+            one in constraint.bodies for constraint, _ in scene.unknown_motions for one in pairing.bodies
+        )
         # Obstacles do not rotate. If both surfaces are curved and one may slide, their bending would move it
         # further in every update.
-        if body is None or (min(bends) > COARSE_ROUND_OFF * max(bends) and _moves(scene, pairing.bodies)):
+        if body is None or (min(bends) > COARSE_ROUND_OFF * max(bends) and moves):
             found[pairing.name] = drawn
             continue
         if body not in solved:
@@ -89,25 +90,19 @@ def turns(scene: Scene, condensed: Condensed, state: ExactState) -> dict[str, fl
             # All around a closed surface there is no chord, and no side to turn to.
             found[pairing.name] = drawn
             continue
+        # The chord between both points rotates; a pressure in its middle does not rotate it.
         moved = condensed.contact_fields(scene, body, unknowns, points)[0]
-        angle = _rotation(scene.bodies[body].model, points, solved[body], moved)
-        rolled = _rolled(scene, body, state.motion) if bends[0] > bends[1] else 0.0
-        found[pairing.name] = drawn + angle - rolled
+        chord = points[1] - points[0]
+        across = np.array([-chord[1], chord[0]])
+        rows = scene.bodies[body].model.values_along(points, np.tile(across, (2, 1)))
+        along = rows @ solved[body] + moved @ across
+        rolled = sum(
+            float(value)
+            for (constraint, one), value in zip(scene.unknown_motions, state.motion, strict=True)
+            if one.component == ROTATION and body in constraint.bodies and bends[0] > bends[1]
+        )
+        found[pairing.name] = drawn + float((along[1] - along[0]) / (chord @ chord)) - rolled
     return found
-
-
-def _moves(scene: Scene, bodies: Sequence[str | None]) -> bool:
-    """Whether one of the bodies has unknown rigid motions."""
-    return any(name in constraint.bodies for constraint, _ in scene.unknown_motions for name in bodies)
-
-
-def _rolled(scene: Scene, body: str, motion: FloatArray) -> float:
-    """Rotation of a free body or its plate in a state with the unknown motions ``motion`` (k,)."""
-    return sum(
-        float(value)
-        for (constraint, one), value in zip(scene.unknown_motions, motion, strict=True)
-        if one.component == ROTATION and body in constraint.bodies
-    )
 
 
 def _seen(
@@ -126,18 +121,9 @@ def _seen(
     return float(share @ np.angle(normals[0] / -normals[1]) / share.sum()), bends
 
 
-def _rotation(model: BodyModel, points: FloatArray, rest: FloatArray, moved: FloatArray) -> float:
-    """Rotation of the chord between two ``points`` (2, 2) of a body, which have ``moved`` (2, 2) in addition
-    to its nodal displacements ``rest`` (2N,): a pressure in its middle does not rotate it."""
-    chord = points[1] - points[0]
-    across = np.array([-chord[1], chord[0]])
-    along = model.values_along(points, np.tile(across, (2, 1))) @ rest + moved @ across
-    return float((along[1] - along[0]) / (chord @ chord))
-
-
 def unturned(
     condensed: Condensed,
-    state: ExactState,
+    state: ContactState,
     turned: Mapping[str, float],
     held: Sequence[Mapping[str, FloatArray]],
 ) -> dict[str, float]:
@@ -198,13 +184,10 @@ class Turned:
 
     @property
     def hint(self) -> str:
-        """Hint for the user."""
-        hold = (
-            f'hold {self.names} with a [[support]], take away what turns it, or use model.strain = "finite"'
-        )
         # No body turns that far before its strains are absurd.
         large = "check the units of the loads against those of the moduli; " if self.angle > np.pi else ""
-        return large + hold
+        hold = f"hold {self.names} with a [[support]], take away what turns it, or use"
+        return f'{large}{hold} model.strain = "finite"'
 
     @property
     def error(self) -> UnbalancedError | None:
@@ -216,11 +199,9 @@ class Turned:
         return UnbalancedError(message, self.hint)
 
 
-def rolling(scene: Scene, condensed: Condensed, state: ExactState) -> UnbalancedError | None:
+def rolling(scene: Scene, condensed: Condensed, state: ContactState) -> UnbalancedError | None:
     """The error that loads rotate a body without resistance in a state, which then is not on any path."""
-    nodes = condensed.friction_nodes
-    sets = ContactStatus.with_tractions(state.active, state.stuck[nodes], state.traction, nodes)
-    turned = turned_by_loads(scene, condensed, state.unknowns[1:], sets)
+    turned = turned_by_loads(scene, condensed, state.unknowns[1:], state.status)
     return turned.error if turned else None
 
 
@@ -238,8 +219,14 @@ def turned_by_loads(
         angle = abs(float(motion[number]))
         if one.component == ROTATION and constraint.bodies and angle > MIN_ROTATION:
             forces = _forces(condensed, constraint.bodies, pressure, traction)
-            if any(_moved(*each, constraint.center, angle) for each in forces):
-                turning.append((number, constraint, forces))
+            for points, force in forces:
+                # Whether the contact moves along the surface as its body rotates.
+                pressed = np.hypot(*force.T)
+                width = np.hypot(*np.ptp(points[pressed > 0.0], axis=0))
+                arm = np.hypot(*(np.average(points, axis=0, weights=pressed) - constraint.center))
+                if angle * arm > MIN_SHIFT * width:
+                    turning.append((number, constraint, forces))
+                    break
     if not turning:
         return None
     try:
@@ -248,14 +235,12 @@ def turned_by_loads(
         return None
     if system.holds:
         return None
-    numbers = [number for number, *_ in turning]
+    numbers, (gap, slip) = [number for number, *_ in turning], map(np.zeros_like, (pressure, traction))
     rotations = np.zeros((len(numbers), len(numbers)))
     for column, (number, constraint, forces) in enumerate(turning):
         moment = np.zeros(len(motion))
         moment[number] = sum(float(((at - constraint.center) * force).sum()) for at, force in forces)
-        rotations[:, column] = system.response(
-            np.zeros(len(pressure)), np.zeros(len(traction)), moment
-        ).motion[numbers]
+        rotations[:, column] = system.response(gap, slip, moment).motion[numbers]
     shares, ways = np.linalg.eig(rotations)
     worst = int(np.argmax(shares.real))
     number, constraint, _ = turning[int(np.argmax(np.abs(ways[:, worst])))]
@@ -275,13 +260,11 @@ def moment_error(
     for (constraint, one), angle in zip(scene.unknown_motions, np.abs(motion), strict=True):
         if not constraint.floats or one.component != ROTATION or angle <= MIN_ROTATION:
             continue
-        center, none = np.array(constraint.center), np.zeros(len(pressure))
+        center = np.array(constraint.center)
         both = _forces(condensed, constraint.bodies, pressure, traction)
+        along = _forces(condensed, constraint.bodies, np.zeros(len(pressure)), traction)
         omitted = angle * abs(sum(float(((at - center) * force).sum()) for at, force in both))
-        carried = 0.0
-        for at, force in _forces(condensed, constraint.bodies, none, traction):
-            arm = at - center
-            carried += abs(float(cross(arm, force).sum()))
+        carried = sum(abs(float(cross(at - center, force).sum())) for at, force in along)
         if carried > 0.0:
             found.append(Turned(constraint.bodies, float(angle), omitted / carried))
     return max(found, key=lambda one: one.share, default=None)
@@ -302,11 +285,3 @@ def _forces(
                 places = (pairing.points if slave else pairing.partner)[chosen]
                 found.append((places, sign * condensed.weight[span, None] * force))
     return found
-
-
-def _moved(points: FloatArray, force: FloatArray, center: tuple[float, float], angle: float) -> bool:
-    """Whether a contact moves along the surface as its body rotates by an angle."""
-    pressed = np.hypot(*force.T)
-    width = np.hypot(*np.ptp(points[pressed > 0.0], axis=0))
-    arm = np.hypot(*(np.average(points, axis=0, weights=pressed) - center))
-    return bool(angle * arm > MIN_SHIFT * width)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from types import MappingProxyType
 from typing import TypeAlias
 
 import numpy as np
@@ -13,19 +12,15 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.laws.von_mises import ZZ, VonMises, plastic_stress
 from mlsanm_cli.mechanics.material import PlaneMaterial
-from mlsanm_cli.mechanics.probes import stress_of_expansion
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.state import Fields, State
+from mlsanm_cli.solve.state import NOTHING, Fields, State
 
 MAX_STATES = 4
 """States solved for together: twice the work of one; more would only take more memory."""
 
 
-NO_STARTS: Mapping[str, FloatArray] = MappingProxyType({})
-
-
 def fields_of(
-    built: CondensedScene, states: Sequence[State], stress: bool, starts: Mapping[str, FloatArray] = NO_STARTS
+    built: CondensedScene, states: Sequence[State], stress: bool, starts: Mapping[str, FloatArray] = NOTHING
 ) -> list[tuple[dict[str, Fields], float]]:
     """Fields of all bodies in each state, stresses only if requested, and the largest relative error of the
     linear solutions. States are solved together. ``starts`` are approximate solutions (2N, 1) by body."""
@@ -54,7 +49,7 @@ def _fields(built: CondensedScene, name: str, state: State, displacement: FloatA
         degrees = built.scene.degrees(name, state.factors)
         near = stressed
         sigma = model.stress(displacement) + near
-        sigma = sigma - degrees[:, None] * stress_of_expansion(model.material)
+        sigma = sigma - degrees[:, None] * model.material.stress_of_expansion
     whole = displacement + moved
     return {**named_fields(model.material, whole, sigma, degrees, flow), "rest": displacement, "near": near}
 

@@ -11,7 +11,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.geometry.surface_response import SurfaceResponse
-from mlsanm_cli.contact.laws.active_set import ExactState
+from mlsanm_cli.contact.laws.contact_state import ContactState
 from mlsanm_cli.contact.response.compressed import COMPRESSED_CONTACT
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.responses import BodyResponses
@@ -74,7 +74,7 @@ def refined(
     condensed: Condensed,
     grids: Mapping[str, ContactGrid],
     ranges: Mapping[str, ContactRange],
-    states: Sequence[ExactState],
+    states: Sequence[ContactState],
     accuracy: Mapping[str, float],
     tractions: bool,
     limits: tuple[int, int] = DENSE_LIMITS,
@@ -129,7 +129,7 @@ def _halved(grid: ContactGrid, chosen: BoolArray, quartered: BoolArray, errors: 
 
 
 def grid_errors(
-    condensed: Condensed, name: str, states: Sequence[ExactState], tractions: bool = True
+    condensed: Condensed, name: str, states: Sequence[ContactState], tractions: bool = True
 ) -> FloatArray:
     """Contribution of every interval of a contact grid to the relative L2 error of its pressures (and
     tractions, if they count) in the worst of the states; 0 for the shortest, where pressures are unbounded.

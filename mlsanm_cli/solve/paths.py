@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
-from mlsanm_cli.contact.complementarity.problem import OPEN, SLIP, ContactStatus
-from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
-from mlsanm_cli.contact.laws.contact_state import ContactSolution
-from mlsanm_cli.contact.laws.coulomb import CoulombState, event_driven_path, residual
+from mlsanm_cli.contact.complementarity.problem import OPEN, SLIP
+from mlsanm_cli.contact.laws.contact_state import ContactState, residual
+from mlsanm_cli.contact.laws.coulomb import event_driven_path
 from mlsanm_cli.contact.laws.coulomb import start as first_state
 from mlsanm_cli.contact.laws.failures import EndlessError, SlidingError, UnbalancedError
+from mlsanm_cli.contact.laws.frictionless import solve_exact
 from mlsanm_cli.contact.response.compressed import compressed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene, factors_at
@@ -41,13 +40,13 @@ MAX_ROWS = 40
 
 def load_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
     """The path of the scene, or its remaining part, by the method of its contact law."""
+    # Imported when needed, as each method imports another package.
     if built.laws:
         from mlsanm_cli.solve.plastic_path import plastic_path
 
         return plastic_path(built, start)
     if not built.case.touching:
         return linear_path(built, start)
-    # Imported when needed, as each method imports another package.
     if built.case.is_regularized and not built.follows_exactly:
         from mlsanm_cli.paper.path import paper_path
 
@@ -68,170 +67,124 @@ def _limited(built: CondensedScene, start: Checkpoint | None, path: Iterator[Pat
 
 def linear_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathStep]:
     """Path without contact: every state is a linear combination of the solutions of the loads."""
-    wanted, condensed, none = output_positions(built), built.condensed, np.zeros(0)
-    for position in stops(built):
-        if start is not None and position <= start.position:
-            continue
+    condensed, passed = built.condensed, -1.0 if start is None else start.position
+    for position in (one for one in stops(built) if one > passed):
         factors = factors_at(built.stages, position)
         motion = np.linalg.solve(condensed.balance.motion, -condensed.balance.load @ factors)
-        status = np.zeros(0, dtype=np.int8)
-        state = State(position, factors, none, none, np.asarray(motion, dtype=np.float64), status)
-        yield PathStep(
-            state,
-            (state,) if position in wanted else (),
-            solves=0 if position else condensed.solves,
-            checkpoint=Checkpoint(state),
-        )
+        state = State(position, factors, motion=np.asarray(motion, dtype=np.float64))
+        yield replace(_step(built, state), solves=0 if position else condensed.solves)
 
 
 def exact_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathStep]:
     """Exact contact at the known ends of stages, at requested positions and evenly between them, each from
     the previous set; on the way to a limit load as close to it as states exist."""
-    wanted, positions = output_positions(built), stops(built)
+    condensed, positions = built.condensed, stops(built)
+    known = zip(built.ends, built.stages[1:], strict=False)
     ends = {
         float(number): one
-        for number, one in enumerate(built.ends, start=1)
-        if np.array_equal(one.factors, built.stages[number])
+        for number, (one, factors) in enumerate(known, start=1)
+        if np.array_equal(one.factors, factors)
     }
-    near, towards = near_limit(built.condensed, built.stages) if built.ends_early else None, []
+    near, wanted = near_limit(condensed, built.stages) if built.ends_early else None, set(positions)
     if near is not None:
         stage = np.ceil(near[1]) - 1.0
-        towards = [float(stage + share * (near[1] - stage)) for share in LIMIT_LEVELS]
-    rows = MIN_ROWS if compressed(built.condensed.gap.pressure) is None else MIN_ROWS_OF_MANY
-    state = unloaded_state(built) if start is None else start.state
+        wanted |= {float(stage + share * (near[1] - stage)) for share in LIMIT_LEVELS}
+    rows = MIN_ROWS if compressed(condensed.gap.pressure) is None else MIN_ROWS_OF_MANY
+    for begin, end in itertools.pairwise(positions):
+        parts = int(np.ceil(rows * (end - begin) / positions[-1]))
+        wanted |= {begin + part / parts * (end - begin) for part in range(1, parts)}
+    state = _drawn(built) if start is None else start.state
     if start is None:
-        yield PathStep(state, (state,) if 0.0 in wanted else (), checkpoint=Checkpoint(state))
-    for position in sorted({*positions, *_between(positions, rows), *towards}):
+        yield _step(built, state)
+    for position in sorted(wanted):
         if position <= state.position:
             continue
-        active = state.closed if state.position > 0.0 else None
+        closed = state.closed if state.position > 0.0 else None
         factors = factors_at(built.stages, position)
         try:
-            exact = ends[position] if position in ends else solve_exact(built.condensed, factors, active)
+            contacts = ends[position] if position in ends else solve_exact(condensed, factors, closed)
         except NumericalError as error:
             if position in positions or not isinstance(error, UnbalancedError | EndlessError):
                 raise
             continue  # what floats on its way to a contact has no state there
-        step = exact_step(exact, position)
-        state = step.state
-        yield replace(step, saved=(state,) if position in wanted else (), checkpoint=Checkpoint(state))
+        state = _state(built, contacts, position)
+        yield _step(built, state, contacts.solves)
 
 
-def _between(positions: Sequence[float], rows: int) -> Iterator[float]:
-    """Positions that divide the intervals of ``positions`` into at least ``rows`` in total."""
-    for begin, end in itertools.pairwise(positions):
-        parts = int(np.ceil(rows * (end - begin) / positions[-1]))
-        yield from (begin + part / parts * (end - begin) for part in range(1, parts))
-
-
-def exact_step(exact: ExactState, position: float) -> PathStep:
-    """Exact state without friction as a step without saved states."""
-    status, solves = np.where(exact.active, SLIP, OPEN).astype(np.int8), exact.solves
-    state = State(position, exact.factors, exact.pressure, exact.gap, exact.motion, status, exact.residual)
-    return PathStep(state, (), iterations=solves, factorizations=solves, solves=2 * solves)
-
-
-def unloaded_state(built: CondensedScene) -> State:
-    """Initial state of the path, deformed only if surfaces overlap."""
-    gap, factors = built.condensed.gap, built.stages[0]
-    if built.condensed.overlap(gap.constant):
-        return exact_step(solve_exact(built.condensed, factors), 0.0).state
-    zero, motion = np.zeros(len(gap.constant)), np.zeros(len(built.condensed.balance.constant))
-    status = np.where(gap.constant <= 0.0, SLIP, OPEN).astype(np.int8)
-    return State(0.0, factors, zero, gap.constant, motion, status)
+def _drawn(built: CondensedScene) -> State:
+    """Initial state of contacts without friction, deformed only if surfaces overlap."""
+    gap, factors = built.condensed.gap.constant, built.stages[0]
+    if built.condensed.overlap(gap):
+        return _state(built, solve_exact(built.condensed, factors), 0.0)
+    motion = np.zeros(len(built.condensed.balance.constant))
+    return State(
+        0.0, factors, np.zeros(len(gap)), gap, motion, np.where(gap <= 0.0, SLIP, OPEN).astype(np.int8)
+    )
 
 
 def friction_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
-    """Path of exact contact with Coulomb friction, from event to event."""
+    """Path of exact contact with Coulomb friction, from event to event, with all requested states and a
+    limited number of others."""
+    largest = max((float(end.pressure.max(initial=0.0)) for end in built.ends), default=0.0)
     if start is None:
-        state, begun, reached = first_state(built.condensed, built.stages[0], _typical(built) or 0.0), 0, 0.0
-        yield replace(_row(built, 0, state, state.solves), iterations=0, solves=0)
+        contacts, stage, reached = first_state(built.condensed, built.stages[0], largest), 0, 0.0
+        first = _step(built, _state(built, contacts, 0.0), contacts.solves, contacts)
+        yield replace(first, iterations=0, solves=0)
     else:
-        state, begun, reached = _restored(start), start.stage, start.fraction
-    for stage in range(begun, len(built.stages) - 1):
-        state = yield from _stage_path(built, stage, state, reached)
+        contacts = start.state.contacts(built.condensed.friction_nodes, start.history)
+        stage, reached = start.stage, start.fraction
+    for number in range(stage, len(built.stages) - 1):
+        halts = sorted(place for one in stops(built) if reached < (place := one - number) <= 1.0)
+        before, solves, warning, pending = reached, 0, "", False
+        begin, end = built.stages[number], built.stages[number + 1]
+        unloaded = False
+        path = event_driven_path(built.condensed, contacts, end, halts, begin, reached, largest or None)
+        try:
+            for contacts in path:
+                reached, solves, pending = contacts.fraction, solves + contacts.solves, True
+                if contacts.jumped and not unloaded:
+                    warning = (
+                        f"the contact snaps to another state before position {number + reached:.6g}: "
+                        f"there is no continuous path"
+                    )
+                unloaded = _share(built, contacts, number + reached) < UNLOADED
+                if reached in halts or reached >= before + 1.0 / MAX_ROWS or contacts.jumped:
+                    step = _step(built, _state(built, contacts, number + reached), solves, contacts)
+                    yield replace(step, warning=warning)
+                    before, solves, warning, pending = reached, 0, "", False
+        except NumericalError as error:
+            if pending:
+                step = _step(built, _state(built, contacts, number + reached), solves, contacts)
+                yield replace(step, warning=warning)
+            if isinstance(error, SlidingError):
+                raise SlidingError(error.fraction, f" at position {number + error.fraction:.9g}") from error
+            raise NumericalError(
+                f"{error.message} beyond position {number + reached:.9g}", error.hint
+            ) from error
         reached = 0.0
 
 
-def _typical(built: CondensedScene) -> float | None:
-    """Largest pressure at the ends of stages, None without any."""
-    return max((float(end.pressure.max(initial=0.0)) for end in built.ends), default=0.0) or None
+def _state(built: CondensedScene, contacts: ContactState, position: float) -> State:
+    worst = _share(built, contacts, position) * residual(built.condensed, contacts)
+    return State.of(contacts, built.condensed.friction_nodes, position, worst)
 
 
-def _stage_path(
-    built: CondensedScene, stage: int, state: CoulombState, reached: float
-) -> Generator[PathStep, None, CoulombState]:
-    """Path of a stage beyond the part ``reached``, with all requested states and a limited number of others;
-    returns the state at its end."""
-    halts = sorted(place for position in stops(built) if reached < (place := position - stage) <= 1.0)
-    before, solves, jump, unloaded = reached, 0, "", False
-    pending: Callable[[], PathStep] | None = None
-    begin, end = built.stages[stage], built.stages[stage + 1]
-    try:
-        path = event_driven_path(built.condensed, state, end, halts, begin, reached, _typical(built))
-        for state in path:
-            reached, solves = state.fraction, solves + state.solves
-            if state.jumped and not unloaded:
-                jump = (
-                    f"the contact snaps to another state before position {stage + reached:.6g}: "
-                    f"there is no continuous path"
-                )
-            unloaded = _share(built, state, stage + reached) < UNLOADED
-            pending = partial(_row, built, stage, state, solves, jump)
-            if reached in halts or reached >= before + 1.0 / MAX_ROWS or state.jumped:
-                yield pending()
-                before, solves, jump, pending = reached, 0, "", None
-    except NumericalError as error:
-        if pending is not None:
-            yield pending()
-        if isinstance(error, SlidingError):
-            raise SlidingError(error.fraction, f" at position {stage + error.fraction:.9g}") from error
-        raise NumericalError(f"{error.message} beyond position {stage + reached:.9g}", error.hint) from error
-    return state
-
-
-def _row(built: CondensedScene, stage: int, exact: CoulombState, solves: int, jump: str = "") -> PathStep:
-    """Step that ends at an event, after ``solves`` systems, with a warning of a ``jump``."""
-    position = stage + exact.fraction
-    state = coulomb_state(built, exact, position)
-    return PathStep(
-        state,
-        (state,) if position in output_positions(built) else (),
-        iterations=solves,
-        factorizations=solves,
-        solves=4 * solves,
-        warning=jump,
-        checkpoint=Checkpoint(state, friction_history(exact.sets, exact.stick_reference)),
-    )
-
-
-def _restored(start: Checkpoint) -> CoulombState:
-    """Exact state of a checkpoint."""
-    state, history = start.state, start.history
-    values = ContactSolution(state.pressure, state.traction, state.motion, state.gap, state.slip)
-    sets = ContactStatus(**history["sets"])
-    return CoulombState(state.factors, values, sets, history["stick_reference"], state.work)
-
-
-def coulomb_state(built: CondensedScene, state: CoulombState, position: float) -> State:
-    """Exact state with friction as a state of the path at a position."""
-    values = state.values
-    return State(
-        position,
-        state.factors,
-        values.pressure,
-        values.gap,
-        values.motion,
-        state.sets.status(built.condensed.friction_nodes),
-        _share(built, state, position) * residual(built.condensed, state),
-        values.traction,
-        values.slip,
-        state.work,
-    )
-
-
-def _share(built: CondensedScene, state: CoulombState, position: float) -> float:
+def _share(built: CondensedScene, contacts: ContactState, position: float) -> float:
     """Pressures over the least by which residuals are measured, if they are below."""
     before = max((float(end.pressure.max(initial=0.0)) for end in built.ends[: int(position)]), default=0.0)
-    least, now = UNLOADED * before, float(state.values.pressure.max(initial=0.0))
+    least, now = UNLOADED * before, float(contacts.pressure.max(initial=0.0))
     return now / least if now < least else 1.0
+
+
+def _step(
+    built: CondensedScene, state: State, systems: int = 0, contacts: ContactState | None = None
+) -> PathStep:
+    """Step that ends at a ``state`` after so many ``systems``; with friction in that of the ``contacts``."""
+    return PathStep(
+        state,
+        (state,) if state.position in output_positions(built) else (),
+        iterations=systems,
+        factorizations=systems,
+        solves=(2 if contacts is None else 4) * systems,
+        checkpoint=Checkpoint(state, friction_history(contacts) if contacts is not None else {}),
+    )

@@ -17,7 +17,7 @@ Equation (34) of docs/method.md.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 
@@ -25,21 +25,19 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.complementarity.basis import Ray
-from mlsanm_cli.contact.laws.contact_state import ContactSolution, Linearised
-from mlsanm_cli.contact.laws.coulomb import CoulombState, increment, residual, unloaded
+from mlsanm_cli.contact.laws.contact_state import ContactState, Linearised, residual
+from mlsanm_cli.contact.laws.coulomb import increment, unloaded
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.contact_fields import NearFields
 from mlsanm_cli.contact.response.eigenstress import NOTHING
-from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.defect import NextDegree
 from mlsanm_cli.mechanics.elasticity import divergence_of_stress, stress_of
 from mlsanm_cli.mechanics.laws.von_mises import HISTORY, plastic_stress
 from mlsanm_cli.mechanics.near_field import as_complex
 from mlsanm_cli.mechanics.rigid import ROTATION
 from mlsanm_cli.operators.linear.krylov import gmres
-from mlsanm_cli.operators.refinement import FUNCTIONAL_TOLERANCE
+from mlsanm_cli.operators.system import FUNCTIONAL_TOLERANCE
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 
@@ -69,7 +67,7 @@ class Flow:
 
     factors: FloatArray
     unknowns: FloatArray
-    contact: CoulombState
+    contact: ContactState
     strain: Mapping[str, FloatArray]
     stress: Mapping[str, FloatArray]
     tangent: Mapping[str, FloatArray]
@@ -86,52 +84,42 @@ class Flow:
         return float(np.linalg.norm(self.misfit)) / self.size if self.size else 0.0
 
 
-@dataclass(frozen=True, eq=False)
-class ElasticStress:
-    """Stresses (3n,) of a body's nodes, xx of all, yy, xy, per driver (3n, d) and, by the near field of each
-    contact ``grids`` names, per nodal pressure and traction (3n, 2m)."""
+def _elastic_stress(
+    built: CondensedScene, name: str
+) -> Callable[[Condensed, Sequence[FloatArray]], FloatArray]:
+    """The stress (n, 3) of a body in states f, q, p, t of a scene, also by its eigenstresses: from the
+    responses to each driver and, by the near fields of contacts on grids, to each pressure and traction."""
+    condensed, body, model = built.condensed, built.scene.bodies[name], built.scene.bodies[name].model
 
-    model: BodyModel
-    by_drivers: FloatArray
-    by_grids: Mapping[str, FloatArray]
+    def stresses(displacement: FloatArray) -> FloatArray:
+        return np.asarray(model.stress(displacement.reshape(-1, 2)).T.ravel())
 
-    @classmethod
-    def of(cls, built: CondensedScene, name: str) -> ElasticStress:
-        """The responses of a body, one solution per driver."""
-        condensed, body = built.condensed, built.scene.bodies[name]
-        solutions = condensed.solutions.get(name)
-        if solutions is None:
-            solutions = body.system.solve(condensed.sources[name], FUNCTIONAL_TOLERANCE)
-        model, grids = body.model, dict[str, FloatArray]()
-        z, count = as_complex(model.cloud.points), 3 * len(model.cloud.points)
-        for pairing in condensed.drivers.on_grids:
-            if name not in pairing.bodies:
-                continue
-            unit = np.eye(len(pairing.grid.hats.place))
-            none = np.zeros_like(unit)
-            total = np.zeros((count, 2 * len(unit)))
-            for slave, sign in pairing.sides_of(name):
-                fields = NearFields.at(pairing.grid, model.kernel, slave, z)
-                parts = [fields(*pair)[1] for pair in ((unit, none), (none, unit))]
-                near = np.concatenate(parts, axis=2).transpose(1, 0, 2)
-                total += sign * near.reshape(count, -1)
-            grids[pairing.name] = total
-        return cls(model, np.stack([_stresses(model, one) for one in solutions.T], axis=1), grids)
+    solutions = condensed.solutions.get(name)
+    if solutions is None:
+        solutions = body.system.solve(condensed.sources[name], FUNCTIONAL_TOLERANCE)
+    by_drivers = np.stack([stresses(one) for one in solutions.T], axis=1)
+    z, by_grids = as_complex(model.cloud.points), dict[str, FloatArray]()
+    for pairing in condensed.drivers.on_grids:
+        if name not in pairing.bodies:
+            continue
+        unit = np.eye(len(pairing.grid.hats.place))
+        none, total = np.zeros_like(unit), np.zeros((3 * len(z), 2 * len(unit)))
+        for slave, sign in pairing.sides_of(name):
+            fields = NearFields.at(pairing.grid, model.kernel, slave, z)
+            parts = [fields(*pair)[1] for pair in ((unit, none), (none, unit))]
+            near = np.concatenate(parts, axis=2).transpose(1, 0, 2)
+            total += sign * near.reshape(len(total), -1)
+        by_grids[pairing.name] = total
 
-    def __call__(self, condensed: Condensed, unknowns: Sequence[FloatArray]) -> FloatArray:
-        """The stress (n, 3) in a state f, q, p, t of a scene, also by its eigenstresses."""
-        total = self.by_drivers @ condensed.drive(unknowns)
-        total += _stresses(self.model, condensed.inner[self.model.name][1])
-        for pairing in condensed.reported:
-            if pairing.name in self.by_grids:
-                values = np.concatenate(condensed.contact_values(pairing, unknowns))
-                total += self.by_grids[pairing.name] @ values
+    def stress(now: Condensed, unknowns: Sequence[FloatArray]) -> FloatArray:
+        total = by_drivers @ now.drive(unknowns)
+        total += stresses(now.inner[name][1])
+        for pairing in now.reported:
+            if pairing.name in by_grids:
+                total += by_grids[pairing.name] @ np.concatenate(now.contact_values(pairing, unknowns))
         return np.asarray(total.reshape(3, -1).T)
 
-
-def _stresses(model: BodyModel, displacement: FloatArray) -> FloatArray:
-    """Nodal stresses (3n,) of a displacement (2N,)."""
-    return np.asarray(model.stress(displacement.reshape(-1, 2)).T.ravel())
+    return stress
 
 
 class PlasticScene:
@@ -152,9 +140,9 @@ class PlasticScene:
         levers = [length if one.component == ROTATION else 1.0 for _, one in built.scene.unknown_motions]
         self._sections = volume / length * np.array(levers)
         known = built.condensed
-        gap, slip, balance = map(_homogeneous, (known.gap, known.slip, known.balance))
+        gap, slip, balance = (one.shifted(-one.constant) for one in (known.gap, known.slip, known.balance))
         self._linear = replace(known, gap=gap, slip=slip, balance=balance)
-        self._elastic = {name: ElasticStress.of(built, name) for name in self.bodies}
+        self._elastic = {name: _elastic_stress(built, name) for name in self.bodies}
 
     def unloaded(self) -> Flow:
         """The state without loads, strains and contact pressures."""
@@ -184,12 +172,19 @@ class PlasticScene:
             if now.error <= tolerance:
                 return replace(now, updates=updates, products=products)
             try:
-                linear = Linearised(self.built.condensed, now.contact.sets)
+                linear = Linearised(self.built.condensed, now.contact.status)
             except Ray as error:
                 raise FlowError("the contact slides as a whole while bodies flow") from error
             change, count = gmres(partial(self._product, now, linear), now.misfit, forcing)
             products += count
-            now = self._stepped(before, now, change, max(seen[-MEMORY:]))
+            most, part = max(seen[-MEMORY:]), 1.0
+            trial = self._trial(before, factors, now.unknowns + change / self._root, now.contact)
+            while float(np.linalg.norm(trial.misfit)) > (1.0 - DECREASE * part) * most:
+                part *= 0.5
+                if part < LEAST_STEP:
+                    raise FlowError("plastic strains do not settle")
+                trial = self._trial(before, factors, now.unknowns + part * change / self._root, now.contact)
+            now = trial
             seen.append(float(np.linalg.norm(now.misfit)))
             rate = seen[-1] / seen[-2]
             safe = FORCING * forcing**2
@@ -197,32 +192,18 @@ class PlasticScene:
             forcing = max(forcing, 0.5 * tolerance / max(now.error, tolerance))
         raise FlowError(f"plastic strains have not settled after {MOST_UPDATES} updates")
 
-    def _stepped(self, before: Flow, now: Flow, change: FloatArray, most: float) -> Flow:
-        """The state after a Newton step, or after a part of it with which the misfit is at most ``most``.
-        Raises FlowError."""
-        part = 1.0
-        while part >= LEAST_STEP:
-            unknowns = now.unknowns + part * change / self._root
-            found = self._trial(before, now.factors, unknowns, now.contact)
-            if float(np.linalg.norm(found.misfit)) <= (1.0 - DECREASE * part) * most:
-                return found
-            part *= 0.5
-        raise FlowError("plastic strains do not settle")
-
-    def _trial(self, before: Flow, factors: FloatArray, unknowns: FloatArray, guess: CoulombState) -> Flow:
+    def _trial(self, before: Flow, factors: FloatArray, unknowns: FloatArray, guess: ContactState) -> Flow:
         """The state for eigenstresses ``unknowns`` (u,), with the contact set searched from a ``guess``."""
-        scene, stresses = self.built.scene, dict(self._split(unknowns))
+        scene, stresses = self.built.scene, self._split(unknowns)
         condensed = self._eigen.within(self.built.condensed, stresses)
-        contact = increment(condensed, before.contact, factors, guess=guess.sets)
+        contact = increment(condensed, before.contact, factors, guess=guess.status)
         if contact is None:
             raise FlowError("no contact state balances the loads")
-        v = contact.values
-        drive = factors, v.motion, v.pressure, v.traction
         strain, stress, tangent, history, work, misfits = {}, {}, {}, {}, {}, []
         size = 0.0
         for name, body in self.bodies.items():
             law, model = self.laws[name], body.model
-            elastic = self._elastic[name](condensed, drive)
+            elastic = self._elastic[name](condensed, contact.unknowns)
             whole = np.zeros((len(elastic), 4))
             whole[:, PLANE] = np.linalg.solve(model.material.stiffness, elastic.T).T
             degrees = scene.degrees(name, factors)
@@ -241,14 +222,14 @@ class PlasticScene:
         """The largest residual of a state: of its plastic strains, and of contacts and balances, relative to
         the root mean square of stresses and their forces and moments on sections as long as the root of the
         area."""
-        stresses = dict(self._split(now.unknowns))
+        stresses = self._split(now.unknowns)
         stress = now.size / np.sqrt(self._area)
         condensed = self._eigen.within(self.built.condensed, stresses)
         return max(now.error, residual(condensed, now.contact, stress, stress * self._sections))
 
     def growth(self, now: Flow, change: FloatArray) -> float:
         """Strains per change of load factors (L,) over those of elastic bodies; unbounded at a limit load."""
-        linear, none = Linearised(self.built.condensed, now.contact.sets), np.zeros(len(now.unknowns))
+        linear, none = Linearised(self.built.condensed, now.contact.status), np.zeros(len(now.unknowns))
         elastic, flowed = self._response(now, linear, none, change)
         unknowns = gmres(partial(self._product, now, linear), self._root * flowed, LARGEST_FORCING)[0]
         plastic = self._response(now, linear, unknowns / self._root, change)[0]
@@ -266,14 +247,12 @@ class PlasticScene:
         With fits B+ of the next degree stresses change by D (B+ - B) u, and their divergence by that of the
         better fits of nodal stresses. Raises NumericalError if the cloud is too small for these.
         """
-        scene, v = self.built.scene, now.contact.values
-        stresses = dict(self._split(now.unknowns))
+        scene, stresses = self.built.scene, self._split(now.unknowns)
         condensed = self._eigen.within(self.built.condensed, stresses)
-        drive = now.factors, v.motion, v.pressure, v.traction
         defect, more = np.zeros(len(now.unknowns)), {}
         for name, body in self.bodies.items():
             model, better = body.model, self._better[name]
-            moved = condensed.solution(scene, name, drive)[0].reshape(-1, 2)
+            moved = condensed.solution(scene, name, now.contact.unknowns)[0].reshape(-1, 2)
             less = stress_of(model.stencils.derivatives(moved) - better.at_nodes(moved), np.eye(3))
             tangent = now.tangent[name][:, PLANE][:, :, PLANE]
             defect[self._places[name]] = np.einsum("nij,nj->ni", tangent, less).T.ravel()
@@ -281,14 +260,12 @@ class PlasticScene:
             lost = model.stress_divergence(stress) - divergence_of_stress(better.at_nodes(stress))
             more[name] = np.zeros(body.rows)
             more[name][: lost.size] = lost.T.ravel()
-        linear, none = Linearised(self.built.condensed, now.contact.sets), np.zeros(len(now.factors))
+        linear, none = Linearised(self.built.condensed, now.contact.status), np.zeros(len(now.factors))
         flowed = self._response(now, linear, defect, none, more)[1]
         change = gmres(partial(self._product, now, linear), self._root * flowed, LARGEST_FORCING)[0]
-        condensed, v = self._linearly(linear, defect + change / self._root, none, more)
-        drive = none, v.motion, v.pressure, v.traction
-        return self.size(
-            {name: condensed.solution(scene, name, drive)[0].reshape(-1, 2) for name in self.bodies}
-        )
+        condensed, found = self._linearly(linear, defect + change / self._root, none, more)
+        solved = {name: condensed.solution(scene, name, found.unknowns)[0] for name in self.bodies}
+        return self.size({name: one.reshape(-1, 2) for name, one in solved.items()})
 
     @cached_property
     def _better(self) -> dict[str, NextDegree]:
@@ -306,13 +283,14 @@ class PlasticScene:
         unknowns: FloatArray,
         factors: FloatArray,
         more: Mapping[str, FloatArray] = NOTHING,
-    ) -> tuple[Condensed, ContactSolution]:
+    ) -> tuple[Condensed, ContactState]:
         """The scene without initial gaps under eigenstresses ``unknowns`` (u,) and ``more`` right-hand sides
         (r,), and the response of the contacts to both and to load ``factors`` (L,)."""
-        condensed = self._eigen.within(self._linear, dict(self._split(unknowns)), quick=True, more=more)
+        condensed = self._eigen.within(self._linear, self._split(unknowns), quick=True, more=more)
         rows = condensed.unscaled_rows(factors)
         m, n = len(condensed.gap.constant), len(condensed.slip.constant)
-        return condensed, linear.response(rows[:m], rows[m : m + n], rows[m + n :])
+        response = linear.response(rows[:m], rows[m : m + n], rows[m + n :])
+        return condensed, replace(response, factors=factors)
 
     def _response(
         self,
@@ -324,22 +302,16 @@ class PlasticScene:
     ) -> tuple[dict[str, FloatArray], FloatArray]:
         """Changes of strains (n, 3) by body by those of eigenstresses ``unknowns`` (u,), load ``factors``
         (L,) and ``more`` right-hand sides (r,), and the eigenstresses (u,) that the return map adds."""
-        condensed, v = self._linearly(linear, unknowns, factors, more)
-        drive = factors, v.motion, v.pressure, v.traction
+        condensed, found = self._linearly(linear, unknowns, factors, more)
         strains, parts = dict[str, FloatArray](), list[FloatArray]()
         for name, body in self.bodies.items():
             model, tangent = body.model, now.tangent[name][:, PLANE][:, :, PLANE]
-            elastic = self._elastic[name](condensed, drive)
+            elastic = self._elastic[name](condensed, found.unknowns)
             strain = np.asarray(elastic @ np.linalg.inv(model.material.stiffness), dtype=np.float64)
             strains[name] = strain
             parts.append((elastic - np.einsum("nij,nj->ni", tangent, strain)).T.ravel())
         return strains, np.asarray(np.concatenate(parts))
 
-    def _split(self, unknowns: FloatArray) -> Iterator[tuple[str, FloatArray]]:
+    def _split(self, unknowns: FloatArray) -> dict[str, FloatArray]:
         """Eigenstresses (n, 3) by body."""
-        for name, place in self._places.items():
-            yield name, unknowns[place].reshape(3, -1).T
-
-
-def _homogeneous(linear: LinearMap) -> LinearMap:
-    return replace(linear, constant=np.zeros_like(linear.constant))
+        return {name: unknowns[place].reshape(3, -1).T for name, place in self._places.items()}

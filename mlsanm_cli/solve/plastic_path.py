@@ -8,20 +8,17 @@ of the largest one.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, finer_nodes
-from mlsanm_cli.contact.complementarity.problem import STICK, ContactStatus
-from mlsanm_cli.contact.laws.active_set import ExactState
-from mlsanm_cli.contact.laws.contact_state import ContactSolution
-from mlsanm_cli.contact.laws.coulomb import CoulombState
+from mlsanm_cli.contact.laws.contact_state import ContactState
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.laws.von_mises import VonMises, plastic_stress
 from mlsanm_cli.mechanics.scene import Scene
-from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene, factors_at
 from mlsanm_cli.solve.plastic_flow import Flow, FlowError, PlasticScene
@@ -35,17 +32,6 @@ COLLAPSE = 10.0
 """Growth of strains over that of elastic bodies at the end of a path that counts as collapse."""
 KEPT = ("stress", "history", "work")
 """Quantities of nodes that continue a path, by body."""
-
-
-@dataclass(frozen=True)
-class Increment:
-    """An increment of ``length``: the states in its ``middle`` and at its ``end``, and the ``error`` of the
-    strains."""
-
-    length: float
-    middle: Flow
-    end: Flow
-    error: float
 
 
 def plastic_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
@@ -66,33 +52,31 @@ def plastic_path(built: CondensedScene, start: Checkpoint | None = None) -> Iter
     for halt in stops(built):
         while halt - position > FINE_ROUND_OFF:
             wanted = min(length, halt - position, built.case.solver.largest_increment)
-            found = _increment(scene, now, position, wanted, largest)
-            largest = max(largest, scene.size(found.middle.strain), scene.size(found.end.strain))
+            done, middle, end, error = _increment(scene, now, position, wanted, largest)
+            largest = max(largest, scene.size(middle.strain), scene.size(end.strain))
             allowed = built.case.solver.increment_error * largest
             # Errors of increments grow with the square of the length.
-            most = min(GROWTH, float(np.sqrt(allowed / found.error))) if found.error else GROWTH
-            length = max(most * found.length, length if found.length == wanted else 0.0)
-            half, now = 0.5 * found.length, found.end
-            added, spatial = found.error / (largest or 1.0), scene.spatial_error(now)
+            most = min(GROWTH, float(np.sqrt(allowed / error))) if error else GROWTH
+            length = max(most * done, length if done == wanted else 0.0)
+            half, now = 0.5 * done, end
+            added, spatial = error / (largest or 1.0), scene.spatial_error(now)
             errors = np.array([errors[0] + added, max(errors[1], spatial)])
-            yield _step(scene, found.middle, position + half, half, length, errors, half)
-            position = _rounded(built, position + found.length)
+            yield _step(scene, middle, position + half, half, length, errors, half)
+            position = _rounded(built, position + done)
             yield _step(scene, now, position, half, length, errors)
 
 
 def touching_states(
     case: Case, scene: Scene, stages: FloatArray, laws: Mapping[str, VonMises], condensed: Condensed
-) -> tuple[ExactState, ...]:
+) -> tuple[ContactState, ...]:
     """The states of the path of a scene, as far as there are any, or up to one whose contacts reach an end of
     a grid that is no end of a surface."""
-    built, found = CondensedScene(case, scene, condensed, stages, (), np.nan, laws), list[ExactState]()
+    built, found = CondensedScene(case, scene, condensed, stages, (), np.nan, laws), list[ContactState]()
     try:
         for step in plastic_path(built):
-            state, closed = step.state, step.state.closed
-            stuck = np.asarray(state.status == STICK)
+            state = step.state
             shift = built.at(state).condensed.watched.constant - condensed.watched.constant
-            values = state.pressure, state.gap, state.motion, state.traction, closed, stuck, 0, state.residual
-            found.append(ExactState(state.factors, *values, shift))
+            found.append(replace(state.contacts(condensed.friction_nodes), shift=shift))
             if condensed.cut(state.pressure):
                 break
     except NumericalError:
@@ -105,8 +89,11 @@ def _rounded(built: CondensedScene, position: float) -> float:
     return next((halt for halt in stops(built) if abs(halt - position) <= FINE_ROUND_OFF), position)
 
 
-def _increment(scene: PlasticScene, now: Flow, position: float, length: float, largest: float) -> Increment:
-    """The longest increment, of at most ``length``, whose error is allowed. Raises NumericalError."""
+def _increment(
+    scene: PlasticScene, now: Flow, position: float, length: float, largest: float
+) -> tuple[float, Flow, Flow, float]:
+    """The longest increment, of at most ``length``, whose error is allowed: its length, the states in its
+    middle and at its end, and the error of the strains. Raises NumericalError."""
     built, whole = scene.built, None
     while True:
         try:
@@ -122,7 +109,7 @@ def _increment(scene: PlasticScene, now: Flow, position: float, length: float, l
         apart = {name: whole.strain[name] - end.strain[name] for name in built.laws}
         size, error = max(largest, scene.size(end.strain)), scene.size(apart)
         if error <= built.case.solver.increment_error * size:
-            return Increment(length, middle, end, error)
+            return length, middle, end, error
         whole, length = middle, 0.5 * length
 
 
@@ -165,18 +152,12 @@ def _step(
 ) -> PathStep:
     """A step that ends at a state, of which another ``half`` follows at once, with ``errors`` (2,) so far:
     the sum of those of the increments, relative, and the largest of displacements by spacings."""
-    built, contact, v = scene.built, flow.contact, flow.contact.values
-    solver = {"errors": errors}
+    built, solver = scene.built, {"errors": errors}
     for name in built.laws:
-        solver |= {
-            f"history.{name}": flow.history[name],
-            f"stress.{name}": flow.stress[name],
-            f"work.{name}": flow.work[name],
-        }
-    status = contact.sets.status(built.condensed.friction_nodes)
-    values = v.pressure, v.gap, v.motion, status, scene.residual(flow), v.traction, v.slip, contact.work
-    state = State(position, flow.factors, *values, solver=solver)
-    history = friction_history(contact.sets, contact.stick_reference) | {"half": np.array([half])}
+        solver |= {f"{key}.{name}": getattr(flow, key)[name] for key in ("history", "stress", "work")}
+    nodes = built.condensed.friction_nodes
+    state = State.of(flow.contact, nodes, position, scene.residual(flow), solver)
+    history = friction_history(flow.contact) | {"half": np.array([half])}
     return PathStep(
         state,
         (state,) if position in output_positions(built) else (),
@@ -190,9 +171,7 @@ def _step(
 def _restored(built: CondensedScene, start: Checkpoint) -> Flow:
     """The state of a checkpoint."""
     state, history = start.state, start.history
-    values = ContactSolution(state.pressure, state.traction, state.motion, state.gap, state.slip)
-    sets = ContactStatus(**history["sets"])
-    contact = CoulombState(state.factors, values, sets, history["stick_reference"], state.work)
+    contact = state.contacts(built.condensed.friction_nodes, history)
     known = {key: {name: state.solver[f"{key}.{name}"] for name in built.laws} for key in KEPT}
     stresses = [
         plastic_stress(law.linear, known["history"][name]).T.ravel() for name, law in built.laws.items()

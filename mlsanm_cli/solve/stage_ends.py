@@ -5,30 +5,33 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case
-from mlsanm_cli.contact.complementarity.problem import STICK, ContactStatus
-from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
-from mlsanm_cli.contact.laws.coulomb import CoulombState, increment, residual, unloaded
+from mlsanm_cli.contact.complementarity.problem import ContactStatus
+from mlsanm_cli.contact.laws.contact_state import ContactState
+from mlsanm_cli.contact.laws.coulomb import increment, unloaded
 from mlsanm_cli.contact.laws.failures import NoStateError, UnbalancedError
+from mlsanm_cli.contact.laws.frictionless import solve_exact
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import factors_at
 from mlsanm_cli.solve.contact_grids import Wanted
-from mlsanm_cli.solve.direction_updates import rolling, turned_by_loads
+from mlsanm_cli.solve.direction_updates import rolling
 from mlsanm_cli.solve.limit_loads import beyond_limit, check_resisted, near_limit
 
 MAX_LEVELS = 40
 """Largest number of levels of output that determine contact grids."""
 MAX_FIRST_LEVELS = 8
 """Largest number of stages that determine the first grids; these are then checked at all stages."""
-
-
+LEVELS_BETWEEN = 8
+"""Subdivisions of a stage at which contacts are checked to stay in the ranges of their grids; fewer with many
+stages."""
 MAX_NORMAL_TURN = 0.25
 """Rotation (radian) of normals over slips above which contact at small strain is not valid."""
 FIRST_PARTS = (0.5, 0.1, 0.01)
@@ -42,54 +45,55 @@ def searched_ends(
     condensed: Condensed,
     starts: Sequence[ContactStatus],
     which: Wanted,
-    known: Sequence[ExactState] = (),
-) -> tuple[ExactState, ...]:
+    known: Sequence[ContactState] = (),
+) -> tuple[ContactState, ...]:
     """Exact states at the ends of the stages: with friction only of the ``starts``; without it of some, if no
     more are to be ``known``, of all that count with the requested states, or of some between the ends.
     States ``known`` at equal load factors are reused, with friction those of a whole path. If a stage cannot
     be completed the last state is one near its limit load."""
-    factors, every = stages, which not in ("ends", "known")
-    rubbing = len(condensed.friction_nodes) > 0
     every_so_many = -(-len(case.output.at) // MAX_LEVELS) or 1
     positions = sorted({*range(len(stages)), *case.output.at[::every_so_many]})
-    if which == "between":
-        if rubbing:
+    levels = np.stack([factors_at(stages, position) for position in positions])
+    if len(condensed.friction_nodes):
+        counted = stages if which == "ends" else levels
+        reached = [one for one in known if (counted == one.factors).all(axis=1).any()]
+        if which == "between":
             return ()
-        most = max(2, min(LEVELS_BETWEEN, MAX_LEVELS // (len(stages) - 1)))
-        parts = np.maximum(1, -(-most // _in_line(stages)))
-        inner = (k + j / count for k, count in enumerate(parts.tolist()) for j in range(1, count))
-        factors = np.stack([factors_at(stages, position) for position in (0.0, *inner)])
-    elif every:
-        factors = np.stack([factors_at(stages, position) for position in positions])
-    elif which == "known" and not rubbing and len(stages) - 1 > MAX_FIRST_LEVELS:
-        chosen = np.unique(np.linspace(0, len(stages) - 1, MAX_FIRST_LEVELS + 1).round().astype(int))
-        factors = stages[chosen]
-        starts = [starts[k - 1] for k in chosen[1:]] if len(starts) == len(stages) - 1 else starts
-    if rubbing and which == "ends" and not known:
-        check_resisted(scene, condensed, stages)
-    if rubbing:
         if which == "ends" and known:
-            return tuple(one for one in known if _among(one, stages)) or tuple(known)
-        if every and len(known) == len(positions) - 1 and all(_among(one, factors) for one in known):
+            return tuple(reached or known)
+        if which == "every" and len(reached) == len(known) == len(positions) - 1:
             return tuple(known)
+        if which == "ends":
+            check_resisted(scene, condensed, stages)
         # After a separation at the end of a stage all guesses are needed again.
-        followed = factors[: len(starts) + 1] if which == "known" else factors
+        followed = stages[: len(starts) + 1] if which == "known" else counted
         try:
             held = _friction_ends(scene, condensed, followed, starts)
         except (NoStateError, UnbalancedError) as error:
             raise beyond_limit(scene, condensed, stages[:2], error) from error
         check_slips(condensed, held)
         return held
+    every = which in ("every", "between")
+    factors = levels if which == "every" else stages
+    if which == "between":
+        most = max(2, min(LEVELS_BETWEEN, MAX_LEVELS // (len(stages) - 1)))
+        parts = np.maximum(1, -(-most // _in_line(stages)))
+        inner = (k + j / count for k, count in enumerate(parts.tolist()) for j in range(1, count))
+        factors = np.stack([factors_at(stages, position) for position in (0.0, *inner)])
+    elif which == "known" and len(stages) - 1 > MAX_FIRST_LEVELS:
+        chosen = np.unique(np.linspace(0, len(stages) - 1, MAX_FIRST_LEVELS + 1).round().astype(int))
+        factors = stages[chosen]
+        starts = [starts[k - 1] for k in chosen[1:]] if len(starts) == len(stages) - 1 else starts
     if len(starts) not in (1, len(factors) - 1):
         starts = ()  # of other states
-    ends: list[ExactState] = []
+    ends: list[ContactState] = []
     lost: NumericalError | None = None
     for number, wanted in enumerate(factors[1:]):
         found = next((one for one in known if np.array_equal(one.factors, wanted)), None)
         if found is not None:
             ends.append(found)
             continue
-        last = ends[-1].active if ends else None
+        last = ends[-1].closed if ends else None
         try:
             first = starts[number].closed if number < len(starts) else last
             ends.append(_solved_exactly(scene, condensed, wanted, first))
@@ -107,11 +111,6 @@ def searched_ends(
     raise beyond_limit(scene, condensed, stages, lost) if isinstance(lost, UnbalancedError) else lost
 
 
-def _among(state: ExactState, factors: FloatArray) -> bool:
-    """Whether the load factors of a state are among some (s, L)."""
-    return bool((factors == state.factors).all(axis=1).any())
-
-
 def _in_line(stages: FloatArray) -> IntArray:
     """Number of consecutive stages (s,) with the same direction of loads, from each of the ``stages`` (s + 1,
     L)."""
@@ -122,7 +121,7 @@ def _in_line(stages: FloatArray) -> IntArray:
     return np.asarray(np.bincount(row)[row])
 
 
-def check_slips(condensed: Condensed, ends: Sequence[ExactState]) -> None:
+def check_slips(condensed: Condensed, ends: Sequence[ContactState]) -> None:
     """UnbalancedError if forces move round bodies along each other until their normals have rotated: contacts
     with initial pairs do not know where they come to rest."""
     if not len(condensed.balance.constant):
@@ -152,7 +151,7 @@ def check_slips(condensed: Condensed, ends: Sequence[ExactState]) -> None:
 
 def _solved_exactly(
     scene: Scene, condensed: Condensed, factors: FloatArray, first: BoolArray | None
-) -> ExactState:
+) -> ContactState:
     """Exact state, searched from a ``first`` set. UnbalancedError if loads roll bodies away."""
     found = solve_exact(condensed, factors, first)
     if error := rolling(scene, condensed, found):
@@ -160,60 +159,45 @@ def _solved_exactly(
     return found
 
 
-def exact_ends(scene: Scene, condensed: Condensed, stages: FloatArray) -> tuple[ExactState, ...]:
+def exact_ends(scene: Scene, condensed: Condensed, stages: FloatArray) -> tuple[ContactState, ...]:
+    """Exact states at the ends of the stages of contacts without grids."""
     if len(condensed.friction_nodes):
         return _friction_ends(scene, condensed, stages)
-    ends: list[ExactState] = []
+    ends: list[ContactState] = []
     for factors in stages[1:]:
-        ends.append(solve_exact(condensed, factors, ends[-1].active if ends else None))
+        ends.append(solve_exact(condensed, factors, ends[-1].closed if ends else None))
     return tuple(ends)
 
 
 def _friction_ends(
     scene: Scene, condensed: Condensed, stages: FloatArray, starts: Sequence[ContactStatus] = ()
-) -> tuple[ExactState, ...]:
+) -> tuple[ContactState, ...]:
     """One increment per stage as far as loads can be carried; of the first stage at least a part without
     rolling."""
-    ends: list[ExactState] = []
-    state = unloaded(condensed, stages[0])
+
+    def rolls(state: ContactState) -> UnbalancedError | None:
+        # More nodes slip in one increment than on the path.
+        return rolling(scene, condensed, replace(state, status=condensed.problem.touching(state.closed)))
+
+    state, ends = unloaded(condensed, stages[0]), list[ContactState]()
+    failure: NumericalError | None = None
     for factors, guess in itertools.zip_longest(stages[1:], starts[: len(stages) - 1]):
         found = increment(condensed, state, factors, guess=guess)
-        if found is None or (not ends and _rolling(scene, condensed, found)):
+        if found is None or (not ends and rolls(found)):
             break
         state = found
-        ends.append(_end(condensed, state))
-    return tuple(ends) if ends else (_first_end(scene, condensed, state, stages[1]),)
-
-
-def _rolling(scene: Scene, condensed: Condensed, state: CoulombState) -> UnbalancedError | None:
-    """The error that loads roll bodies away even if closed nodes stick, or None: more of them slip in one
-    increment than on the path."""
-    v, sticking = state.values, state.sets.resting(condensed.friction_nodes)
-    turned = turned_by_loads(scene, condensed, (v.motion, v.pressure, v.traction), sticking)
-    return turned.error if turned else None
-
-
-def _first_end(scene: Scene, condensed: Condensed, state: CoulombState, end: FloatArray) -> ExactState:
-    """State after a part of a stage that cannot be completed."""
-    failure: NumericalError | None = None
-    for part in FIRST_PARTS:
-        found = increment(condensed, state, state.factors + part * (end - state.factors))
-        failure = _rolling(scene, condensed, found) if found is not None else NoStateError()
+        ends.append(state)
+    for part in FIRST_PARTS if not ends else ():
+        found = increment(condensed, state, state.factors + part * (stages[1] - state.factors))
+        failure = NoStateError() if found is None else rolls(found)
         if found is not None and failure is None:
-            return _end(condensed, found)
-    assert failure is not None
-    raise failure
+            return (found,)
+    if failure is not None:
+        raise failure
+    return tuple(ends)
 
 
-def _end(condensed: Condensed, state: CoulombState) -> ExactState:
-    v, stuck = state.values, state.sets.status(condensed.friction_nodes) == STICK
-    closed, worst = state.sets.closed, residual(condensed, state)
-    return ExactState(
-        state.factors, v.pressure, v.gap, v.motion, v.traction, closed, stuck, state.solves, worst
-    )
-
-
-def touched_nodes(condensed: Condensed, ends: tuple[ExactState, ...]) -> Mapping[str, BoolArray]:
+def touched_nodes(condensed: Condensed, ends: tuple[ContactState, ...]) -> Mapping[str, BoolArray]:
     """Mask (w,) of paired nodes that are no candidates but overlap in one of the states, by contact."""
     found = [condensed.touched(*state.unknowns) for state in ends]
     return {pair.name: np.any([masks[pair.name] for masks in found], axis=0) for pair in condensed.pairings}
@@ -246,8 +230,3 @@ def passing_hint(position: float, flows: bool) -> str:
     if flows:
         return "quarter solver.max_increment: contacts are found along the path before it is followed"
     return f"add {position:.3g} to output.at: contacts are found there before the path begins"
-
-
-LEVELS_BETWEEN = 8
-"""Subdivisions of a stage at which contacts are checked to stay in the ranges of their grids; fewer with many
-stages."""

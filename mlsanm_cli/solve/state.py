@@ -5,38 +5,35 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import field
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.contact.complementarity.problem import OPEN, ContactStatus
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.contact.complementarity.problem import OPEN, STICK, ContactStatus
+from mlsanm_cli.contact.laws.contact_state import ContactState
 from mlsanm_cli.records import dataclass
 
 if TYPE_CHECKING:
     from mlsanm_cli.solve.condensed_scene import CondensedScene
 
 UNLOADED = 1e-3
-"""Part of earlier pressures and forces that unloading leaves: contacts are solved to a tolerance relative to
-these, and regularised laws leave as much, on a few nodes. Smaller forces are not checked, residuals are
-relative to pressures of at least this part, and contacts with less than this part of these lose them without
-a warning of the jump."""
-
-
+"""Part of earlier pressures and forces that unloading leaves, in regularised laws on a few nodes. Smaller
+forces are not checked, residuals are relative to pressures of at least this part, and contacts with less lose
+them without a warning of the jump."""
 CONTACT_LIMIT = 0.15
-"""Smallest accepted estimate of a contact. In 100 random Hertz scenes, results with 2.4 to 16 times the usual
-error had -0.003 to 0.14, accurate ones 0.15 to 1.6 with six below the limit."""
+"""Smallest accepted coercivity estimate of a contact."""
 INSTABILITY_RATIO = 0.8
 """Ratio of the moments neglected by small displacements to those that turn a body above which it is
 unstable."""
 
-
 Fields: TypeAlias = Mapping[str, FloatArray]
 """Fields of a body in a state by name: ``displacement`` (n, 2), ``stress`` (n, 3), ``stress_zz`` and
 ``von_mises`` (n,), ``strain`` (n, 3) as xx, yy, xy including thermal strain; ``rest`` (N, 2), the
-displacement of its elastic system, and ``near`` (n, 3), the stress of the near fields of
-contacts."""
+displacement of its elastic system, and ``near`` (n, 3), the stress of the near fields of contacts."""
+NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
 def _none() -> FloatArray:
@@ -65,6 +62,28 @@ class State:
     work: FloatArray = field(default_factory=_none)
     displacement: FloatArray = field(default_factory=_none)
     solver: Mapping[str, FloatArray] = field(default_factory=dict)
+
+    @classmethod
+    def of(
+        cls,
+        contacts: ContactState,
+        nodes: IntArray,
+        position: float,
+        residual: float = 0.0,
+        solver: Mapping[str, FloatArray] = NOTHING,
+    ) -> State:
+        """The state with ``contacts`` with friction at ``nodes`` (n,)."""
+        c = contacts
+        values = c.pressure, c.gap, c.motion, c.status.status(nodes), residual, c.traction, c.slip, c.work
+        return cls(position, c.factors, *values, solver=solver)
+
+    def contacts(self, nodes: IntArray, history: Mapping[str, Any] = NOTHING) -> ContactState:
+        """The contacts with friction at ``nodes`` (n,), and their ``history`` in a checkpoint if known."""
+        stuck = self.status[nodes] == STICK
+        status = ContactStatus.with_tractions(self.closed, stuck, self.traction, nodes)
+        status = ContactStatus(**history["sets"]) if history else status
+        values = self.pressure, self.traction, self.motion, self.gap, self.slip, status, self.factors
+        return ContactState(*values, history.get("stick_reference", self.slip), self.work)
 
     @property
     def closed(self) -> BoolArray:
@@ -131,9 +150,9 @@ class Checkpoint:
         return self.position - self.stage
 
 
-def friction_history(sets: ContactStatus, stick_reference: FloatArray) -> dict[str, Any]:
-    """History of friction: the stick and slip ``sets`` and the slips (n,) of sticking nodes."""
-    return {"sets": vars(sets), "stick_reference": stick_reference}
+def friction_history(contacts: ContactState) -> dict[str, Any]:
+    """The history of friction: the stick and slip sets and the slips (n,) of sticking nodes."""
+    return {"sets": vars(contacts.status), "stick_reference": contacts.reference}
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from mlsanm_cli.app.check import check
 from mlsanm_cli.app.checks import quality
 from mlsanm_cli.app.results.choice import Choice
 from mlsanm_cli.app.results.curves import pressure_picture
-from mlsanm_cli.app.results.field_pictures import bodies_picture
+from mlsanm_cli.app.results.fields import bodies_picture
 from mlsanm_cli.app.results.info import info
 from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.scene import size_estimate as estimate

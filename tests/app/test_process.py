@@ -17,7 +17,7 @@ from mlsanm_cli.app.results.choice import Choice
 from mlsanm_cli.app.results.info import info
 from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.run import resume
-from mlsanm_cli.app.sweep.engines import SweepPoint, solve_point
+from mlsanm_cli.app.sweep import SweepPoint, solve_point
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.stopping import Stopper
 from mlsanm_cli.system import STOPPING

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from mlsanm_cli.case import resolved_mapping
-from mlsanm_cli.io.summary import toml_text
+from mlsanm_cli.io.files import toml_text
 from tests.case.scenes import BLOCK, CLAMP, HERTZ, PLATE, PULL, SQUARE, WAVY, parse, problems
 
 Change = str | tuple[str, str]

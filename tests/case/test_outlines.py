@@ -14,7 +14,7 @@ from mlsanm_cli.case import case_hash, load_case, parse_case, resolved_mapping, 
 from mlsanm_cli.cloud.curves import Arc, Outline
 from mlsanm_cli.cloud.membership import signed_area
 from mlsanm_cli.errors import CaseError
-from mlsanm_cli.io.summary import toml_text
+from mlsanm_cli.io.files import toml_text
 from tests.case.scenes import PLATE, WAVY, only, parse, problems
 
 CORNERS = ((0.0, 0.0), (4.0, 0.0), (4.0, 2.0), (2.0, 2.0), (2.0, 4.0), (0.0, 4.0))

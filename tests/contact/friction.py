@@ -8,7 +8,8 @@ import numpy as np
 import scipy.linalg as linalg
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.laws.coulomb import CoulombState, event_driven_path, start
+from mlsanm_cli.contact.laws.contact_state import ContactState
+from mlsanm_cli.contact.laws.coulomb import event_driven_path, start
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from tests.contact.scenes import synthetic
@@ -30,7 +31,7 @@ class HalfPlanes:
         """Largest pressure of Hertz' formula."""
         return 2.0 * self.force / (np.pi * self.half)
 
-    def event_driven_path(self, *targets: tuple[float, float]) -> list[CoulombState]:
+    def event_driven_path(self, *targets: tuple[float, float]) -> list[ContactState]:
         """The states at the ends of stages to these load factors."""
         state = start(self.condensed, np.zeros(2))
         found = []

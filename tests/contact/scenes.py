@@ -14,7 +14,8 @@ from mlsanm_cli.app.scene.clouds import clouds
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import parse_case
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
+from mlsanm_cli.contact.laws.contact_state import ContactState
+from mlsanm_cli.contact.laws.frictionless import solve_exact
 from mlsanm_cli.contact.response.coercivity import contact_stability
 from mlsanm_cli.contact.response.condensation import condense
 from mlsanm_cli.contact.response.condensed import Condensed
@@ -102,11 +103,11 @@ class Small:
         """The certificate over all candidates."""
         return contact_stability(self.condensed, np.ones(len(self.condensed.weight), dtype=bool))
 
-    def exact(self, factors: FloatArray | None = None) -> ExactState:
+    def exact(self, factors: FloatArray | None = None) -> ContactState:
         """Exact contact at full load."""
         return solve_exact(self.condensed, self.factors if factors is None else factors)
 
-    def displacement(self, body: str, state: ExactState) -> FloatArray:
+    def displacement(self, body: str, state: ContactState) -> FloatArray:
         """Nodal displacements (n, 2)."""
         unknowns = (state.factors, state.motion, state.pressure, np.zeros(0))
         found, worth = self.condensed.checked_displacements(self.scene, body, [unknowns])

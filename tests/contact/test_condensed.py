@@ -105,7 +105,7 @@ def test_displacements_are_those_of_whole_solutions(pushed: Small) -> None:
     for body in pushed.scene.bodies:
         got = pushed.displacement(body, state)
         assert np.abs(got - expected[body]).max() <= 1e-9 * np.abs(expected[body]).max()
-    closed = gaps(pushed, expected)[state.active]
+    closed = gaps(pushed, expected)[state.closed]
     assert len(closed) > 3
     assert np.abs(closed).max() <= 1e-9 * 0.01
 
@@ -173,13 +173,13 @@ def test_force_and_displacement_control_meet(forced: Small) -> None:
     down = float(state.motion[0])
     same = cylinder(0.012, control=f"uy = {down!r}\nux = 0.0").exact()
     assert np.abs(same.pressure - state.pressure).max() <= 1e-8 * state.pressure.max()
-    assert np.array_equal(same.active, state.active)
+    assert np.array_equal(same.closed, state.closed)
 
 
 def test_certificate_is_positive_for_facing_clouds(forced: Small) -> None:
     # Scale-free: the same for a finer cloud.
     for small in (forced, cylinder(0.004)):
-        assert contact_stability(small.condensed, small.exact().active) >= 0.9
+        assert contact_stability(small.condensed, small.exact().closed) >= 0.9
 
 
 @pytest.mark.parametrize("nodes", [16, 64])

@@ -7,11 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mlsanm_cli.contact.laws.contact_state import ContactState, residual
 from mlsanm_cli.contact.laws.coulomb import (
-    CoulombState,
     event_driven_path,
     increment,
-    residual,
     start,
     unloaded,
 )
@@ -33,9 +32,9 @@ def planes() -> HalfPlanes:
 
 def test_shear_unload_reverse(planes: HalfPlanes) -> None:
     pressed, sheared, unloaded_, reversed_, again = planes.event_driven_path(PRESSED, UP, BACK, TURNED, BACK)
-    assert np.abs(pressed.values.traction).max() <= 1e-9 * planes.peak
+    assert np.abs(pressed.traction).max() <= 1e-9 * planes.peak
     first = planes.cattaneo(0.5)
-    t = [-state.values.traction for state in (sheared, unloaded_, reversed_, again)]
+    t = [-state.traction for state in (sheared, unloaded_, reversed_, again)]
     # The formulas' tractions act on the body below the platen's; sheared to +x, the cylinder is held to -x.
     assert difference(t[0], -first, first) <= 0.02
     residue = -first + 2.0 * planes.cattaneo(0.25)
@@ -43,7 +42,7 @@ def test_shear_unload_reverse(planes: HalfPlanes) -> None:
     assert difference(t[2], first, first) <= 0.02
     assert difference(t[2], -t[0], first) <= 1e-9
     assert difference(t[3], -t[1], first) <= 1e-9
-    stick = planes.x[sheared.sets.stuck]
+    stick = planes.x[sheared.status.stuck]
     assert 0.5 * np.ptp(stick) == pytest.approx(planes.half * np.sqrt(0.5), abs=0.05 * planes.half / 1.5)
 
 
@@ -59,18 +58,18 @@ def test_laws_hold_at_every_event(beta: float, shift: float, friction: float) ->
         for state in path:
             assert not state.jumped
             assert residual(c, state) <= 1e-9
-            limit = friction * state.values.pressure * (1.0 + 1e-9) + 1e-13 * planes.peak
-            assert (np.abs(state.values.traction) <= limit).all()
+            limit = friction * state.pressure * (1.0 + 1e-9) + 1e-13 * planes.peak
+            assert (np.abs(state.traction) <= limit).all()
             assert state.factors == pytest.approx(begin + state.fraction * (np.array(target) - begin))
             # Work per node never falls, and stays what it was where nothing slips.
             assert (state.work >= before.work - 1e-15 * planes.peak).all()
-            resting = state.sets.slip_sign == 0.0
+            resting = state.status.slip_sign == 0.0
             assert (state.work[resting] == before.work[resting]).all()
             # Friction acts against the slip of slipping nodes.
-            slipped = state.values.slip - before.values.slip
-            assert (state.sets.slip_sign * slipped <= 1e-9 * np.abs(slipped).max(initial=1e-300)).all()
+            slipped = state.slip - before.slip
+            assert (state.status.slip_sign * slipped <= 1e-9 * np.abs(slipped).max(initial=1e-300)).all()
             before = state
-        forces = planes.condensed.weight @ np.stack([state.values.pressure, state.values.traction], axis=1)
+        forces = planes.condensed.weight @ np.stack([state.pressure, state.traction], axis=1)
         assert forces == pytest.approx(
             [target[0] * planes.force, -target[1] * friction * planes.force], abs=1e-9 * planes.force
         )
@@ -97,17 +96,17 @@ def test_an_event_takes_one_new_system(planes: HalfPlanes) -> None:
 def test_small_increments_tend_to_it() -> None:
     planes = half_planes(40, 0.3, 0.2, 0.0003)
     targets = (PRESSED, UP, TURNED)
-    exact = planes.event_driven_path(*targets)[-1].values.traction
+    exact = planes.event_driven_path(*targets)[-1].traction
     errors = []
     for count in (5, 20, 80):
-        state: CoulombState = unloaded(planes.condensed, np.zeros(2))
+        state: ContactState = unloaded(planes.condensed, np.zeros(2))
         for target in targets:
             begin = state.factors
             for part in np.linspace(0.0, 1.0, count + 1)[1:]:
                 found = increment(planes.condensed, state, begin + part * (np.array(target) - begin))
                 assert found is not None
                 state = found
-        errors.append(difference(state.values.traction, exact, exact))
+        errors.append(difference(state.traction, exact, exact))
     assert errors[2] < 0.6 * errors[1] < 0.6 * errors[0]
     assert errors[2] <= 0.02
 
@@ -115,7 +114,7 @@ def test_small_increments_tend_to_it() -> None:
 def test_sliding_as_a_whole_is_named() -> None:
     planes = half_planes(60)
     state = planes.event_driven_path(PRESSED)[0]
-    events: list[CoulombState] = []
+    events: list[ContactState] = []
     with pytest.raises(SlidingError) as caught:
         events.extend(event_driven_path(planes.condensed, state, np.array([1.0, 1.25]), [1.0]))
     # The load factor of the shear force is relative to mu P.
@@ -128,7 +127,7 @@ def test_an_overlap_as_drawn_pushes_apart() -> None:
     lower = replace(planes.condensed.gap, constant=planes.condensed.gap.constant - 1e-4)
     event = start(replace(planes.condensed, gap=lower), np.zeros(2))
     assert residual(replace(planes.condensed, gap=lower), event) <= 1e-9
-    assert event.values.motion[0] == pytest.approx(1e-4, rel=0.02)
+    assert event.motion[0] == pytest.approx(1e-4, rel=0.02)
 
 
 def test_a_guided_plate_backs_out_of_an_inclined_overlap_without_friction() -> None:
@@ -146,8 +145,8 @@ def test_a_guided_plate_backs_out_of_an_inclined_overlap_without_friction() -> N
     )
     event = start(guide, np.zeros(2))
     assert residual(guide, event) == 0.0
-    assert event.values.motion[0] == pytest.approx(1e-4 / 0.8, rel=0.02)
-    assert not event.values.pressure.any()
+    assert event.motion[0] == pytest.approx(1e-4 / 0.8, rel=0.02)
+    assert not event.pressure.any()
     for one in event_driven_path(guide, event, np.array([1.0, 0.0]), [1.0]):
         assert residual(guide, one) <= 1e-8
-    assert guide.weight @ one.values.pressure == pytest.approx(planes.force)
+    assert guide.weight @ one.pressure == pytest.approx(planes.force)

@@ -8,7 +8,7 @@ import pytest
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.profile import half_width
 from mlsanm_cli.contact.geometry.transfer import transfer
-from mlsanm_cli.contact.laws.active_set import ExactState
+from mlsanm_cli.contact.laws.contact_state import ContactState
 from mlsanm_cli.contact.response.coercivity import contact_stability
 from mlsanm_cli.reference.hertz import HertzLine
 from tests.contact.scenes import Small, blocks, blocks_text, build, cylinder
@@ -16,7 +16,7 @@ from tests.contact.scenes import Small, blocks, blocks_text, build, cylinder
 RATIOS = [0.5, 0.73, 1.37, 2.0]
 
 
-def stress_error(small: Small, state: ExactState) -> float:
+def stress_error(small: Small, state: ContactState) -> float:
     """Largest |sigma_yy + p|/p, |sigma_xx|/p, |sigma_xy|/p in both bodies."""
     worst = 0.0
     for name, body in small.scene.bodies.items():
@@ -31,10 +31,10 @@ def test_pressure_and_stress_are_uniform(ratio: float, nu: float) -> None:
     small = blocks(ratio, nu)
     state = small.exact()
     arguments, c = (state.factors, state.motion, state.pressure), small.condensed
-    assert state.active.all()
+    assert state.closed.all()
     assert np.abs(state.pressure / 100.0 - 1.0).max() <= 1e-11
     assert stress_error(small, state) <= 1e-9
-    inner = np.ones(len(state.active), dtype=bool)
+    inner = np.ones(len(state.closed), dtype=bool)
     inner[[0, -1]] = False
     assert contact_stability(c, inner) >= 0.5
     # Two columns in plane strain, with the stiffness E/(1 - nu^2).

@@ -151,10 +151,10 @@ def test_a_fit_sticks_independently_of_the_direction_of_the_load() -> None:
         zero = np.zeros_like(one.factors)
         state = increment(one.condensed, unloaded(one.condensed, zero), one.factors)
         assert state is not None
-        assert state.sets.stuck.all()
+        assert state.status.stuck.all()
         bush = one.scene.bodies["bush"].model.cloud.points[one.pairing.node]
         angle = np.arctan2(bush[:, 1], bush[:, 0]) - turn
-        tractions.append(np.interp(angles, angle[order := np.argsort(angle)], state.values.traction[order]))
+        tractions.append(np.interp(angles, angle[order := np.argsort(angle)], state.traction[order]))
     middle_, turned = (t[18:55] for t in tractions)
     assert np.abs(turned - middle_).max() <= 0.02 * np.abs(tractions[0]).max()
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlsanm_cli.contact.finite.touching import touching
+from mlsanm_cli.contact.finite.exact import touching
 
 
 def test_ends_of_contact_move_evenly() -> None:

@@ -34,16 +34,17 @@ def test_damping_never_lets_a_gap_close(seed: int) -> None:
     # An undamped first update would go through the constraint.
     update = problem.tangent(start, 1.0).solve(-problem.residual(start, 1.0))
     assert not problem.admissible(start + update, 1.0)
-    found = correct(problem, start, 1.0)
+    effort = Effort()
+    found = correct(problem, start, 1.0, effort=effort)
     assert found.residual <= 1e-10
     assert float(np.abs(problem.residual(found.x, 1.0)).max()) == found.residual
-    assert found.updates == found.factorizations == found.solves > 3
+    assert effort["updates"] == effort["factorizations"] == effort["solves"] > 3
 
 
 def test_solution_is_left_alone() -> None:
     problem = Scalar(0.0, 1.0, 1.0)
-    found = correct(problem, np.array([1.0]), 2.0)
-    assert (found.x[0], found.updates, found.factorizations) == (1.0, 0, 0)
+    assert correct(problem, np.array([1.0]), 2.0).x[0] == 1.0
+    assert problem.counts.tangents == 0
 
 
 def test_start_point_outside_is_refused() -> None:
@@ -87,7 +88,7 @@ def test_end_of_step_keeps_the_load_factor() -> None:
     """From a point 1e-4 away from the truss path, with the tangent of the expansion point at w = 0.9."""
     problem, effort = Truss(), Effort()
     start = expansion_point(problem, np.array([0.9]), problem.load(0.9))
-    found = correct_end(problem, start, (np.array([0.8001]), problem.load(0.8)), AnmOptions(), effort)
+    found = correct_end(problem, start, np.array([0.8001]), problem.load(0.8), AnmOptions(), effort)
     assert found is not None
     assert found.lam == problem.load(0.8)
     assert found.x[0] == pytest.approx(0.8, abs=1e-10)
@@ -100,7 +101,7 @@ def test_old_tangent_is_used_first_and_a_fresh_one_when_it_stalls() -> None:
         effort = Effort()
         start = expansion_point(problem, np.array([0.9]), problem.load(0.9))
         end = np.array([w + 1e-7]), problem.load(w)
-        assert correct_end(problem, start, end, AnmOptions(), effort) is not None
+        assert correct_end(problem, start, *end, AnmOptions(), effort) is not None
         # The expansion point took one factorisation and one solve of its own.
         assert problem.counts.tangents == effort["factorizations"] + 1
         assert problem.counts.solves == effort["solves"] + 1

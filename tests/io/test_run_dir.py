@@ -11,9 +11,9 @@ import pytest
 
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_dir
+from mlsanm_cli.io.files import write_csv
 from mlsanm_cli.io.run_file import RunFile
 from mlsanm_cli.io.schema import INTERFACE_COLUMNS
-from mlsanm_cli.io.summary import write_csv
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -21,8 +21,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from mlsanm_cli.io.files import EventLog, write_json_atomic
 from mlsanm_cli.io.run_dir import LOCK_FILE, holder, locked
-from mlsanm_cli.io.summary import EventLog, write_json_atomic
 
 OURS = {"run.h5", "summary.json", "resolved.toml", "events.jsonl", "fields.pvd", "failure.vtu"}
 OURS |= {"fields_0000.vtu", "fields_12345.vtu", "summary.json.tmp", "interface.csv", "interface_a%2Fb.csv"}

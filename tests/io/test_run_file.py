@@ -11,6 +11,7 @@ import pytest
 
 from mlsanm_cli import __version__
 from mlsanm_cli.errors import RunError
+from mlsanm_cli.io import run_file
 from mlsanm_cli.io.columns import place
 from mlsanm_cli.io.run_file import RunFile
 from mlsanm_cli.io.run_reader import read_run
@@ -127,24 +128,21 @@ def test_an_exception_saves_what_was_added(tmp_path: Path) -> None:
 
 
 def test_a_signal_amid_saving_repeats_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    calls: list[str] = []
-    append = RunFile._append
+    calls, put = list[str](), run_file._put
 
-    def interrupted(self: RunFile, name: str, values: np.ndarray) -> int:
-        rows = append(self, name, values)
+    def interrupted(file: h5py.File, name: str, value: run_file.Value) -> None:
+        put(file, name, value)
         calls.append(name)
         if len(calls) == 5:
             raise KeyboardInterrupt
-        return rows
 
-    monkeypatch.setattr(RunFile, "_append", interrupted)
+    monkeypatch.setattr(run_file, "_put", interrupted)
     run = start_run(tmp_path / "run.h5")
     write_steps(run, range(4))
     with pytest.raises(KeyboardInterrupt):
         run.save()
     write_steps(run, range(4, 6))
     assert len(run.path_table()["position"]) == 6
-    # What was taken in for the table is saved too.
     run.close()
     run.close()
     data = read_run(tmp_path)
@@ -200,7 +198,7 @@ def test_a_row_of_another_shape_is_refused(tmp_path: Path) -> None:
     write_steps(run, range(1))
     run.save()
     run.add([step_row(1, contacts={"interface": contact_values(1) | {"gap": np.ones(M + 1)}})])
-    with pytest.raises(ValueError, match=r"contacts/interface/gap: shape \(8,\), expected \(7,\)"):
+    with pytest.raises(ValueError, match="must match exactly"):
         run.save()
     assert {len(array) for name, array in datasets(tmp_path / "run.h5").items() if "path/" in name} == {1}
 

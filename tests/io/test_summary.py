@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.files import cannot_write, replacing
+from mlsanm_cli.io.files import EventLog, cannot_write, read_summary, replacing, write_csv, write_json_atomic
 from mlsanm_cli.io.schema import INTERFACE_COLUMNS
-from mlsanm_cli.io.summary import EventLog, read_summary, write_csv, write_json_atomic
 from mlsanm_cli.toml import plain
 
 

@@ -14,7 +14,6 @@ from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.energy import rigid_part
 from mlsanm_cli.mechanics.material import PlaneMaterial, anisotropic, isotropic, orthotropic
-from mlsanm_cli.mechanics.probes import probe_rows
 from tests.mechanics.bodies import STEEL, boundary_values, build, jittered_square, solved, with_body_force
 from tests.mechanics.waves import Exact, Wave
 
@@ -131,7 +130,7 @@ def test_pressures_in_nearly_incompressible_materials_are_smooth(degree: int, ba
     error = stress[:, :2].mean(axis=1) - even
     assert np.sqrt(np.mean(error**2)) <= bar * pressure
     at = np.array([0, 100, 399])
-    probed = (probe_rows(body.model, cloud.points[at]) @ found.ravel()).reshape(5, -1)[2:].T
+    probed = (body.model.probe_rows(cloud.points[at]) @ found.ravel()).reshape(5, -1)[2:].T
     assert np.allclose(probed, stress[at], rtol=0.0, atol=1e-9 * pressure)
 
 

@@ -16,8 +16,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.continuation import Problem
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.paper import system as system_module
-from mlsanm_cli.paper.collocation import Collocation
-from mlsanm_cli.paper.system import System, Tangent
+from mlsanm_cli.paper.system import Collocation, System, Tangent
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import State
@@ -77,7 +76,7 @@ def test_tangents_and_series_are_derivatives_of_the_residual(text: str, tmp_path
 def test_collocation_reproduces_polynomials(degree: int, held: dict[str, tuple[bool, bool]]) -> None:
     body, exact = patch(degree, held)
     source = with_body_force(body, boundary_values(body, exact.displacement, exact.stress), exact.force)
-    equations = Collocation.of(body)
+    equations = Collocation(body)
     expected = exact.displacement(body.model.cloud.points).ravel()
     assert np.abs(equations.residual_vector(source, expected)).max() <= 1e-11 * np.abs(expected).max()
     found = spsolve(sparse.csc_matrix(equations.matrix), equations.choice @ source)
@@ -87,7 +86,7 @@ def test_collocation_reproduces_polynomials(degree: int, held: dict[str, tuple[b
 def test_collocation_knows_single_held_nodes() -> None:
     body, _ = patch(2, HELDS[0])
     held = build(body.model.cloud, {"bottom": (False, True)}, held_nodes=((0, 0),))
-    rows = Collocation.of(held).matrix.toarray()
+    rows = Collocation(held).matrix.toarray()
     assert rows[0].tolist() == np.eye(len(rows))[0].tolist()
 
 

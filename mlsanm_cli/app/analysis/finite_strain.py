@@ -12,15 +12,16 @@ import numpy as np
 
 from mlsanm_cli.app.checks.check import Check, Verdicts, all_of
 from mlsanm_cli.app.checks.limits import level, summary_limits
-from mlsanm_cli.app.finite.checks import END, FiniteEnd
-from mlsanm_cli.app.finite.contact_path import contact_path
-from mlsanm_cli.app.finite.estimate import (
+from mlsanm_cli.app.checks.quality import announce
+from mlsanm_cli.app.finite.accuracy import (
     energy_errors,
     energy_estimate,
     missing_figures,
     missing_works,
     work_error,
 )
+from mlsanm_cli.app.finite.checks import END, FiniteEnd
+from mlsanm_cli.app.finite.contact_path import contact_path
 from mlsanm_cli.app.finite.fields import (
     CONTACT_PREFIX,
     SceneForces,
@@ -78,7 +79,7 @@ def contact_lines(scene: FiniteScene, state: State) -> dict[str, VtuPart]:
 def obstacle_lines(scene: FiniteScene, state: State) -> dict[str, VtuPart]:
     """Rigid obstacles in a state, by contact."""
     points = np.concatenate([body.elastic.model.cloud.points for body in scene.bodies.values()])
-    drawn = obstacles(scene.case, points.min(axis=0), points.max(axis=0))
+    drawn = obstacles(scene.case, points)
     lines = {}
     for contact in scene.contacts.pairs:
         if isinstance(contact, RigidContact):
@@ -103,7 +104,7 @@ class FiniteStrain(Analysis):
         return self._scene
 
     def set_up(self, verdicts: Verdicts) -> None:
-        self.announce(verdicts)
+        self.quality = announce(self.case, self.prepared, self.context, verdicts)
         with self.context.phase("operators"):
             scene = finite_scene(self.case, self.prepared)
         if self.known is not None and self.known.knots:
@@ -125,7 +126,7 @@ class FiniteStrain(Analysis):
         return finite_path(self.scene, start, at=at)
 
     def forces(self, state: State) -> Mapping[str, FloatArray]:
-        forces = resultants(self.scene, SceneForces.of(self.scene, state))
+        forces = resultants(self.scene, SceneForces(self.scene, state))
         return forces | {name.removeprefix(CONTACT_PREFIX): force for name, force in forces.items()}
 
     def checks(self, state: State) -> Iterator[Check]:
@@ -168,7 +169,7 @@ class FiniteStrain(Analysis):
 
     def tallied(self, tally: Mapping[str, Any], before: State | None, step: PathStep) -> dict[str, Any]:
         scene, state = self.scene, step.state
-        forces, (nodal, energy) = SceneForces.of(scene, state), energy_errors(scene, state)
+        forces, (nodal, energy) = SceneForces(scene, state), energy_errors(scene, state)
         error = sum(float(each.sum()) for each in nodal.values())
         largest = max(tally.get("largest", 0.0), forces.size)
         # Rigid motion leaves round-off in the forces.
@@ -242,8 +243,7 @@ class FiniteStrain(Analysis):
         }
 
     def _errors(self, last: State, tally: Mapping[str, Any]) -> dict[str, Any]:
-        """Estimated errors of the last state; of displacements None where the clouds are too small for
-        one."""
+        """Estimated errors of the last state; of displacements None if clouds are too small for one."""
         if self._estimates is not None and self._estimates[0] is last:
             return self._estimates[1]
         missing: dict[str, Any] = {"displacement": None}

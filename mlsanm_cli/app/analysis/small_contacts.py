@@ -1,8 +1,5 @@
-"""Contacts at small strain: their figures, their surfaces and obstacles as lines, and how far they slide.
-
-Contact partners are those of the undeformed state: if they slide by a considerable part of the contact's
-width, other points touch, and pressures are reported at points that have moved.
-"""
+"""Contacts at small strain: their figures, their surfaces and obstacles as lines, how far they slide, and the
+worst nodes of a failed state."""
 
 from __future__ import annotations
 
@@ -14,7 +11,6 @@ from scipy.spatial import cKDTree
 
 from mlsanm_cli.app.checks.check import Check
 from mlsanm_cli.app.checks.references import reference_profile
-from mlsanm_cli.app.checks.states import diagnose, node_fields, worst_nodes
 from mlsanm_cli.app.output.parts import contact_figures, contact_part, obstacle_shift, obstacles, vtu_states
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import PlaneObstacle
@@ -31,16 +27,25 @@ from mlsanm_cli.solve.state import Fields, State
 MAX_NEIGHBOR_DISTANCE = 3.0
 """Contact nodes are neighbours up to this distance, relative to the mean of their weights (lengths)."""
 NEAREST_EDGES = 8
+MAX_WORST_NODES = 10
 
 
 def contact_lines(
     built: CondensedScene, state: State, clouds: Mapping[str, Cloud], shown: Mapping[str, Fields]
 ) -> dict[str, VtuPart]:
     """The slave surfaces of all contacts in one state, moved as the bodies are ``shown`` on ``clouds``."""
-    return {
-        pairing.name: _contact(built, pairing, state, clouds[pairing.slave_body], shown)
-        for pairing in built.condensed.pairings
-    }
+    lines = {}
+    for pairing in built.condensed.pairings:
+        record, chosen, body = contact_values(built, pairing, state), pairing.candidate, pairing.slave_body
+        points, normal, tangent = pairing.points[chosen], pairing.normal[chosen], pairing.tangent[chosen]
+        lines[pairing.name] = contact_part(
+            *(points, _neighbours(pairing), record, pairing.name in built.condensed.tangential),
+            arc_length=slave_arc(pairing),
+            displacement=along_boundary(clouds[body], shown[body]["displacement"], points),
+            normal=normal,
+            contact_stress=record["pressure"][:, None] * normal + record["traction"][:, None] * tangent,
+        )
+    return lines
 
 
 def obstacle_lines(built: CondensedScene, state: State) -> dict[str, VtuPart]:
@@ -48,28 +53,10 @@ def obstacle_lines(built: CondensedScene, state: State) -> dict[str, VtuPart]:
     moved = platen_displacements(built, state)
     points = np.concatenate([body.model.cloud.points for body in built.scene.bodies.values()])
     lines = {}
-    for name, (places, edges) in obstacles(built.case, points.min(axis=0), points.max(axis=0)).items():
+    for name, (places, edges) in obstacles(built.case, points).items():
         shift = obstacle_shift(built.case, name, moved)
         lines[name] = VtuPart(places, edges, {"displacement": np.tile(shift, (len(places), 1))})
     return lines
-
-
-def _contact(
-    built: CondensedScene, pairing: Pairing, state: State, cloud: Cloud, shown: Mapping[str, Fields]
-) -> VtuPart:
-    record = contact_values(built, pairing, state)
-    chosen = pairing.candidate
-    points = pairing.points[pairing.candidate]
-    normal, tangent = pairing.normal[chosen], pairing.tangent[chosen]
-    load = record["pressure"][:, None] * normal + record["traction"][:, None] * tangent
-    moved = along_boundary(cloud, shown[pairing.slave_body]["displacement"], points)
-    return contact_part(
-        *(points, _neighbours(pairing), record, pairing.name in built.condensed.tangential),
-        arc_length=slave_arc(pairing),
-        displacement=moved,
-        normal=normal,
-        contact_stress=load,
-    )
 
 
 def _neighbours(pairing: Pairing) -> IntArray:
@@ -77,39 +64,33 @@ def _neighbours(pairing: Pairing) -> IntArray:
     chosen = pairing.candidate
     arc, weight, points = pairing.arc[chosen], pairing.weight[chosen], pairing.points[chosen]
     numbers = np.arange(len(arc), dtype=np.int64)
-    pairs = np.stack([numbers[:-1], numbers[1:]], axis=1)
-    together = np.diff(arc) <= MAX_NEIGHBOR_DISTANCE * 0.5 * (weight[1:] + weight[:-1])
-    pairs = pairs[together]
-    if pairing.slave.curve.closed and len(arc) > 2:
-        across = float(np.hypot(*(points[0] - points[-1])))
-        if across <= MAX_NEIGHBOR_DISTANCE * 0.5 * (weight[0] + weight[-1]):
-            pairs = np.concatenate([pairs, [[numbers[-1], 0]]])
-    return pairs
+    pairs = np.stack([numbers, np.roll(numbers, -1)], axis=1)
+    apart = np.append(np.diff(arc), np.hypot(*(points[:1] - points[-1:]).T))
+    near = apart <= MAX_NEIGHBOR_DISTANCE * 0.5 * (np.roll(weight, -1) + weight)
+    near[-1:] &= pairing.slave.curve.closed and len(arc) > 2
+    return pairs[near]
 
 
 def along_boundary(cloud: Cloud, values: FloatArray, points: FloatArray) -> FloatArray:
-    """Nodal ``values`` (n, c) at ``points`` (m, 2) on the boundary of a cloud, linear between its nodes, as
-    on the edges of its triangles."""
+    """Nodal ``values`` (n, c) at ``points`` (m, 2) on the boundary of a cloud, linear between its nodes."""
     first, last = cloud.edges.T
     start, along = cloud.points[first], cloud.points[last] - cloud.points[first]
     count = min(NEAREST_EDGES, len(start))
     near = cKDTree(start + 0.5 * along).query(points, k=count)[1].reshape(len(points), count)
     offset = points[:, None] - start[near]
-    share = (offset * along[near]).sum(axis=2) / (along[near] ** 2).sum(axis=2)
-    share = np.clip(share, 0.0, 1.0)
+    share = np.clip((offset * along[near]).sum(axis=2) / (along[near] ** 2).sum(axis=2), 0.0, 1.0)
     away = offset - share[..., None] * along[near]
     best = (away**2).sum(axis=2).argmin(axis=1)
     rows = np.arange(len(points))
     edge, part = near[rows, best], share[rows, best][:, None]
-    result: FloatArray = (1.0 - part) * values[first[edge]] + part * values[last[edge]]
-    return result
+    return np.asarray((1.0 - part) * values[first[edge]] + part * values[last[edge]])
 
 
 def sliding_distance(
     built: CondensedScene, state: State, clouds: Mapping[str, Cloud], displacements: Mapping[str, FloatArray]
 ) -> Iterator[Check]:
-    """Sliding distance of every contact in a state, over its width; ``displacements`` (n, 2) are those of all
-    bodies at the points of ``clouds``."""
+    """Sliding distance of every contact in a state over its width, from the ``displacements`` (n, 2) of all
+    bodies at the points of ``clouds``: contact partners are those of the undeformed state."""
 
     def at(points: FloatArray, body: str) -> FloatArray:
         _, found = nearest(cKDTree(clouds[body].points), points, 1)
@@ -171,11 +152,54 @@ def contact_summary(built: CondensedScene, pairing: Pairing, state: State) -> di
 def worst_state(
     built: CondensedScene, state: State, nodes: Mapping[str, Cloud]
 ) -> tuple[Sequence[VtuPart], dict[str, Any]]:
-    """The bodies in the ``state`` of a failed run with residuals of contact nodes, and the worst nodes."""
-    cause = diagnose(built, state)
-    fields, _ = fields_of(built, [state], stress=True)[0]
+    """The bodies in the ``state`` of a failed run, and the worst nodes.
+
+    Contact nodes have the ``residual`` of the exact laws relative to peak pressure and elastic gap,
+    ``cone_ratio``, the traction over its limit (nan without friction), and ``worst``, the rank from 1, or 0;
+    other nodes have nan.
+    """
+    condensed, pressure, gap = built.condensed, state.pressure, state.gap
+    rough, fields = condensed.friction_nodes, fields_of(built, [state], stress=True)[0][0]
     bodies = vtu_states(nodes, fields, ("displacement", "stress", "von_mises"))
-    if len(cause["residual"]):
-        more = node_fields(built, cause)
-        bodies = {name: body._replace(data={**body.data, **more[name]}) for name, body in bodies.items()}
-    return list(bodies.values()), {"position": state.position, "worst_nodes": worst_nodes(built, cause)}
+    if not len(pressure):
+        return list(bodies.values()), {"position": state.position, "worst_nodes": []}
+    peak, elastic = (
+        float(np.abs(one).max(initial=0.0)) or 1.0 for one in (pressure, condensed.gap.pressure @ pressure)
+    )
+    limit, traction = condensed.friction * np.maximum(pressure[rough], 0.0), np.abs(state.traction)
+    ratio, beyond = np.full(len(pressure), np.nan), np.zeros(len(pressure))
+    ratio[rough] = np.divide(traction, limit, out=np.full(len(limit), np.nan), where=limit > 0.0)
+    beyond[rough] = np.maximum(traction - limit, 0.0)
+    violations = (
+        np.abs(condensed.gap(*state.unknowns) - gap) / elastic,
+        np.maximum(-gap, 0.0) / elastic,
+        np.maximum(-pressure, 0.0) / peak,
+        beyond / peak,
+        np.minimum(np.abs(pressure) / peak, np.abs(gap) / elastic),
+    )
+    residual = np.max(violations, axis=0)
+    values = {"residual": residual, "pressure": pressure, "gap": gap, "cone_ratio": ratio}
+    # nan first.
+    worst = np.argsort(-np.nan_to_num(residual, nan=np.inf), kind="stable")[:MAX_WORST_NODES].tolist()
+    rank, rows = np.zeros(len(residual)), dict[int, dict[str, Any]]()
+    rank[worst] = 1.0 + np.arange(len(worst))
+    data = {
+        body: {**part.data, "worst": np.zeros(len(part.points))}
+        | {name: np.full(len(part.points), np.nan) for name in values}
+        for body, part in bodies.items()
+    }
+    for pairing in condensed.pairings:
+        span, chosen = condensed.spans[pairing.name], np.flatnonzero(pairing.candidate)
+        for node in worst:
+            if span.start <= node < span.stop:
+                x, y = pairing.points[chosen[node - span.start]].tolist()
+                figures = {name: float(one[node]) for name, one in values.items()}
+                rows[node] = {"contact": pairing.name, "x": x, "y": y, **figures}
+        if pairing.nodal:
+            # A node of several contacts shows the one with the larger residual.
+            there, own = data[pairing.slave_body], pairing.node[chosen]
+            worse = ~(residual[span] <= there["residual"][own])
+            for name, one in (*values.items(), ("worst", rank)):
+                there[name][own[worse]] = one[span][worse]
+    parts = [part._replace(data=data[body]) for body, part in bodies.items()]
+    return parts, {"position": state.position, "worst_nodes": [rows[node] for node in worst]}

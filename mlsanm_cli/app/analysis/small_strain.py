@@ -19,14 +19,13 @@ from mlsanm_cli.app.analysis.small_contacts import (
 from mlsanm_cli.app.checks import end, states
 from mlsanm_cli.app.checks.accuracy import Accuracy, with_friction
 from mlsanm_cli.app.checks.check import Check, Verdicts, all_of
-from mlsanm_cli.app.checks.end_contacts import End
+from mlsanm_cli.app.checks.end import End
 from mlsanm_cli.app.checks.ended import EnergyErrors, worst_of
-from mlsanm_cli.app.checks.energy import energy_error, force_balance, force_mismatch
-from mlsanm_cli.app.checks.flow import flow_error, flow_figures, has_flowed
+from mlsanm_cli.app.checks.energy import energy_error, flow_figures, force_balance, force_mismatch
 from mlsanm_cli.app.checks.limits import summary_limits
 from mlsanm_cli.app.checks.overlaps import overlaps
 from mlsanm_cli.app.checks.peaks import boundary_peaks
-from mlsanm_cli.app.checks.quality import assess, factor_notes, nodal_contacts, refinement_pass
+from mlsanm_cli.app.checks.quality import MODEL, announce, assess, factor_notes, nodal_contacts
 from mlsanm_cli.app.checks.refinement import Adapted, adapt
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.output.analysis import Analysis, BodyFields
@@ -47,7 +46,7 @@ from mlsanm_cli.memo import digest
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.solve.coercivity import stability_limit
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.fields import NO_STARTS, fields_of
+from mlsanm_cli.solve.fields import fields_of
 from mlsanm_cli.solve.functionals import cone_ratio, plates_turned, quantities, slave_arc
 from mlsanm_cli.solve.limit_loads import at_limit
 from mlsanm_cli.solve.paths import load_path
@@ -68,18 +67,20 @@ def set_up(
     verdicts: Verdicts,
     refinement: Refinement | None = None,
 ) -> Adapted:
-    """Condenses the scene, refined as the case requires or by a ``refinement`` found before. Raises
-    NumericalError for a scene that cannot be set up."""
-    adapted = adapt(case, prepared, context, refinement)
-    verdicts.judge(refinement_pass(adapted.refinement))
-    verdicts.judge(nodal_contacts(adapted.prepared, adapted.built.condensed.nodal, adapted.prepared.models))
-    return adapted
+    """Condenses the scene, refined as the case requires or as ``refinement``. Raises NumericalError."""
+    prepared, built, accuracy, refinement = adapt(case, prepared, context, refinement)
+    if refinement.failed:
+        verdicts.judge([Check("refinement_pass", 1.0, refinement.failed)])
+    verdicts.judge(nodal_contacts(prepared, built.condensed.nodal, prepared.models))
+    return prepared, built, accuracy, refinement
 
 
 class SmallStrain(Analysis):
     """The analysis at small strain; the clouds may be those of a ``refinement`` of an earlier process."""
 
-    _adapted: Adapted | None = None
+    _condensed: CondensedScene | None = None
+    _accuracy: Accuracy
+    _refinement = Refinement()
     _first: State | None = None
     _last: tuple[State, CondensedScene] | None = None
     _stressed: tuple[State, Mapping[str, Fields]] | None = None
@@ -88,8 +89,8 @@ class SmallStrain(Analysis):
 
     @property
     def _built(self) -> CondensedScene:
-        assert self._adapted is not None
-        return self._adapted.built
+        assert self._condensed is not None
+        return self._condensed
 
     def _at(self, state: State) -> CondensedScene:
         """The scene with the plastic strains of a state."""
@@ -100,17 +101,15 @@ class SmallStrain(Analysis):
     @property
     def _starts(self) -> Mapping[str, Any]:
         """Approximate solutions by body, from the error estimate."""
-        if self._adapted is None:
-            return NO_STARTS
-        return {name: body.solution for name, body in self._adapted.accuracy.bodies.items()}
+        return {name: body.solution for name, body in self._accuracy.bodies.items()}
 
     def set_up(self, verdicts: Verdicts) -> None:
-        self.announce(verdicts)
+        self.quality = announce(self.case, self.prepared, self.context, verdicts)
         adapted = set_up(self.case, self.prepared, self.context, verdicts, self.known)
-        self._adapted, self.prepared = adapted, adapted.prepared
-        if adapted.refined:
-            self.quality = assess(self.case, adapted.prepared, self.context.memo)
-            verdicts.judge(self.quality.checks)
+        self.prepared, self._condensed, self._accuracy, self._refinement = adapted
+        if self._refined:
+            self.quality = assess(self.case, self.prepared, self.context.memo)
+            verdicts.judge(all_of(MODEL, self.quality))
         self.quality = replace(self.quality, models=self.models)
 
     def steps(self, start: Checkpoint | None, last: State | None, verdicts: Verdicts) -> Iterator[PathStep]:
@@ -120,7 +119,9 @@ class SmallStrain(Analysis):
             try:
                 step = next(steps, None)
                 for state in (*step.saved, step.state) if step is not None else ():
-                    verdicts.judge(states.overturning(self._at(state), state))
+                    # A body that loads rotate without resistance; others are judged at the end of the path.
+                    turned = states.body_rotation(self._at(state), state)
+                    verdicts.judge(check for check in turned if check.outcome == "failed")
             except NumericalError as error:
                 if last is not None and isinstance(error, SlidingError):
                     verdicts.judge(end.limit_load(built, last))
@@ -163,9 +164,8 @@ class SmallStrain(Analysis):
         yield from all_of(end.END, End(built, self._first, last, *figures))
         if note := end.idle_note(built, last):
             context.console.note(note)
-        self._adapted = self._estimated(last)
-        known = self._adapted.accuracy
-        yield from end.estimates(built, known.figures(built, last), known.missing)
+        self._accuracy = self._estimated(last)
+        yield from end.estimates(built, self._accuracy.figures(built, last), self._accuracy.missing)
 
     def _stress_fields(self, state: State) -> Mapping[str, Fields]:
         """The fields of all bodies with stresses; recomputed unless the state was the last one saved."""
@@ -173,27 +173,35 @@ class SmallStrain(Analysis):
             return self._stressed[1]
         return fields_of(self._at(state), [state], stress=True, starts=self._starts)[0][0]
 
-    def _estimated(self, last: State) -> Adapted:
-        """The scene with the error estimates of its last state."""
-        assert self._adapted is not None
-        accuracy = self._adapted.accuracy
-        if has_flowed(self._built, last):
-            unknown: dict[str, float | None] = {one.name: None for one in self._built.condensed.pairings}
-            accuracy = Accuracy(flow_error(self._at(last), last), unknown, unknown, accuracy.state)
-            return replace(self._adapted, accuracy=accuracy)
+    def _estimated(self, last: State) -> Accuracy:
+        """The error estimates of the last state."""
+        accuracy, built = self._accuracy, self._at(last)
+        if any(last.history(name)[:, 4].any() for name in built.laws):
+            # By the spacings on the path, over the displacements of the bodies that flow.
+            squares = 0.0
+            for name in built.laws:
+                moved = built.condensed.displacement(built.scene, name, last.unknowns)
+                squares += float(built.scene.bodies[name].model.cloud.areas @ (moved**2).sum(axis=1))
+            error = float(last.solver["errors"][1] / np.sqrt(squares)) if squares else 0.0
+            unknown = {one.name: (None, None) for one in built.condensed.pairings}
+            return Accuracy(error, unknown, accuracy.state)
         if len(self._built.condensed.friction_nodes):
             with self.context.phase("estimate"):
                 accuracy = with_friction(self._built, accuracy, last, self.context.memo)
-        return replace(self._adapted, accuracy=accuracy.with_energies(self._energies))
+        return accuracy.with_energies(self._energies)
+
+    @property
+    def _refined(self) -> bool:
+        """Whether the clouds differ from those of the case."""
+        return len(self._refinement.passes) > 1
 
     @property
     def refinement(self) -> Mapping[str, Any]:
-        adapted = self._adapted
-        return adapted.refinement.plain if adapted is not None and adapted.refined else {}
+        return self._refinement.plain if self._refined else {}
 
     @property
     def models(self) -> Mapping[str, BodyModel]:
-        if self._adapted is None:
+        if self._condensed is None:
             return super().models
         return {name: body.model for name, body in self._built.scene.bodies.items()}
 
@@ -253,7 +261,7 @@ class SmallStrain(Analysis):
     @property
     def fields_written(self) -> Sequence[str]:
         """Those of the case, and of scenes with a yield stress what tells how far bodies flow."""
-        flow = FLOW_FIELDS if self._adapted is not None and self._built.laws else ()
+        flow = FLOW_FIELDS if self._condensed is not None and self._condensed.laws else ()
         return (*super().fields_written, *flow)
 
     def field_checks(self, state: State, fields: BodyFields) -> Iterator[Check]:
@@ -279,25 +287,25 @@ class SmallStrain(Analysis):
         return [f"closed {int(state.closed.sum())}", f"peak pressure {state.pressure.max(initial=0.0):.6g}"]
 
     def diagnosis(self, state: State | None) -> tuple[Sequence[VtuPart], Mapping[str, Any]]:
-        if self._adapted is None or state is None:
+        if self._condensed is None or state is None:
             return super().diagnosis(state)
         return worst_state(self._at(state), state, self.nodes)
 
     @property
     def notes(self) -> Iterator[str]:
-        return factor_notes(self._built.scene) if self._adapted else iter(())
+        return factor_notes(self._built.scene) if self._condensed else iter(())
 
     def sizes(self, tally: Mapping[str, Any]) -> dict[str, Any]:
         sizes = super().sizes(tally)
         sizes |= {"linear_residual": tally.get("linear_residual"), "stability": None}
-        if self._adapted is None:
+        if self._condensed is None:
             return sizes
         built = self._built
         bodies = built.scene.bodies
         mirrors = [body.model.cloud.mirror for body in bodies.values()]
         lines = {None if mirror is None else str(mirror.line) for mirror in mirrors}
-        if self._adapted.refined:
-            sizes["adapt"] = self._adapted.refinement.passes
+        if self._refined:
+            sizes["adapt"] = self._refinement.passes
         return sizes | {
             # The symmetry line of the nodes of all bodies.
             "symmetry": lines.pop() if len(lines) == 1 else None,
@@ -309,8 +317,7 @@ class SmallStrain(Analysis):
         }
 
     def figures(self, state: State, tally: Mapping[str, Any]) -> dict[str, Any]:
-        built, adapted = self._at(state), self._adapted
-        assert adapted is not None
+        built = self._at(state)
         imbalance, lost, cone = force_balance(built, state), force_mismatch(built, state), tally["cone"]
         energies = dict(self._energies.bodies) if self._energies else {}
         contacts = {
@@ -324,7 +331,7 @@ class SmallStrain(Analysis):
             | flow_figures(built, state)
             | {
                 "contacts": contacts,
-                "error_estimate": adapted.accuracy.figures(built, state),
+                "error_estimate": self._accuracy.figures(built, state),
                 "peak_stress": dict(self._peaks),
                 "force_balance": imbalance[worst_of(imbalance)],
                 "force_balance_bodies": imbalance,
@@ -334,9 +341,9 @@ class SmallStrain(Analysis):
         )
 
     def limits(self) -> dict[str, Any]:
-        estimates = {} if self._adapted is None else end.estimate_limits(self._built.condensed)
+        estimates = {} if self._condensed is None else end.estimate_limits(self._condensed.condensed)
         known = summary_limits(self.case.solver.tolerance, FAILING, "rough_pressure_error", estimates)
-        return known | ({"stability": stability_limit(self._built.ends)} if self._adapted else {})
+        return known | ({"stability": stability_limit(self._condensed.ends)} if self._condensed else {})
 
 
 def displacements(fields: Mapping[str, Fields]) -> dict[str, FloatArray]:

@@ -18,7 +18,6 @@ import numpy as np
 from mlsanm_cli.app.checks.ended import EnergyErrors
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import finer_nodes
-from mlsanm_cli.contact.complementarity.problem import STICK
 from mlsanm_cli.contact.geometry.grid import l2
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.laws.accuracy import (
@@ -26,10 +25,10 @@ from mlsanm_cli.contact.laws.accuracy import (
     changes_of,
     frozen_change,
     halved_state,
-    rough_state,
     roughness_of,
 )
-from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
+from mlsanm_cli.contact.laws.contact_state import ContactState
+from mlsanm_cli.contact.laws.frictionless import solve_exact
 from mlsanm_cli.contact.response.bonds import Bonds
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.errors import NumericalError
@@ -54,20 +53,17 @@ Halved = tuple[FloatArray, FloatArray]
 
 @dataclass(frozen=True)
 class Accuracy:
-    """Estimated errors of ``state``, the exact one at the end of the path.
+    """Estimated errors of ``state``, the exact one at the end of the path; None or empty where not known.
 
-    ``displacement`` is the relative root mean square error over all nodes; ``from_bulk`` and ``from_contact``
-    are relative L2 errors of the pressures, by contact, due to the bodies and to the contact's own spacing;
-    None without an estimate. ``bodies`` are the corrected ones in that state, empty if not known; ``largest``
-    is the largest displacement, None if not needed. ``deflection`` is the part of ``displacement`` known from
-    energies, ``probes`` are errors of displacements at probes, ``forces`` relative ones of the contacts'
-    forces, ``missing`` says why there are no estimates, with a hint.
+    ``displacement`` is the relative root mean square error over all nodes, of which ``deflection`` is known
+    from energies; ``pressures`` are relative L2 errors by contact, due to the bodies and to the contact's own
+    spacing; ``largest`` is the largest displacement, ``bodies`` are the corrected ones, ``probes`` errors of
+    displacements, ``forces`` relative ones of contact forces; ``missing`` says why there are no estimates.
     """
 
     displacement: float | None
-    from_bulk: Mapping[str, float | None]
-    from_contact: Mapping[str, float | None]
-    state: ExactState
+    pressures: Mapping[str, tuple[float | None, float | None]]
+    state: ContactState
     largest: float | None = None
     bodies: Mapping[str, Corrected] = field(default_factory=dict)
     deflection: float = 0.0
@@ -78,30 +74,29 @@ class Accuracy:
     def figures(self, built: CondensedScene, state: State | None = None) -> dict[str, Any]:
         """Estimates for summary.json; with a ``state``, pressures also count their distance from its own."""
         # Tractions of bonds have no estimate.
-        exact, bonds = self.state, [one.name for one in built.condensed.bonds.pairings]
-        pressure: dict[str, float | None] = dict.fromkeys(bonds)
-        blind = len(built.condensed.friction_nodes) > 0
+        condensed, exact = built.condensed, self.state
+        pressure: dict[str, float | None] = {one.name: None for one in condensed.bonds.pairings}
+        blind = len(condensed.friction_nodes) > 0
         if state is not None and not blind and not np.array_equal(state.factors, exact.factors):
             # The path ended before the state of the other estimates.
             try:
-                exact = solve_exact(built.condensed, state.factors)
+                exact = solve_exact(condensed, state.factors)
             except NumericalError:  # the exact laws have no solution at the end of the path
-                none = dict.fromkeys([*bonds, *self.from_bulk])
-                return {"displacement": self.displacement, "pressure": none}
-        for pairing in built.condensed.pairings:
-            away = distance(built, pairing, exact, state.pressure) if state is not None else 0.0
-            pressure[pairing.name] = together(
-                self.from_bulk[pairing.name], self.from_contact[pairing.name], away
-            )
-        more = {"force": dict(self.forces), "probes": {name: self._at(built, name) for name in self.probes}}
-        known = {name: one for name, one in more.items() if one}
+                return {
+                    "displacement": self.displacement,
+                    "pressure": pressure | dict.fromkeys(self.pressures),
+                }
+        for one in condensed.pairings:
+            away = distance(built, one, exact, state.pressure) if state is not None else 0.0
+            pressure[one.name] = together(*self.pressures[one.name], away)
+        probes = {}
+        for name, error in self.probes.items():
+            moved = float(np.hypot(*condensed.quantities["probe"][name](*self.state.unknowns)[:2]))
+            size = max(moved, LEAST_MOVED * (self.largest or 0.0))
+            probes[name] = float(np.hypot(error / size, self.deflection)) if size > 0.0 else 0.0
+        more = {"force": dict(self.forces), "probes": probes}
+        known = {name: figures for name, figures in more.items() if figures}
         return {"displacement": self.displacement, "pressure": pressure} | known
-
-    def _at(self, built: CondensedScene, probe: str) -> float:
-        """Relative error of the displacement at a probe."""
-        moved = float(np.hypot(*built.condensed.quantities["probe"][probe](*self.state.unknowns)[:2]))
-        size = max(moved, LEAST_MOVED * (self.largest or 0.0))
-        return float(np.hypot(self.probes[probe] / size, self.deflection)) if size > 0.0 else 0.0
 
     def with_energies(self, energies: EnergyErrors | None) -> Accuracy:
         """Estimates that include the errors of displacements known from energies."""
@@ -115,7 +110,7 @@ class Accuracy:
         """Whether the errors of the bodies limit the accuracy, if there are contacts in one of them."""
         if self.displacement is None or self.displacement <= ROUND_OFF:
             return False
-        pairs = [(self.from_bulk[name], self.from_contact[name]) for name in self.from_bulk]
+        pairs = self.pressures.values()
         return not pairs or any(bulk is not None and own is not None and bulk > own for bulk, own in pairs)
 
 
@@ -123,8 +118,7 @@ def assess_accuracy(built: CondensedScene) -> Accuracy:
     """Estimate the errors of a solved scene in its last exact state."""
     condensed, scene = built.condensed, built.scene
     state = built.ends[-1] if built.ends else solve_exact(condensed, built.stages[-1])
-    unknown = dict.fromkeys(pairing.name for pairing in condensed.pairings)
-    without = partial(Accuracy, None, unknown, unknown, state)
+    without = partial(Accuracy, None, {one.name: (None, None) for one in condensed.pairings}, state)
     blind = len(condensed.friction_nodes) > 0  # friction depends on the path
     if blind and not built.case.adapt.passes:
         return without()
@@ -143,8 +137,7 @@ def assess_accuracy(built: CondensedScene) -> Accuracy:
 
     try:
         halved = halved_state(condensed, state) if condensed.nodal else None
-        rough = rough_state(condensed, scene, state, bodies).pressure - state.pressure
-        return _estimated(built, state, bodies, moved, rough, halved)
+        return _estimated(built, state, bodies, moved, halved)
     except NumericalError as error:  # the corrected scene has no contact state
         hint = finer_nodes(built.case, scene.bodies)
         missing = f"with bodies corrected for their errors, {error.message}; {hint}"
@@ -157,28 +150,20 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo:
     condensed = built.condensed
     if not len(condensed.friction_nodes) or not state.closed.any():
         return accuracy
-    values = (state.factors, state.pressure, state.gap, state.motion, state.traction)
-    last = ExactState(*values, state.closed, state.status == STICK, 0, state.residual)
+    last = state.contacts(condensed.friction_nodes)
+
+    def moved(by: Changes) -> Moved:
+        change = frozen_change(condensed, last, by)
+        return change.motion, change.pressure, change.traction
+
     try:
         bodies = _corrected(built, state.unknowns, memo)
-        rough = _frozen(built, last, roughness_of(condensed, built.scene, bodies))[1]
-        halved = _halved(built, last)
-        return _estimated(built, last, bodies, partial(_frozen, built, last), rough, halved)
+        return _estimated(built, last, bodies, moved, _halved(built, last))
     except NumericalError as error:  # a cloud too small for the next degree, or a singular contact
         return replace(accuracy, missing=error.advice)
 
 
-def _frozen(built: CondensedScene, state: ExactState, by: Changes) -> Moved:
-    """Response of the contact, with its status as it is, to changes ``by`` something else."""
-    condensed = built.condensed
-    # The residual gaps of a regularised law are no error of the bodies.
-    gaps = np.where(state.active, 0.0, state.gap)
-    stuck = state.stuck[condensed.friction_nodes]
-    change = frozen_change(condensed, state.pressure, state.traction, gaps, state.active, stuck, by)
-    return change.motion, change.pressure, change.traction
-
-
-def _halved(built: CondensedScene, state: ExactState) -> Halved | None:
+def _halved(built: CondensedScene, state: ContactState) -> Halved | None:
     """Motions and pressures from every second node, with the tractions of the state as loads and motions
     along the contacts, which friction resists, as they are; None if there is no contact with nodal pressures,
     or no solution."""
@@ -212,44 +197,51 @@ def _halved(built: CondensedScene, state: ExactState) -> Halved | None:
 
 def _estimated(
     built: CondensedScene,
-    state: ExactState,
+    state: ContactState,
     bodies: Mapping[str, Corrected],
     moved: Callable[[Changes], Moved],
-    rough: FloatArray,
     halved: Halved | None,
 ) -> Accuracy:
     """The estimates of a ``state``: from the corrections of ``bodies``, by which contacts have ``moved``, of
-    what these may miss, from pressures ``rough`` (m,) without smoothing, and from nodal contacts of half as
-    many nodes."""
+    what these may miss, without smoothing, and from nodal contacts of half as many nodes."""
     condensed, scene, parts = built.condensed, built.scene, [bodies]
+    rough = moved(roughness_of(condensed, scene, bodies))[1]
     if any(one.uncertain.any() for one in bodies.values()):
         parts.append({name: one.missed for name, one in bodies.items()})
-    effects, pressures = [], []
+    effects, corrected = [], []
     for part in parts:
         by = changes_of(condensed, scene, part)
         change = moved(by)
         effects.append(_effects(built, part, state, by.bonds, change))
-        pressures.append(state.pressure + change[1])
+        corrected.append(state.pressure + change[1])
     if halved is not None:
         fewer = halved[0] - state.motion, halved[1] - state.pressure, np.zeros_like(state.traction)
         nothing = {name: replace(one, change=np.zeros_like(one.change)) for name, one in bodies.items()}
         effects.append(_effects(built, nothing, state, condensed.bonds, fewer))
-    away, *others = np.linalg.norm(effects, axis=0).tolist()
-    probes, contacts = [one.name for one in scene.probes], [one.name for one in condensed.pairings]
+    pressures = {}
+    for one in condensed.pairings:
+        others = (*corrected, state.pressure + ROUGH_SHARE * rough)
+        bulk = together(*(distance(built, one, state, pressure) for pressure in others))
+        if not one.nodal:
+            own: float | None = float(np.linalg.norm(grid_errors(condensed, one.name, [state])))
+        else:
+            own = None if halved is None else distance(built, one, state, halved[1])
+        pressures[one.name] = (bulk, own)
+    away, *rest = np.linalg.norm(effects, axis=0).tolist()
     size = float(sum((one.displacement**2).sum() for one in bodies.values()))
     return Accuracy(
         away / float(np.sqrt(size)) if size > 0.0 else None,
-        *_pressure_errors(built, state, pressures, rough, halved),
+        pressures,
         state,
         _largest_of([one.displacement for one in bodies.values()]),
         bodies,
-        probes=dict(zip(probes, others, strict=False)),
-        forces=dict(zip(contacts, others[len(probes) :], strict=True)),
+        probes=dict(zip((one.name for one in scene.probes), rest, strict=False)),
+        forces=dict(zip((one.name for one in condensed.pairings), rest[len(scene.probes) :], strict=True)),
     )
 
 
 def _effects(
-    built: CondensedScene, bodies: Mapping[str, Corrected], state: ExactState, bonds: Bonds, moved: Moved
+    built: CondensedScene, bodies: Mapping[str, Corrected], state: ContactState, bonds: Bonds, moved: Moved
 ) -> list[float]:
     """Effects of the changes of ``bodies``, of ``bonds`` and of what has ``moved``: on all displacements
     (L2), on that at each probe, and on the force of each contact over the sum of its pressures."""
@@ -279,48 +271,22 @@ def _corrected(
     """Bodies in a state f, q, p, t with the corrections of their displacements. Raises NumericalError."""
     condensed, scene = built.condensed, built.scene
     plates = {side for constraint, _ in scene.unknown_motions for side in constraint.held}
-    found = {}
+    bodies = {}
     for name, body in scene.bodies.items():
         moved, source = scene.floating_patterns(name) @ unknowns[1], condensed.source(name, *unknowns)
-        own = [surface for owner, surface in plates if owner == name]
-        found[name] = correct(body, source, moved, own, memo)
-    return found
+        bodies[name] = correct(body, source, moved, [side for owner, side in plates if owner == name], memo)
+    return bodies
 
 
-def _largest_of(displacements: list[FloatArray]) -> float:
+def _largest_of(displacements: Sequence[FloatArray]) -> float:
     """Largest of the ``displacements`` (N, 2) of all bodies."""
     return max(float(np.hypot(*u.T).max()) for u in displacements)
 
 
-def _pressure_errors(
-    built: CondensedScene,
-    state: ExactState,
-    corrected: Sequence[FloatArray],
-    rough: FloatArray,
-    halved: Halved | None,
-) -> tuple[dict[str, float | None], dict[str, float | None]]:
-    """Relative errors of the pressures of a state, by contact: from each of those after corrections of the
-    bodies (m,) and their change ``rough`` (m,) without smoothing, and by the contact's own spacing, from
-    those with every second node, None if not known."""
-    from_bulk, from_contact = dict[str, float | None](), dict[str, float | None]()
-    for pair in built.condensed.pairings:
-        from_bulk[pair.name] = together(
-            *(distance(built, pair, state, one) for one in corrected),
-            distance(built, pair, state, state.pressure + ROUGH_SHARE * rough),
-        )
-        if not pair.nodal:
-            errors = grid_errors(built.condensed, pair.name, [state])
-            from_contact[pair.name] = float(np.linalg.norm(errors))
-        else:
-            from_contact[pair.name] = None if halved is None else distance(built, pair, state, halved[1])
-    return from_bulk, from_contact
-
-
 def distance(
-    built: CondensedScene, pairing: Pairing, state: ExactState, pressure: FloatArray
+    built: CondensedScene, pairing: Pairing, state: ContactState, pressure: FloatArray
 ) -> float | None:
-    """Relative L2 distance of the pressures of a contact from the exact ones; None without pressure over a
-    length."""
+    """Relative L2 distance of the pressures of a contact from the exact ones; None without pressure."""
     span, arc = built.condensed.spans[pairing.name], pairing.arc[pairing.candidate]
     exact = state.pressure[span]
     if not _is_pressed(state, span) or l2(arc, exact) == 0.0:
@@ -328,7 +294,7 @@ def distance(
     return l2(arc, pressure[span] - exact) / l2(arc, exact)
 
 
-def _is_pressed(state: ExactState, span: slice) -> bool:
+def _is_pressed(state: ContactState, span: slice) -> bool:
     """Whether the pressures of a contact are more than round-off of those of others."""
     return bool(state.pressure[span].max(initial=0.0) > COARSE_ROUND_OFF * state.pressure.max(initial=0.0))
 

@@ -109,8 +109,7 @@ class Verdicts:
         return [vars(check) for check in self._worst.values()]
 
     def take_up(self, plain: Iterable[Mapping[str, Any]]) -> list[str]:
-        """Continue with the checks kept by an earlier process; returns its warnings that are new to this
-        one."""
+        """Continue with the checks of an earlier process; returns its warnings that are new to this one."""
         checks = [Check(**stored) for stored in plain]
         known = set(self._worst)
         self._worst = {(check.name, check.place): check for check in checks} | self._worst

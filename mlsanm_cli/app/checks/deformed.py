@@ -33,10 +33,9 @@ BLOCK_SIZE = 2**18
 
 @dataclass(frozen=True)
 class DeformedOutline:
-    """Deformed outline of a body: ``points`` (n, 2), their displacements ``moved`` (n, 2) and initial
-    positions ``drawn`` (n, 2), outward normals (n, 2), the numbers ``surface`` (n,) of their surfaces, and
-    the errors of their positions, ``uncertainty`` (n,). ``chords`` (c, 2) are pairs of adjacent points,
-    ``names`` (s) and ``ends`` (s, 2) the names and the first and last points of the surfaces."""
+    """Deformed outline of a body: ``points`` (n, 2), ``moved`` from where they are ``drawn``, with outward
+    normals, the numbers ``surface`` (n,) of their surfaces and the ``uncertainty`` (n,) of their positions.
+    ``chords`` (c, 2) are pairs of adjacent points, ``names`` (s) and ``ends`` (s, 2) those of surfaces."""
 
     points: FloatArray
     moved: FloatArray
@@ -78,7 +77,14 @@ def outline_of(cloud: Cloud, displacement: FloatArray, exact: bool = False) -> D
         normal.append(one.curve.normals(np.minimum(fine, one.curve.length)))
         moved.append(np.vstack([u[first] + share[:, None] * np.diff(u, axis=0)[first], u[-1:]]))
         spacing = np.append(cloud.spacing[one.index], cloud.spacing[one.index[:1]])[: len(s)]
-        unknown = SPACING_SHARE * spacing if exact else _between(s, u)
+        unknown = SPACING_SHARE * spacing
+        if not exact:
+            # The error of linear interpolation of displacements.
+            unknown = np.zeros(len(s))
+            if len(s) > 2:
+                part = ((s[1:-1] - s[:-2]) / (s[2:] - s[:-2]))[:, None]
+                unknown[1:-1] = 0.15 * np.hypot(*(u[1:-1] - (1.0 - part) * u[:-2] - part * u[2:]).T)
+                unknown[[0, -1]] = unknown[[1, -2]]
         slack.append(np.append(np.maximum(unknown[:-1], unknown[1:])[first], unknown[-1]))
         surface.append(np.full(len(fine), number))
         own = count + np.arange(len(fine))
@@ -99,16 +105,6 @@ def outline_of(cloud: Cloud, displacement: FloatArray, exact: bool = False) -> D
         tuple(cloud.surfaces),
         np.array(ends),
     )
-
-
-def _between(s: FloatArray, u: FloatArray) -> FloatArray:
-    """Estimated error of linear interpolation of displacements ``u`` (b, 2) at arc lengths ``s`` (b,)."""
-    off = np.zeros(len(s))
-    if len(s) > 2:
-        share = (s[1:-1] - s[:-2]) / (s[2:] - s[:-2])
-        off[1:-1] = np.hypot(*(u[1:-1] - (1.0 - share[:, None]) * u[:-2] - share[:, None] * u[2:]).T)
-        off[0], off[-1] = off[1], off[-2]
-    return 0.15 * off
 
 
 def distances(points: FloatArray, edges: FloatArray) -> tuple[FloatArray, IntArray]:

@@ -1,10 +1,11 @@
-"""Balances of forces and energies: missing forces relative to those that act, and twice the strain energy of
-every body compared with the work done on it."""
+"""Balances of forces and energies: missing forces over those that act, twice the strain energy of every body
+compared with the work done on it, and the energies of bodies that flow."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -28,12 +29,12 @@ from mlsanm_cli.solve.state import UNLOADED, Fields, State
 
 def force_balance(built: CondensedScene, state: State) -> dict[str, float]:
     """Resultant of all forces on each body over the largest force on it, in a state."""
-    per_body = {}
-    for name, unbalanced in built.condensed.quantities["imbalance"].items():
+    errors = {}
+    for name, missing in built.condensed.quantities["imbalance"].items():
+        size = float(np.hypot(*missing(*state.unknowns)))
         largest = max(largest_force(built, name, state.unknowns), least_force(built, name))
-        size = float(np.hypot(*unbalanced(*state.unknowns)))
-        per_body[name] = 0.0 if largest == 0.0 else size / largest
-    return per_body
+        errors[name] = 0.0 if largest == 0.0 else size / largest
+    return errors
 
 
 def largest_force(built: CondensedScene, body: str, unknowns: Sequence[FloatArray]) -> float:
@@ -56,8 +57,7 @@ def largest_force(built: CondensedScene, body: str, unknowns: Sequence[FloatArra
 
 
 def least_force(built: CondensedScene, body: str) -> float:
-    """Force below which those on a body are not checked, from those at the ends of stages: on it, and, if
-    nothing loads it, on all."""
+    """Force below which those on a body are not checked, from the ends of stages: on it, and on all."""
     sizes = {
         name: max((largest_force(built, name, end.unknowns) for end in built.ends), default=0.0)
         for name in built.scene.bodies
@@ -67,12 +67,12 @@ def least_force(built: CondensedScene, body: str) -> float:
 
 def force_mismatch(built: CondensedScene, state: State) -> dict[str, float]:
     """Difference of the forces on slave and master over the normal force, by contact."""
-    found = {}
+    errors = {}
     for name, span in built.condensed.spans.items():
         pressed = float(built.condensed.areas[span] @ np.abs(state.pressure[span]))
         lost = float(np.hypot(*built.condensed.quantities["mismatch"][name](*state.unknowns)))
-        found[name] = lost / pressed if pressed else 0.0
-    return found
+        errors[name] = lost / pressed if pressed else 0.0
+    return errors
 
 
 MIN_ENERGY_SHARE = 1e-3
@@ -151,12 +151,8 @@ def _relative(missing: float, unseen: float, scale: float) -> float:
 
 
 def _deflection(built: CondensedScene, errors: Mapping[str, float], fields: Mapping[str, Fields]) -> float:
-    """Relative error of the displacements due to the energy ``errors`` of bodies with clamped ends.
-
-    Fits of the next degree do not show the errors of smooth fits at singular ends: for cantilevers and portal
-    frames at degree 4 they gave down to a thirtieth of the error, the energies two thirds or more. At lower
-    degrees fits of the next degree are accurate, and quadratures of energies are not.
-    """
+    """Relative error of the displacements due to the energy ``errors`` of bodies with clamped ends: fits of
+    the next degree do not show the errors of smooth fits at singular ends."""
     squares = {name: float((one["displacement"] ** 2).sum()) for name, one in fields.items()}
     lost = 0.0
     for name, body in built.scene.bodies.items():
@@ -180,8 +176,7 @@ def _on_single_nodes(built: CondensedScene, state: State) -> dict[str, float]:
 
 
 def _near_work(built: CondensedScene, state: State) -> dict[str, float]:
-    """Work of contacts with contact grids on every body, divided by the contact compliances: where most of
-    the work is done by the near field, the rest need not be accurate."""
+    """Work of contacts with contact grids on every body: the rest need not be accurate beside it."""
     condensed = built.condensed
     gap = condensed.gap.pressure @ state.pressure + condensed.gap.traction @ state.traction
     slip = condensed.slip.pressure @ state.pressure + condensed.slip.traction @ state.traction
@@ -193,12 +188,10 @@ def _near_work(built: CondensedScene, state: State) -> dict[str, float]:
             own = condensed.tangential[pairing.name]
             work += float(condensed.areas[span] @ (state.traction[own] * slip[own]))
         chosen = pairing.normal[pairing.candidate]
-        contact_compliance = [
-            float(built.scene.bodies[body].model.material.contact_compliance(chosen).mean())
-            for body in pairing.bodies
-        ]
-        for body, part in zip(pairing.bodies, contact_compliance, strict=True):
-            found[body] += abs(work) * part / sum(contact_compliance)
+        materials = [built.scene.bodies[body].model.material for body in pairing.bodies]
+        soft = [float(material.contact_compliance(chosen).mean()) for material in materials]
+        for body, part in zip(pairing.bodies, soft, strict=True):
+            found[body] += abs(work) * part / sum(soft)
     return found
 
 
@@ -207,3 +200,24 @@ def strain_of(points: FloatArray, displacement: FloatArray, von_mises: FloatArra
     stresses (n,) over its stiffness, whichever is larger."""
     apart = float(np.ptp(displacement, axis=0).max()) / float(np.ptp(points, axis=0).max())
     return max(apart, float(np.quantile(von_mises, STRAIN_QUANTILE)) / modulus)
+
+
+def flow_figures(built: CondensedScene, state: State) -> dict[str, Any]:
+    """The estimated error of the increments up to a state, and of every body that flows its largest plastic
+    strain, the part of its area that has any, and the work of plastic strains, dissipated except for what
+    back stresses store of it, and the stored energy."""
+    bodies = {}
+    for name, law in built.laws.items():
+        cloud, history = built.scene.bodies[name].model.cloud, state.history(name)
+        stress, plastic = state.solver[f"stress.{name}"], history[:, :4]
+        tensor = np.array([1.0, 1.0, 1.0, 0.5])
+        back = law.hardening.kinematic / 3.0 * over_body(cloud, plastic * tensor, plastic)
+        bodies[name] = {
+            "plastic_strain": float(history[:, 4].max()),
+            "plastic_area": float(cloud.areas @ (history[:, 4] > 0.0) / cloud.areas.sum()),
+            "plastic_work": float(cloud.areas @ state.solver[f"work.{name}"]),
+            "stored_energy": 0.5 * over_body(cloud, stress, law.elastic_strain(stress)) + back,
+        }
+    if not bodies:
+        return {}
+    return {"flow": {"increment_error": float(state.solver["errors"][0]), "bodies": bodies}}

@@ -45,23 +45,17 @@ def overlaps(
     """Boundaries inside another body, an obstacle, or their own body, in a state with the ``displacements``
     (n, 2) of all bodies at the points of ``clouds``."""
     outlines = {name: outline_of(clouds[name], values) for name, values in displacements.items()}
-    pairings, given = built.condensed.reported, _given_gaps(built)
-    found = list(between_bodies(outlines, given, partial(_in_contact, outlines, pairings)))
+    # Largest given gap or interference of the surfaces of every body.
+    given = dict.fromkeys(built.scene.bodies, 0.0)
+    profiles = {contact.name: profile_of(contact) for contact in built.case.contact}
+    for pairing in built.condensed.pairings:
+        if (profile := profiles[pairing.name]) is not None:
+            largest = float(np.abs(profile.at(pairing.points)).max())
+            given |= {body: max(given[body], largest) for body in pairing.bodies}
+    found = list(between_bodies(outlines, given, partial(_in_contact, outlines, built.condensed.reported)))
     found += list(_with_obstacles(built, state, outlines, given))
     yield overlap_check(found, state.position, partial(_hint, built))
     yield from _self_overlaps(state.position, outlines)
-
-
-def _given_gaps(built: CondensedScene) -> dict[str, float]:
-    """Largest given gap or interference of the surfaces of every body."""
-    found = dict.fromkeys(built.scene.bodies, 0.0)
-    profiles = {contact.name: profile_of(contact) for contact in built.case.contact}
-    for pairing in built.condensed.pairings:
-        profile = profiles[pairing.name]
-        if profile is not None:
-            largest = float(np.abs(profile.at(pairing.points)).max())
-            found |= {body: max(found[body], largest) for body in pairing.bodies}
-    return found
 
 
 def _self_overlaps(position: float, outlines: Mapping[str, DeformedOutline]) -> Iterator[Check]:
@@ -71,9 +65,8 @@ def _self_overlaps(position: float, outlines: Mapping[str, DeformedOutline]) -> 
         within = np.flatnonzero(inside_polygon(own.edges, own.points + step))
         # Next to a re-entrant corner the outward step crosses the other side.
         corners = own.points[own.ends.ravel()]
-        apart = np.hypot(*(own.points[within][:, None] - corners).transpose(2, 0, 1)).min(
-            axis=1, initial=np.inf
-        )
+        apart = np.hypot(*(own.points[within][:, None] - corners).transpose(2, 0, 1))
+        apart = apart.min(axis=1, initial=np.inf)
         within = within[apart > SLIDE_FACTOR * np.hypot(*step[within].T)]
         before = np.hstack([own.drawn[own.chords[:, 0]], own.drawn[own.chords[:, 1]]])
         within = within[~inside_polygon(before, (own.drawn + step)[within])] if len(within) else within
@@ -115,63 +108,40 @@ def _with_obstacles(
 ) -> Iterator[Overlap]:
     """Overlaps of boundaries with the rigid obstacles of contacts, deeper than the gaps ``given``. A body
     without a contact with an obstacle that lies inside it initially is not checked against it."""
-    moved = platen_displacements(built, state)
+    moved, slack = platen_displacements(built, state), COARSE_ROUND_OFF
     obstacles = [one for one in built.scene.rigid_constraints if not one.bodies]
     shifts = {one.name: moved[built.scene.loads[one.loads[0]]] for one in obstacles}
     pairings = {pairing.name: pairing for pairing in built.condensed.reported}
-    for contact in built.case.contact:
-        if contact.obstacle is None:
-            continue
-        shape, shift = shape_of(contact.obstacle), shifts.get(contact.name, np.zeros(2))
-        pairing = pairings[contact.name]
+    shapes = {one.name: shape_of(one.obstacle) for one in built.case.contact if one.obstacle is not None}
+    for contact, shape in shapes.items():
+        shift, pairing = shifts.get(contact, np.zeros(2)), pairings[contact]
         for body, own in outlines.items():
             partner, normal = shape.closest(own.points - shift, own.normal)
             away = own.points - shift - partner
-            depth = -(away * normal).sum(axis=1)
-            adjacent = np.abs(cross(away, normal))
-            deep = (depth > given[body] + own.uncertainty) & (
-                adjacent <= COARSE_ROUND_OFF * own.size + 1e-3 * depth
-            )
-            deep &= ~_other_contacts(built, pairings, contact.name, body, own, partner + shift, depth, shifts)
+            depth, adjacent = -(away * normal).sum(axis=1), np.abs(cross(away, normal))
+            deep = depth > given[body] + own.uncertainty
+            deep &= adjacent <= slack * own.size + 1e-3 * depth
+            # Several contacts may have the same plane: points next to it on their surfaces are theirs.
+            for other in shapes.keys() - {contact}:
+                if pairings[other].slave_body == body:
+                    at = shifts.get(other, np.zeros(2))
+                    there = shapes[other].closest(own.points - at, own.normal)[0] + at
+                    same = np.hypot(*(there - partner - shift).T) <= depth
+                    deep &= ~(same & _members(pairings[other], body, own)[own.surface])
             if not deep.any():
                 continue
             if body == pairing.slave_body:
                 mine = _members(pairing, body, own)
                 deep &= ~mine[own.surface]
-                along = np.hypot(*(own.moved - shift).T)
-                deep &= ~_at_corners(own.points, along, own, mine)
+                deep &= ~_at_corners(own.points, np.hypot(*(own.moved - shift).T), own, mine)
             else:
                 closest, outward = shape.closest(own.drawn, own.normal)
-                if (((own.drawn - closest) * outward).sum(axis=1) < -COARSE_ROUND_OFF * own.size).any():
+                if (((own.drawn - closest) * outward).sum(axis=1) < -slack * own.size).any():
                     continue
             # At a corner of the body report the side that faces the obstacle.
-            at = np.flatnonzero(deep)
-            at = at[np.argsort((own.normal[at] * normal[at]).sum(axis=1), kind="stable")]
-            yield from deepest(own, at, depth[at], body, [_obstacle(contact.name)] * len(at))
-
-
-def _other_contacts(
-    built: CondensedScene,
-    pairings: Mapping[str, Pairing],
-    contact: str,
-    body: str,
-    own: DeformedOutline,
-    partner: FloatArray,
-    depth: FloatArray,
-    shifts: Mapping[str, FloatArray],
-) -> BoolArray:
-    """Mask (n,) of points on surfaces that have another contact with the same obstacle, whose closest points
-    are ``partner`` (n, 2): several contacts may have the same plane."""
-    found = np.zeros(len(depth), dtype=bool)
-    for other in built.case.contact:
-        pairing = pairings[other.name]
-        if other.obstacle is None or other.name == contact or pairing.slave_body != body:
-            continue
-        shift = shifts.get(other.name, np.zeros(2))
-        there = shape_of(other.obstacle).closest(own.points - shift, own.normal)[0] + shift
-        same = np.hypot(*(there - partner).T) <= depth
-        found |= same & _members(pairing, body, own)[own.surface]
-    return found
+            found = np.flatnonzero(deep)
+            found = found[np.argsort((own.normal[found] * normal[found]).sum(axis=1), kind="stable")]
+            yield from deepest(own, found, depth[found], body, [_obstacle(contact)] * len(found))
 
 
 def _members(pairing: Pairing, body: str, outline: DeformedOutline) -> BoolArray:
@@ -200,16 +170,20 @@ def _at_corners(
 
 def _hint(built: CondensedScene, worst: Overlap, found: Sequence[Overlap]) -> str:
     """Hint: existing contacts of the two bodies to extend, or a new contact."""
-    changes, meant = [], False
+    changes, meant, ends = [], False, dict[str, set[int]]()
+    for body, elastic in built.scene.bodies.items():
+        for name, surface in elastic.model.cloud.surfaces.items():
+            tips = () if surface.curve.closed else surface.index[[0, -1]].tolist()
+            ends.setdefault(f"{body}.{label(name)}", set()).update(tips)
     for contact in built.case.contact:
         pair = [side.body for side in contact.sides]
         pair += [_obstacle(contact.name)] if contact.obstacle is not None else []
         between = [one for one in found if one.owners == set(pair)]
         for role, side in zip(("slave", "master"), contact.sides, strict=False):
             names = [name for one in between for name in (one.boundary, one.other)]
-            more = [
-                name for name in names if name not in side.boundaries and _joins(built, name, side.boundaries)
-            ]
+            names = [name for name in names if name.startswith(f"{side.body}.")]
+            known = set().union(*(ends.get(name, set()) for name in side.boundaries))
+            more = [name for name in names if name not in side.boundaries and ends.get(name, set()) & known]
             if more:
                 listed = ", ".join(f'"{name}"' for name in dict.fromkeys((*side.boundaries, *more)))
                 changes.append(f"contact.{contact.name}.{role} = [{listed}]")
@@ -223,18 +197,6 @@ def _hint(built: CondensedScene, worst: Overlap, found: Sequence[Overlap]) -> st
     whom = "that obstacle" if worst.other.startswith("the ") else f'master = "{worst.other}"'
     sides = f'slave = "{worst.boundary}" and {whom}'
     return f"give it a [[contact]] of its own with {sides}, or draw it farther apart"
-
-
-def _joins(built: CondensedScene, boundary: str, others: Sequence[str]) -> bool:
-    """Whether a boundary continues where one of the others ends."""
-    body = boundary.partition(".")[0]
-    if body != others[0].partition(".")[0]:
-        return False
-    ends: dict[str, set[int]] = {}
-    for name, surface in built.scene.bodies[body].model.cloud.surfaces.items():
-        if not surface.curve.closed:
-            ends.setdefault(f"{body}.{label(name)}", set()).update(surface.index[[0, -1]].tolist())
-    return any(ends.get(boundary, set()) & ends.get(other, set()) for other in others)
 
 
 def _obstacle(contact: str) -> str:

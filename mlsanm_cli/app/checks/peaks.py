@@ -6,14 +6,13 @@ along a fibre have errors as large as those across, and stresses accordingly lar
 
 Omitted are places with unbounded stress or another check: surfaces in contact, ends of held and bonded
 surfaces, single nodes, re-entrant corners, and nodes with tractions larger than the stress. Only local maxima
-along the boundary count, so that stresses that grow towards these places are no peaks. The near field of
-contact grids is known in closed form: beside them stresses are accurate from the next node on, and a larger
-stress at the contact itself is told. Pressures at nodes spoil stresses of a whole neighbourhood.
+along the boundary count. The near field of contact grids is known in closed form: beside them stresses are
+accurate from the next node on. Pressures at nodes spoil stresses of a whole neighbourhood.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -22,7 +21,6 @@ from scipy.spatial import cKDTree
 from mlsanm_cli.app.scene.assemble import single_nodes
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray, runs_of
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.corners import reentrant_corners, thickness
 from mlsanm_cli.mechanics.elasticity import traction_of
@@ -53,8 +51,7 @@ def boundary_peaks(built: CondensedScene, state: State, fields: Mapping[str, Fie
     """Largest von Mises ``stress`` on the free boundary of every body that has one, its ``place``, its
     estimated relative ``error``, and the stress ``at_contact`` where that is larger, from the ``fields`` of a
     state."""
-    found = {}
-    bodies = built.scene.bodies
+    peaks, bodies = {}, built.scene.bodies
     largest = max(  # stress scale of the displacements over the sizes of the bodies
         float(body.model.material.modulus * np.abs(fields[name]["displacement"]).max())
         / float(np.ptp(body.model.cloud.points, axis=0).max())
@@ -73,8 +70,8 @@ def boundary_peaks(built: CondensedScene, state: State, fields: Mapping[str, Fie
         stress = fields[name]["von_mises"]
         peak = _peak(body.model.cloud, stress, missing, applied > stress, unbounded, touching)
         if peak is not None and peak["stress"] > FINE_ROUND_OFF * largest:
-            found[name] = peak
-    return found
+            peaks[name] = peak
+    return peaks
 
 
 def traction_error(body: ElasticBody, displacement: FloatArray, source: FloatArray) -> FloatArray:
@@ -85,7 +82,8 @@ def traction_error(body: ElasticBody, displacement: FloatArray, source: FloatArr
     missing = np.zeros(len(cloud.points))
     stress, given = body.model.stress(displacement), _given(body, displacement, source)
     for name, surface in cloud.surfaces.items():
-        apart = traction_of(stress[surface.index], surface.normal) * _free(body, name) - given[name]
+        free = ~np.array(body.held.get(name, FREE))
+        apart = traction_of(stress[surface.index], surface.normal) * free - given[name]
         np.maximum.at(missing, surface.index, np.hypot(*apart.T))
     for name, one in cloud.surfaces.items():
         for after, other in cloud.surfaces.items():
@@ -96,20 +94,16 @@ def traction_error(body: ElasticBody, displacement: FloatArray, source: FloatArr
     return missing
 
 
-def _free(body: ElasticBody, surface: str) -> BoolArray:
-    """Mask (2,) of the directions in which a surface is free."""
-    return ~np.array(body.held.get(surface, FREE))
-
-
 def _given(body: ElasticBody, displacement: FloatArray, source: FloatArray) -> dict[str, FloatArray]:
     """Prescribed tractions (b, 2) of a right-hand side ``source`` (r,) and springs on all surfaces; 0 where
     held."""
-    found = {}
+    tractions = {}
     for name, surface in body.model.cloud.surfaces.items():
         rows = [body.condition_rows(name, axis) for axis in (0, 1)]
         pulled = displacement[surface.index] * body.springs.get(name, NO_SPRING)
-        found[name] = (source[np.stack(rows, axis=1)] - pulled) * _free(body, name)
-    return found
+        free = ~np.array(body.held.get(name, FREE))
+        tractions[name] = (source[np.stack(rows, axis=1)] - pulled) * free
+    return tractions
 
 
 def along_over_across(body: ElasticBody) -> FloatArray:
@@ -154,10 +148,8 @@ def _peak(
         return None
     # Of equal peaks the first.
     worst = next(node for node, top in tops.items() if top >= (1.0 - ROUND_OFF) * max(tops.values()))
-    x, y = (
-        float(value) if abs(value) > FINE_ROUND_OFF * thickness(cloud) else 0.0
-        for value in cloud.points[worst]
-    )
+    least = FINE_ROUND_OFF * thickness(cloud)
+    x, y = (value if abs(value) > least else 0.0 for value in cloud.points[worst].tolist())
     error = tops[worst] / float(stress[list(tops)].max()) - 1.0
     at_contact = np.intersect1d(near[BESIDE_GRID], nodes[bounded[nodes]])
     largest = float(stress[at_contact].max(initial=0.0))
@@ -178,51 +170,37 @@ def _left_out(
 ) -> tuple[FloatArray, Mapping[float, FloatArray]]:
     """Places of a body with unbounded stress (s, 2), and those clamped, in contact or bonded (t, 2), by the
     number of spacings around them in which stresses are spoiled."""
-    body = built.scene.bodies[name]
-    cloud, none = body.model.cloud, np.zeros((0, 2))
-    single = [node for node, _ in single_nodes(built.case, name, cloud)]
-    unbounded, touching = (
-        [cloud.points[[*_singular(body), *single]]],
-        {NEIGHBORHOOD: [none], BESIDE_GRID: [none]},
-    )
-    for surface, axes in body.restrained.items():
-        if all(axes):
-            touching[NEIGHBORHOOD].append(cloud.points[cloud.surfaces[surface].index])
-    for pairing in built.condensed.reported:
-        closed = state.closed[built.condensed.spans[pairing.name]] if not pairing.bonded else None
-        for body_name, slave, _ in pairing.sides:
-            if body_name != name:
-                continue
-            there = (pairing.points if slave else pairing.partner)[pairing.candidate]
-            if closed is None:
-                unbounded.append(there[[0, -1]])
-                touching[NEIGHBORHOOD].append(there)
-            elif pairing.nodal:
-                touching[NEIGHBORHOOD].append(there[closed])
-            else:
-                touching[BESIDE_GRID] += _pressed(pairing.grid, closed, slave, float(cloud.spacing.min()))
-    return np.concatenate(unbounded), {key: np.concatenate(listed) for key, listed in touching.items()}
-
-
-def _pressed(grid: ContactGrid, closed: BoolArray, slave: bool, spacing: float) -> Iterator[FloatArray]:
-    """Points (t, 2) at most a ``spacing`` apart of one side of the patches of a grid with ``closed`` hats."""
-    # A hat ends at the node beyond the one after it.
-    for first, last in grid.hats.nodes[runs_of(closed) + np.array([0, 1])].tolist():
-        s = np.linspace(first, last, 2 + int((last - first) / spacing))
-        yield as_real(grid.facing.side(s, slave)[0])
-
-
-def _singular(body: ElasticBody) -> Iterator[int]:
-    """Corner nodes with unbounded stress: re-entrant ones, and ends of held surfaces other than planes of
-    symmetry."""
-    surfaces = body.model.cloud.surfaces
-    yield from reentrant_corners(body.model.cloud).tolist()
-    for name, one in surfaces.items():
+    body, none = built.scene.bodies[name], np.zeros((0, 2))
+    cloud, surfaces = body.model.cloud, body.model.cloud.surfaces
+    nodes = [node for node, _ in single_nodes(built.case, name, cloud)]
+    nodes += reentrant_corners(cloud).tolist()
+    # Ends of held surfaces other than planes of symmetry.
+    for before, one in surfaces.items():
         for after, other in surfaces.items():
             if one.curve.closed or one.index[-1] != other.index[0]:
                 continue
-            held = [sum(body.restrained.get(surface, FREE)) for surface in (name, after)]
-            if held[0] != held[1] and (
-                max(held) == 2 or one.normal[-1] @ other.normal[0] > RIGHT_ANGLE_COSINE
-            ):
-                yield int(other.index[0])
+            first, second = (sum(body.restrained.get(surface, FREE)) for surface in (before, after))
+            beyond = one.normal[-1] @ other.normal[0] > RIGHT_ANGLE_COSINE
+            if first != second and (max(first, second) == 2 or beyond):
+                nodes.append(int(other.index[0]))
+    unbounded = [cloud.points[np.array(nodes, dtype=np.int64)]]
+    touching = {NEIGHBORHOOD: [none], BESIDE_GRID: [none]}
+    for surface, axes in body.restrained.items():
+        if all(axes):
+            touching[NEIGHBORHOOD].append(cloud.points[surfaces[surface].index])
+    for pairing in built.condensed.reported:
+        for slave in (slave for owner, slave, _ in pairing.sides if owner == name):
+            there = (pairing.points if slave else pairing.partner)[pairing.candidate]
+            if pairing.bonded:
+                unbounded.append(there[[0, -1]])
+                touching[NEIGHBORHOOD].append(there)
+                continue
+            closed = state.closed[built.condensed.spans[pairing.name]]
+            if pairing.nodal:
+                touching[NEIGHBORHOOD].append(there[closed])
+                continue
+            # A hat ends at the node beyond the one after it.
+            for first, last in pairing.grid.hats.nodes[runs_of(closed) + np.array([0, 1])].tolist():
+                s = np.linspace(first, last, 2 + int((last - first) / float(cloud.spacing.min())))
+                touching[BESIDE_GRID].append(as_real(pairing.grid.facing.side(s, slave)[0]))
+    return np.concatenate(unbounded), {key: np.concatenate(listed) for key, listed in touching.items()}

@@ -15,7 +15,6 @@ from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.condense import pulling_loads
 from mlsanm_cli.app.scene.corners import planes_of
 from mlsanm_cli.app.scene.load_profiles import amounts_at, runs_of
-from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import (
     BodyForce,
@@ -43,8 +42,7 @@ from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
 @dataclass(frozen=True)
 class Quality:
-    """A scene of a ``case`` as ``prepared``, with the quality measures of its clouds and the models by body,
-    and the ratio of facing spacings by contact."""
+    """A scene of a ``case`` with the measures of clouds and models by body, and ratios of facing spacings."""
 
     case: Case
     prepared: SceneModel
@@ -71,11 +69,6 @@ class Quality:
         """The nodes of all bodies."""
         return {name: model.cloud for name, model in self.prepared.models.items()}
 
-    @property
-    def checks(self) -> Iterator[Check]:
-        """All checks of the model."""
-        return all_of(MODEL, self)
-
 
 def announce(case: Case, prepared: SceneModel, context: RunContext, verdicts: Verdicts) -> Quality:
     """Assess a scene, print its notes and judge it."""
@@ -83,7 +76,7 @@ def announce(case: Case, prepared: SceneModel, context: RunContext, verdicts: Ve
         quality = assess(case, prepared, context.memo)
     for note in prepared.notes:
         context.console.note(note)
-    verdicts.judge(quality.checks)
+    verdicts.judge(all_of(MODEL, quality))
     return quality
 
 
@@ -135,15 +128,37 @@ def nodal_contacts(
 ) -> Iterator[Check]:
     """Checks of contacts with nodal pressures; of spacings, if one is its body's ``own``."""
     clouds = {name: model.cloud for name, model in prepared.models.items()}
-    for one in pairings:
-        if one.bonded:
-            continue
+    for one in (one for one in pairings if not one.bonded):
         place = f"contact {one.name}"
         if not set(own).isdisjoint(one.bodies):
             ratio = spacing_ratio(one, clouds)
             yield Check("facing_spacings", ratio, *ratio_message(one, ratio), place)
-        yield from _corners_inside(one)
-        yield from _crack_tip(one, prepared.pairings)
+        # Surfaces may touch on both sides of a corner, as a disk in a groove.
+        sides = ((one.slave, one.points), (one.master, one.partner))
+        for (surface, points), name in zip(sides, one.names, strict=False):
+            corners = np.zeros(0) if surface is None else surface.curve.corners
+            if surface is None or not len(corners):
+                continue
+            arcs = surface.curve.closest(points[one.candidate])
+            inside = surface.curve.points(corners[(corners > arcs.min()) & (corners < arcs.max())])
+            for x, y in inside[:1]:
+                message = (
+                    f"{place}: {name} has a corner at ({x:.6g}, {y:.6g}), where contact grids end: pressures "
+                    f"are those at nodes"
+                )
+                hint = "define a contact for each of both sides, with names of their own"
+                yield Check("contact_corner", len(inside), message, hint, f"{place}, {name}")
+        bonds = [bond for bond in prepared.pairings if bond.bonded and set(bond.bodies) == set(one.bodies)]
+        if bonds and not one.slave.curve.closed:
+            curve, held = one.slave.curve, np.concatenate([bond.points[bond.candidate] for bond in bonds])
+            ends, least = curve.points(np.array([0.0, curve.length])), COARSE_ROUND_OFF * curve.length
+            tips = [end for end in ends if np.hypot(*(held - end).T).min() <= least]
+            for x, y in tips[:1]:
+                message = (
+                    f"{place} ends where a bond begins, near ({x:.6g}, {y:.6g}), as at the tip of a crack: "
+                    f"the pressures of some nodes next to it, and so the peak, depend on the spacing"
+                )
+                yield Check("crack_tip", len(tips), message, place=place)
         stiffer = stiffness_ratio(one, prepared.models)
         message = f"{place}: the slave is {stiffer:.3g} times stiffer than the master"
         hint = "swap them, `from` and `to` too: pressures are more accurate with the softer body as slave"
@@ -159,46 +174,10 @@ def ratio_message(pairing: Pairing, ratio: float) -> tuple[str, str]:
     )
 
 
-def _crack_tip(pairing: Pairing, pairings: Sequence[Pairing]) -> Iterator[Check]:
-    """A contact that ends where a bond of the same bodies begins."""
-    curve = pairing.slave.curve
-    bonds = [one for one in pairings if one.bonded and set(one.bodies) == set(pairing.bodies)]
-    if not bonds or curve.closed:
-        return
-    held = np.concatenate([one.points[one.candidate] for one in bonds])
-    ends = curve.points(np.array([0.0, curve.length]))
-    tips = [end for end in ends if np.hypot(*(held - end).T).min() <= COARSE_ROUND_OFF * curve.length]
-    for x, y in tips[:1]:
-        message = (
-            f"contact {pairing.name} ends where a bond begins, near ({x:.6g}, {y:.6g}), as at the tip of a "
-            f"crack: the pressures of some nodes next to it, and so the peak, depend on the spacing"
-        )
-        yield Check("crack_tip", len(tips), message, place=f"contact {pairing.name}")
-
-
-def _corners_inside(pairing: Pairing) -> Iterator[Check]:
-    """Surfaces that may touch on both sides of a corner, as a disk in a groove: contact grids end at
-    corners."""
-    sides = ((pairing.slave, pairing.points), (pairing.master, pairing.partner))
-    for (surface, points), name in zip(sides, pairing.names, strict=False):
-        corners = np.zeros(0) if surface is None else surface.curve.corners
-        if surface is None or not len(corners):
-            continue
-        arcs = surface.curve.closest(points[pairing.candidate])
-        inside = surface.curve.points(corners[(corners > arcs.min()) & (corners < arcs.max())])
-        for x, y in inside[:1]:
-            message = (
-                f"contact {pairing.name}: {name} has a corner at ({x:.6g}, {y:.6g}), where contact grids "
-                f"end: pressures are those at nodes"
-            )
-            hint = "define a contact for each of both sides, with names of their own"
-            yield Check("contact_corner", len(inside), message, hint, f"contact {pairing.name}, {name}")
-
-
 def bonded_curves(model: Quality) -> Iterator[Check]:
     """Rotation of bonded surfaces from node to node."""
     bonds = [one for one in model.prepared.pairings if one.bonded]
-    for pairing, body, slave in [(one, body, slave) for one in bonds for body, slave, _ in one.sides]:
+    for pairing, body, slave in ((one, body, slave) for one in bonds for body, slave, _ in one.sides):
         surface = pairing.surface_of(slave)
         bend = np.abs(surface.curve.curvature(surface.arc_length))
         turn = float((bend * model.clouds[body].spacing[surface.index]).max())
@@ -262,8 +241,7 @@ NONE = 0.0, (0.0, 0.0)
 
 
 def _interpolation(varying: list[str], cloud: Cloud, spans: IntArray) -> tuple[float, tuple[float, float]]:
-    """Largest difference of the mean over a span (s, 2 or 3) of nodes from the value at its centre, over the
-    largest value, and its place."""
+    """Largest error of the mean over a span (s, 2 or 3) of nodes over the largest value, and its place."""
     middles: FloatArray = cloud.points[spans].mean(axis=1)
     nodes, place = np.unique(spans, return_inverse=True)
     try:
@@ -285,20 +263,14 @@ def loaded_length(model: Quality) -> Iterator[Check]:
             continue
         surfaces, names = model.clouds[load.owner].surfaces, model.prepared.boundaries.names[load.place]
         found = sum(surfaces[name].curve.length for name in names)
-        body = next(one for one in model.case.body if one.name == load.owner)
-        wanted = sum(run.part.length for run in runs_of(body.shape, load.place))
+        outline = model.prepared.boundaries.drawn[load.owner]
+        wanted = sum(run.part.length for run in runs_of(outline, load.place))
         message = (
             f"load.{load.name} acts on a length of {found:.4g} instead of {wanted:.4g}, as parts of body "
             f"{load.owner} end at nodes"
         )
         hint = "put nodes of the file at from and to, or use an expression"
         yield Check("loaded_length", abs(found - wanted) / wanted, message, hint, f"load {load.name}")
-
-
-def refinement_pass(found: Refinement) -> Iterator[Check]:
-    """A pass of the refinement that failed."""
-    if found.failed:
-        yield Check("refinement_pass", 1.0, found.failed)
 
 
 def weak_motions(model: Quality) -> Iterator[Check]:
@@ -368,15 +340,13 @@ def cut_bodies(model: Quality) -> Iterator[Check]:
                 behind = plane.height(across) * np.sign(plane.height(inside))
                 if behind.min() < -ROUND_OFF * np.ptp(behind):
                     x, y = np.round(near / np.ptp(behind), 9) * np.ptp(behind) + 0.0
-                    yield Check(
-                        "cut_body",
-                        1.0,
-                        f"contact {pairing.name}: body {body} ends at a side that is held as a plane of "
-                        f"symmetry, and body {other} continues behind it, so that the edge of {body} at "
-                        f"({x:.6g}, {y:.6g}) presses on it",
-                        "cut both bodies at the plane, or neither",
-                        f"contact {pairing.name}",
+                    place = f"contact {pairing.name}"
+                    message = (
+                        f"{place}: body {body} ends at a side that is held as a plane of symmetry, and body "
+                        f"{other} continues behind it, so that the edge of {body} at ({x:.6g}, {y:.6g}) "
+                        f"presses on it"
                     )
+                    yield Check("cut_body", 1.0, message, "cut both bodies at the plane, or neither", place)
 
 
 def friction(model: Quality) -> Iterator[Check]:

@@ -1,22 +1,21 @@
 """``[adapt] passes``: solve, refine at contact edges and where fits are poor, solve again.
 
-The regularised law, and bodies of revolution, have pressures at nodes, and plastic strains are nodal:
-automatic spacings of bodies in contact are then refined in the same way to ``NODAL_RULE``, all spacings of
-bodies of revolution to ``RING_RULE``, without being asked.
+The regularised law, bodies of revolution and plastic strains have nodal pressures or strains: automatic
+spacings of bodies in contact are refined to ``NODAL_RULE``, those of bodies of revolution to ``RING_RULE``,
+without being asked.
 
 Pressures at nodes are as accurate as the edges of contact are known, to half a spacing, then as the spacing
 under the contact. Every pass requires ``Rule.across`` spacings over the half-width of each patch, and refines
 around its edges, within twice their uncertainty, up to ``Rule.at_edge`` spacings per half-width; then around
 the edges of stick zones. Zones of a pass replace those of the pass before, and both bodies get the same.
 
-If the error estimate shows that the bodies limit the accuracy, and in every scene without contact, the bulk
-is refined where local fits are poor, and these zones are kept. The residual r of a node is the difference
-between the stress of fits of the next degree and that of the solution, weighted as the equations near
-singular corners. With a uniform spacing h it grows like h^degree; the sum of (r h)^2 is least for a given
-number of nodes if r h is uniform, so that the required spacing is h (level / (r h))^(1 / (degree + 1)), but
-at least h / ``MAX_REFINEMENT``. The level is the lowest that multiplies the number of nodes by no more than
-``NODE_BUDGET``. Within ``CONTACT_DISTANCE`` half-widths of a contact its own zones apply; the mean residual
-there is a lower bound of the level, as the bulk need not be more accurate.
+If the bodies limit the accuracy, and without contact, the bulk is refined where local fits are poor, and
+these zones are kept. The residual r of a node is the difference between the stress of fits of the next degree
+and that of the solution, weighted as the equations near singular corners. With a uniform spacing h it grows
+like h^degree; the sum of (r h)^2 is least for a given number of nodes if r h is uniform, so that the required
+spacing is h (level / (r h))^(1 / (degree + 1)), but at least h / ``MAX_REFINEMENT``. The level is the lowest
+that multiplies the number of nodes by no more than ``NODE_BUDGET``. Within ``CONTACT_DISTANCE`` half-widths
+of a contact its own zones apply; the mean residual there is a lower bound of the level.
 """
 
 from __future__ import annotations
@@ -37,16 +36,13 @@ from mlsanm_cli.app.scene.condense import condense_scene
 from mlsanm_cli.app.scene.refinement import Refinement, has_automatic_spacings
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Case
-from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
 from mlsanm_cli.cloud.spacing import Zone, cover
-from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.contact.complementarity.problem import STICK
 from mlsanm_cli.contact.geometry.profile import Patch, contact_patches, half_width
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.corners import corner_weight
-from mlsanm_cli.mechanics.defect import Corrected, Defect
+from mlsanm_cli.mechanics.defect import Corrected
 from mlsanm_cli.mechanics.scene import Scene
-from mlsanm_cli.records import dataclass
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 
 MAX_REFINEMENT = 2.0
@@ -66,50 +62,37 @@ def residual_zones(
     patches: tuple[Patch, ...],
     planned: tuple[Zone, ...],
 ) -> tuple[Zone, ...]:
-    """Zones in addition to the ``planned`` ones; none without corrected ``bodies``. Those of
-    symmetric clouds are symmetric if the requirements of the nodes are."""
+    """Zones in addition to the ``planned`` ones; none without corrected ``bodies``. Those of symmetric clouds
+    are symmetric if the requirements of the nodes are."""
     if not bodies:
         return ()
-    levels, ruled = {}, {}
+    residuals, ruled = {}, {}
     for name, body in built.scene.bodies.items():
-        levels[name] = _residual(body, bodies[name].defect)
-        points = body.model.cloud.points
-        ruled[name] = np.zeros(len(points), dtype=bool)
+        cloud, stencils, stress = body.model.cloud, body.model.stencils, bodies[name].defect.stress
+        # Times the spacing, with its square averaged over the stencil of each node.
+        components = np.array([1.0, 1.0, 2.0, 1.0])[: stress.shape[1]]
+        square = (stress**2 * components).sum(axis=1) / body.model.material.modulus**2
+        mean = np.add.reduceat(square[stencils.indices], stencils.indptr[:-1]) / np.diff(stencils.indptr)
+        weight = corner_weight(cloud, body.restrained, body.springs)
+        residuals[name] = np.sqrt(mean) * cloud.spacing * weight
+        ruled[name] = np.zeros(len(cloud.points), dtype=bool)
         for patch in patches:
-            ruled[name] |= np.hypot(*(points - patch.middle).T) < CONTACT_DISTANCE * patch.half_width
+            ruled[name] |= np.hypot(*(cloud.points - patch.middle).T) < CONTACT_DISTANCE * patch.half_width
     degree = min(body.model.settings.degree for body in built.scene.bodies.values())
-    level = _level(np.concatenate(list(levels.values())), np.concatenate(list(ruled.values())), degree)
+    level = _level(np.concatenate(list(residuals.values())), np.concatenate(list(ruled.values())), degree)
     zones: list[Zone] = []
     for given in built.case.body:
-        cloud = built.scene.bodies[given.name].model.cloud
-        finer = np.where(ruled[given.name], 1.0, _finer(levels[given.name], level, degree))
-        finer, line = _made_symmetric(finer, cloud.mirror)
+        cloud, line = built.scene.bodies[given.name].model.cloud, None
+        finer = np.where(ruled[given.name], 1.0, _finer(residuals[given.name], level, degree))
+        if cloud.mirror is not None:
+            # Equal at mirror images, unless they differ by more than the discretisation explains.
+            image = finer[cloud.mirror.image]
+            if np.abs(finer - image).mean() <= SYMMETRY_TOLERANCE * (finer - 1.0).mean():
+                finer, line = np.maximum(finer, image), cloud.mirror.line
         wanted = np.where(finer >= MIN_REFINEMENT, cloud.spacing / finer, np.inf)
         spacing = spacing_of(boundaries, given).with_zones((*planned, *zones))
         zones += cover(cloud.points, cloud.spacing, wanted, spacing, GROWTH, line)
     return tuple(zones)
-
-
-def _residual(body: ElasticBody, defect: Defect) -> FloatArray:
-    """Residual times spacing (n,), with its square averaged over the stencil of each node."""
-    cloud, stencils = body.model.cloud, body.model.stencils
-    scale = body.model.material.modulus
-    times = np.array([1.0, 1.0, 2.0, 1.0])[: defect.stress.shape[1]]
-    square = (defect.stress**2 * times).sum(axis=1) / scale**2
-    mean = np.add.reduceat(square[stencils.indices], stencils.indptr[:-1]) / np.diff(stencils.indptr)
-    result: FloatArray = np.sqrt(mean) * cloud.spacing * corner_weight(cloud, body.restrained, body.springs)
-    return result
-
-
-def _made_symmetric(finer: FloatArray, mirror: Mirror | None) -> tuple[FloatArray, SymmetryLine | None]:
-    """``finer`` (n,) with equal values at mirror images, and the line of symmetry; unchanged without a line
-    if these differ by more than the discretisation explains."""
-    if mirror is None:
-        return finer, None
-    image = finer[mirror.image]
-    if np.abs(finer - image).mean() > SYMMETRY_TOLERANCE * (finer - 1.0).mean():
-        return finer, None
-    return np.maximum(finer, image), mirror.line
 
 
 def _finer(residual: FloatArray, level: float, degree: int) -> FloatArray:
@@ -166,19 +149,8 @@ CHANGE_TOLERANCE = 2e-4
 """Passes end when no figure changed by more, relatively."""
 
 
-@dataclass(frozen=True)
-class Adapted:
-    """Scene of the last successful pass, and the results of all."""
-
-    prepared: SceneModel
-    built: CondensedScene
-    accuracy: Accuracy
-    refinement: Refinement
-
-    @property
-    def refined(self) -> bool:
-        """Whether the clouds differ from those of the case."""
-        return len(self.refinement.passes) > 1
+Adapted = tuple[SceneModel, CondensedScene, Accuracy, Refinement]
+"""Scene of the last successful pass, its errors, and the results of all passes."""
 
 
 def adapt(case: Case, prepared: SceneModel, context: RunContext, known: Refinement | None = None) -> Adapted:
@@ -186,12 +158,10 @@ def adapt(case: Case, prepared: SceneModel, context: RunContext, known: Refineme
     scene cannot be solved, the one before it is kept. ``prepared`` may be that of a ``known`` refinement."""
     built, accuracy = _solved(case, prepared, context)
     if known is not None:
-        return Adapted(prepared, built, accuracy, known)
+        return prepared, built, accuracy, known
     history = [_figures(built, accuracy, None)]
     rule, passes = _required(case, prepared)
-    bulk: tuple[Zone, ...] = ()
-    placed: tuple[Zone, ...] = ()
-    failed = ""
+    bulk, placed, failed = tuple[Zone, ...](), tuple[Zone, ...](), ""
     for number in range(1, passes + 1):
         patches = tuple(found_patches(built, rule))
         zones = tuple(zone for patch in patches for zone in _patch_zones(patch, rule))
@@ -226,7 +196,7 @@ def adapt(case: Case, prepared: SceneModel, context: RunContext, known: Refineme
         )
         if now["change"] <= CHANGE_TOLERANCE:
             break
-    return Adapted(prepared, built, accuracy, Refinement(placed, tuple(history), failed))
+    return prepared, built, accuracy, Refinement(placed, tuple(history), failed)
 
 
 def _required(case: Case, prepared: SceneModel) -> tuple[Rule, int]:
@@ -258,26 +228,24 @@ def found_patches(built: CondensedScene, rule: Rule) -> Iterator[Patch]:
     for state in built.ends:
         for pairing in built.condensed.pairings:
             span = built.condensed.spans[pairing.name]
-            patches = contact_patches(pairing, state.active[span], _corners(built, pairing))
+            body, corners = built.scene.bodies[pairing.slave_body], None
+            if body.model.cloud.revolved:
+                # Contacts may end at corners, but not at those of the axis and of sides that are held.
+                sides = [name for name, held in body.restrained.items() if any(held)]
+                held = [body.model.cloud.surfaces[name].index for name in sides]
+                nodes = np.concatenate([np.zeros(0, dtype=np.int64), *held])
+                corners = ~np.isin(pairing.node[pairing.candidate], nodes)
+            patches = contact_patches(pairing, state.closed[span], corners)
             closed = [patch for patch in patches if len(patch.edges)]
             yield from closed
             if any((patch.uncertainty > EDGE_TOLERANCE * patch.half_width).any() for patch in closed):
                 continue
             # Single sticking nodes among sliding ones are no zone.
             least = MIN_STICK_ZONE * max((patch.half_width for patch in closed), default=np.inf)
-            for patch in contact_patches(pairing, state.stuck[span]):
+            stuck = state.status.status(built.condensed.friction_nodes)[span] == STICK
+            for patch in contact_patches(pairing, stuck):
                 if patch.half_width > least and len(patch.edges):
                     yield replace(patch, finest=max(rule.at_edge / STICK_REFINEMENT, 1.0))
-
-
-def _corners(built: CondensedScene, pairing: Pairing) -> BoolArray | None:
-    """Mask (m,) of the candidates of a contact on bodies of revolution at which it may end at a corner: not
-    on the axis and on sides that are held, as planes of symmetry are."""
-    body = built.scene.bodies[pairing.slave_body]
-    if not body.model.cloud.revolved:
-        return None
-    sides = [body.model.cloud.surfaces[name].index for name, held in body.restrained.items() if any(held)]
-    return ~np.isin(pairing.node[pairing.candidate], np.concatenate([np.zeros(0, dtype=np.int64), *sides]))
 
 
 def _patch_zones(patch: Patch, rule: Rule) -> Iterator[Zone]:

@@ -1,17 +1,15 @@
-"""Checks of every state of a path at small strain, and the worst nodes of a failed one."""
+"""Checks of every state of a path at small strain."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
 
 import numpy as np
 
 from mlsanm_cli.app.checks.check import Check
 from mlsanm_cli.app.checks.limits import level
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.complementarity.equilibrium import undetermined
 from mlsanm_cli.contact.complementarity.problem import GRAZING, STICK, ContactStatus
-from mlsanm_cli.contact.complementarity.uniqueness import undetermined
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.direction_updates import turned_by_loads
 from mlsanm_cli.solve.limit_loads import moving_bodies
@@ -49,8 +47,8 @@ def friction_limit(built: CondensedScene, state: State) -> Iterator[Check]:
 
 
 def contact_reach(built: CondensedScene, state: State) -> Iterator[Check]:
-    """Nodes that are no candidates of their contact but touch the other surface, and pressures at an
-    end of a grid although the surface goes on."""
+    """Nodes outside a contact that touch the other surface, and pressures at an end of a grid although the
+    surface goes on."""
     reaches = {contact.name: contact.reach for contact in built.case.contact}
     touched, cut = built.condensed.touched(*state.unknowns), built.condensed.cut(state.pressure)
     for pairing in built.condensed.pairings:
@@ -68,8 +66,7 @@ def contact_reach(built: CondensedScene, state: State) -> Iterator[Check]:
 
 
 def body_rotation(built: CondensedScene, state: State) -> Iterator[Check]:
-    """The body that would rotate much farther, or without resistance, by forces at their displaced
-    positions."""
+    """The body that would rotate much farther, or without resistance, by forces where they have moved to."""
     nodes = built.condensed.friction_nodes
     stuck = state.status[nodes] == STICK
     sign = np.where(state.closed[nodes] & ~stuck, np.sign(state.traction), 0.0)
@@ -77,7 +74,8 @@ def body_rotation(built: CondensedScene, state: State) -> Iterator[Check]:
     turned = turned_by_loads(built.scene, built.condensed, state.unknowns[1:], sets)
     if turned is not None and turned.error:
         # Where all nodes slip, as in a disk that settles in a groove, nothing resists a rotation further.
-        turned = turned_by_loads(built.scene, built.condensed, state.unknowns[1:], sets.resting(nodes))
+        sets = built.condensed.problem.touching(state.closed)
+        turned = turned_by_loads(built.scene, built.condensed, state.unknowns[1:], sets)
     if turned is not None:
         farther = "with forces at their displaced positions"
         message = (
@@ -91,23 +89,17 @@ def body_rotation(built: CondensedScene, state: State) -> Iterator[Check]:
         yield Check("body_rotation", turned.share, message, turned.hint, turned.names)
 
 
-def overturning(built: CondensedScene, state: State) -> Iterator[Check]:
-    """A body that loads rotate without resistance; others are judged at the end of the path."""
-    return (check for check in body_rotation(built, state) if check.outcome == "failed")
-
-
 def uniqueness(built: CondensedScene, state: State) -> Iterator[Check]:
     """Bodies that may move along contacts with friction without a change of any force."""
     condensed = built.condensed
     if built.case.is_regularized or not len(condensed.friction_nodes):
         return
     problem, nodes = condensed.problem, condensed.friction_nodes
-    stuck = state.status[nodes] == STICK
-    status = ContactStatus.with_tractions(state.closed, stuck, state.traction, nodes)
+    status = state.contacts(nodes).status
     x = np.concatenate([state.pressure, state.traction, state.motion]) / problem.columns
     acting = condensed.balance.load[:, state.factors != 0.0].T
     motion = undetermined(problem, status, x, acting * problem.columns[problem.contacts :])
-    names, places = "", ""
+    names = places = ""
     if motion is not None:
         names = " and ".join(moving_bodies(built.scene, motion)[0])
         slips = np.abs(condensed.slip.motion @ motion)
@@ -127,69 +119,3 @@ STATE: Sequence[Callable[[CondensedScene, State], Iterator[Check]]] = (
     *(residual, finite, friction_limit, contact_reach, uniqueness),
 )
 """Checks of every state."""
-MAX_WORST_NODES = 10
-Diagnosis = dict[str, FloatArray]
-"""``pressure``, ``gap``, ``cone_ratio`` (traction over its limit, nan without friction) at every contact
-node (m,), and ``residual``, the violation of the exact laws relative to peak pressure and elastic gap."""
-
-
-def diagnose(built: CondensedScene, state: State) -> Diagnosis:
-    """Diagnosis of the contact nodes of a state."""
-    c, pressure, gap = built.condensed, state.pressure, state.gap
-    peak = _largest(pressure)
-    elastic = _largest(c.gap.pressure @ pressure)
-    limit = c.friction * np.maximum(pressure[c.friction_nodes], 0.0)
-    traction = np.abs(state.traction)
-    ratio, beyond = np.full(len(pressure), np.nan), np.zeros(len(pressure))
-    ratio[c.friction_nodes] = np.divide(traction, limit, out=np.full(len(limit), np.nan), where=limit > 0.0)
-    beyond[c.friction_nodes] = np.maximum(traction - limit, 0.0)
-    parts = (
-        np.abs(c.gap(*state.unknowns) - gap) / elastic,
-        np.maximum(-gap, 0.0) / elastic,
-        np.maximum(-pressure, 0.0) / peak,
-        beyond / peak,
-        np.minimum(np.abs(pressure) / peak, np.abs(gap) / elastic),
-    )
-    residual = np.max(parts, axis=0) if len(pressure) else pressure
-    return {"residual": residual, "pressure": pressure, "gap": gap, "cone_ratio": ratio}
-
-
-def _worst(found: Diagnosis) -> list[int]:
-    """Nodes in decreasing order of their residuals, nan first."""
-    order = np.argsort(-np.nan_to_num(found["residual"], nan=np.inf), kind="stable")
-    return [int(node) for node in order[:MAX_WORST_NODES]]
-
-
-def worst_nodes(built: CondensedScene, found: Diagnosis) -> list[dict[str, Any]]:
-    """Contact, position and values of the worst nodes."""
-    rows = []
-    for node in _worst(found):
-        pairing = next(p for p in built.condensed.pairings if node < built.condensed.spans[p.name].stop)
-        x, y = pairing.points[pairing.candidate][node - built.condensed.spans[pairing.name].start]
-        values = {name: float(each[node]) for name, each in found.items()}
-        rows.append({"contact": pairing.name, "x": float(x), "y": float(y), **values})
-    return rows
-
-
-def node_fields(built: CondensedScene, found: Diagnosis) -> dict[str, dict[str, FloatArray]]:
-    """Nodal fields (n,) by body and name, nan off the slave surfaces; ``worst`` is the rank from 1, or 0."""
-    rank, worst = np.zeros(len(found["residual"])), _worst(found)
-    rank[worst] = 1.0 + np.arange(len(worst))
-    fields: dict[str, dict[str, FloatArray]] = {}
-    for body, elastic in built.scene.bodies.items():
-        count = len(elastic.model.cloud.points)
-        fields[body] = {name: np.full(count, np.nan) for name in found} | {"worst": np.zeros(count)}
-        for pairing in built.condensed.nodal:
-            if pairing.slave_body != body:
-                continue
-            nodes, span = pairing.node[pairing.candidate], built.condensed.spans[pairing.name]
-            # A node of several contacts shows the one with the larger residual.
-            worse = ~(found["residual"][span] <= fields[body]["residual"][nodes])
-            for name, each in found.items():
-                fields[body][name][nodes[worse]] = each[span][worse]
-            fields[body]["worst"][nodes[worse]] = rank[span][worse]
-    return fields
-
-
-def _largest(values: FloatArray) -> float:
-    return float(np.abs(values).max(initial=0.0)) or 1.0

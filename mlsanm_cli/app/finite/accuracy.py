@@ -1,4 +1,5 @@
-"""Estimated errors of displacements and pressures of a state at finite strain.
+"""Estimated errors at finite strain: of the energy by residuals; of displacements, pressures and forces by
+fits of the next degree.
 
 Defect correction as at small strain (:mod:`mlsanm_cli.mechanics.defect`): the residual of the equations by
 fits of the next degree, in the equations of the path, is minus the error of the displacements. In contact it
@@ -9,27 +10,28 @@ Equation (29) of docs/method.md.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
 
+from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.contact.finite.exact import ExactContact, FiniteContactState
 from mlsanm_cli.contact.finite.iteration import Iteration
-from mlsanm_cli.contact.finite.side_response import SideResponse
-from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.defect import DEGREES, next_degree
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
+from mlsanm_cli.mechanics.finite.estimate import energy, missing_work, unaccounted
 from mlsanm_cli.mechanics.finite.projector import Projector
 from mlsanm_cli.mechanics.finite.tangent import load_columns
 from mlsanm_cli.mechanics.near_field import as_complex, as_real
-from mlsanm_cli.mechanics.springs import FREE
 from mlsanm_cli.records import dataclass
+from mlsanm_cli.solve.state import State
 
 PRESSED_MISFIT = 0.1
 """Tractions are not resolved where their projection differs by more than this part of the largest one."""
@@ -47,14 +49,12 @@ class Missing:
     traction: FloatArray
 
 
-def near_pressed(
-    bodies: Mapping[str, FiniteBody], sides: Sequence[tuple[ContactSide, slice]], traction: FloatArray
-) -> dict[str, BoolArray]:
+def near_pressed(scene: FiniteScene, traction: FloatArray) -> dict[str, BoolArray]:
     """Masks (n,) by body of the nodes next to tractions (2s,) of the sides that the cloud does not resolve:
     what these do there is known in closed form, and not from the cloud."""
-    clouds = {name: body.elastic.model.cloud for name, body in bodies.items()}
+    clouds = {name: body.elastic.model.cloud for name, body in scene.bodies.items()}
     found = {name: np.zeros(len(cloud.points), dtype=bool) for name, cloud in clouds.items()}
-    for side, here in sides:
+    for side, here in scene.contacts.sides:
         load, cloud = traction[here], clouds[side.body]
         misfit = np.abs(side.hats @ (side.spread @ load) - load).reshape(-1, 2).max(axis=1)
         places = side.places[misfit > PRESSED_MISFIT * np.abs(load).max()]
@@ -73,55 +73,45 @@ def missed_in_contact(
 ) -> Missing:
     """Of the solution ``now`` at load ``factors`` (L + d,), with slips since the places ``before`` (c,).
     Raises NumericalError or LinAlgError."""
-    sides, left = system.contacts.sides, {}
-    response = SideResponse.of(sides, system.missing, system.onto, now.displacement, now.traction)
+    left, response = {}, system.response(now.displacement, now.traction)
     surface = response.moved(now.displacement, now.traction)
-    turns = (side.turned(surface[here].reshape(-1, 2))[0] for side, here in sides)
+    turns = (side.turned(surface[here].reshape(-1, 2))[0] for side, here in system.contacts.sides)
     turn = np.concatenate([np.zeros(0, dtype=complex), *turns])
     upright = as_real(as_complex(now.traction.reshape(-1, 2)) / turn).ravel()
-    bodies = {name: projector.body for name, projector in system.projectors.items()}
-    for name, body in bodies.items():
-        better, here, spread = _next(body), system.bodies[name], system.spread[name]
-        acting = np.concatenate([factors, spread @ now.traction])
+    for name, projector in system.projectors.items():
+        body, here, spread = projector.body, system.bodies[name], system.spread[name]
+        better, acting = _next(body), np.concatenate([factors, spread @ now.traction])
         left[name] = BodySeries.at(better, now.displacement[here], acting).rows(0)
-        # What closed forms replace is not missing: the part along the residual of the linear response.
-        known = _of_tractions(undeformed[name], better, spread @ upright)
-        known = _rotated(better, known, body.turn(now.displacement[here]))
-        scaled = system.projectors[name].scaled(known)
-        along, size = scaled @ system.projectors[name].scaled(left[name]), scaled @ scaled
+        # What closed forms replace is not missing: the part along the residual by fits of the next degree of
+        # the linear response of the undeformed body to the tractions.
+        traction, first = spread @ upright, body.loads.count - len(spread @ upright)
+        still, none = np.zeros(body.unknowns), np.zeros(body.loads.count)
+        linear = undeformed[name]
+        columns = load_columns(linear.body, still, none, slice(first, None))
+        series = BodySeries(better, 1)
+        series.put(0, still, none)
+        moved = -linear.factorised(still, none).solve(linear.scaled(columns @ traction))
+        series.put(1, moved, np.concatenate([none[:first], traction]))
+        known = _rotated(better, series.rows(1), body.turn(now.displacement[here]))
+        scaled = projector.scaled(known)
+        along, size = scaled @ projector.scaled(left[name]), scaled @ scaled
         left[name] -= known * (np.clip(along / size, 0.0, 1.0) if size else 0.0)
     met = system.meet(surface, factors, before, now.sets.closed)
-    step = Iteration(system, factors, response, left=left)
     state = (now.displacement, now.traction, now.pressure, now.shear, now.sets, met)
-    result = step.taken(*state, first=False)
-    pressure = np.where(now.sets.closed | result.sets.closed, result.dp, 0.0)
-    return Missing(result.du, pressure, result.traction)
-
-
-def _of_tractions(projector: Projector, better: FiniteBody, traction: FloatArray) -> FloatArray:
-    """Residual (r,) by fits of the next degree of the linear response of an undeformed body to the
-    ``traction`` (t,) of its sides."""
-    count, still = projector.body.loads.count, np.zeros(projector.body.unknowns)
-    none = np.zeros(count)
-    acting = np.concatenate([none[: count - len(traction)], traction])
-    columns = load_columns(projector.body, still, none, slice(count - len(traction), None))
-    factorised = projector.factorised(still, none)
-    series = BodySeries(better, 1)
-    series.put(0, still, none)
-    series.put(1, -factorised.solve(projector.scaled(columns @ traction)), acting)
-    return series.rows(1)
+    step = Iteration(system, factors, response, *state, first=False, left=left)
+    pressure = np.where(now.sets.closed | step.sets.closed, step.dp, 0.0)
+    return Missing(step.du, pressure, step.traction)
 
 
 def _rotated(body: FiniteBody, rows: FloatArray, angle: float) -> FloatArray:
     """``rows`` (r,) of a body that has turned by an ``angle``; those of held surfaces, which do not turn and
     may be displacements across and tractions along them, stay."""
-    found, count = rows.copy(), len(body.elastic.model.cloud.points)
-    both: list[tuple[IntArray, IntArray]] = [(np.arange(count), count + np.arange(count))]
-    for name, *_ in body.conditions:
-        if not any(body.elastic.held.get(name, FREE)):
+    found, nodes = rows.copy(), np.arange(len(body.elastic.model.cloud.points))
+    pieces = body.node_rows + np.arange(body.count)
+    both: list[tuple[IntArray, IntArray]] = [(nodes, len(nodes) + nodes), (pieces, body.count + pieces)]
+    for name, *_, held in body.conditions:
+        if not any(held):
             both.append((body.elastic.condition_rows(name, 0), body.elastic.condition_rows(name, 1)))
-    first = body.elastic.rows - 3 * body.count
-    both.append((first + np.arange(body.count), first + body.count + np.arange(body.count)))
     for x, y in both:
         turned = (rows[x] + 1j * rows[y]) * np.exp(1j * angle)
         found[x], found[y] = turned.real, turned.imag
@@ -144,3 +134,75 @@ def _next(body: FiniteBody) -> FiniteBody:
     settings = next_degree(model.settings, model.material)
     better = type(model).build(model.name, model.cloud, model.material, settings)
     return replace(body, elastic=replace(body.elastic, model=better), coarser=model)
+
+
+def energy_errors(scene: FiniteScene, state: State) -> tuple[dict[str, FloatArray], float]:
+    """Contributions (n,) of the nodes to the estimated error of the energy, by body, and the energy."""
+    acting, parts = scene.acting(state.driven, state.side_traction), scene.parts(state.displacement)
+    near = near_pressed(scene, state.side_traction)
+    nodal, total = {}, 0.0
+    for name, body in scene.bodies.items():
+        nodal[name] = unaccounted(body, parts[name], acting[name])
+        total += energy(body, parts[name], acting[name])
+        nodal[name][near[name]] = 0.0
+    return nodal, total
+
+
+def missing_works(scene: FiniteScene, before: State, now: State) -> dict[str, float]:
+    """Internal less external work from one state to another, by body. By the principle of virtual work the
+    two are equal for every stress in equilibrium, whether or not it derives from a strain. Bodies without
+    supports are rotated back first: rigid motions do no work."""
+    found, then, at = {}, scene.parts(before.displacement), scene.parts(now.displacement)
+    factors = [scene.acting(one.driven, one.side_traction) for one in (before, now)]
+    near = near_pressed(scene, np.abs(before.side_traction) + np.abs(now.side_traction))
+    for name, body in scene.bodies.items():
+        nodes, elastic = body.elastic.model.cloud.points, body.elastic
+        turn = 0.0
+        if not any(map(any, elastic.held.values())) and len(elastic.held_nodes) == body.pins:
+            turn = body.turn(at[name]) - body.turn(then[name])
+        cos, sin = np.cos(turn), np.sin(turn)
+        ahead = np.array([[cos, sin], [-sin, cos]])
+        first, last = nodes + then[name].reshape(-1, 2), nodes + at[name].reshape(-1, 2)
+        ways = ((last @ ahead.T - first).ravel(), (last - first @ ahead).ravel())
+        found[name] = 0.5 * sum(
+            missing_work(body, one[name], acting[name], way, near[name])
+            for one, acting, way in zip((then, at), factors, ways, strict=True)
+        )
+    return found
+
+
+def missing_figures(scene: FiniteScene, state: State, missing: Missing) -> dict[str, Any]:
+    """Estimated errors of a state for summary.json by what its fits are ``missing``: of all displacements
+    (root mean square), and by contact of the pressures (L2 norm) and of the force over the largest one."""
+    size = float(np.linalg.norm(state.displacement))
+    found: dict[str, Any] = {
+        "displacement": float(np.linalg.norm(missing.displacement)) / size if size else None
+    }
+    if not scene.in_increments:
+        return found
+    pressure, force = {}, {}
+    for contact, here, there in scene.contacts.each:
+        weight = contact.slave.weight
+        tractions = (
+            one[there].reshape(-1, 2)[: len(weight)] for one in (state.side_traction, missing.traction)
+        )
+        if state.pressure[here].any():
+            part = weight @ missing.pressure[here] ** 2 / (weight @ state.pressure[here] ** 2)
+            pressure[contact.name] = float(np.sqrt(part))
+            force[contact.name] = [float(np.hypot(*(weight @ one))) for one in tractions]
+    largest = max((whole for whole, _ in force.values()), default=0.0)
+    return found | {
+        "pressure": pressure,
+        "contacts": {name: change / largest for name, (_, change) in force.items() if largest},
+    }
+
+
+def energy_estimate(tally: Mapping[str, Any]) -> float:
+    """Largest estimated error of the energy over the largest energy on the path."""
+    return float(tally["unaccounted"] / tally["energy"]) if tally["energy"] else 0.0
+
+
+def work_error(tally: Mapping[str, Any]) -> float:
+    """Internal less external work of the bodies over the largest energy."""
+    works = tally["missing"].values()
+    return sum(map(abs, works)) / (0.5 * tally["energy"]) if tally["energy"] else 0.0

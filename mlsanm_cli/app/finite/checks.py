@@ -19,7 +19,7 @@ from mlsanm_cli.app.checks.ended import (
     thin_part,
 )
 from mlsanm_cli.app.checks.limits import level
-from mlsanm_cli.app.finite.estimate import energy_errors, work_error
+from mlsanm_cli.app.finite.accuracy import energy_errors, work_error
 from mlsanm_cli.app.finite.fields import SceneForces, fields_of
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.case import Case
@@ -50,7 +50,7 @@ class FiniteEnd:
         reactions are not known from the stress."""
         if any(body.elastic.held_nodes for body in self.scene.bodies.values()):
             return {}
-        forces = SceneForces.of(self.scene, self.last).bodies
+        forces = SceneForces(self.scene, self.last).bodies
         return {max(forces, key=lambda name: forces[name].rest): self.tally["balance"]}
 
     @cached_property
@@ -164,7 +164,7 @@ def pointed(scene: FiniteScene, state: State) -> dict[str, float]:
     """Increase of the displacements of bodies held at single nodes when the spacing is halved, relative to
     the deformation."""
     found = {}
-    forces, parts = SceneForces.of(scene, state), scene.parts(state.displacement)
+    forces, parts = SceneForces(scene, state), scene.parts(state.displacement)
     for name, body in scene.bodies.items():
         nodes = body.elastic.held_nodes[: len(body.elastic.held_nodes) - body.pins]
         counts = np.array([sum(axis == one for _, one in nodes) for axis in (0, 1)])

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import NoReturn
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mlsanm_cli.app.finite.accuracy import Missing, missed_in_contact
-from mlsanm_cli.app.finite.limits import dissipated, motion_ratio, slides, slip_ratio, work_ratio
+from mlsanm_cli.app.finite.limits import dissipated, excess, slides
 from mlsanm_cli.app.finite.scene import TOUCH_TOLERANCE, FiniteScene
 from mlsanm_cli.app.finite.states import place_of
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.complementarity.problem import STICK
+from mlsanm_cli.contact.complementarity.problem import OPEN, STICK, ContactStatus
 from mlsanm_cli.contact.finite.exact import ExactContact, FiniteContactState, undeformed
 from mlsanm_cli.contact.finite.rigid import RigidContact
-from mlsanm_cli.contact.finite.sets import NodeSets
 from mlsanm_cli.contact.finite.side_response import beyond_clouds
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.body import far_from, most_stretched
@@ -64,8 +65,7 @@ def contact_path(
     most = scene.case.solver.largest_increment
     steps, size, position = 0, 1.0 if coarse and not history else min(FIRST_INCREMENT, most), 0.0
     if checkpoint is None:
-        path.start()
-        first = path.state(0.0)
+        first = path.first()
         saved = (first,) if 0.0 in wanted else ()
         yield PathStep(first, saved, factorizations=path.spent, checkpoint=path.checkpoint(first, size))
     else:
@@ -93,13 +93,25 @@ class _Path:
 
     def __init__(self, scene: FiniteScene, coarse: bool) -> None:
         self._scene, self._coarse = scene, coarse
-        none, contacts = np.zeros(scene.contacts.count), scene.contacts
-        self._projectors = dict(scene.undeformed)
-        self._length = self._typical()
+        contacts, self._projectors = scene.contacts, dict(scene.undeformed)
+        # Typical displacement: the largest prescribed one, or response of a body to the loads.
+        found = [1e-3 * scene.size]
+        for contact in contacts.pairs:
+            if isinstance(contact, RigidContact):
+                given = contact.motion[:, : scene.stages.shape[1]]
+                found += [float(np.abs(given @ factors).max()) for factors in scene.stages]
+        for name, body in scene.bodies.items():
+            projector, still = self._projectors[name], np.zeros(body.unknowns)
+            more = np.zeros(body.loads.count - scene.stages.shape[1])
+            for factors in scene.stages[1:]:
+                if factors.any():
+                    left = BodySeries.at(body, still, np.append(factors, more)).rows(0)
+                    found.append(float(np.abs(projector.displaced(left)).max()))
+        self._length = min(max(found), scene.size)
         modulus = max(body.elastic.model.material.modulus for body in scene.bodies.values())
         self._stiffness = modulus / scene.size
         self.now = undeformed(scene.unknowns, contacts)
-        self._slip, self._work = none, none
+        self._slip = self._work = np.zeros(contacts.count)
         self._before: FloatArray | None = None
         self._fresh: frozenset[str] = frozenset()
         self._settled = False
@@ -109,37 +121,36 @@ class _Path:
         self._missing = beyond_clouds(scene.compliances, contacts.sides)
         self.spent, self._iterations, self._solves = len(scene.bodies), 0, 0
 
-    def _typical(self) -> float:
-        """Typical displacement: the largest prescribed one, or response of a body to the loads."""
-        scene, found = self._scene, [1e-3 * self._scene.size]
-        for contact in scene.contacts.pairs:
-            if isinstance(contact, RigidContact):
-                given = contact.motion[:, : scene.stages.shape[1]]
-                found += [float(np.abs(given @ factors).max()) for factors in scene.stages]
-        for name, body in scene.bodies.items():
-            projector, still = self._projectors[name], np.zeros(body.unknowns)
-            count = body.loads.count - scene.stages.shape[1]
-            for factors in scene.stages[1:]:
-                if factors.any():
-                    left = BodySeries.at(body, still, np.append(factors, np.zeros(count))).rows(0)
-                    found.append(float(np.abs(projector.displaced(left)).max()))
-        return min(max(found), scene.size)
-
     def take_up(self, checkpoint: Checkpoint) -> None:
         """Continue from a checkpoint."""
         scene, state, history = self._scene, checkpoint.state, checkpoint.history
-        self.now, self._slip, self._work, self._settled = _solution(state), state.slip, state.work, True
+        own, self._slip, self._work, self._settled = state.solver, state.slip, state.work, True
+        self.now = FiniteContactState(
+            displacement=state.displacement,
+            pressure=state.pressure,
+            shear=state.traction,
+            gap=state.gap,
+            place=own["place"],
+            slip=own["increment"],
+            normal=own["normal"],
+            sets=_status(state.status, own["slip_sign"]),
+            traction=own["side_traction"],
+            surface=own["surface"],
+            free=state.motion,
+            residual=state.residual,
+            stability=float(own["stability"]),
+        )
         self.error, self._largest = history["increment_error"].tolist()
         if len(history["earlier_status"]):
             # Of the state before, the places and statuses are what an increment over both begins with.
-            sets = NodeSets(history["earlier_status"], history["earlier_sign"])
+            sets = _status(history["earlier_status"], history["earlier_sign"])
             self._earlier = [replace(self.now, place=history["earlier_place"], sets=sets)]
         counts = [body.loads.count for body in scene.bodies.values()]
         acting = np.split(history["acting"], np.cumsum(counts)[:-1])
         kept = {name for name, keeps in zip(scene.bodies, history["keeps"], strict=True) if keeps}
-        for (name, own), factors in zip(scene.parts(history["base_state"]).items(), acting, strict=True):
-            if not np.array_equal(own, self._projectors[name].base_state):
-                self._projectors[name] = scene.projector(name, own, factors, name in kept)
+        for (name, base), factors in zip(scene.parts(history["base_state"]).items(), acting, strict=True):
+            if not np.array_equal(base, self._projectors[name].base_state):
+                self._projectors[name] = scene.projector(name, base, factors, name in kept)
         self.spent = 0
 
     def checkpoint(self, state: State, size: float) -> Checkpoint:
@@ -152,17 +163,18 @@ class _Path:
             "keeps": np.array([bool(one.rest.any()) for one in every]),
             "increment_error": np.array([self.error, self._largest]),
             "earlier_place": earlier.place if earlier else np.zeros(0),
-            "earlier_status": earlier.sets.status if earlier else np.zeros(0, dtype=np.int8),
+            "earlier_status": earlier.status if earlier else np.zeros(0, dtype=np.int8),
             "earlier_sign": earlier.sets.slip_sign if earlier else np.zeros(0),
         }
         return Checkpoint(state, history, pace=size)
 
-    def start(self) -> None:
-        """Solve for the state before loading. NumericalError if the iterations do not converge."""
+    def first(self) -> State:
+        """The state before loading. NumericalError if the iterations do not converge."""
         found = self._solved(0.0)
         if found is None:
             self._failed(0.0, None)
         self.now, self._settled = found, True
+        return self.state(0.0)
 
     def forward(self, position: float, end: float, size: float) -> tuple[float, float]:
         """One increment of about ``size`` towards ``end``: position reached, and size of the next one."""
@@ -173,79 +185,59 @@ class _Path:
             length, found = reached - position, self._solved(reached)
             shorter, bracket = 0.5 * length, BRACKET * (reached - stage)
             if found is not None and self.now.soft.stable and not found.soft.stable:
+                # The part at which the softest motion, if it were linear in the load, loses its resistance.
+                before = self.now.soft.resistance
+                part = before / (before - found.soft.resistance)
                 if length <= bracket:
-                    found = self._branched(position, reached, found)
+                    found = self._branched(position + part * length, reached, found)
                 else:
-                    shorter = min(max(BELOW * length * self._stable_part(found), 0.5 * bracket), shorter)
+                    shorter = min(max(BELOW * length * part, 0.5 * bracket), shorter)
                     found = None
             if found is not None:
-                far = self._excess(found, position, reached)
+                work = None if self._coarse else self._work
+                far = excess(self._scene, self.now, found, position, reached, work)
                 if self.bifurcations or (far <= 1.0 and self._stretched(found)[0] <= MAX_STRETCH):
-                    self._add_slip(found)
+                    closed = found.sets.closed | self.now.sets.closed
+                    self._slip = self._slip + np.where(closed, found.slip, 0.0)
+                    mean = 0.5 * (found.pressure + self.now.pressure)
+                    self._work = self._work + dissipated(self._scene, self.now, found, mean)
                     self._earlier = [*self._earlier[-1:], self.now]
                     self._before, self.now = self.now.place, found
                     longer = 1.6 if 3 * found.iterations <= MAX_ITERATIONS else 1.0
                     return reached, size * min(longer, 0.9 / far if far else longer)
             size, failed = shorter, failed + 1
-            if failed == MAX_FAILED and self._keep():
-                size = whole
+            if failed == MAX_FAILED and self._fresh:
+                # New equations that did not keep what their rows were left with do so now.
+                for name in self._fresh:
+                    base, factors = self._projectors[name].base_state, self._projectors[name].factors
+                    self._projectors[name] = self._scene.projector(name, base, factors, keeps=True)
+                    self.spent += 1
+                self._fresh, size = frozenset(), whole
             if size < MIN_INCREMENT:
                 self._failed(position, found)
 
-    def _excess(self, found: FiniteContactState, position: float, reached: float) -> float:
-        """Slips, motions and work of an increment over their limits: the largest ratio."""
-        args = (self._scene, self.now, found)
-        part = (reached - position) / (int(position) + 1.0 - position)
-        work = 0.0 if self._coarse else work_ratio(*args, self._work, part)
-        return max(slip_ratio(*args), motion_ratio(*args, position, reached), work)
-
-    def _stable_part(self, lost: FiniteContactState) -> float:
-        """Part of an increment to the unstable state ``lost`` at which its softest motion, if it were linear
-        in the load, loses its resistance."""
-        before = self.now.soft.resistance
-        return before / (before - lost.soft.resistance)
-
-    def _branched(self, position: float, reached: float, lost: FiniteContactState) -> FiniteContactState:
-        """A stable state beyond a bifurcation, between a stable state at ``position`` and the unstable one
-        ``lost``: found from the latter, displaced in its softest motion. The latter if there is none."""
-        at = position + self._stable_part(lost) * (reached - position)
+    def _branched(self, at: float, reached: float, lost: FiniteContactState) -> FiniteContactState:
+        """A stable state beyond a bifurcation ``at`` a position before the one ``reached``: found from the
+        unstable state ``lost``, displaced in its softest motion. The latter if there is none."""
         side = lost.soft.part_in(self.now.displacement)
         motion = -lost.soft.motion if side < 0.0 else lost.soft.motion
-        stable = None
         for part in (sense * part for part in BRANCH_STEPS for sense in (1.0, -1.0)):
             moved = lost.displacement + part * self._scene.size * motion
-            found = self._solved(reached, replace(lost, displacement=moved))
-            if found is not None and found.soft.stable:
-                stable = found
+            stable = self._solved(reached, replace(lost, displacement=moved))
+            if stable is not None and stable.soft.stable:
                 break
+        else:
+            stable = None
         self.bifurcations = (Bifurcation(at, motion, stable is not None, bool(side)),)
         return stable or lost
 
-    def _keep(self) -> bool:
-        """Whether there are new equations that did not keep what their rows were left with; they do now."""
-        fresh, self._fresh = self._fresh, frozenset()
-        for name in fresh:
-            old = self._projectors[name]
-            self._projectors[name] = self._scene.projector(name, old.base_state, old.factors, keeps=True)
-            self.spent += 1
-        return bool(fresh)
-
     def _stretched(self, found: FiniteContactState) -> tuple[float, str, int]:
         """Largest stretch of a node relative to the expansion point of its equations, its body and number."""
-        parts = self._scene.parts(found.displacement)
-        stretched = (
-            (most_stretched(body, parts[name], self._projectors[name].base_state), name)
-            for name, body in self._scene.bodies.items()
-        )
-        (most, node), name = max(stretched)
-        return most, name, node
-
-    def _add_slip(self, found: FiniteContactState) -> None:
-        """Accumulate slips and dissipated work."""
-        closed = found.sets.closed | self.now.sets.closed
-        self._slip = self._slip + np.where(closed, found.slip, 0.0)
-        mean = 0.5 * (found.pressure + self.now.pressure)
-        self._work = self._work + dissipated(self._scene, self.now, found, mean)
+        parts, stretched = self._scene.parts(found.displacement), []
+        for name, body in self._scene.bodies.items():
+            most, node = most_stretched(body, parts[name], self._projectors[name].base_state)
+            stretched.append((most, name, node))
+        return max(stretched)
 
     def measured(self, position: float, reached: float) -> float:
         """Factor of the next increment after those to ``position`` and to ``reached``. If both have friction
@@ -262,20 +254,19 @@ class _Path:
         if whole is None:
             return 1.0
         work = contacts.weight * np.abs(self.now.shear)
-        kept = (self.now.sets.status == STICK) & (first.sets.status == STICK)
+        kept = self.now.sets.stuck & first.sets.stuck
         memory = float(work @ kept) / float(work.sum()) if work.any() else 0.0
-        forces = [self._force(state) for state in (self.now, whole)]
+        # Forces (contacts, 2) on the slaves.
+        forces = np.zeros((2, len(contacts.pairs), 2))
+        for own, state in zip(forces, (self.now, whole), strict=True):
+            for number, (one, _, there) in enumerate(contacts.each):
+                tractions = state.traction[there].reshape(-1, 2)[: one.slave.count]
+                own[number] = one.slave.weight @ tractions
         self._largest = max(self._largest, float(np.hypot(*forces[0].T).max()))
         change = float(np.hypot(*(forces[1] - forces[0]).T).max())
         self.error = memory * self.error + change
         allowed = self._scene.case.solver.increment_error * self._largest
         return float(np.clip(np.sqrt(allowed / change), 0.5, 1.0)) if change else 1.0
-
-    def _force(self, state: FiniteContactState) -> FloatArray:
-        """Forces (contacts, 2) on the slaves."""
-        each = self._scene.contacts.each
-        parts = ((one.slave, state.traction[there].reshape(-1, 2)) for one, _, there in each)
-        return np.array([slave.weight @ traction[: slave.count] for slave, traction in parts])
 
     def _solved(
         self,
@@ -285,35 +276,31 @@ class _Path:
     ) -> FiniteContactState | None:
         """The state at a ``position``, searched from the present one or another ``start``, after the present
         one or an ``earlier`` one."""
-        begin = earlier or self.now
-        factors = factors_at(self._scene.stages, position)
-        system, tolerance = self._system(), self._scene.case.solver.tolerance
+        begin, tolerance, found = earlier or self.now, self._scene.case.solver.tolerance, None
         if self._coarse:
             tolerance = max(tolerance, COARSE_TOLERANCE)
+        args = (start or self.now, factors_at(self._scene.stages, position), tolerance, MAX_ITERATIONS)
         before = begin.place if self._settled else None
-        with np.errstate(all="ignore"):
-            try:
-                found = system.solved(
-                    start or self.now, factors, tolerance, MAX_ITERATIONS, before, begin.sets.closed
-                )
-            except (np.linalg.LinAlgError, NumericalError):
-                found = None
-        tried = MAX_ITERATIONS if found is None else found.iterations
-        self.spent += MAX_ITERATIONS * len(self._projectors) if found is None else found.factorizations
-        self._iterations += tried
-        self._solves += 0 if found is None else found.solves
+        with np.errstate(all="ignore"), suppress(np.linalg.LinAlgError, NumericalError):
+            found = self._system.solved(*args, before, begin.sets.closed)
+        if found is None:
+            self.spent += MAX_ITERATIONS * len(self._projectors)
+            self._iterations += MAX_ITERATIONS
+            return None
+        self.spent += found.factorizations
+        self._iterations += found.iterations
+        self._solves += found.solves
         return found
-
-    def _system(self) -> ExactContact:
-        scene = self._scene
-        args = (scene.contacts, self._length, self._stiffness, self._missing)
-        return ExactContact(dict(self._projectors), *args)
 
     def missed(self, state: State) -> Callable[[], Missing]:
         """What the fits of the bodies miss of the present ``state``, to be evaluated later."""
-        return partial(
-            missed_in_contact, self._system(), self._scene.undeformed, self.now, self._before, state.driven
-        )
+        args = (self._system, self._scene.undeformed, self.now, self._before, state.driven)
+        return partial(missed_in_contact, *args)
+
+    @property
+    def _system(self) -> ExactContact:
+        args = (self._scene.contacts, self._length, self._stiffness, self._missing)
+        return ExactContact(dict(self._projectors), *args)
 
     def _failed(self, position: float, found: FiniteContactState | None) -> NoReturn:
         """Raise the error of an increment that fails, ``found`` but too long or not."""
@@ -355,8 +342,12 @@ class _Path:
             if far_from(body, own, base_state):
                 base_state, self._fresh = own, self._fresh | {name}
             elif abs(np.exp(1j * angle) - 1.0) > RENEWAL_ANGLE:
-                upright = name in self._scene.upright
-                base_state = own if upright else _turned(body.elastic.model.cloud.points, base_state, angle)
+                if name in self._scene.upright:
+                    base_state = own
+                else:
+                    nodes, (cos, sin) = body.elastic.model.cloud.points, (np.cos(angle), np.sin(angle))
+                    places = nodes + base_state.reshape(-1, 2)
+                    base_state = (places @ np.array([[cos, sin], [-sin, cos]]) - nodes).ravel()
             else:
                 continue
             self._projectors[name] = self._scene.projector(name, base_state, acting[name])
@@ -364,7 +355,13 @@ class _Path:
             renewed = True
         if renewed:
             self._earlier = []
-            self.now = replace(self.now, free=self._repinned())
+            # Free motions with the current rotation of the pins.
+            free, parts = self.now.free.copy(), self._scene.parts(self.now.displacement)
+            for one in self._scene.contacts.loose:
+                body = self._projectors[one.body].body
+                if body.pins:
+                    free[one.numbers] = one.factors(body, parts[one.body])
+            self.now = replace(self.now, free=free)
         counts = (length, 0, self._iterations, self.spent, self._solves)
         step = PathStep(state, saved, *counts, renewed=renewed, kept=kept, bifurcations=self.bifurcations)
         self.bifurcations = ()
@@ -381,19 +378,10 @@ class _Path:
                 total += float(np.repeat(side.weight, 2) @ along)
         return total
 
-    def _repinned(self) -> FloatArray:
-        """Free motions (d,) with the current rotation of the pins."""
-        free, parts = self.now.free.copy(), self._scene.parts(self.now.displacement)
-        for one in self._scene.contacts.loose:
-            body = self._projectors[one.body].body
-            if body.pins:
-                free[one.numbers] = one.factors(body, parts[one.body])
-        return free
-
     def state(self, position: float) -> State:
         """The present solution as a state of the path."""
         factors, now = factors_at(self._scene.stages, position), self.now
-        contact = (now.pressure, now.gap, now.free, now.sets.status, now.residual, now.shear)
+        contact = (now.pressure, now.gap, now.free, now.status, now.residual, now.shear)
         solver = {
             "place": now.place,
             "normal": now.normal,
@@ -408,30 +396,6 @@ class _Path:
         return State(position, factors, *contact, self._slip, self._work, now.displacement, solver)
 
 
-def _solution(state: State) -> FiniteContactState:
-    """The solution of a state of the path."""
-    own = state.solver
-    return FiniteContactState(
-        displacement=state.displacement,
-        pressure=state.pressure,
-        shear=state.traction,
-        gap=state.gap,
-        place=own["place"],
-        slip=own["increment"],
-        normal=own["normal"],
-        sets=NodeSets(state.status, own["slip_sign"]),
-        traction=own["side_traction"],
-        surface=own["surface"],
-        free=state.motion,
-        residual=state.residual,
-        iterations=0,
-        factorizations=0,
-        solves=0,
-        stability=float(own["stability"]),
-    )
-
-
-def _turned(nodes: FloatArray, displacement: FloatArray, angle: float) -> FloatArray:
-    """``displacement`` (2N,) of ``nodes`` (N, 2) followed by a rotation about the origin."""
-    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
-    return np.asarray(((nodes + displacement.reshape(-1, 2)) @ turn - nodes).ravel())
+def _status(status: NDArray[np.int8], slip_sign: FloatArray) -> ContactStatus:
+    """The status of knots, all of which may have friction, from their ``status`` (c,) as stored."""
+    return ContactStatus(status != OPEN, status == STICK, slip_sign)

@@ -10,7 +10,7 @@ import numpy as np
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.output.parts import contact_figures
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Case, Displacement, ObstacleMotion, Platen
+from mlsanm_cli.case import Displacement, ObstacleMotion, Platen
 from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.contact.finite.meeting import NO_GAP
 from mlsanm_cli.contact.finite.rigid import RigidContact
@@ -18,10 +18,9 @@ from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.geometry.profile import unrolled
 from mlsanm_cli.io.columns import Quantities
 from mlsanm_cli.mechanics.elasticity import von_mises
-from mlsanm_cli.mechanics.finite.forces import Forces
+from mlsanm_cli.mechanics.finite.body_series import Forces
 from mlsanm_cli.mechanics.laws.law import Law, determinant, gradient_of, stretches
 from mlsanm_cli.operators.stencils import build_stencils
-from mlsanm_cli.records import dataclass
 from mlsanm_cli.solve.state import Fields, State
 
 CONTACT_PREFIX = "contact "
@@ -73,7 +72,7 @@ def quantities(scene: FiniteScene, state: State) -> Quantities:
     """The quantities of a state, as rows of run.h5 have them."""
     return {
         "factors": dict(zip(scene.case.moved, state.factors.tolist(), strict=True)),
-        "resultants": resultants(scene, SceneForces.of(scene, state)),
+        "resultants": resultants(scene, SceneForces(scene, state)),
         "displacements": platen_displacements(scene, state),
         "contacts": contact_values(scene, state),
         "probes": probe_values(scene, state),
@@ -101,28 +100,22 @@ def probe_values(scene: FiniteScene, state: State) -> dict[str, dict[str, Any]]:
     return values
 
 
-@dataclass(frozen=True)
 class SceneForces:
     """Forces of a state on the ``bodies`` by name, and those (2,) of every contact on its slave and its
     master."""
 
-    bodies: Mapping[str, Forces]
-    contacts: Mapping[str, tuple[FloatArray, ...]]
-
-    @classmethod
-    def of(cls, scene: FiniteScene, state: State) -> SceneForces:
-        """Forces of a state."""
+    def __init__(self, scene: FiniteScene, state: State) -> None:
         acting, parts = scene.acting(state.driven, state.side_traction), scene.parts(state.displacement)
-        bodies = {name: Forces.of(body, parts[name], acting[name]) for name, body in scene.bodies.items()}
-        found, first = {}, dict.fromkeys(scene.bodies, len(scene.case.moved) + scene.contacts.free)
+        self.bodies = {name: Forces(body, parts[name], acting[name]) for name, body in scene.bodies.items()}
+        self.contacts = dict[str, tuple[FloatArray, ...]]()
+        first = dict.fromkeys(scene.bodies, len(scene.case.moved) + scene.contacts.free)
         for contact in scene.contacts.pairs:
             forces = []
             for side in contact.sides:
                 begin = first[side.body]
                 first[side.body] += 2 * side.nodes.count
-                forces.append(bodies[side.body].loads[begin : first[side.body]].sum(axis=0))
-            found[contact.name] = tuple(forces[::-1] if contact.exchanged else forces)
-        return cls(bodies, found)
+                forces.append(self.bodies[side.body].loads[begin : first[side.body]].sum(axis=0))
+            self.contacts[contact.name] = tuple(forces[::-1] if contact.exchanged else forces)
 
     @property
     def size(self) -> float:
@@ -139,28 +132,11 @@ class SceneForces:
         return np.asarray(sum((one.loads[number] for one in self.bodies.values()), np.zeros(2)))
 
 
-def _shares(case: Case) -> dict[str, tuple[bool, bool]]:
-    """Which components of the force on a plate or an obstacle each of the loads on it reports: those that it
-    prescribes, and the first of them also what none does."""
-    together: dict[object, list[Platen | ObstacleMotion]] = {}
-    for load in case.load:
-        if isinstance(load, Platen | ObstacleMotion):
-            moved = load.obstacle if isinstance(load, ObstacleMotion) else (load.boundary, load.ends)
-            together.setdefault(moved, []).append(load)
-
-    def reports(load: Platen | ObstacleMotion, axis: str, group: list[Platen | ObstacleMotion]) -> bool:
-        return load in ([other for other in group if axis in other.control] or group[:1])
-
-    return {
-        load.name: (reports(load, "x", group), reports(load, "y", group))
-        for group in together.values()
-        for load in group
-    }
-
-
 def resultants(scene: FiniteScene, forces: SceneForces) -> dict[str, FloatArray]:
-    """The force (2,) of every load and support on its body, and of every contact on its slave."""
-    nothing = np.zeros(2)
+    """The force (2,) of every load and support on its body, and of every contact on its slave. Of several
+    loads on a plate or an obstacle each reports the components that it prescribes, and the first of them also
+    what none does."""
+    case, nothing, together = scene.case, np.zeros(2), dict[object, list[Platen | ObstacleMotion]]()
     held = {
         label: sum((forces.bodies[body].reactions.get(name, nothing) for body, name in places), nothing)
         for label, places in scene.supports.items()
@@ -168,13 +144,20 @@ def resultants(scene: FiniteScene, forces: SceneForces) -> dict[str, FloatArray]
     pressed = {name: found[0] for name, found in forces.contacts.items()}
     loads = {
         load.name: pressed[load.obstacle] if isinstance(load, ObstacleMotion) else forces.of_load(number)
-        for number, load in enumerate(scene.case.load)
+        for number, load in enumerate(case.load)
         if not isinstance(load, Displacement | Platen)
     }
-    for name, share in _shares(scene.case).items():
-        for named in (loads, held):
-            if name in named:
-                named[name] = np.where(share, named[name], 0.0)
+    for load in case.load:
+        if isinstance(load, Platen | ObstacleMotion):
+            moved = load.obstacle if isinstance(load, ObstacleMotion) else (load.boundary, load.ends)
+            together.setdefault(moved, []).append(load)
+    for group in together.values():
+        reporting = [[one for one in group if axis in one.control] or group[:1] for axis in ("x", "y")]
+        for load in group:
+            for named in (loads, held):
+                if load.name in named:
+                    share = [load in some for some in reporting]
+                    named[load.name] = np.where(share, named[load.name], 0.0)
     return loads | held | {f"{CONTACT_PREFIX}{name}": force for name, force in pressed.items()}
 
 
@@ -207,7 +190,7 @@ def stretch_along(side: ContactSide, displacement: FloatArray) -> FloatArray:
 
 def figures_of_contacts(scene: FiniteScene, state: State) -> dict[str, dict[str, Any]]:
     """Summary of every contact; the half-width is measured along the undeformed side."""
-    records, forces = contact_values(scene, state), SceneForces.of(scene, state)
+    records, forces = contact_values(scene, state), SceneForces(scene, state)
     found: dict[str, dict[str, Any]] = {}
     for contact, _, there in scene.contacts.each:
         record, pressed = records[contact.name], forces.contacts[contact.name]
@@ -222,17 +205,12 @@ def figures_of_contacts(scene: FiniteScene, state: State) -> dict[str, dict[str,
         if len(pressed) == 2:
             found[contact.name]["force_master"] = pressed[1].tolist()
         if isinstance(contact, RigidContact) and contact.rotation.any():
-            found[contact.name]["moment"] = _moment(contact, state, there)
+            # Of the tractions on the body about the obstacle's pivot.
+            slave, pivot = contact.slave, contact.pivot + contact.motion @ state.driven
+            at = slave.places + state.solver["surface"][there].reshape(-1, 2) - pivot
+            force = slave.weight[:, None] * state.side_traction[there].reshape(-1, 2)
+            found[contact.name]["moment"] = float(cross(at, force).sum())
     return found
-
-
-def _moment(contact: RigidContact, state: State, here: slice) -> float:
-    """Moment of the tractions of a rotating obstacle on the body about its pivot; the sides' nodes are
-    ``here`` in the state's arrays."""
-    slave, pivot = contact.slave, contact.pivot + contact.motion @ state.driven
-    at = slave.places + state.solver["surface"][here].reshape(-1, 2) - pivot
-    force = slave.weight[:, None] * state.side_traction[here].reshape(-1, 2)
-    return float(cross(at, force).sum())
 
 
 def platen_displacements(scene: FiniteScene, state: State) -> dict[str, FloatArray]:

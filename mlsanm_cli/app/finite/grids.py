@@ -19,10 +19,10 @@ from mlsanm_cli.app.finite.contact_path import contact_path
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.complementarity.problem import OPEN, STICK
+from mlsanm_cli.contact.finite.contacts import AnyContact
 from mlsanm_cli.contact.finite.node_curve import wrapped
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.sides import ContactSide, SideNodes
-from mlsanm_cli.contact.finite.update import AnyContact
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
@@ -67,7 +67,11 @@ class Sizes:
 
     def at(self, nodes: SideNodes, arc: FloatArray) -> FloatArray:
         """Sizes (e,) at arc lengths (e,)."""
-        cloud = np.interp(arc, nodes.ends, _spacings(nodes))
+        # Distances of neighbours at the nodes, at the ends of the intervals.
+        step = np.diff(nodes.ends)
+        first, last = (step[:1], step[-1:]) if nodes.around is None else (step[-1:], step[:1])
+        spacings = 0.5 * (np.append(first, step) + np.append(step, last))
+        cloud = np.interp(arc, nodes.ends, spacings)
         size = cloud.copy()
         for mark, least in self.marks:
             size = np.minimum(size, least + GROWTH * np.abs(wrapped(arc - mark, nodes.around)))
@@ -126,8 +130,14 @@ def with_knots(scene: FiniteScene, arcs: Knots) -> FiniteScene:
 
 
 def located(scene: FiniteScene, context: RunContext) -> FiniteScene:
-    """The scene with knots for the patches that a path with coarse ones finds."""
-    sizes = [_first_sizes(scene, contact) for contact in scene.contacts.pairs]
+    """The scene with knots for the patches that a path with coarse ones finds; the first knots are graded
+    towards the places where the undeformed sides are nearest."""
+    factors, sizes = np.append(scene.stages[0], np.zeros(scene.contacts.free)), []
+    for contact in scene.contacts.pairs:
+        still, slave = np.zeros((sum(side.count for side in contact.sides), 2)), contact.slave
+        met, least = contact.meet(still, factors, None), FIRST_SIZE * float(np.ptp(slave.nodes.ends))
+        marks = [(arc, least) for arc in _minima(slave, np.where(met.facing, met.gap, np.inf))]
+        sizes.append(_both(contact, met.place, Sizes.of(marks)))
     for _ in range(MAX_PASSES):
         scene = with_knots(scene, _arcs(scene, sizes))
         sizes, closed, reached = _touched(scene, context)
@@ -141,16 +151,6 @@ def _arcs(scene: FiniteScene, sizes: Sequence[Sequence[Sizes]]) -> Knots:
         [knots(side.nodes, one) for side, one in zip(contact.sides, own, strict=True)]
         for contact, own in zip(scene.contacts.pairs, sizes, strict=True)
     ]
-
-
-def _first_sizes(scene: FiniteScene, contact: AnyContact) -> list[Sizes]:
-    """Sizes graded towards the places where the undeformed sides are nearest."""
-    factors = np.append(scene.stages[0], np.zeros(scene.contacts.free))
-    still = np.zeros((sum(side.count for side in contact.sides), 2))
-    met, slave = contact.meet(still, factors, None), contact.slave
-    least = FIRST_SIZE * float(np.ptp(slave.nodes.ends))
-    marks = [(arc, least) for arc in _minima(slave, np.where(met.facing, met.gap, np.inf))]
-    return _both(contact, met.place, Sizes.of(marks))
 
 
 def _minima(side: ContactSide, gap: FloatArray) -> Iterator[float]:
@@ -230,7 +230,9 @@ def _patches(
     finer = np.sqrt(accuracy / REFERENCE_ACCURACY)
     for part in parts:
         ends = [_end(slave, pressure, part, way) for way in (-1, 1)]
-        first, last = ends[0][0], ends[0][0] + float(_along(slave, ends[0][0], ends[1][0]))
+        length = ends[1][0] - ends[0][0]
+        length = length if slave.around is None else length % slave.around
+        first, last = ends[0][0], ends[0][0] + float(length)
         width = max(last - first, float(slave.weight[part].min()))
         size = (END_SIZE * finer if requested else SWEPT_SIZE) * width
         marks = [(arc, size) for arc, graded in ends if graded]
@@ -238,11 +240,6 @@ def _patches(
             marks += [(arc, size) for arc in _edges(slave, state, here, part)]
         inner = width * (finer / ACROSS if requested else 1.0 / SWEPT_ACROSS)
         yield part, Sizes.of(marks, [(first, last, inner)])
-
-
-def _along(side: ContactSide, first: float, last: float) -> float:
-    """Length from one arc length to another, in the direction of the side."""
-    return last - first if side.around is None else (last - first) % side.around
 
 
 def _end(side: ContactSide, pressure: FloatArray, part: IntArray, way: int) -> tuple[float, bool]:
@@ -270,12 +267,3 @@ def _edges(side: ContactSide, state: State, here: slice, part: IntArray) -> Iter
         if stick[one] != stick[other] or (not stick[one] and sense[one] * sense[other] < 0.0):
             step = float(wrapped(side.arc[[other]] - side.arc[one], side.around)[0])
             yield float(side.arc[one] + 0.5 * step)
-
-
-def _spacings(nodes: SideNodes) -> FloatArray:
-    """Distances (c,) of neighbours at the nodes, at the ends of the intervals."""
-    step = np.diff(nodes.ends)
-    if nodes.around is not None:
-        before = np.append(step[-1], step)
-        return np.asarray(0.5 * (before + np.append(step, step[0])))
-    return np.asarray(0.5 * (np.append(step[0], step) + np.append(step, step[-1])))

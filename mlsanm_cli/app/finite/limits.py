@@ -6,7 +6,6 @@ import numpy as np
 
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.complementarity.problem import SLIP, STICK
 from mlsanm_cli.contact.finite.exact import FiniteContactState
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.geometry.obstacles import Round
@@ -24,50 +23,34 @@ MAX_APPROACH = 0.5
 body or disk, so that contact is not missed. No body moves further than this part of the smallest."""
 
 
-def slip_ratio(scene: FiniteScene, now: FiniteContactState, found: FiniteContactState) -> float:
-    """Largest slip in an increment with friction over its limit, a part of the width of the contact."""
-    largest = 0.0
+def excess(
+    scene: FiniteScene,
+    now: FiniteContactState,
+    found: FiniteContactState,
+    position: float,
+    reached: float,
+    work: FloatArray | None,
+) -> float:
+    """Slips, work and motions in an increment from ``now`` at a ``position`` to the state ``found`` over
+    their limits: the largest ratio. ``work`` (c,) is that dissipated before, None if it does not matter."""
+    ratios = [0.0]
     for contact, here, _ in scene.contacts.each:
         closed = found.sets.closed[here] | now.sets.closed[here]
         if contact.friction and closed.any() and not slides(now, found, here):
             width = float(contact.slave.weight[closed].sum())
-            slip = float(np.abs(found.slip[here][closed]).max())
-            largest = max(largest, slip / (MAX_SLIP * width))
-    return largest
-
-
-def dissipated(
-    scene: FiniteScene, now: FiniteContactState, found: FiniteContactState, pressure: FloatArray
-) -> FloatArray:
-    """Work (c,) per length that friction dissipates in an increment under ``pressure`` (c,): nodes slip at
-    the limit of friction only, whatever they carried before. Those that enter or leave the contact count with
-    the slip of the increment under half of the pressure that they have in it."""
-    closed = found.sets.closed | now.sets.closed
-    way = np.abs(np.where(found.sets.status == STICK, found.slip, found.dragged))
-    return np.asarray(np.where(closed, scene.contacts.friction * pressure * way, 0.0))
-
-
-def work_ratio(
-    scene: FiniteScene, now: FiniteContactState, found: FiniteContactState, work: FloatArray, part: float
-) -> float:
-    """Change of the dissipated work in an increment by other pressures over its limit, given the ``work``
-    (c,) before it; the increment is the ``part`` of the rest of the stage."""
-    weight = scene.contacts.weight
-    last, mean = (
-        dissipated(scene, now, found, pressure)
-        for pressure in (found.pressure, 0.5 * (found.pressure + now.pressure))
-    )
-    ahead = float(weight @ (work + mean / part))
-    return float(weight @ np.abs(last - mean)) / (MAX_WORK_CHANGE * ahead) if ahead > 0.0 else 0.0
-
-
-def motion_ratio(
-    scene: FiniteScene, now: FiniteContactState, found: FiniteContactState, position: float, reached: float
-) -> float:
-    """Largest motion of a body, or of a node relative to its possible partner, over its limit."""
+            ratios.append(float(np.abs(found.slip[here][closed]).max()) / (MAX_SLIP * width))
+    if work is not None:
+        weight, part = scene.contacts.weight, (reached - position) / (int(position) + 1.0 - position)
+        last, mean = (
+            dissipated(scene, now, found, pressure)
+            for pressure in (found.pressure, 0.5 * (found.pressure + now.pressure))
+        )
+        ahead = float(weight @ (work + mean / part))
+        change = float(weight @ np.abs(last - mean))
+        ratios.append(change / (MAX_WORK_CHANGE * ahead) if ahead > 0.0 else 0.0)
     sizes = {name: np.ptp(body.elastic.model.cloud.points, axis=0) for name, body in scene.bodies.items()}
     moved = np.abs(found.displacement - now.displacement).max()
-    farthest = float(moved / (MAX_APPROACH * min(size.max() for size in sizes.values())))
+    ratios.append(float(moved / (MAX_APPROACH * min(size.max() for size in sizes.values()))))
     before, after = (
         np.append(factors_at(scene.stages, at), one.free) for at, one in ((position, now), (reached, found))
     )
@@ -79,8 +62,19 @@ def motion_ratio(
         gap = np.minimum(now.gap[here], sizes[contact.slave.body].max())
         if isinstance(contact, RigidContact) and isinstance(contact.shape, Round):
             thin = min(thin, contact.shape.radius)
-        farthest = max(farthest, float((way / (np.maximum(gap, 0.0) + MAX_APPROACH * thin)).max()))
-    return farthest
+        ratios.append(float((way / (np.maximum(gap, 0.0) + MAX_APPROACH * thin)).max()))
+    return max(ratios)
+
+
+def dissipated(
+    scene: FiniteScene, now: FiniteContactState, found: FiniteContactState, pressure: FloatArray
+) -> FloatArray:
+    """Work (c,) per length that friction dissipates in an increment under ``pressure`` (c,): nodes slip at
+    the limit of friction only, whatever they carried before. Those that enter or leave the contact count with
+    the slip of the increment under half of the pressure that they have in it."""
+    closed = found.sets.closed | now.sets.closed
+    way = np.abs(np.where(found.sets.stuck, found.slip, found.dragged))
+    return np.asarray(np.where(closed, scene.contacts.friction * pressure * way, 0.0))
 
 
 def slides(now: FiniteContactState, found: FiniteContactState, here: slice) -> bool:
@@ -88,6 +82,7 @@ def slides(now: FiniteContactState, found: FiniteContactState, here: slice) -> b
     senses, least = [], COARSE_ROUND_OFF * float(found.pressure[here].max())
     for state in (now, found):
         # Nodes without pressure have no history of friction.
-        closed, sense = state.pressure[here] > least, state.sets.slip_sign[here]
-        senses += np.where(state.sets.status[here][closed] == SLIP, sense[closed], 0.0).tolist()
+        closed, sense, sets = state.pressure[here] > least, state.sets.slip_sign[here], state.sets
+        slips = sets.closed[here] & ~sets.stuck[here]
+        senses += np.where(slips[closed], sense[closed], 0.0).tolist()
     return len(set(senses)) == 1 and senses[0] != 0.0

@@ -1,8 +1,8 @@
-"""Path of one body without contact at finite strain; its equations are renewed as it deforms."""
+"""Path of one body without contact at finite strain; its equations are renewed as it deforms, and it leaves a
+bifurcation along a stable branch."""
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
@@ -10,11 +10,22 @@ from functools import partial
 import numpy as np
 
 from mlsanm_cli.app.finite.accuracy import missed_alone
-from mlsanm_cli.app.finite.branches import fork, limit_points, softest
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.app.finite.states import path_failure
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.continuation import AnmOptions, Branch, NewtonOptions, Step, correct, follow
+from mlsanm_cli.continuation import (
+    AnmOptions,
+    Branch,
+    Effort,
+    NewtonOptions,
+    Step,
+    StopReason,
+    correct,
+    follow,
+)
+from mlsanm_cli.continuation.corrector import Correction, iterate
+from mlsanm_cli.continuation.problem import SingularTangentError
+from mlsanm_cli.continuation.roots import root
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.body import far_from
 from mlsanm_cli.mechanics.finite.problem import FiniteProblem
@@ -29,6 +40,15 @@ WORK_PARTS = 8
 """Parts of a step of power series over which work is integrated by the trapezoidal rule."""
 SAME_STATE = 1e-3
 """Largest distance of the states that two paths find at a load factor, over the typical displacement."""
+BIFURCATION_PRECISION = 1e-3
+"""Precision of a bifurcation's place, as a part of the step."""
+BRANCH_STEP, BRANCH_TRIALS = 0.01, 6
+"""Distance from a bifurcation to the first state on the other branch, over the extent of the body, which is
+halved if no state is found there, and number of trials."""
+LIMIT_SAMPLES = 65
+"""Points of a step at which the slope of the load factor is evaluated to find limit points."""
+
+Legs = Sequence[tuple[Step, SoftMotion]]
 
 
 def finite_path(
@@ -42,141 +62,119 @@ def finite_path(
     are saved.
 
     NumericalError if the path cannot be continued, if det F <= 0, or if the law has lost ellipticity."""
-    stages, case = scene.stages, scene.case
-    wanted = sorted({*(case.output.at or [float(len(stages) - 1)]), *at})
-    problem, x = _first_problem(scene), np.zeros(scene.unknowns)
+    most, begun, steps, path = scene.case.solver.max_steps, 0, 0, _Path(scene, renewals)
+    wanted = sorted({*(scene.case.output.at or [float(len(scene.stages) - 1)]), *at})
     if checkpoint is None:
-        first = State(0.0, stages[0], displacement=x)
-        start = Checkpoint(first, {"base_state": x})
+        first = State(0.0, scene.stages[0], displacement=path.x)
+        start = Checkpoint(first, {"base_state": path.x})
         yield PathStep(first, (first,) if 0.0 in wanted else (), checkpoint=start)
     elif checkpoint.heading.size:
-        x, problem = checkpoint.state.displacement, _taken_up(scene, problem, checkpoint)
-    steps, begun = 0, int(checkpoint.history.get("stage", 0)) if checkpoint is not None else 0
-    soft, folded = STILL, 0
-    for stage in range(begun, len(stages) - 1):
-        problem = replace(problem, start=stages[stage], end=stages[stage + 1])
-        levels = [position - stage for position in wanted if stage < position <= stage + 1]
-        path = _Stage(scene, problem, stage, levels, renewals, soft, folded)
+        begun = int(checkpoint.history["stage"])
+        path.take_up_equations(checkpoint)
+    for stage in range(begun, len(scene.stages) - 1):
+        path.begin(stage, [position - stage for position in wanted if stage < position <= stage + 1])
         if checkpoint is not None and stage == begun and checkpoint.heading.size:
             path.take_up(checkpoint, [position - stage for position in at if stage < position <= stage + 1])
-        for step in path.steps(x):
+        for step in path.steps():
             steps += 1
-            if steps > case.solver.max_steps:
-                message = f"max steps, more than {case.solver.max_steps} steps come before the end"
+            if steps > most:
+                message = f"max steps, more than {most} steps come before the end"
                 raise NumericalError(f"the path stopped: {message}", "raise solver.max_steps")
             yield step
-        x, problem, soft, folded = path.x, path.problem, path.soft, path.folded
 
 
-def _first_problem(scene: FiniteScene) -> FiniteProblem:
-    """The equations of the undeformed state, scaled by the linear response."""
-    (name, body), stages = scene.alone, scene.stages
-    still = np.zeros(body.unknowns)
-    projector = scene.projector(name, still, stages[0])
-    problem = FiniteProblem(projector, stages[0], stages[0], 1.0)
-    size = scene.size
-    moved = [
-        float(np.abs(replace(problem, end=factors).load_derivative(still, 0.0)).max())
-        for factors in stages[1:]
-        if factors.any()
-    ]
-    largest = max(moved, default=0.0)
-    return replace(problem, length=min(largest, size) if largest else size)
+class _Path:
+    """Current state ``x`` (2N,) of the path at load factor ``lam`` of a stage, and its equations."""
 
-
-def _taken_up(scene: FiniteScene, problem: FiniteProblem, checkpoint: Checkpoint) -> FiniteProblem:
-    """The equations that the state of a checkpoint solves."""
-    start, history = replace(problem, start=checkpoint.state.factors), checkpoint.history
-    for keeps in (False, True):
-        projector = scene.projector(scene.alone[0], history["base_state"], history["acting"], keeps)
-        problem = replace(start, projector=projector)
-        left = np.abs(problem.residual(checkpoint.state.displacement, 0.0)).max()
-        if left <= scene.case.solver.tolerance:
-            break
-    return problem
-
-
-class _Stage:
-    """Path through one stage."""
-
-    def __init__(
-        self,
-        scene: FiniteScene,
-        problem: FiniteProblem,
-        stage: int,
-        levels: list[float],
-        renewals: Sequence[State] | None,
-        soft: SoftMotion,
-        folded: int,
-    ) -> None:
-        self._scene, self.problem, self._stage = scene, problem, stage
+    def __init__(self, scene: FiniteScene, renewals: Sequence[State] | None) -> None:
+        self._scene, self._given, self._spent = scene, renewals, Effort()
+        solver = scene.case.solver
+        # Steps are counted over the whole path, not here.
+        self._options: AnmOptions | NewtonOptions = NewtonOptions(solver.tolerance, "arc-length")
+        if solver.method != "newton":
+            self._options = AnmOptions(solver.tolerance, solver.order, solver.pade)
+        self.x, self._lam = np.zeros(scene.unknowns), 0.0
         # The softest motion of the present state, and how many motions limit points have left unstable: no
         # load holds the body between them, but the path shows how it comes to snap.
-        self.soft, self.folded = soft, folded
-        self._levels = list(levels)
-        self._renewals = (
-            None if renewals is None else [one for one in renewals if stage < one.position < stage + 1]
-        )
-        self.x = np.zeros(0)
-        self._lam = 0.0
+        self._soft, self._folded = STILL, 0
+        # The equations of the undeformed state, scaled by the linear response.
+        stages = scene.stages
+        projector = scene.projector(scene.alone[0], self.x, stages[0])
+        problem, size = FiniteProblem(projector, stages[0], stages[0], 1.0), scene.size
+        moved = [
+            float(np.abs(replace(problem, end=factors).load_derivative(self.x, 0.0)).max())
+            for factors in stages[1:]
+            if factors.any()
+        ]
+        largest = max(moved, default=0.0)
+        self._problem = replace(problem, length=min(largest, size) if largest else size)
+
+    def begin(self, stage: int, levels: list[float]) -> None:
+        """Begin a ``stage``, with states wanted at the ``levels`` of its load factor."""
+        start, end = self._scene.stages[stage : stage + 2]
+        self._problem = replace(self._problem, start=start, end=end)
+        self._stage, self._levels, self._lam = stage, levels, 0.0
         self._previous: Branch | None = None
-        self._spent = 0
+        self._renewals = None
+        if self._given is not None:
+            self._renewals = [one for one in self._given if stage < one.position < stage + 1]
+
+    def take_up_equations(self, checkpoint: Checkpoint) -> None:
+        """Use the equations that the state of a checkpoint solves."""
+        self.x, history = checkpoint.state.displacement, checkpoint.history
+        start, name = replace(self._problem, start=checkpoint.state.factors), self._scene.alone[0]
+        for keeps in (False, True):
+            projector = self._scene.projector(name, history["base_state"], history["acting"], keeps)
+            self._problem = replace(start, projector=projector)
+            if np.abs(self._problem.residual(self.x, 0.0)).max() <= self._options.tolerance:
+                break
 
     def take_up(self, checkpoint: Checkpoint, more: list[float]) -> None:
-        """Continue from a checkpoint, with ``more`` levels."""
+        """Continue from a checkpoint within the stage, with ``more`` levels."""
         history, heading = checkpoint.history, checkpoint.heading
-        self.x, self._lam = checkpoint.state.displacement, float(history["lam"])
+        self._lam = float(history["lam"])
         x, lam = np.stack([self.x, heading[:-1]]), np.array([self._lam, heading[-1]])
         self._previous = Branch(x, lam, checkpoint.pace)
         self._levels = sorted({*history["levels"].tolist(), *more})
-        self.soft, self.folded = softest(self.problem, self.x, self._lam), int(history["folded"])
+        self._soft, self._folded = self._problem.softest(self.x, self._lam), int(history["folded"])
         if history["renewed"]:
             self._renew()
 
-    def steps(self, x: FloatArray) -> Iterator[PathStep]:
-        """Steps from the initial state ``x`` (2N,) of the stage, or from the checkpoint, to its end."""
-        self.x, fresh = self.x if self._previous is not None else x, False
+    def steps(self) -> Iterator[PathStep]:
+        """Steps from the present state to the end of the stage."""
+        fresh = False
         while True:
-            follower = follow(
-                self.problem,
-                self.x,
-                self._lam,
-                1.0,
-                _options(self._scene),
-                self._previous,
-                levels=[*self._levels, *self._renewal_level()],
-                last=self._is_left,
-            )
-            moved, branches = 0, False
+            levels = [*self._levels, *self._renewal_level()]
+            args = (self._problem, self.x, self._lam, 1.0, self._options, self._previous)
+            follower = follow(*args, levels=levels, last=self._is_left)
+            moved, left, branches = 0, False, False
             for whole in follower.steps():
                 moved += 1
-                ahead = softest(self.problem, whole.x, whole.lam, whole.tangent)
-                branch = fork(self.problem, whole, self.soft, ahead, _options(self._scene), self._scene.size)
-                branches = branch is not None and bool(branch.legs)
-                for step, soft in branch.legs if branch is not None and branch.legs else ((whole, ahead),):
+                ahead = self._problem.softest(whole.x, whole.lam, whole.tangent)
+                fork, legs = self._fork(whole, ahead)
+                branches = bool(legs)
+                for step, soft in legs or ((whole, ahead),):
                     finished = self._finished(step, soft)
-                    if branch is not None:
-                        at = Bifurcation(self._stage + branch.lam, branch.motion, branches, branch.decided)
-                        finished, branch = replace(finished, bifurcations=(at,)), None
+                    if fork is not None:
+                        finished, fork = replace(finished, bifurcations=(fork,)), None
                     self.x, self._lam, self._previous = step.x, step.lam, step.branch
-                    if not branches and self._is_left(step.x, step.lam):
-                        follower.stop()
+                    left = not branches and self._is_left(step.x, step.lam)
+                    if left:
                         if self._renewals is not None:
                             self._renewals.pop(0)
                         renewed = finished.factorizations + 1
                         finished = replace(finished, renewed=True, factorizations=renewed)
                     yield replace(finished, checkpoint=self._checkpoint(finished, step))
-                if branches:
+                if left or branches:
                     break
             if branches:
                 continue
-            outcome = follower.outcome
-            if outcome.reached:
+            if follower.reached:
                 return
-            if outcome.reason.value != "stopped by caller":
-                if (fresh and not moved) or np.array_equal(self.problem.projector.base_state, self.x):
-                    where = (self._stage + self._lam, self.problem.factors(self._lam))
-                    raise path_failure(self._scene, *where, self.x, outcome)
+            if follower.reason is not StopReason.STOPPED_BY_CALLER:
+                if (fresh and not moved) or np.array_equal(self._problem.projector.base_state, self.x):
+                    where = (self._stage + self._lam, self._problem.factors(self._lam))
+                    raise path_failure(self._scene, *where, self.x, follower)
                 fresh = True
             self._renew()
 
@@ -189,17 +187,18 @@ class _Stage:
         on."""
         if lam == 1.0:
             return False
+        projector = self._problem.projector
         if self._renewals is None:
-            return far_from(self.problem.projector.body, x, self.problem.projector.base_state)
+            return far_from(projector.body, x, projector.base_state)
         if not self._renewals or abs(lam - self._renewal_level()[0]) > FINE_ROUND_OFF:
             return False
-        # A path that turns back passes a load factor more than once.
+        # The same load factor may be passed several times.
         apart = np.abs(x - self._renewals[0].displacement).max()
-        return bool(apart <= SAME_STATE * self.problem.length)
+        return bool(apart <= SAME_STATE * self._problem.length)
 
     def _checkpoint(self, finished: PathStep, step: Step) -> Checkpoint:
         """The equations, the place in the stage, the levels left in it, and the direction of the path."""
-        branch, base = step.branch, self.problem.projector
+        branch, base = step.branch, self._problem.projector
         history = {
             "base_state": base.base_state,
             "acting": base.factors,
@@ -207,48 +206,41 @@ class _Stage:
             "lam": np.array(step.lam),
             "levels": np.array(self._levels),
             "renewed": np.array(finished.renewed),
-            "folded": np.array(self.folded),
+            "folded": np.array(self._folded),
         }
         return Checkpoint(finished.state, history, np.append(branch.x[1], branch.lam[1]), branch.length)
 
     def _renew(self) -> None:
         """Renew the equations at the current state, and correct the state. Next to crushed corners the
         correction may fail: then the equations keep the residual of their rows, which the state solves."""
-        factors = self.problem.factors(self._lam)
-        name = self._scene.alone[0]
         for keeps in (False, True):
-            projector = self._scene.projector(name, self.x, factors, keeps)
-            problem = replace(self.problem, projector=projector)
+            factors = self._problem.factors(self._lam)
+            projector = self._scene.projector(self._scene.alone[0], self.x, factors, keeps)
+            problem = replace(self._problem, projector=projector)
+            x, rest = self.x, problem.residual(self.x, self._lam)
             try:
-                self.problem, self.x = problem, self._solving(problem)
+                for _ in range(MAX_UPDATES):
+                    if np.abs(rest).max() <= self._options.goal:
+                        break
+                    better = x - problem.length * rest
+                    left = problem.residual(better, self._lam)
+                    # Larger corrections need Newton's method with new tangents.
+                    if not np.abs(left).max() < np.abs(rest).max():
+                        break
+                    x, rest = better, left
+                self.x = correct(problem, x, self._lam, self._options, self._spent).x
+                self._problem = problem
                 return
             except NumericalError:
                 if keeps:
                     raise
 
-    def _solving(self, problem: FiniteProblem) -> FloatArray:
-        """The corrected state that solves the equations of a ``problem``. NumericalError if none is found."""
-        x, rest = self.x, problem.residual(self.x, self._lam)
-        options = _options(self._scene)
-        for _ in range(MAX_UPDATES):
-            if np.abs(rest).max() <= options.goal:
-                break
-            better = x - problem.length * rest
-            left = problem.residual(better, self._lam)
-            # Larger corrections need Newton's method with new tangents.
-            if not np.abs(left).max() < np.abs(rest).max():
-                break
-            x, rest = better, left
-        found = correct(problem, x, self._lam, options)
-        self._spent += found.factorizations
-        return found.x
-
     def _finished(self, step: Step, soft: SoftMotion) -> PathStep:
         """A step to a state with its softest motion."""
-        before, self.soft, turns = self.soft, soft, limit_points(step)
+        before, self._soft, turns = self._soft, soft, limit_points(step)
         if turns:
-            self.folded = soft.unstable
-        hidden = 0 if step.lam in self._levels else self.folded
+            self._folded = soft.unstable
+        hidden = 0 if step.lam in self._levels else self._folded
         state = self._state(step.lam, step.x, step.residual, max(soft.unstable - hidden, 0))
         saved, left = [], []
         for level in self._levels:
@@ -258,33 +250,104 @@ class _Stage:
             elif at is not None:
                 x = step.branch.evaluate(at)[0]
                 if not step.order:
-                    x = correct(self.problem, x, level, _options(self._scene)).x
-                residual = float(np.abs(self.problem.residual(x, level)).max())
+                    x = correct(self._problem, x, level, self._options).x
+                residual = float(np.abs(self._problem.residual(x, level)).max())
                 unstable = (before if turns and at <= turns[0][0] else soft).unstable
                 saved.append((at, self._state(level, x, residual, unstable)))
             else:
                 left.append(level)
         self._levels = left
-        passed = tuple(one for _, one in sorted(saved, key=lambda pair: pair[0]))
-        limits = tuple((self._stage + step.branch.load_factor(a), highest) for a, highest in turns)
-        spent, self._spent = step.factorizations + self._spent, 0
-        counts = (step.order, step.iterations, spent, step.solves)
+        updates, factorizations, solves = step.counts
+        spent, self._spent = factorizations + self._spent["factorizations"], Effort()
         parts = np.arange(1.0, WORK_PARTS) / WORK_PARTS * step.branch.length if step.order else ()
         points = (step.branch.evaluate(part) for part in parts)
-        way = tuple(self._state(lam, x, 0.0, 0) for x, lam in points)
-        missed = partial(missed_alone, self.problem.projector, step.x, state.factors)
-        step_end = PathStep(state, passed, step.arc_length, *counts)
-        return replace(step_end, limit_points=limits, way=way, missed=missed)
+        return PathStep(
+            state,
+            tuple(one for _, one in sorted(saved, key=lambda pair: pair[0])),
+            step.arc_length,
+            step.order,
+            *(updates, spent, solves),
+            limit_points=tuple((self._stage + step.branch.load_factor(a), high) for a, high in turns),
+            way=tuple(self._state(lam, x, 0.0, 0) for x, lam in points),
+            missed=partial(missed_alone, self._problem.projector, step.x, state.factors),
+        )
 
     def _state(self, lam: float, x: FloatArray, residual: float, unstable: int) -> State:
         """A state with a number of ``unstable`` motions."""
-        factors, counted = self.problem.factors(lam), {"unstable": np.array(unstable)}
+        factors, counted = self._problem.factors(lam), {"unstable": np.array(unstable)}
         return State(self._stage + lam, factors, residual=residual, displacement=x, solver=counted)
 
+    def _fork(self, step: Step, ahead: SoftMotion) -> tuple[Bifurcation | None, Legs]:
+        """The bifurcation in a ``step`` to a state whose softest motion is ``ahead``: a loss of stability
+        that is no limit point. The steps, with the softest motions at their ends, that lead to it and on to a
+        stable state of the other branch; there are none without one nearby."""
+        problem, branch, turns = self._problem, step.branch, limit_points(step)
+        if not self._soft.stable or ahead.unstable <= len(turns):
+            return None, ()
 
-def _options(scene: FiniteScene) -> AnmOptions | NewtonOptions:
-    """Options of the case's method; steps are counted over the whole path, not here."""
-    solver = scene.case.solver
-    if solver.method == "newton":
-        return NewtonOptions(tolerance=solver.tolerance, max_steps=sys.maxsize, control="arc-length")
-    return AnmOptions(order=solver.order, tolerance=solver.tolerance, pade=solver.pade, max_steps=sys.maxsize)
+        def at(a: float) -> Correction:
+            x, lam = branch.evaluate(a)
+            # Branches of Newton's method are on the path at their ends only.
+            return Correction(x, lam, 0.0) if step.order else correct(problem, x, lam, self._options)
+
+        def resistance(a: float) -> float:
+            point = at(a)
+            return problem.softest(point.x, point.lam).resistance
+
+        a = 0.0
+        if resistance(a) > 0.0:
+            a = root(resistance, a, branch.length, BIFURCATION_PRECISION * branch.length)
+        if turns and turns[0][0] <= a:
+            return None, ()
+        point = at(a)
+        mode = problem.softest(point.x, point.lam)
+        part = mode.part_in(point.x)
+        motion = -mode.motion if part < 0.0 else mode.motion
+        second = self._branched(point, motion)
+        found = Bifurcation(self._stage + point.lam, motion, second is not None, bool(part))
+        if second is None:
+            return found, ()
+        way = step.arc_length * a / branch.length
+        first = replace(step, branch=branch.shortened(a), x=point.x, lam=point.lam, arc_length=way)
+        return found, ((first, mode), second)
+
+    def _branched(self, point: Correction, mode: FloatArray) -> tuple[Step, SoftMotion] | None:
+        """The step from a bifurcation to a stable state of the other branch, and the softest motion there.
+        The projection of their difference on the ``mode`` (2N,) is a part of the body's extent."""
+        along, size = mode / (mode @ mode), BRANCH_STEP * self._scene.size
+
+        def in_plane(dx: FloatArray, slope: FloatArray) -> float:
+            return -float(along @ dx) / float(along @ slope)
+
+        for part in 0.5 ** np.arange(BRANCH_TRIALS):
+            effort, start = Effort(), point.x + part * size * mode
+            try:
+                end = iterate(self._problem, start, point.lam, in_plane, self._options, effort)
+            except SingularTangentError:
+                continue
+            if end.residual <= self._options.tolerance:
+                break
+        else:
+            return None
+        if end.lam >= 1.0:
+            return None
+        soft = self._problem.softest(end.x, end.lam)
+        x, lam = np.array([point.x, end.x - point.x]), np.array([point.lam, end.lam - point.lam])
+        step = Step(Branch(x, lam, 1.0), end.x, end.lam, end.residual, BRANCH_STEP, effort, 0)
+        return (step, soft) if soft.stable else None
+
+
+def limit_points(step: Step) -> list[tuple[float, bool]]:
+    """Limit points within a step of power series: its parameter, and whether it is a maximum."""
+    branch, found = step.branch, list[tuple[float, bool]]()
+    if not step.order:
+        return found
+
+    def slope(a: float) -> float:
+        return float(branch.derivative_weights(np.array([a]))[0] @ branch.terms[1])
+
+    a = np.linspace(0.0, branch.length, LIMIT_SAMPLES)
+    slopes = branch.derivative_weights(a) @ branch.terms[1]
+    for k in np.flatnonzero(slopes[:-1] * slopes[1:] < 0.0):
+        found.append((root(slope, a[k], a[k + 1]), bool(slopes[k] > 0.0)))
+    return found

@@ -8,9 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mlsanm_cli.app.finite.free_motions import plated, unknown_motions
 from mlsanm_cli.app.scene.assemble import SceneModel
-from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.contact_pairs import shape_of
 from mlsanm_cli.app.scene.corners import ends_of, void_center
 from mlsanm_cli.app.scene.materials import laws_of
@@ -18,18 +16,19 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Displacement, ObstacleMotion, Place, Platen, Pressure
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.surface import Surface
+from mlsanm_cli.contact.finite.contacts import AnyContact, Contacts, DrivenObstacle, LooseMotions, Plate
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.side_response import Compliance, rotated
-from mlsanm_cli.contact.finite.sides import ContactSide, SideNodes, with_more, with_sides
-from mlsanm_cli.contact.finite.update import AnyContact, Contacts
+from mlsanm_cli.contact.finite.sides import ContactSide, SideNodes
 from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.body import FiniteBody
-from mlsanm_cli.mechanics.finite.loads import Loads
+from mlsanm_cli.mechanics.finite.loads import Loads, Turning
 from mlsanm_cli.mechanics.finite.projector import NO_ROWS, Projector, weights_of
 from mlsanm_cli.mechanics.near_field import as_complex
-from mlsanm_cli.mechanics.probes import Probe
+from mlsanm_cli.mechanics.rigid import ROTATION, free_motions, pins
+from mlsanm_cli.mechanics.scene import Probe
 from mlsanm_cli.operators.linear.interface import LinearSolver
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.solve.condensed_scene import stage_factors
@@ -174,7 +173,7 @@ class FiniteScene:
 
 def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
     """Assemble a checked scene at finite strain."""
-    solver = case.solver.linear
+    solver, boundaries = case.solver.linear, prepared.boundaries
     contacts = unknown_motions(case, prepared)
     pairs = tuple(_contact(case, prepared, number, contacts) for number in range(len(prepared.pairings)))
     contacts, loose = replace(contacts, pairs=pairs), {one.body: one for one in contacts.loose}
@@ -187,29 +186,32 @@ def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
         turning = len(pinned) if own is not None and len(pinned) == own.count else 0
         springs = prepared.acting.springs[name]
         elastic = assemble(model, prepared.held[name], held_nodes, solver, springs, unloaded=turning)
-        sides = [side.nodes for side, _ in contacts.sides if side.body == name]
-        loads = with_more(_loads(case, prepared, name, elastic), contacts.free)
-        loads = plated(name, elastic, contacts.plates, loads)
+        loads = _loads(case, prepared, name, elastic, contacts)
         if own is not None:
             # The rows of the pins are the last ones of single nodes.
             last = elastic.rows - 3 * elastic.pieces.count
             rows = np.arange(last - len(pinned), last)
             loads.sources[np.ix_(rows, len(case.moved) + own.numbers)] = own.moves
-        law, loads = laws[name], with_sides(loads, elastic, sides)
-        bodies[name] = FiniteBody(elastic, law, loads, turning)
-    supports = _supports(case, prepared.boundaries)
+        bodies[name] = FiniteBody(elastic, laws[name], loads, turning)
+    # By the label of a support or the name of a load that prescribes displacements.
+    held: dict[str, tuple[Place, ...]] = {
+        s.place.label: (s.place,) for s in case.support if s.place is not None
+    }
+    held |= {load.name: (load.place,) for load in case.load if isinstance(load, Displacement)}
+    held |= {load.name: tuple(load.places) for load in case.load if isinstance(load, Platen)}
+    supports = {
+        label: tuple((place.body, name) for place in places for name in boundaries.names[place])
+        for label, places in held.items()
+    }
     scene = FiniteScene(case, bodies, stage_factors(case), supports, prepared.probes, solver, contacts)
-    return _undeformed(scene) if scene.in_increments else scene
-
-
-def _undeformed(scene: FiniteScene) -> FiniteScene:
-    """The scene with the equations of its bodies before loading."""
-    contacts, still = scene.contacts, scene.parts(np.zeros(scene.unknowns))
+    if not scene.in_increments:
+        return scene
+    still = scene.parts(np.zeros(scene.unknowns))
     acting = scene.acting(np.append(scene.stages[0], np.zeros(contacts.free)), np.zeros(contacts.size))
-    projectors = {name: scene.projector(name, still[name], acting[name]) for name in scene.bodies}
-    found, first = [], dict.fromkeys(scene.bodies, scene.stages.shape[1] + contacts.free)
+    projectors = {name: scene.projector(name, still[name], acting[name]) for name in bodies}
+    found, first = [], dict.fromkeys(bodies, scene.stages.shape[1] + contacts.free)
     for side, _ in contacts.sides:
-        found.append(Compliance.of(side.nodes, projectors[side.body], first[side.body]))
+        found.append(Compliance(side.nodes, projectors[side.body], first[side.body]))
         first[side.body] += 2 * side.nodes.count
     return replace(scene, undeformed=projectors, compliances=found)
 
@@ -253,29 +255,16 @@ def _side(prepared: SceneModel, body: str, surface: Surface) -> ContactSide:
     return ContactSide.on(nodes, nodes.arc)
 
 
-def _supports(case: Case, boundaries: Boundaries) -> dict[str, tuple[tuple[str, str], ...]]:
-    """Bodies and surfaces by the label of a support or the name of a load that prescribes displacements."""
-    found: dict[str, tuple[Place, ...]] = {
-        s.place.label: (s.place,) for s in case.support if s.place is not None
-    }
-    found |= {load.name: (load.place,) for load in case.load if isinstance(load, Displacement)}
-    found |= {load.name: tuple(load.places) for load in case.load if isinstance(load, Platen)}
-    return {
-        label: tuple((place.body, name) for place in places for name in boundaries.names[place])
-        for label, places in found.items()
-    }
-
-
-def _loads(case: Case, prepared: SceneModel, name: str, body: ElasticBody) -> Loads:
-    """All loads on a body."""
-    count = len(case.moved)
+def _loads(case: Case, prepared: SceneModel, name: str, body: ElasticBody, contacts: Contacts) -> Loads:
+    """All loads on a body: of the case, of free motions, and unit tractions on its sides in contact."""
+    known, places, surfaces = len(case.moved), body.model.cloud.points, body.model.cloud.surfaces
+    sides, first = [side.nodes for side, _ in contacts.sides if side.body == name], known + contacts.free
+    count = first + 2 * sum(side.count for side in sides)
     sources = np.zeros((body.rows, count))
     tractions: dict[str, FloatArray] = {}
     pressing: dict[str, tuple[FloatArray, FloatArray]] = {}
-    for load in prepared.acting.surface_loads:
-        if load.body != name:
-            continue
-        given, surface = case.load[load.number], body.model.cloud.surfaces[load.surface]
+    for load in (one for one in prepared.acting.surface_loads if one.body == name):
+        given, surface = case.load[load.number], surfaces[load.surface]
         if isinstance(given, Pressure) and given.follows:
             assert load.between is not None
             normals = surface.curve.normals(Halves.of(surface, FINE).arc)
@@ -292,11 +281,84 @@ def _loads(case: Case, prepared: SceneModel, name: str, body: ElasticBody) -> Lo
             shape = (*load.between.shape, count)
             tractions.setdefault(load.surface, np.zeros(shape))[:, :, load.number] += load.between
     acting = [one for one in prepared.acting.body_forces if one.body == name]
-    force = np.zeros((len(body.model.cloud.points), 2, count)) if acting else None
+    force = np.zeros((len(places), 2, count)) if acting else None
     if force is not None:
         for one in acting:
             force[:, :, one.number] += one.values
         sources[: force[:, :, 0].size] -= force.transpose(1, 0, 2).reshape(-1, count)
+    turning = []
+    for plate in (one for one in contacts.plates if name in one.surfaces):
+        for held in plate.surfaces[name]:
+            arms = places[surfaces[held].index] - plate.center
+            for component in np.flatnonzero(body.held[held]).tolist():
+                rows = body.condition_rows(held, component)
+                sources[rows, : known + contacts.free] += plate.motion[component]
+                if plate.motion[2].any():
+                    rate = np.append(plate.motion[2], np.zeros(count - known - contacts.free))
+                    turning.append(Turning(rate, component, rows, arms))
+    for side in sides:
+        side.add_unit_tractions(body, first, sources, tractions)
+        first += 2 * side.count
     expands = body.model.material.free_expansion.any()
     warming = tuple(heat for heat in prepared.acting.heatings if heat.body == name and expands)
-    return Loads(count, sources, tractions, force, pressing, warming=warming)
+    return Loads(count, sources, tractions, force, pressing, warming=warming, turning=turning)
+
+
+def unknown_motions(case: Case, prepared: SceneModel) -> Contacts:
+    """Unknown rigid motions: of loose bodies in the order of all bodies, then obstacles, then plates."""
+    found = {one.name: one for one in prepared.restrained.rigid_constraints if one.floats}
+    loose, number = list[LooseMotions](), 0
+    for name in prepared.models:
+        if name in found:
+            unknown = tuple(one.component for one in found[name].motions if one.prescribed is None)
+            loose.append(_pinned(prepared, name, unknown, number))
+            number += len(unknown)
+    names = [pairing.name for pairing in prepared.pairings]
+    driven: list[DrivenObstacle] = []
+    for constraint in prepared.restrained.rigid_constraints:
+        if not constraint.bodies:
+            for one in constraint.motions:
+                if one.prescribed is None:
+                    place = names.index(constraint.name)
+                    driven.append(DrivenObstacle(place, one.component, number, one.force))
+                    number += 1
+    return Contacts((), tuple(loose), tuple(driven), tuple(_plates(case, prepared, number)))
+
+
+def _pinned(prepared: SceneModel, name: str, unknown: tuple[int, ...], number: int) -> LooseMotions:
+    """A loose body with ``unknown`` motions from ``number`` on, and its pins."""
+    cloud, anchors = prepared.models[name].cloud, tuple(prepared.held_nodes[name])
+    free = free_motions(cloud, prepared.held[name], anchors, prepared.acting.springs[name])
+    # Inside: on a side in contact a pin would have no field in closed form.
+    outer = np.concatenate([surface.index for surface in cloud.surfaces.values()])
+    inner = np.setdiff1d(np.arange(len(cloud.points)), outer)
+    pinned = tuple((int(inner[node]), component) for node, component in pins(cloud.points[inner], free))
+    places = [2 * node + component for node, component in pinned]
+    size = float(np.ptp(prepared.models[name].cloud.points, axis=0).max())
+    scale = np.array([size if one == ROTATION else 1.0 for one in free.components])
+    known = [free.components.index(component) for component in unknown]
+    moves = (free.patterns(cloud.points)[places] / scale)[:, known]
+    return LooseMotions(name, unknown, number, size, anchors, pinned, moves)
+
+
+def _plates(case: Case, prepared: SceneModel, number: int) -> list[Plate]:
+    """All plates; ``number`` is the index of their first unknown motion."""
+    loads, found = len(case.moved), list[Plate]()
+    platens = [one for one in prepared.restrained.rigid_constraints if one.held]
+    count = loads + number + sum(one.prescribed is None for platen in platens for one in platen.motions)
+    for platen in platens:
+        unknown = [one for one in platen.motions if one.prescribed is None]
+        surfaces = {body: platen.surfaces_of(body) for body in platen.bodies}
+        size = max(float(np.ptp(prepared.models[body].cloud.points, axis=0).max()) for body in surfaces)
+        components = tuple(one.component for one in unknown)
+        force = np.array([one.force for one in unknown]).reshape(len(unknown), loads)
+        motion = np.zeros((3, count))
+        for one in platen.motions:
+            if one.prescribed is not None:
+                motion[one.component, :loads] = one.prescribed
+                continue
+            motion[one.component, loads + number] = 1.0 / size if one.component == ROTATION else 1.0
+            number += 1
+        place = (np.array(platen.center), size, components, number - len(unknown))
+        found.append(Plate(platen.name, surfaces, platen.loads, *place, force, motion))
+    return found

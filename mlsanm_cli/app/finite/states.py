@@ -19,8 +19,9 @@ from mlsanm_cli.app.checks.deformed import (
 from mlsanm_cli.app.checks.limits import ANY, level
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.membership import first_crossing
 from mlsanm_cli.contact.finite.rigid import RigidContact
-from mlsanm_cli.continuation import Outcome
+from mlsanm_cli.continuation import Follower
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.laws.law import determinant
 from mlsanm_cli.solve.state import CONTACT_LIMIT, State
@@ -61,7 +62,7 @@ def overlap(scene: FiniteScene, state: State) -> Iterator[Check]:
     for name, own in scene.parts(scene.shown(state)).items():
         cloud = scene.bodies[name].elastic.model.cloud
         outlines[name] = outline_of(cloud, own.reshape(-1, 2), exact=True)
-        place = _crossing(outlines[name])
+        place = first_crossing(outlines[name].edges)
         near = "" if place is None else f"near ({place[0]:.6g}, {place[1]:.6g}) "
         yield Check(
             "self_overlap",
@@ -127,29 +128,6 @@ def _with_obstacles(
         yield from deepest(own, deep, depth[deep], body, others)
 
 
-def _crossing(outline: DeformedOutline) -> tuple[float, float] | None:
-    """Intersection of two chords of an outline that are not adjacent, if there is one."""
-    start, way = outline.edges[:, :2], outline.edges[:, 2:] - outline.edges[:, :2]
-    low, high = np.minimum(start, start + way), np.maximum(start, start + way)
-    one, other = np.nonzero(((low[:, None] < high[None]) & (high[:, None] > low[None])).all(axis=2))
-    kept = one < other
-    one, other = one[kept], other[kept]
-    between = start[other] - start[one]
-    across = way[one, 0] * way[other, 1] - way[one, 1] * way[other, 0]
-    length = np.hypot(*way.T)
-    slanted = np.abs(across) > 1e-9 * length[one] * length[other]
-    one, other, between, across = one[slanted], other[slanted], between[slanted], across[slanted]
-    mine = (between[:, 0] * way[other, 1] - between[:, 1] * way[other, 0]) / across
-    theirs = (between[:, 0] * way[one, 1] - between[:, 1] * way[one, 0]) / across
-    # Adjacent chords share an end.
-    inner = (np.minimum(mine, theirs) > 1e-6) & (np.maximum(mine, theirs) < 1.0 - 1e-6)
-    if not inner.any():
-        return None
-    first = int(np.flatnonzero(inner)[0])
-    x, y = (start[one[first]] + mine[first] * way[one[first]]).tolist()
-    return x, y
-
-
 def _least_volume(scene: FiniteScene, name: str, displacement: FloatArray) -> tuple[float, str]:
     """Smallest det F at the nodes of a body, and its place."""
     volume = 1.0 + determinant(scene.bodies[name].gradient(displacement))
@@ -158,13 +136,13 @@ def _least_volume(scene: FiniteScene, name: str, displacement: FloatArray) -> tu
 
 
 def path_failure(
-    scene: FiniteScene, position: float, factors: FloatArray, displacement: FloatArray, outcome: Outcome
+    scene: FiniteScene, position: float, factors: FloatArray, displacement: FloatArray, follower: Follower
 ) -> NumericalError:
     """Error of a path of one body that cannot be continued from its last state."""
     name, body = scene.alone
     waves = body.ellipticity(displacement, factors)
     soft = int(np.argmin(waves))
-    where = f"the path stopped at position {position:.6g}: {outcome.reason.value} ({outcome.message})"
+    where = f"the path stopped at position {position:.6g}: {follower.reason.value} ({follower.message})"
     if waves[soft] < level("ellipticity"):
         place = place_of(scene, name, soft)
         close = f"{place} is close to losing ellipticity (acoustic tensor {waves[soft]:.2g})"

@@ -6,10 +6,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from mlsanm_cli.app.checks.check import Check, Verdicts
-from mlsanm_cli.app.checks.quality import Quality, announce
+from mlsanm_cli.app.checks.quality import Quality
 from mlsanm_cli.app.context import RunContext
-from mlsanm_cli.app.output.parts import ContactNodes, body_datasets, model_bodies
+from mlsanm_cli.app.output.parts import ContactNodes, model_bodies
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.arrays import FloatArray
@@ -54,10 +56,6 @@ class Analysis(ABC):
         self.quality = Quality(case, prepared, {}, {}, {})
         self._reached: Stop | None = None
 
-    def announce(self, verdicts: Verdicts) -> None:
-        """Assesses the clouds, prints notes and judges the model."""
-        self.quality = announce(self.case, self.prepared, self.context, verdicts)
-
     @property
     def models(self) -> Mapping[str, BodyModel]:
         """Clouds and stencils of all bodies."""
@@ -99,18 +97,18 @@ class Analysis(ABC):
     ) -> Iterator[PathStep]:
         """The path that ``follow`` returns, up to a ``[[stop]]`` of the case reached within a ``tolerance``.
         Raises RunError for a stop by an unknown force."""
-        path = StoppedPath(self.case.stop, follow, self._measure, last, tolerance)
+
+        def value(stop: Stop, state: State) -> float:
+            forces = self.forces(state)
+            if stop.what == "force" and stop.of not in forces:
+                known = f"there are: {', '.join(forces)}"
+                raise RunError(f"[[stop]]: the force of {stop.of} is not known", known)
+            weights = {name: nodes.weight for name, nodes in self.contacts.items()}
+            return measured(stop, self.quantities(state), forces, weights)
+
+        path = StoppedPath(self.case.stop, follow, value, last, tolerance)
         yield from path.steps(start)
         self._reached = path.reached
-
-    def _measure(self, stop: Stop, state: State) -> float:
-        """The value of the quantity of a stop."""
-        forces = self.forces(state)
-        if stop.what == "force" and stop.of not in forces:
-            known = f"there are: {', '.join(forces)}"
-            raise RunError(f"[[stop]]: the force of {stop.of} is not known", known)
-        weights = {name: nodes.weight for name, nodes in self.contacts.items()}
-        return measured(stop, self.quantities(state), forces, weights)
 
     def ending(self, last: State | None) -> Ending:
         """The end of a completed path, also by a stop of the case."""
@@ -132,7 +130,11 @@ class Analysis(ABC):
         """Bodies and contacts before loading."""
         datasets: dict[str, Value] = {}
         for name, cloud in self.clouds.items():
-            datasets |= body_datasets(name, cloud, self.models[name].settings.degree)
+            index, normal, names = cloud.boundary
+            boundary: dict[str, Value] = {"index": index, "normal": normal, "name": list(names)}
+            members: dict[str, Value] = {f"boundary/{key}": array for key, array in boundary.items()}
+            members |= {"points": cloud.points, "degree": np.array(self.models[name].settings.degree)}
+            datasets |= {f"{place('bodies', name)}/{key}": value for key, value in members.items()}
         for name, nodes in self.contacts.items():
             datasets |= {place("contacts", name, key): array for key, array in nodes._asdict().items()}
         return datasets
@@ -189,9 +191,8 @@ class Analysis(ABC):
         """Columns of the tables of all contacts in a state."""
         tables = {}
         for name, values in self.quantities(state)["contacts"].items():
-            nodes = self.contacts[name]
-            x, y = nodes.points.T
-            columns = {"x": x, "y": y, "arc_length": nodes.arc_length, **values}
+            x, y = self.contacts[name].points.T
+            columns = {"x": x, "y": y, "arc_length": self.contacts[name].arc_length, **values}
             tables[name] = {column: columns[column] for column in INTERFACE_COLUMNS}
         return tables
 

@@ -43,14 +43,6 @@ class EarlierRun(NamedTuple):
     refinement: Refinement | None
 
 
-def plain_checkpoint(
-    last: State, checkpoint: Checkpoint | None, figures: Mapping[str, Any]
-) -> dict[str, Value]:
-    """The state of the last row, the checkpoint of the path, and the figures, as datasets."""
-    arrays = {**flattened("checkpoint/last", last), **flattened("checkpoint/path", checkpoint)}
-    return {**arrays, "checkpoint/figures": as_text(figures)}
-
-
 def interrupted_run(origin: RunData) -> EarlierRun:
     """The stored data of an interrupted run. Raises RunError if they are damaged or of another version."""
     stored = origin.checkpoint

@@ -1,5 +1,4 @@
-"""Bodies, contacts and obstacles of either strain as datasets of run.h5, parts of VTU files, and summary
-figures."""
+"""Bodies, contacts and obstacles of either strain as parts of VTU files, and summary figures of contacts."""
 
 from __future__ import annotations
 
@@ -11,27 +10,13 @@ from numpy.typing import NDArray
 
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.case import AnyObstacle, Case, DiskObstacle, ObstacleMotion, PlaneObstacle
+from mlsanm_cli.case import Case, DiskObstacle, ObstacleMotion, PlaneObstacle
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.complementarity.problem import OPEN, SLIP, STICK
 from mlsanm_cli.contact.geometry.profile import half_width, is_singular
-from mlsanm_cli.io.columns import place
-from mlsanm_cli.io.run_file import Value
 from mlsanm_cli.io.schema import COMPONENTS, CONTACT_ARRAYS, FIELDS, members
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.solve.state import Fields
-
-
-def body_datasets(name: str, cloud: Cloud, degree: int) -> dict[str, Value]:
-    """The datasets of a body, with the ``degree`` of its local polynomials."""
-    boundary, (index, normal, names) = ("bodies", name, "boundary"), cloud.boundary
-    return {
-        place("bodies", name, "points"): cloud.points,
-        place("bodies", name, "degree"): np.array(degree),
-        place(*boundary, "index"): index,
-        place(*boundary, "normal"): normal,
-        place(*boundary, "name"): list(names),
-    }
 
 
 class ContactNodes(NamedTuple):
@@ -67,47 +52,31 @@ def contact_figures(
     }
 
 
-def stored_fields(number: int, fields: Mapping[str, Fields], wanted: Sequence[str]) -> dict[str, Value]:
-    """The requested fields of the saved state with this number, as datasets."""
-    return {
-        place("fields", str(number), body, name): np.ascontiguousarray(values[name])
-        for body, values in fields.items()
-        for name in wanted
-    }
-
-
 def vtu_states(
     clouds: Mapping[str, Cloud], fields: Mapping[str, Fields], wanted: Sequence[str]
 ) -> dict[str, VtuPart]:
-    """The requested fields at the points of ``clouds``, for VTU files."""
-    return {name: body_part(clouds[name], vtu_data(values, wanted)) for name, values in fields.items()}
-
-
-def vtu_data(fields: Fields, wanted: Sequence[str]) -> dict[str, NDArray[Any]]:
-    """The requested fields by name, with the out-of-plane component of stresses, and principal values by
-    number."""
-    data: dict[str, NDArray[Any]] = {}
-    for name in wanted:
-        values, axis = fields[name], QUANTITIES[name].dimensions[-1]
-        if axis == "principal":
-            data |= {f"{name}_{part}": values[:, k] for k, part in enumerate(COMPONENTS[axis])}
-        else:
-            data[name] = np.column_stack([values, fields["stress_zz"]]) if name == "stress" else values
-    return data
+    """The fields ``wanted`` at the points of ``clouds`` for VTU files, with the out-of-plane component of
+    stresses, and principal values by number."""
+    parts = {}
+    for body, values in fields.items():
+        data: dict[str, NDArray[Any]] = {}
+        for name in wanted:
+            field, axis = values[name], QUANTITIES[name].dimensions[-1]
+            if axis == "principal":
+                data |= {f"{name}_{part}": field[:, k] for k, part in enumerate(COMPONENTS[axis])}
+            else:
+                data[name] = np.column_stack([field, values["stress_zz"]]) if name == "stress" else field
+        parts[body] = body_part(clouds[body], data)
+    return parts
 
 
 def body_part(cloud: Cloud, data: Mapping[str, NDArray[Any]]) -> VtuPart:
-    """A body for VTU files, with nodal ``data`` and the numbers of its boundaries."""
-    return VtuPart(cloud.points, cloud.triangles, {"boundary_tag": boundary_tags(cloud), **data})
-
-
-def boundary_tags(cloud: Cloud) -> NDArray[np.int32]:
-    """0 inside, k on the k-th boundary with all its pieces; a corner node belongs to the later one."""
-    tags = np.zeros(len(cloud.points), dtype=np.int32)
-    numbers: dict[str, int] = {}
+    """A body for VTU files, with nodal ``data`` and boundary tags: 0 inside, k on the k-th boundary with all
+    its pieces; a corner node belongs to the later one."""
+    tags, numbers = np.zeros(len(cloud.points), dtype=np.int32), dict[str, int]()
     for surface in cloud.surfaces.values():
         tags[surface.index] = numbers.setdefault(surface.name.partition("/")[0], len(numbers) + 1)
-    return tags
+    return VtuPart(cloud.points, cloud.triangles, {"boundary_tag": tags, **data})
 
 
 def model_bodies(prepared: SceneModel) -> list[VtuPart]:
@@ -134,11 +103,28 @@ PLANE_LENGTH = 0.75
 """Length of a plane to both sides, in diameters of the scene."""
 
 
-def obstacles(case: Case, low: FloatArray, high: FloatArray) -> dict[str, tuple[FloatArray, IntArray]]:
+def obstacles(case: Case, points: FloatArray) -> dict[str, tuple[FloatArray, IntArray]]:
     """Points (k, 2) and pairs of neighbours (e, 2) of the obstacle of every contact before loading. Planes
-    are drawn with a length relative to the scene, whose box is from ``low`` (2,) to ``high`` (2,)."""
-    known = {contact.name: contact.obstacle for contact in case.contact}
-    return {name: _drawn(one, low, high) for name, one in known.items() if one is not None}
+    are drawn with a length relative to the scene of these ``points`` (n, 2)."""
+    low, high, lines = points.min(axis=0), points.max(axis=0), {}
+    for contact in case.contact:
+        obstacle = contact.obstacle
+        if obstacle is None:
+            continue
+        if isinstance(obstacle, PlaneObstacle):
+            normal, middle = np.array(obstacle.normal) / np.hypot(*obstacle.normal), 0.5 * (low + high)
+            foot = middle - ((middle - np.array(obstacle.point)) @ normal) * normal
+            reach = PLANE_LENGTH * float(np.hypot(*(high - low))) * np.array([normal[1], -normal[0]])
+            drawn = np.array([foot - reach, foot + reach])
+        elif isinstance(obstacle, DiskObstacle):
+            angle = np.linspace(0.0, 2.0 * np.pi, CIRCLE_POINTS)
+            ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+            drawn = np.array(obstacle.center) + obstacle.radius * ring
+        else:
+            drawn = np.array(obstacle.points)
+        numbers = np.arange(len(drawn), dtype=np.int64)
+        lines[contact.name] = drawn, np.stack([numbers[:-1], numbers[1:]], axis=1)
+    return lines
 
 
 def obstacle_shift(case: Case, contact: str, moved: Mapping[str, FloatArray]) -> FloatArray:
@@ -155,20 +141,3 @@ def contact_part(
     # Without friction the slip is not computed; viewers cannot show nan.
     names = [name for name in CONTACT_ARRAYS if name in values and (friction or name != "slip")]
     return VtuPart(points, edges, {name: values[name] for name in names})
-
-
-def _drawn(obstacle: AnyObstacle, low: FloatArray, high: FloatArray) -> tuple[FloatArray, IntArray]:
-    if isinstance(obstacle, PlaneObstacle):
-        normal = np.array(obstacle.normal) / np.hypot(*obstacle.normal)
-        middle = 0.5 * (low + high)
-        foot = middle - ((middle - np.array(obstacle.point)) @ normal) * normal
-        reach = PLANE_LENGTH * float(np.hypot(*(high - low))) * np.array([normal[1], -normal[0]])
-        points = np.array([foot - reach, foot + reach])
-    elif isinstance(obstacle, DiskObstacle):
-        angle = np.linspace(0.0, 2.0 * np.pi, CIRCLE_POINTS)
-        ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        points = np.array(obstacle.center) + obstacle.radius * ring
-    else:
-        points = np.array(obstacle.points)
-    numbers = np.arange(len(points), dtype=np.int64)
-    return points, np.stack([numbers[:-1], numbers[1:]], axis=1)

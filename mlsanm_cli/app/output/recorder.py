@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,15 +13,14 @@ import numpy as np
 from mlsanm_cli.app.checks.check import Check, Verdicts
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.output.analysis import Analysis, BodyFields, Ending
-from mlsanm_cli.app.output.checkpoint import REFINEMENT, EarlierRun, as_text, plain_checkpoint
-from mlsanm_cli.app.output.parts import stored_fields, vtu_states
+from mlsanm_cli.app.output.checkpoint import REFINEMENT, EarlierRun, as_text, flattened
+from mlsanm_cli.app.output.parts import vtu_states
 from mlsanm_cli.case import LoadedCase, resolved_mapping
 from mlsanm_cli.errors import NumericalError, UnstableError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.columns import place, row
-from mlsanm_cli.io.files import write_text
+from mlsanm_cli.io.files import EventLog, toml_text, write_csv, write_json_atomic, write_text
 from mlsanm_cli.io.run_file import Attribute, RunFile, Value
-from mlsanm_cli.io.summary import EventLog, toml_text, write_csv, write_json_atomic
 from mlsanm_cli.io.vtu import StateWriter, write_parts
 from mlsanm_cli.records import Closing
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State
@@ -102,20 +100,18 @@ class Recorder(Closing):
             datasets: dict[str, Value] = {REFINEMENT: as_text(refinement)} if refinement else {}
             self._file.add(datasets=datasets, attributes={"": analysis.attributes})
             self._file.save_if_due()
-            return self._take_up(analysis, self._earlier) if self._earlier else None
-
-    def _take_up(self, analysis: Analysis, before: EarlierRun) -> Checkpoint | None:
-        """Restores the totals after the last recorded row, and the lists of VTU files."""
-        if before.last is None:
-            return None
-        figures = dict(before.figures)
-        self.warnings += self.verdicts.take_up(figures.pop("checks"))
-        self.last, self.tally, self._rows = before.last, figures, before.rows
-        positions = self._file.saved_positions()
-        self._saved = len(positions)
-        for position in positions if self._case.output.vtu else ():
-            self._states.keep(position, tuple(analysis.clouds))
-        return before.checkpoint
+            before = self._earlier
+            if before is None or before.last is None:
+                return None
+            # The totals after the last recorded row, and the lists of VTU files.
+            figures = dict(before.figures)
+            self.warnings += self.verdicts.take_up(figures.pop("checks"))
+            self.last, self.tally, self._rows = before.last, figures, before.rows
+            positions = self._file.saved_positions()
+            self._saved = len(positions)
+            for position in positions if self._case.output.vtu else ():
+                self._states.keep(position, tuple(analysis.clouds))
+            return before.checkpoint
 
     def step(self, analysis: Analysis, step: PathStep) -> None:
         """Adds a finished step: its rows, its series, the fields saved within it, and the checkpoint. All of
@@ -132,8 +128,13 @@ class Recorder(Closing):
                 attributes[series], self._has_maps = step.series_attributes, True
             saved = step.saved if self._case.output.fields else ()
             for one, (fields, figures) in zip(saved, analysis.fields(saved), strict=True):
-                datasets |= stored_fields(self._saved, fields, analysis.fields_written)
-                attributes[place("fields", str(self._saved))] = figures
+                number, written = str(self._saved), analysis.fields_written
+                datasets |= {
+                    place("fields", number, body, name): np.ascontiguousarray(values[name])
+                    for body, values in fields.items()
+                    for name in written
+                }
+                attributes[place("fields", number)] = figures
                 rows.append({"fields/position": one.position})
                 self._save(analysis, one, fields, figures)
             self._count(analysis, step)
@@ -142,9 +143,12 @@ class Recorder(Closing):
             event = {"index": self._rows - 1, "position": state.position, "residual": state.residual}
             self._events.write("step", **event, length=step.length)
             totals = {**self.tally, "checks": self.verdicts.plain}
-            self._file.add(
-                rows, datasets, attributes, partial(plain_checkpoint, state, step.checkpoint, totals)
-            )
+
+            def checkpoint() -> dict[str, Value]:
+                last = {"last": state, "path": step.checkpoint}
+                return {**flattened("checkpoint", last), "checkpoint/figures": as_text(totals)}
+
+            self._file.add(rows, datasets, attributes, checkpoint)
             self._file.save_if_due()
         texts = [*analysis.progress(step), *self._progress(state.position)]
         self._console.step(self.tally["steps"], state.position, state.residual, "  ".join(texts).rstrip())

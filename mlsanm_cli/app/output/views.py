@@ -1,9 +1,6 @@
-"""The points at which fields are written.
-
-Fields are written at the nodes and, under contact grids, at points as fine as the grids. Fields between the
-nodes are known: a smooth remainder and a closed form. The largest stress lies a part of the contact's width
-below the surface, where the cloud may have no node.
-"""
+"""The points at which fields are written: the nodes and, under contact grids, points as fine as the grids,
+where fields are a smooth remainder and a closed form. The largest stress lies a part of the contact's width
+below the surface, where the cloud may have no node."""
 
 from __future__ import annotations
 
@@ -18,11 +15,9 @@ from mlsanm_cli.app.scene.clouds import spacing_of
 from mlsanm_cli.arrays import runs_of
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.spacing import Zone
-from mlsanm_cli.contact.laws.active_set import ExactState
+from mlsanm_cli.contact.laws.contact_state import ContactState
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.body_model import BodyModel
-from mlsanm_cli.mechanics.eigenstress import values_at
-from mlsanm_cli.mechanics.probes import probe_rows, stress_of_expansion
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.solve.condensed_scene import CondensedScene
@@ -49,12 +44,12 @@ class View:
     @cached_property
     def rows(self) -> sparse.csr_array:
         """Displacement x and y and stresses xx, yy, xy at the points (5e, 2N), quantity by quantity."""
-        return probe_rows(self.model, self.cloud.points)
+        return self.model.probe_rows(self.cloud.points)
 
     @cached_property
     def values(self) -> sparse.csr_array:
         """A nodal field at the points (e, n)."""
-        return values_at(self.model, self.cloud.points)
+        return self.model.field_rows(self.cloud.points)
 
 
 def finer_views(built: CondensedScene, boundaries: Boundaries, memo: Memo = NO_CACHE) -> dict[str, View]:
@@ -72,10 +67,10 @@ def finer_views(built: CondensedScene, boundaries: Boundaries, memo: Memo = NO_C
     return finer
 
 
-def _zones(condensed: Condensed, ends: Sequence[ExactState], model: BodyModel) -> Iterator[Zone]:
+def _zones(condensed: Condensed, ends: Sequence[ContactState], model: BodyModel) -> Iterator[Zone]:
     for pairing in condensed.on_grids:
         span = condensed.spans[pairing.name]
-        closed = np.any([state.active[span] for state in ends], axis=0)
+        closed = np.any([state.closed[span] for state in ends], axis=0)
         # A hat ends at the node beyond the one after it.
         patches = pairing.grid.hats.nodes[runs_of(closed) + np.array([0, 1])]
         patches = patches[np.argsort(patches[:, 0] - patches[:, 1], kind="stable")][:MAX_PATCHES]
@@ -86,10 +81,8 @@ def _zones(condensed: Condensed, ends: Sequence[ExactState], model: BodyModel) -
                 half = 0.5 * (last - first)
                 place = pairing.grid.facing.side(np.array([0.5 * (first + last)]), slave)[0][0]
                 nearest = model.cloud.tree.query([place.real, place.imag])[1]
-                if (
-                    half / PER_HALF_WIDTH
-                    < MIN_REFINEMENT * model.cloud.spacing[min(nearest, len(model.cloud.points) - 1)]
-                ):
+                coarse = model.cloud.spacing[min(nearest, len(model.cloud.points) - 1)]
+                if half / PER_HALF_WIDTH < MIN_REFINEMENT * coarse:
                     point = (float(place.real), float(place.imag))
                     yield Zone.around(point, half / PER_HALF_WIDTH, FINE_RADIUS * half, GROWTH)
 
@@ -98,19 +91,15 @@ def shown_fields(
     built: CondensedScene, views: Mapping[str, View], state: State, fields: Mapping[str, Fields], stress: bool
 ) -> dict[str, Fields]:
     """The fields at the points where they are written, with stresses if requested."""
-    return {
-        name: _shown(built, views[name], state, values, stress) if name in views else values
-        for name, values in fields.items()
-    }
-
-
-def _shown(built: CondensedScene, view: View, state: State, fields: Fields, stress: bool) -> Fields:
-    name, material = view.model.name, view.model.material
-    moved, stressed = built.condensed.contact_fields(built.scene, name, state.unknowns, view.cloud.points)
-    seen = (view.rows @ fields["rest"].ravel()).reshape(-1, len(view.cloud.points)).T
-    sigma, degrees = np.zeros((0, len(material.stiffness))), np.zeros(0)
-    if stress:
-        degrees = built.scene.degrees(name, state.factors, view.cloud.points)
-        sigma = seen[:, 2:] + stressed - degrees[:, None] * stress_of_expansion(material)
-    flow = flow_of(built, name, state, view.values)
-    return named_fields(material, seen[:, :2] + moved, sigma, degrees, flow)
+    shown = dict(fields)
+    for name, view in views.items():
+        points, material = view.cloud.points, view.model.material
+        moved, stressed = built.condensed.contact_fields(built.scene, name, state.unknowns, points)
+        seen = (view.rows @ fields[name]["rest"].ravel()).reshape(-1, len(points)).T
+        sigma, degrees = np.zeros((0, len(material.stiffness))), np.zeros(0)
+        if stress:
+            degrees = built.scene.degrees(name, state.factors, points)
+            sigma = seen[:, 2:] + stressed - degrees[:, None] * material.stress_of_expansion
+        flow = flow_of(built, name, state, view.values)
+        shown[name] = named_fields(material, seen[:, :2] + moved, sigma, degrees, flow)
+    return shown

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -10,13 +10,13 @@ from mlsanm_cli.app.checks.references import ReferenceProfile, profile_on
 from mlsanm_cli.app.results.choice import Choice
 from mlsanm_cli.app.results.path_lookup import (
     along_surface,
+    checked_error,
     contact_force,
     level_at,
     mean_tangent,
     pressures_at,
     tangential_force,
 )
-from mlsanm_cli.app.results.probe import probe_contact
 from mlsanm_cli.arrays import FloatArray, runs_of
 from mlsanm_cli.case import Case, Platen
 from mlsanm_cli.case.model.motions import ObstacleMotion
@@ -50,8 +50,7 @@ SLIP_LABEL = "mean slip of the surfaces"
 
 
 def load_words(run: RunData, case: Case, position: float) -> str:
-    """A position in words: the stage if there are several, and the factors of three loads that change in
-    it."""
+    """The stage of a position if there are several, and the factors of three loads that change in it."""
     stages = len(case.stage)
     number = min(max(int(np.ceil(position)), 1), stages)
     factors = dict(zip(run.path.factors, level_at(run, position).factors, strict=True))
@@ -66,10 +65,9 @@ def position_words(run: RunData, case: Case, position: float) -> str:
 
 
 def pressure_picture(run: RunData, case: Case, name: str, choice: Choice) -> Picture:
-    """Pressures along a contact at several positions; the last one, if it is the end of the path, with the
-    closed formula, if the case names one, and the difference from it in percent of its peak. Markers show the
-    nodes, and thereby oscillations from node to node; values far above the largest regular one are cut
-    off."""
+    """Pressures along a contact at several positions; the last one, at the end of the path, with the closed
+    formula named by the case and the difference from it in percent of its peak. Values far above the largest
+    regular one are cut off."""
     contact, end = run.contacts[name], float(run.path.position[-1])
     levels = list(choice.at)
     if not levels:
@@ -117,7 +115,7 @@ def pressure_picture(run: RunData, case: Case, name: str, choice: Choice) -> Pic
 
 
 def reference_profile(run: RunData, case: Case, name: str) -> ReferenceProfile | None:
-    """The closed formula at the end of the path; None where the case names none or nothing is pressed."""
+    """The closed formula at the end of the path, if the case names one and the contact is pressed."""
     contact, described = run.contacts[name], next(c for c in case.contact if c.name == name)
     # That of the pressures: Hertz' formula knows no tractions.
     pressing = force_on_slave(contact.weight, contact.normal, contact.pressure[-1])
@@ -128,37 +126,35 @@ def reference_profile(run: RunData, case: Case, name: str) -> ReferenceProfile |
 
 
 def traction_picture(run: RunData, case: Case, name: str, choice: Choice) -> Picture:
-    """The traction at the nodes of a contact with its friction limits, and the stick and slip zones, which
-    end half-way between nodes."""
+    """The traction at the nodes of a contact with its friction limits, and the stick and slip zones."""
     contact = run.contacts[name]
     friction = next(described.coefficient for described in case.contact if described.name == name)
     # Bonds have no friction limit.
     coefficient = friction if np.isfinite(friction) else 0.0
     position = choice.at[-1] if choice.at else float(run.path.position[-1])
-    (values,) = probe_contact(run, [position], name, ("pressure", "traction"))
-    pressure = np.maximum(values["pressure"], 0.0)
-    most = np.maximum(coefficient * pressure, np.abs(values["traction"]))
+    level = level_at(run, position)
+    checked_error(run, level, "pressures", contact.pressure, contact.traction)
+    pressure, traction, status = (
+        level[f"contacts/{name}/{key}"] for key in ("pressure", "traction", "status")
+    )
+    pressure = np.maximum(pressure, 0.0)
+    most = np.maximum(coefficient * pressure, np.abs(traction))
     order, arc = along_surface(contact, pressure)
-    limit, traction = coefficient * pressure[order], values["traction"][order]
-    status = level_at(run, position)[f"contacts/{name}/status"][order]
+    limit, traction, status = coefficient * pressure[order], traction[order], status[order]
+    # Zones end half-way between nodes.
+    borders, zones = np.concatenate([arc[:1], 0.5 * (arc[1:] + arc[:-1]), arc[-1:]]), []
+    for kind, (label, colour) in ZONES.items() if len(arc) > 1 else ():
+        for first, last in runs_of(status == kind):
+            zones.append((float(borders[first]), float(borders[last]), colour, label))
+            label = ""
     high, cut_off = cut_off_above(float(most.max(initial=0.0)), regular_peak(contact.arc_length, most))
     limits = (-1.05 * high, 1.05 * high) if high else (None, None)
     upper = Curve(arc, limit, "friction limit", REFERENCE_LINE)
     own = Curve(arc, traction, "traction", {"color": COLOURS[0], "marker": "o", "markersize": 2.5})
     labels = case.units.label("arc length", "length"), case.units.label("traction on the slave", "stress")
-    seen, zones = visible_range(arc, limit[None, :]), list(_zones(arc, status))
+    seen = visible_range(arc, limit[None, :])
     panel = Panel([upper, Curve(arc, -limit, "", REFERENCE_LINE), own], *labels, seen, limits, zones, cut_off)
     return Picture([panel], f"Tangential traction, {name}, {position_words(run, case, position)}", OUTSIDE)
-
-
-def _zones(arc: FloatArray, status: FloatArray) -> Iterator[tuple[float, float, str, str]]:
-    if len(arc) < 2:
-        return
-    borders = np.concatenate([arc[:1], 0.5 * (arc[1:] + arc[:-1]), arc[-1:]])
-    for kind, (label, colour) in ZONES.items():
-        for first, last in runs_of(status == kind):
-            yield float(borders[first]), float(borders[last]), colour, label
-            label = ""
 
 
 def loop_picture(run: RunData, case: Case, name: str, choice: Choice, over_slip: bool = False) -> Picture:
@@ -169,8 +165,17 @@ def loop_picture(run: RunData, case: Case, name: str, choice: Choice, over_slip:
         raise RunError(f"contact {name} transmits no tangential force", "use --what pressure or traction")
     along = {load: moved @ tangent for load, moved in run.path.displacements.items()}
     moved, label = mean_slip(run.contacts[name]), SLIP_LABEL
-    load = _mover(case, along, tangent)
-    if load and not over_slip and float(np.ptp(along[load])) > MIN_TANGENTIAL_MOTION * float(np.ptp(moved)):
+    # Of several loads on one plate the one that prescribes most along the tangent.
+    prescribed = {
+        load.name: abs(sum(value * tangent["xy".index(axis)] for axis, (_, value) in load.control.items()))
+        for load in case.load
+        if isinstance(load, Platen | ObstacleMotion)
+    }
+    ranges = {load: float(np.ptp(values)) for load, values in along.items()}
+    most = max(ranges.values(), default=0.0)
+    equal = [load for load, size in ranges.items() if size >= (1.0 - ROUND_OFF) * most]
+    load = max(equal, key=lambda load: prescribed.get(load, 0.0), default="")
+    if load and not over_slip and most > MIN_TANGENTIAL_MOTION * float(np.ptp(moved)):
         moved, label = along[load], f"displacement along the contact, by {load}"
     start = {"color": COLOURS[1], "marker": "s", "linestyle": "none"}
     end = {"color": COLOURS[2], "marker": "^", "linestyle": "none"}
@@ -179,19 +184,6 @@ def loop_picture(run: RunData, case: Case, name: str, choice: Choice, over_slip:
     labels = case.units.label(label, "length"), case.units.label(TANGENTIAL, "force")
     panel = Panel([Curve(moved, force, look=look), *ends], *labels)
     return Picture([panel], f"Tangential force, {name}", "best", (5.2, 4.2))
-
-
-def _mover(case: Case, along: Mapping[str, FloatArray], tangent: FloatArray) -> str:
-    """The load whose displacement ``along`` (S+1,) the tangent (2,) changes most; of several on one plate the
-    one that prescribes most along it."""
-    prescribed = {
-        load.name: abs(sum(value * tangent["xy".index(axis)] for axis, (_, value) in load.control.items()))
-        for load in case.load
-        if isinstance(load, Platen | ObstacleMotion)
-    }
-    most = max((float(np.ptp(moved)) for moved in along.values()), default=0.0)
-    equal = [load for load, moved in along.items() if float(np.ptp(moved)) >= (1.0 - ROUND_OFF) * most]
-    return max(equal, key=lambda load: prescribed.get(load, 0.0), default="")
 
 
 def mean_slip(contact: Dataset) -> FloatArray:

@@ -17,10 +17,9 @@ from mlsanm_cli.cloud.revolution import at_axis
 from mlsanm_cli.contact.geometry.profile import half_width
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_dir
-from mlsanm_cli.io.files import write_text
+from mlsanm_cli.io.files import read_summary, write_text
 from mlsanm_cli.io.run_dir import holder
 from mlsanm_cli.io.run_reader import RunData, read_origin, read_run
-from mlsanm_cli.io.summary import read_summary
 
 PROVENANCE = (
     *("mlsanm_version", "git", "versions", "argv", "host", "cpu", "threads", "resumed"),

@@ -42,8 +42,7 @@ class Level:
     series: Mapping[str, FloatArray]
 
     def __getitem__(self, path: str) -> FloatArray:
-        """A quantity at this level, from its history (S+1, ...); integers are those at the end of the step.
-        Raises RunError for quantities of a step with series that do not give it."""
+        """A quantity from its history (S+1, ...). Raises RunError if a step with series does not give it."""
         if self.how == SERIES and not path.startswith("path/factors/"):
             if path not in self.series:
                 raise RunError(
@@ -68,8 +67,7 @@ class Level:
 
 
 def level_at(run: RunData, position: float) -> Level:
-    """The level of a path position. Raises RunError if the path does not reach it, and between stored states
-    at finite strain."""
+    """The level of a path position. Raises RunError beyond the path, and between states at finite strain."""
     rows = run["path/position"]
     if not len(rows):
         raise RunError(f"{run.directory} holds no finished step yet")
@@ -108,35 +106,29 @@ def _from_series(run: RunData, level: Level, stored: Dataset) -> dict[str, Float
     length = float(stored.attributes["length"])
     branch = Branch(np.hstack(parts), stored.position, length, stored.get("denominator"))
     x, _ = branch.evaluate(branch.parameter_at(level.position))
-    ends = np.cumsum([part.shape[1] for part in parts])[:-1]
-    known = {
-        "motion": np.zeros(0),
-        "traction": np.zeros(0),
-        **dict(zip(names, np.split(x, ends), strict=True)),
-    }
+    split = np.split(x, np.cumsum([part.shape[1] for part in parts])[:-1])
+    none = dict.fromkeys(("motion", "traction"), np.zeros(0))
+    known = none | dict(zip(names, split, strict=True))
     unknowns = np.concatenate([[1.0], level.factors, known["motion"], known["pressure"], known["traction"]])
-    mapped = {
-        kind: {name: matrix @ unknowns for name, matrix in run["maps"][kind].items()} for kind in run["maps"]
+    maps = {
+        kind: {name: matrix @ unknowns for name, matrix in own.items()} for kind, own in run["maps"].items()
     }
-    values = {f"path/resultants/{name}": force for name, force in mapped["forces"].items()}
-    for name, both in mapped["probes"].items():
+    values = {f"path/resultants/{name}": force for name, force in maps["forces"].items()}
+    for name, both in maps["probes"].items():
         values |= {f"probes/{name}/displacement": both[:2], f"probes/{name}/stress": both[2:]}
-    first = first_tangential = 0
+    pressed = pulled = 0
     for name, contact in run["contacts"].items():
-        place, count = f"contacts/{name}", len(contact.arc_length)
-        values[f"{place}/status"] = contact.status[level.row]
-        if name in mapped["bonds"]:
-            values[f"{place}/pressure"], values[f"{place}/traction"] = np.split(mapped["bonds"][name], 2)
-            values |= dict.fromkeys((f"{place}/gap", f"{place}/slip"), np.zeros(count))
-            continue
-        rows = slice(first, first + count)
-        values |= {f"{place}/{key}": known[key][rows] for key in ("pressure", "gap")}
-        first += count
-        if name in mapped["slip"]:
-            tangential = slice(first_tangential, first_tangential + count)
-            values[f"{place}/traction"] = known["traction"][tangential]
-            values[f"{place}/slip"] = mapped["slip"][name]
-            first_tangential += count
+        count, found = len(contact.arc_length), {"status": contact.status[level.row]}
+        if name in maps["bonds"]:
+            found |= dict(zip(("pressure", "traction"), np.split(maps["bonds"][name], 2), strict=True))
+            found |= dict.fromkeys(("gap", "slip"), np.zeros(count))
+        else:
+            found |= {key: known[key][pressed : pressed + count] for key in ("pressure", "gap")}
+            pressed += count
+        if name in maps["slip"]:
+            found |= {"traction": known["traction"][pulled : pulled + count], "slip": maps["slip"][name]}
+            pulled += count
+        values |= {f"contacts/{name}/{key}": value for key, value in found.items()}
     return values
 
 
@@ -167,43 +159,38 @@ def displacement_at(run: RunData, level: Level, body: str) -> tuple[FloatArray, 
     )
 
 
-def interpolation_error(position: FloatArray, history: FloatArray, row: int, share: float) -> float:
-    """The estimated largest absolute error of the interpolation between two rows of a ``history`` (S+1, ...).
-
-    ``share`` is the weight of ``row``, the rest that of the row before; ``position`` is (S+1,). The estimate
-    is the error of adjacent stored rows, interpolated from their neighbours in the same stage, times a power
-    of the ratio of distances. Infinite if a stage has fewer than three rows.
-    """
-    gap = position[row] - position[row - 1]
-    errors = []
-    for middle in (row - 1, row):
-        if not 1 <= middle < len(position) - 1:
-            continue
-        before, after = np.diff(position[middle - 1 : middle + 2])
-        of_stage = np.ceil(position[middle : middle + 2] - FINE_ROUND_OFF)
-        if of_stage[0] == of_stage[1] and before > 0.0 and after > 0.0:
-            first, stored, last = np.asarray(history[middle - 1 : middle + 2], dtype=np.float64)
-            part = before / (before + after)
-            missed = np.abs((1.0 - part) * first + part * last - stored).max(initial=0.0)
-            finer = share * (1.0 - share) * gap**2 / (before * after)
-            errors.append(float(finer ** (0.5 * EDGE) * missed))
-    return max(errors, default=np.inf)
-
-
 def checked_error(run: RunData, level: Level, name: str, *histories: FloatArray) -> float | None:
     """The estimated error of interpolated ``histories`` (S+1, ...), called ``name``, relative to the largest
     value of the first in the adjacent rows; None if the level is not interpolated. Raises RunError if the
-    error is too large or unknown."""
+    error is too large or unknown.
+
+    The error of adjacent rows, interpolated from their neighbours in the same stage, times a power of the
+    ratio of distances; infinite if a stage has fewer than three rows.
+    """
     if level.how != INTERPOLATED:
         return None
-    position = run["path/position"]
-    before, after = position[level.row - 1 : level.row + 1]
-    largest = float(np.abs(np.asarray(histories[0])[level.row - 1 : level.row + 1]).max(initial=0.0))
-    missed = max(interpolation_error(position, history, level.row, level.share) for history in histories)
-    error = missed / largest if missed else 0.0
+    position, row, share = run["path/position"], level.row, level.share
+    gap = position[row] - position[row - 1]
+    worst = 0.0
+    for history in histories:
+        errors = []
+        for middle in (row - 1, row):
+            if not 1 <= middle < len(position) - 1:
+                continue
+            before, after = np.diff(position[middle - 1 : middle + 2])
+            of_stage = np.ceil(position[middle : middle + 2] - FINE_ROUND_OFF)
+            if of_stage[0] == of_stage[1] and before > 0.0 and after > 0.0:
+                first, stored, last = np.asarray(history[middle - 1 : middle + 2], dtype=np.float64)
+                part = before / (before + after)
+                missed = np.abs((1.0 - part) * first + part * last - stored).max(initial=0.0)
+                finer = share * (1.0 - share) * gap**2 / (before * after)
+                errors.append(float(finer ** (0.5 * EDGE) * missed))
+        worst = max(worst, max(errors, default=np.inf))
+    largest = float(np.abs(np.asarray(histories[0])[row - 1 : row + 1]).max(initial=0.0))
+    error = worst / largest if worst else 0.0
     if error > MAX_ERROR:
         raise RunError(
-            f"nothing is stored between positions {before:.6g} and {after:.6g}, "
+            f"nothing is stored between positions {position[row - 1]:.6g} and {position[row]:.6g}, "
             f"which are too far apart to interpolate {name}",
             f"run again with {level.position:g} in output.at, or with power series (law hyperbolic, method "
             f"anm), which give results everywhere",
@@ -212,8 +199,7 @@ def checked_error(run: RunData, level: Level, name: str, *histories: FloatArray)
 
 
 def pressures_at(run: RunData, position: float) -> dict[str, FloatArray]:
-    """Pressure (m,) of every contact at a path position. Raises RunError where the path does not reach the
-    position, or where too little is stored about it."""
+    """Pressure (m,) of every contact at a path position. Raises RunError where they are not known."""
     level = level_at(run, position)
     for contact in run.contacts.values():
         checked_error(run, level, "pressures", contact.pressure)
@@ -247,8 +233,7 @@ def contact_force(run: RunData, name: str) -> FloatArray:
 
 
 def tangential_force(run: RunData, name: str) -> FloatArray:
-    """The force (S+1,) of a contact on its master along the mean tangent, at small strain that of its
-    tractions; exactly zero where it is round-off of the whole force."""
+    """The force (S+1,) of a contact on its master along the mean tangent; zero where it is round-off."""
     contact, force = run.contacts[name], contact_force(run, name)
     largest = float(np.hypot(*force.T).max(initial=0.0))
     if not run.is_finite:
@@ -259,8 +244,7 @@ def tangential_force(run: RunData, name: str) -> FloatArray:
 
 
 def mean_tangent(run: RunData, name: str) -> FloatArray:
-    """The mean (2,) of a contact's tangents before loading, weighted with the largest pressures of the path,
-    as a unit vector."""
+    """The mean (2,) of a contact's tangents before loading, weighted with its largest pressures."""
     contact = run.contacts[name]
     weight = contact.weight * contact.pressure.max(axis=0, initial=0.0)
     x, y = (weight if weight.any() else contact.weight) @ contact.normal

@@ -10,8 +10,7 @@ import numpy as np
 
 from mlsanm_cli.app.results import curves
 from mlsanm_cli.app.results.choice import KINDS, Choice
-from mlsanm_cli.app.results.field_pictures import bodies_picture, line_picture
-from mlsanm_cli.app.results.fields import saved_state
+from mlsanm_cli.app.results.fields import bodies_picture, line_picture, saved_state
 from mlsanm_cli.app.results.marks import marks_at
 from mlsanm_cli.app.results.path_lookup import along_surface, pressures_at, refuse_unknown, tangential_force
 from mlsanm_cli.case import Case, stored_case
@@ -24,6 +23,8 @@ from mlsanm_cli.io.run_reader import RunData, read_run
 
 FRAMES, MIN_FRAMES = 40, 2
 """Frames of a path with power series, and least number of frames."""
+TOGETHER = ("pressure", "force", "peak", "loop", "hysteresis", "line")
+"""Pictures of several runs."""
 Make = Callable[[], Picture | BodyPicture]
 
 
@@ -50,7 +51,15 @@ def plot(
     cases = [stored_case(run.case_resolved) for run in runs]
     if len(runs) > 1:
         assert choice.out is not None
-        draw(choice.out, _together(runs, cases, choice))
+        kind = "line" if choice.along is not None else choice.what[0] if len(choice.what) == 1 else ""
+        if kind not in TOGETHER:
+            raise RunError(
+                "several runs need one kind of picture",
+                "add --what pressure, force, peak, loop or hysteresis, or --along",
+            )
+        line = kind == "line"
+        made = line_picture(runs, cases, choice) if line else curves.path_picture(runs, cases, kind, choice)
+        draw(choice.out, made)
         return [choice.out]
     run, case = runs[0], cases[0]
     if choice.animate:
@@ -101,65 +110,37 @@ def pictures(run: RunData, case: Case, choice: Choice) -> Iterator[tuple[str, st
         yield "line", choice.along, partial(line_picture, [run], [case], choice)
 
 
-def _together(runs: Sequence[RunData], cases: Sequence[Case], choice: Choice) -> Picture:
-    """Several runs in one picture. Raises RunError for kinds that do not support it."""
-    kind = "line" if choice.along is not None else choice.what[0] if len(choice.what) == 1 else ""
-    if kind == "line":
-        return line_picture(runs, cases, choice)
-    if kind in ("pressure", "force", "peak", "loop", "hysteresis"):
-        return curves.path_picture(runs, cases, kind, choice)
-    raise RunError(
-        "several runs need one kind of picture",
-        "add --what pressure, force, peak, loop or hysteresis, or --along",
-    )
-
-
 def animate(run: RunData, case: Case, choice: Choice) -> list[Path]:
-    """Writes pressures of contacts along the path, from its series, or the bodies at saved positions; returns
-    the files. Raises RunError if there are fewer than two states.
-    """
+    """Draws pressures along the path, or bodies at saved positions. Raises RunError for one state only."""
     if "bodies" in choice.what or choice.field is not None or not run.contacts:
-        return [_bodies(run, case, choice)]
+        if len(run.states) < MIN_FRAMES:
+            raise RunError(
+                "fields are saved at one position only; an animation needs at least two",
+                "list several positions in output.at and run again",
+            )
+        shown = [bodies_picture(run, case, state, choice.field) for state in run.states]
+        scale = min(picture.scale for picture in shown)
+        frames = [
+            picture._replace(scale=scale, marks=marks_at(run, case, state, scale))
+            for picture, state in zip(shown, run.states, strict=True)
+        ]
+        file = choice.out or run.directory / run_dir.picture_name("bodies", "gif")
+        animate_bodies(file, frames)
+        return [file]
     names = [choice.contact] if choice.contact is not None else list(run.contacts)
     if choice.out is not None and len(names) > 1:
         raise RunError("-o names one picture, but there are several contacts", "add --contact")
-    return [_pressure(run, case, name, choice) for name in names]
-
-
-def _pressure(run: RunData, case: Case, name: str, choice: Choice) -> Path:
     stored = run.path.position
     # Without series only stored states are known.
     places = np.linspace(stored[0], stored[-1], FRAMES) if run.path.order.any() else np.unique(stored)
     if len(places) < MIN_FRAMES:
         raise RunError("the run has one state only", "an animation needs at least two")
-    levels = places.tolist()
-    pressure = np.stack([pressures_at(run, level)[name] for level in levels])
-    order, arc = along_surface(run.contacts[name], pressure.max(axis=0))
-    file = choice.out or run.directory / run_dir.picture_name("pressure", "gif", name)
-    animate_pressure(
-        file,
-        name,
-        arc,
-        pressure[:, order],
-        [curves.load_words(run, case, level) or f"position {level:.3f}" for level in levels],
-        case.units.label("arc length", "length"),
-        case.units.label("pressure", "stress"),
-    )
-    return file
-
-
-def _bodies(run: RunData, case: Case, choice: Choice) -> Path:
-    if len(run.states) < MIN_FRAMES:
-        raise RunError(
-            "fields are saved at one position only; an animation needs at least two",
-            "list several positions in output.at and run again",
-        )
-    shown = [bodies_picture(run, case, state, choice.field) for state in run.states]
-    scale = min(picture.scale for picture in shown)
-    shown = [
-        picture._replace(scale=scale, marks=marks_at(run, case, state, scale))
-        for picture, state in zip(shown, run.states, strict=True)
-    ]
-    file = choice.out or run.directory / run_dir.picture_name("bodies", "gif")
-    animate_bodies(file, shown)
-    return file
+    known, files = [pressures_at(run, level) for level in places.tolist()], []
+    titles = [curves.load_words(run, case, level) or f"position {level:.3f}" for level in places.tolist()]
+    labels = case.units.label("arc length", "length"), case.units.label("pressure", "stress")
+    for name in names:
+        pressure = np.stack([pressures[name] for pressures in known])
+        order, arc = along_surface(run.contacts[name], pressure.max(axis=0))
+        files.append(choice.out or run.directory / run_dir.picture_name("pressure", "gif", name))
+        animate_pressure(files[-1], name, arc, pressure[:, order], titles, *labels)
+    return files

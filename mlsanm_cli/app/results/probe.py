@@ -52,8 +52,7 @@ def probe(
     point: tuple[float, float] | None = None,
     field: str | None = None,
 ) -> list[Row]:
-    """Results of a "contact", "force", "probe", or of a "body" at a ``point``, by its name, or the figures of
-    all "contacts", at every position of ``at``."""
+    """Results of a contact, force, probe or body by name, or the figures of all "contacts", at positions."""
     if kind == "contact":
         return probe_contact(rundir, at, name, quantities)
     if kind == "force":
@@ -69,12 +68,11 @@ def probe_contact(
     """Quantities (m,) of a contact's slave nodes at every position of ``at``; all of them by default."""
     run, case = _read(rundir)
     refuse_unknown(name, run.contacts, "contact")
-    friction = _has_friction(case, name)
+    friction, contact = _has_friction(case, name), run.contacts[name]
     for wanted in quantities:
         if wanted in TANGENTIAL and not friction:
             raise RunError(f'contact "{name}" has no friction and so no {wanted}', "use pressure or gap")
     chosen = quantities or [quantity for quantity in QUANTITIES if friction or quantity not in TANGENTIAL]
-    contact = run.contacts[name]
     place = {"arc_length": contact.arc_length, "x": contact.points[:, 0], "y": contact.points[:, 1]}
     return [
         _origin(run, level, "pressures", contact.pressure, contact.traction)
@@ -97,10 +95,8 @@ def probe_everything(rundir: Path | RunData, at: Sequence[float]) -> list[Row]:
                 pressure = level[f"contacts/{name}/pressure"]
                 order, arc = along_surface(run.contacts[name], pressure)
                 axis = at_axis(run.contacts[name].points[order], case.model.revolved)
-                row |= {
-                    "peak_pressure": float(pressure.max(initial=0.0)),
-                    "half_width": half_width(arc, pressure[order], axis),
-                }
+                width = half_width(arc, pressure[order], axis)
+                row |= {"peak_pressure": float(pressure.max(initial=0.0)), "half_width": width}
             rows.append(row | force)
     return rows
 
@@ -178,11 +174,10 @@ def _levels(run: RunData, at: Sequence[float]) -> list[Level]:
 
 
 def _origin(run: RunData, level: Level, name: str, *histories: FloatArray) -> Row:
-    """The position of a level, the origin of its values and, if they are interpolated ``histories``, their
-    estimated error."""
-    row = {"position": level.position, "how": level.how}
+    """The position of a level, the origin of its values, and the estimated error of interpolated ones."""
     error = checked_error(run, level, name, *histories)
-    return row if error is None else {**row, "error": error}
+    known = {} if error is None else {"error": error}
+    return {"position": level.position, "how": level.how, **known}
 
 
 def _has_friction(case: Case, contact: str) -> bool:

@@ -15,7 +15,7 @@ from mlsanm_cli.app.scene.materials import flow_laws
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import AnyLoad, Case, Displacement, Platen
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.laws.active_set import ExactState
+from mlsanm_cli.contact.laws.contact_state import ContactState
 from mlsanm_cli.contact.laws.failures import EndlessError, NoStateError, UnbalancedError
 from mlsanm_cli.contact.response.condensation import condense
 from mlsanm_cli.contact.response.condensed import Condensed
@@ -85,7 +85,7 @@ def _condensed_scene(
 
 def _condense(
     case: Case, scene: Scene, pairings: tuple[Pairing, ...], stages: FloatArray, context: RunContext
-) -> tuple[Condensed, tuple[ExactState, ...]]:
+) -> tuple[Condensed, tuple[ContactState, ...]]:
     """Condenses; an automatic reach of a contact is enlarged until no excluded node touches."""
     fixed = {contact.name: contact.reach for contact in case.contact}
     for _ in range(MAX_ENLARGEMENTS):

@@ -35,7 +35,7 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics import scene as mechanics
-from mlsanm_cli.mechanics.heat import Heating
+from mlsanm_cli.mechanics.eigenstress import Heating
 from mlsanm_cli.mechanics.rigid import ROTATION, RigidBodyModes, free_motions
 from mlsanm_cli.mechanics.springs import Springs
 from mlsanm_cli.records import dataclass
@@ -108,8 +108,8 @@ def _on_boundary(
     ):
         message = f"goes from {table[0][0]:.6g} to {table[-1][0]:.6g}, the boundary from 0 to {length:.9g}"
         raise CaseError((CaseProblem(f"load.{load.name}.table", message),))
-    body = next(body for body in boundaries.case.body if body.name == load.owner)
-    averaged = body.has_nodes and not held and any(one.jumps for one in profiles(body.shape, load))
+    nodal = any(body.has_nodes for body in boundaries.case.body if body.name == load.owner)
+    averaged = nodal and not held and any(one.jumps for one in profiles(boundaries.drawn[load.owner], load))
     for surface, start in zip(surfaces, starts, strict=True):
         curve, between = surface.curve, None
 

@@ -44,7 +44,6 @@ class Model(Section):
 
     @property
     def revolved(self) -> bool:
-        """Whether bodies are those of revolution about x = 0."""
         return self.plane == "axisymmetric"
 
 
@@ -119,7 +118,6 @@ _LONG_BODIES = 'write plane = "strain" for long bodies, or remove it'
 
 
 def _refused_of_revolution(case: Case, scope: Scope) -> Iterator[Fault]:
-    """What bodies of revolution do not support."""
 
     def refused(given: object, key: KeyPath, what: str, hint: str = _LONG_BODIES) -> Iterator[Fault]:
         if given:

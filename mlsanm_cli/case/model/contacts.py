@@ -126,7 +126,6 @@ class Contact(BoundaryPart):
 
     @property
     def bonded(self) -> bool:
-        """Whether its surfaces are tied together."""
         return self.friction == "bonded"
 
     @property
@@ -147,7 +146,6 @@ class Contact(BoundaryPart):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the sides."""
         return tuple(side.label for side in self.sides)
 
     def faults(self, scope: Scope) -> Iterator[Fault]:

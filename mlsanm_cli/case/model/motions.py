@@ -94,12 +94,10 @@ class Platen(OnBoundary, _RigidMotion):
 
     @property
     def label(self) -> str:
-        """Name in messages."""
         return " and ".join(place.label for place in self.places)
 
     @property
     def turning(self) -> Literal["fixed", "free", "prescribed"]:
-        """The kind of rotation."""
         return "prescribed" if isinstance(self.rotation, float) else self.rotation
 
     def conditions(self, normal: Point | None) -> Iterator[tuple[int, Kind]]:

@@ -109,7 +109,6 @@ class Solver(Section):
 
     @property
     def largest_increment(self) -> float:
-        """Largest increment, as a part of a stage."""
         return min(self.max_increment, 1.0 if self.increments == "auto" else 1.0 / self.increments)
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
@@ -200,7 +199,6 @@ REGULARIZED = "hyperbolic"
 
 
 def with_defaults(data: Any) -> Any:
-    """The raw content of a case with all of these defaults."""
     if not isinstance(data, dict):
         return data
     contacts = data.get("contact")

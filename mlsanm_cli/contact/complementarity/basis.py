@@ -112,9 +112,16 @@ class Basis:
 
     def to(self, status: ContactStatus) -> Basis:
         """The basis of another status, by borders if these are few."""
-        keys = self._keys(status)
+        p, keys = self.problem, self._keys(status)
         few = len(keys) <= min(MAX_BORDERS, max(2, int(BORDER_SHARE * len(self._base))))
-        if not few or self._touches_held(keys) or not self._bordered(status, keys, DOUBTFUL):
+        entering, touches = [index for kind, index, _ in keys if kind == ENTERS], False
+        if few and self.held.shape[1] and entering:
+            # Unknowns that resist held motions, or act on the balances that nothing changes.
+            own = p.owner[entering]
+            acting = np.append(entering, p.m + own[own >= 0])
+            resisted = np.abs(p.matrix[entering][:, p.contacts :] @ self.held).max()
+            touches = max(resisted, np.abs(self.left.T @ p.matrix[p.contacts :][:, acting]).max()) > NULL
+        if not few or touches or not self._bordered(status, keys, DOUBTFUL):
             self._factorise(status)
         return self
 
@@ -143,18 +150,15 @@ class Basis:
         own = own[slides]
         matrix[:, slides] += self._side[own] * p.friction[own] * p.matrix[np.ix_(self._base, p.m + own)]
         self._factor = _Factor(matrix)
-        if self._factor.rcond < MIN_RCOND:
-            self._hold(matrix)
-
-    def _hold(self, matrix: FloatArray) -> None:
-        """Hold motions that no active row resists; their left counterparts are balances that nothing
-        changes."""
-        k = self.problem.k
-        right, left = null_space(matrix[:, len(matrix) - k :]), null_space(matrix[len(matrix) - k :].T)
+        if self._factor.rcond >= MIN_RCOND:
+            return
+        # Motions that no active row resists are held; left are the balances that nothing changes.
+        last = len(matrix) - p.k
+        right, left = null_space(matrix[:, last:]), null_space(matrix[last:].T)
         if not right.shape[1] or right.shape != left.shape:
             raise SingularError
         self.held, self.left = right, left
-        matrix[-k:, -k:] += left @ right.T
+        matrix[last:, last:] += left @ right.T
         self._factor = _Factor(matrix)
         if self._factor.rcond < MIN_RCOND:
             raise SingularError
@@ -172,17 +176,6 @@ class Basis:
             (TURNS, p.nodes[turned]),
         )
         return [(kind, int(index), float(sides[index])) for kind, found in kinds for index in found]
-
-    def _touches_held(self, keys: list[Key]) -> bool:
-        """Whether unknowns that enter resist held motions, or act on the balances that nothing changes."""
-        p, entering = self.problem, [index for kind, index, _ in keys if kind == ENTERS]
-        if not (self.held.shape[1] and entering):
-            return False
-        own = p.owner[entering]
-        acting = np.append(entering, p.m + own[own >= 0])
-        resisted = p.matrix[entering][:, p.contacts :] @ self.held
-        caused = self.left.T @ p.matrix[p.contacts :][:, acting]
-        return bool(max(np.abs(resisted).max(), np.abs(caused).max()) > NULL)
 
     def _bordered(self, status: ContactStatus, keys: list[Key], least: float) -> bool:
         """Make the borders those with ``keys`` if all their pivots exceed the part ``least`` of the terms
@@ -310,28 +303,22 @@ class Basis:
         x = self._response(values)
         # Equilibrated factors do not show motions that only round-off resists; a response to borders of an
         # exactly singular matrix is nan.
-        largest = np.abs(x).max(initial=0.0)
-        if np.isnan(largest) or MIN_RCOND * largest > size:
-            return self._solved_anew(free, aim, near)
-        w = p.product(x)
-        missed = self._residual(values, x, w)
-        if np.abs(missed).max(initial=0.0) > EXACT * size:
-            x += self._response(missed)
+        accurate = bool(MIN_RCOND * np.abs(x).max(initial=0.0) <= size)
+        if accurate:
             w = p.product(x)
             missed = self._residual(values, x, w)
-            limit = 100.0 * FEASIBLE * max(size, np.abs(x).max())
-            if (np.abs(missed) > limit * p.grain).any():
-                return self._solved_anew(free, aim, near)
+            if np.abs(missed).max(initial=0.0) > EXACT * size:
+                x += self._response(missed)
+                w = p.product(x)
+                missed = self._residual(values, x, w)
+                limit = 100.0 * FEASIBLE * max(size, np.abs(x).max())
+                accurate = not (np.abs(missed) > limit * p.grain).any()
+        if not accurate:
+            if not self.anew():
+                raise SingularError
+            return self.solve(free, aim, near)
         self.missed = float((np.abs(missed) / p.grain).max(initial=0.0))
         return x, np.where(self._active, aim, free + w)
-
-    def _solved_anew(
-        self, free: FloatArray, aim: FloatArray, near: FloatArray | None
-    ) -> tuple[FloatArray, FloatArray]:
-        """The same by new factors. Raises SingularError if these are new."""
-        if not self.anew():
-            raise SingularError
-        return self.solve(free, aim, near)
 
     def undriven(self, rows: FloatArray) -> FloatArray:
         """Rows (N,) without loads on held motions."""

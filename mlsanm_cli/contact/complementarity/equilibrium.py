@@ -1,4 +1,4 @@
-"""Static equilibrium of the motions: limit analysis by linear programming.
+"""Static equilibrium of the motions by linear programming: limit loads, and motions left undetermined.
 
 Pressures and tractions within their limits that balance the loads exist, or a combination of the balances, a
 mechanism, shows that there are none (Farkas' lemma; Livesley 1978, doi:10.1002/nme.1620121207, for masonry).
@@ -14,21 +14,11 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.contact.complementarity.problem import Changes, ContactStatus, Problem
-from mlsanm_cli.records import dataclass
+from mlsanm_cli.contact.complementarity.basis import null_space
+from mlsanm_cli.contact.complementarity.problem import GRAZING, Changes, ContactStatus, Problem
 
 BALANCED = 1e-8
 """Part of a load up to which it counts as balanced: the accuracy of the linear program."""
-
-
-@dataclass(frozen=True, eq=False)
-class Equilibrium:
-    """The largest ``part`` up to 1 of a load that can be balanced, pressures and tractions ``forces``
-    (m + n,) that balance it, and the ``mechanism`` (k,) of the balances that stops a larger one."""
-
-    part: float
-    forces: FloatArray
-    mechanism: FloatArray
 
 
 def equilibrium(
@@ -39,16 +29,17 @@ def equilibrium(
     load: FloatArray,
     status: ContactStatus | None = None,
     allowed: Changes | None = None,
-) -> Equilibrium | None:
-    """Equilibrium of ``balances`` (k, N) under the rows ``constant`` (k,) and part of ``load`` (k,), with
-    friction at ``nodes`` (n,); None if not even ``constant`` is balanced. For rates the conditions are those
-    of a ``status`` and its ``allowed`` changes."""
+) -> tuple[float, FloatArray, FloatArray] | None:
+    """Largest part up to 1 of a ``load`` (k,) that pressures and tractions (m + n,) balance beside the rows
+    ``constant`` (k,), these, and the mechanism (k,) of the ``balances`` (k, N) that stops a larger one.
+    Friction acts at ``nodes`` (n,). None if not even ``constant`` is balanced. For rates the conditions are
+    those of a ``status`` and its ``allowed`` changes."""
     from scipy.optimize import linprog  # for few runs
 
     k, count, n = len(balances), balances.shape[1] - len(balances), len(nodes)
     m, size = count - n, max(np.abs(constant).max(initial=0.0), np.abs(load).max(initial=0.0))
     if not size:
-        return Equilibrium(1.0, np.zeros(count), np.zeros(k))
+        return 1.0, np.zeros(count), np.zeros(k)
     held = apart = np.zeros(m, dtype=bool)
     may = np.ones(2 * n, dtype=bool)
     if status is not None and allowed is not None:
@@ -78,7 +69,7 @@ def equilibrium(
     )
     if found.status != 0 or found.x is None:
         return None
-    return Equilibrium(float(found.x[-1]), found.x[:count] * unit[:count], found.eqlin.marginals)
+    return float(found.x[-1]), found.x[:count] * unit[:count], found.eqlin.marginals
 
 
 def collapse(
@@ -89,8 +80,54 @@ def collapse(
     p, load = problem, free[problem.contacts :]
     balances = p.matrix[p.contacts :]
     found = equilibrium(balances, p.nodes, p.friction, np.zeros_like(load), load, status, allowed)
-    if found is None or found.part > 1.0 - BALANCED:
+    if found is None or found[0] > 1.0 - BALANCED:
         return None
     # Balances and motions are conjugate in work before they are scaled.
-    motion = p.rows[p.contacts :] * found.mechanism / p.columns[p.contacts :]
+    motion = p.rows[p.contacts :] * found[2] / p.columns[p.contacts :]
     return np.concatenate([np.zeros(p.contacts), motion])
+
+
+def undetermined(
+    problem: Problem, status: ContactStatus, x: FloatArray, drives: FloatArray
+) -> FloatArray | None:
+    """A motion (k,) that neither the forces of a state with unknowns ``x`` (N,) nor loads with the work
+    ``drives`` (L, k) determine, though it moves contacts with friction; None if there is none.
+
+    It opens or closes no pressed node and moves no sticking one; nodes that rest at their friction limit may
+    slip in the direction that friction opposes, and slipping ones faster or slower: of a plate dragged
+    between two contacts of equal friction either one may slip.
+    """
+    p, size = problem, GRAZING * problem.size(x)
+    if not (p.k and p.n and size):
+        return None
+    pressure, traction = x[: p.m][p.nodes], x[p.m : p.contacts]
+    rubs = p.rubs & status.closed[p.nodes] & (pressure > size)
+    limited = rubs & status.stuck & (p.friction * pressure - np.abs(traction) <= size)
+    sticks = status.stuck & ~limited
+    moved = p.matrix[:, p.contacts :]
+    gaps, slips = moved[: p.m], moved[p.m : p.contacts]
+    held = np.vstack([gaps[status.closed], slips[sticks], moved[p.contacts :], drives])
+    free = null_space(_normalised(held))
+    if not free.shape[1]:
+        return None
+    resting = -np.sign(traction[limited])[:, None] * slips[limited] @ free
+    sliding, still = slips[rubs & ~status.stuck] @ free, np.eye(free.shape[1])
+    if len(resting):
+        from scipy.optimize import linprog  # for few runs
+
+        found = linprog(
+            -resting.sum(axis=0), A_ub=-resting, b_ub=np.zeros(len(resting)), bounds=[(-1.0, 1.0)]
+        )
+        if found.x is not None and (resting @ found.x).max() > GRAZING:
+            return np.asarray(p.columns[p.contacts :] * (free @ found.x))
+        still = null_space(_normalised(resting))
+    seen = np.abs(sliding @ still)
+    if not seen.size or seen.max() <= GRAZING:
+        return None
+    return np.asarray(p.columns[p.contacts :] * (free @ still[:, int(np.argmax(seen.max(axis=0)))]))
+
+
+def _normalised(rows: FloatArray) -> FloatArray:
+    """The rows that are not zero, divided by their largest entries."""
+    largest = np.abs(rows).max(axis=1, initial=0.0)
+    return np.asarray(rows[largest > 0.0] / largest[largest > 0.0, None])

@@ -16,21 +16,9 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.complementarity.basis import Basis, Ray
 from mlsanm_cli.contact.complementarity.equilibrium import collapse
-from mlsanm_cli.contact.complementarity.problem import (
-    FEASIBLE,
-    GRAZING,
-    Changes,
-    ContactStatus,
-    Problem,
-)
-from mlsanm_cli.contact.complementarity.solution import (
-    Search,
-    Solution,
-    opened,
-    touching,
-)
-from mlsanm_cli.contact.complementarity.tracing import Point, trace
-from mlsanm_cli.records import dataclass
+from mlsanm_cli.contact.complementarity.problem import FEASIBLE, GRAZING, Changes, ContactStatus, Problem
+from mlsanm_cli.contact.complementarity.solution import Search, State
+from mlsanm_cli.contact.complementarity.tracing import trace
 
 INCREMENTS = tuple(10.0**power for power in range(-6, 0))
 """Parts of the path tried in turn as finite increments where no rates continue it: the first touch of loose
@@ -42,53 +30,11 @@ STANDSTILL, EVENTS = 1e-13, 4
 load."""
 
 
-@dataclass(frozen=True, eq=False)
-class State:
-    """State at ``lam``: ``status``, unknowns ``x`` and rows ``w`` (N,), slips ``reference`` (n,) at which
-    nodes stick, of others those before, and the ``work`` (n,) of friction so far per unit of scaled tractions
-    and slips. ``jumped`` from another state, after so many ``systems``; ``rates`` led to it; ``missed``
-    bounds the residual over ``grain``."""
-
-    status: ContactStatus
-    x: FloatArray
-    w: FloatArray
-    reference: FloatArray
-    work: FloatArray
-    lam: float = 0.0
-    jumped: bool = False
-    systems: int = 0
-    rates: Solution | None = None
-    missed: float = 0.0
-
-
 def unloaded(problem: Problem, free: FloatArray) -> State:
     """The state without pressures and motions."""
-    none = np.zeros(problem.n)
     slip = free[problem.m : problem.contacts].copy()
-    return State(opened(problem), np.zeros(len(free)), free, slip, none)
-
-
-def admissible(problem: Problem, state: State, typical: float = 0.0) -> Changes:
-    """Changes that a state admits to its rates: of nodes at their limits, relative to its own or ``typical``
-    pressures."""
-    p, x, w = problem, state.x, state.w
-    limit = GRAZING * max(p.size(x), typical) * p.grain[: p.m]
-    bare, touches = x[: p.m] <= limit, w[: p.m] <= limit
-    grazes, sign, traction = bare[p.nodes], state.status.slip_sign, x[p.m : p.contacts]
-    left, slack = limit[p.nodes], p.friction * x[p.nodes]
-    forward = np.where(sign != 0.0, sign > 0.0, slack - traction <= left)
-    backward = np.where(sign != 0.0, sign < 0.0, slack + traction <= left)
-    return Changes(bare, touches, grazes | forward, grazes | backward)
-
-
-def rates(problem: Problem, state: State, load: FloatArray, allowed: Changes) -> Solution:
-    """Status and rates of a state per lam. Raises Ray."""
-    search, last = Search(problem, load, np.zeros(problem.n), allowed), state.rates
-    if not state.status.closed.any():
-        return search.solved(touching(problem, allowed.closes))
-    if last is None:
-        return search.solved(state.status)
-    return search.solved(search.projected(last.status, last.x, last.w), state.status, basis=last.basis)
+    none = np.zeros(problem.n)
+    return State(problem.opened, np.zeros(len(free)), free, reference=slip, work=none)
 
 
 def follow(
@@ -105,13 +51,17 @@ def follow(
     p, halts, standing, jumps = problem, list(stops), 0, 0
     span = abs(halts[-1] - state.lam)
     if typical is None:
-        typical = _mean(p, constant + halts[-1] * load)
+        # The pressure that carries the loads, or undoes the overlaps, if all nodes share in it.
+        free, carried = constant + halts[-1] * load, np.abs(p.matrix[p.contacts :, : p.m]).sum(axis=1)
+        force = np.abs(free[p.contacts :]) / np.where(carried > 0.0, carried, np.inf)
+        overlap = -p.exchange[: p.m] * free[: p.m]
+        typical = float(max(force.max(initial=0.0), overlap.max(initial=0.0)))
     if state.status.closed.any():
         typical = 0.0
     while halts:
-        allowed = admissible(p, state, typical)
+        allowed = _admissible(p, state, typical)
         try:
-            rate = rates(p, state, load, allowed)
+            rate = _rates(p, state, load, allowed)
             if standing > EVENTS * p.m + 50:
                 raise Ray(rate.x, state.lam)
         except Ray as ray:
@@ -121,8 +71,13 @@ def follow(
                 halts.pop(0)
             yield state
             continue
-        jumps = 0
-        lam = min(state.lam + _until_event(p, state, rate, allowed), halts[0])
+        jumps, unset = 0, np.full(p.n, np.nan)
+        # To the next limit of a condition that is not at it.
+        left = p.distances(rate.status, allowed.complement(), state.x, state.w, unset)
+        falls = -p.distances(rate.status, allowed.complement(), rate.x, rate.w, unset)
+        falling = np.isfinite(left) & (falls > 1e-3 * FEASIBLE * p.size(rate.x))
+        step = float((np.maximum(left[falling], 0.0) / falls[falling]).min(initial=np.inf))
+        lam = min(state.lam + step, halts[0])
         standing = standing + 1 if lam - state.lam <= STANDSTILL * span else 0
         if halts[0] - lam <= STANDSTILL * span:
             lam = halts.pop(0)
@@ -130,27 +85,30 @@ def follow(
         yield state
 
 
-def _mean(problem: Problem, free: FloatArray) -> float:
-    """Pressure that carries the loads, or undoes the overlaps, of ``free`` rows (N,) if all nodes share in
-    it."""
-    p = problem
-    carried = np.abs(p.matrix[p.contacts :, : p.m]).sum(axis=1)
-    force = np.abs(free[p.contacts :]) / np.where(carried > 0.0, carried, np.inf)
-    overlap = -p.exchange[: p.m] * free[: p.m]
-    return float(max(force.max(initial=0.0), overlap.max(initial=0.0)))
+def _admissible(problem: Problem, state: State, typical: float) -> Changes:
+    """Changes that a state admits to its rates: of nodes at their limits, relative to its own or ``typical``
+    pressures."""
+    p, x, w = problem, state.x, state.w
+    limit = GRAZING * max(p.size(x), typical) * p.grain[: p.m]
+    bare, touches = x[: p.m] <= limit, w[: p.m] <= limit
+    grazes, sign, traction = bare[p.nodes], state.status.slip_sign, x[p.m : p.contacts]
+    left, slack = limit[p.nodes], p.friction * x[p.nodes]
+    forward = np.where(sign != 0.0, sign > 0.0, slack - traction <= left)
+    backward = np.where(sign != 0.0, sign < 0.0, slack + traction <= left)
+    return Changes(bare, touches, grazes | forward, grazes | backward)
 
 
-def _until_event(problem: Problem, state: State, rate: Solution, allowed: Changes) -> float:
-    """Distance to the next limit of a condition that is not at it."""
-    p, apart = problem, allowed.complement()
-    unset = np.full(p.n, np.nan)
-    left = p.distances(rate.status, apart, state.x, state.w, unset)
-    falls = -p.distances(rate.status, apart, rate.x, rate.w, unset)
-    falling = np.isfinite(left) & (falls > 1e-3 * FEASIBLE * p.size(rate.x))
-    return float((np.maximum(left[falling], 0.0) / falls[falling]).min(initial=np.inf))
+def _rates(problem: Problem, state: State, load: FloatArray, allowed: Changes) -> State:
+    """Status and rates of a state per lam. Raises Ray."""
+    search, last = Search(problem, load, np.zeros(problem.n), allowed), state.rates
+    if not state.status.closed.any():
+        return search.solved(problem.touching(allowed.closes))
+    if last is None:
+        return search.solved(state.status)
+    return search.solved(search.projected(last.status, last.x, last.w), state.status, basis=last.basis)
 
 
-def _moved(problem: Problem, state: State, rate: Solution, free: FloatArray, lam: float) -> State:
+def _moved(problem: Problem, state: State, rate: State, free: FloatArray, lam: float) -> State:
     """The state at ``lam`` along its rates, with the conditions of its status satisfied exactly; solved for
     if the accumulated residual is larger than round-off."""
     p, status, step = problem, rate.status, lam - state.lam
@@ -164,28 +122,30 @@ def _moved(problem: Problem, state: State, rate: Solution, free: FloatArray, lam
     missed = state.missed + step * rate.missed + float(np.abs(across - w).max(initial=0.0))
     missed += p.spread * float(np.abs(along - x).sum())
     search = Search(p, free, reference, p.everything, state.x)
-    if missed > FEASIBLE * p.size(x) or search.violated(status, x, w).any():
-        x, w, missed = _refined(search, status, rate.basis.to(status), x, w)
+    round_off = FEASIBLE * p.size(x)
+    if missed > round_off or search.violated(status, x, w).any():
+        # The equations of the status, by updated or new factors, if that is better.
+        assert rate.basis is not None
+        basis, tries, errors = rate.basis.to(status), [(x, w)], [search.error(status, x, w)]
+        while errors[-1] > 1.0 and (len(tries) < 2 or basis.anew()):
+            try:
+                tries.append(basis.solve(free, p.aim(reference), x))
+            except Ray:
+                break
+            errors.append(search.error(status, *tries[-1]))
+        x, w = tries[int(np.argmin(errors))]
+        missed = round_off * min(*errors, 1.0)
     slid = np.where(status.slip_sign != 0.0, w[slips] - state.w[slips], 0.0)
     work = state.work - 0.5 * (state.x[slips] + x[slips]) * slid
-    return State(status, x, w, reference, work, lam, systems=rate.systems, rates=rate, missed=missed)
-
-
-def _refined(
-    search: Search, status: ContactStatus, basis: Basis, x: FloatArray, w: FloatArray
-) -> tuple[FloatArray, FloatArray, float]:
-    """The state ``x``, ``w``, or if its error exceeds round-off the solution of the equations of its
-    ``status``, by updated or new factors, if that is better; and its residual."""
-    tries = [(x, w)]
-    errors = [search.error(status, x, w)]
-    while errors[-1] > 1.0 and (len(tries) < 2 or basis.anew()):
-        try:
-            tries.append(basis.solve(search.free, search.problem.aim(search.reference), x))
-        except Ray:
-            break
-        errors.append(search.error(status, *tries[-1]))
-    best = int(np.argmin(errors))
-    return *tries[best], FEASIBLE * search.problem.size(x) * min(errors[best], 1.0)
+    return State(
+        *(status, x, w),
+        systems=rate.systems,
+        missed=missed,
+        reference=reference,
+        work=work,
+        lam=lam,
+        rates=rate,
+    )
 
 
 def increment(
@@ -207,22 +167,7 @@ def increment(
     slid = np.where(found.status.slip_sign != 0.0, slip - before, 0.0)
     reference = np.where(found.status.stuck, before, slip)
     work = state.work - traction * slid
-    return State(found.status, found.x, found.w, reference, work, lam, True, found.systems)
-
-
-def _tried(
-    problem: Problem,
-    state: State,
-    free: FloatArray,
-    lam: float,
-    *starts: ContactStatus,
-    pivoting: bool = False,
-) -> State | None:
-    """The state after an increment, None if it is not found."""
-    try:
-        return increment(problem, state, free, lam, *starts, pivoting=pivoting)
-    except Ray:
-        return None
+    return replace(found, reference=reference, work=work, lam=lam, jumped=True, basis=None, missed=0.0)
 
 
 def increments(problem: Problem, state: State, free: FloatArray, *starts: ContactStatus) -> State:
@@ -242,6 +187,21 @@ def increments(problem: Problem, state: State, free: FloatArray, *starts: Contac
     return increment(problem, state, free, state.lam, *starts)
 
 
+def _tried(
+    problem: Problem,
+    state: State,
+    free: FloatArray,
+    lam: float,
+    *starts: ContactStatus,
+    pivoting: bool = False,
+) -> State | None:
+    """The state after an increment, None if it is not found."""
+    try:
+        return increment(problem, state, free, lam, *starts, pivoting=pivoting)
+    except Ray:
+        return None
+
+
 def _jumped(
     problem: Problem,
     state: State,
@@ -254,19 +214,19 @@ def _jumped(
 ) -> State:
     """The state after a fold along which lam turns, or after a finite increment, the larger the more
     ``jumps`` came before. Raises the ray of a limit load."""
-    p, status = problem, state.status
+    p = problem
     mechanism = collapse(p, constant + (state.lam + INCREMENTS[0] * span) * load) if p.k else None
     if mechanism is not None:
         raise Ray(mechanism, state.lam) from ray
     reference, ahead = state.w[p.m : p.contacts], min(state.lam + GRAZING * span, most)
     try:
-        point = Point(status, state.x, state.w, state.lam, Basis(p, status))
-        point = trace(p, point, load, reference, p.everything, ahead)
-        return increment(p, state, constant + ahead * load, ahead, point.status)
+        point, basis = (state.x, state.w), Basis(p, state.status)
+        status = trace(basis, point, state.lam, load, reference, p.everything, ahead)[0].status
+        return increment(p, state, constant + ahead * load, ahead, status)
     except Ray:
         pass
     ends = [min(state.lam + part * span, most) for part in INCREMENTS[jumps:]]
-    for number, lam in enumerate(ends if not status.closed.any() else ()):
+    for number, lam in enumerate(ends if not state.status.closed.any() else ()):
         found = _tried(p, state, constant + lam * load, lam)
         if found is None:
             continue

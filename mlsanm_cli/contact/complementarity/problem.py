@@ -8,9 +8,8 @@ force balances (k). With given free rows w0::
 mu = 0 or n = 0 is the problem without friction. The form is that of Klarbring 1986
 (doi:10.1007/BF01536422). Equation (14) of docs/method.md.
 
-Scales and tolerances. Gaps and slips are divided by the compliance of their own node, motions by the largest
-displacement they cause, balances by their largest coefficient. All conditions are then pressures, and are
-compared with the largest pressure of the state; a few constants for round-off serve for everything.
+Gaps and slips are divided by the compliance of their own node, motions by the largest displacement they
+cause, balances by their largest coefficient: all conditions are pressures, compared with the largest one.
 """
 
 from __future__ import annotations
@@ -46,8 +45,6 @@ OPENS, CLOSES, FORWARD, BACKWARD, RESTS = range(5)
 
 
 class Multiplier(Protocol):
-    """An operator that multiplies vectors."""
-
     def __matmul__(self, vector: FloatArray, /) -> FloatArray: ...
 
 
@@ -74,10 +71,6 @@ class ContactStatus:
     def key(self) -> bytes:
         """Hashable; equal for equal status."""
         return self.closed.tobytes() + self.stuck.tobytes() + self.slip_sign.tobytes()
-
-    def resting(self, friction_nodes: IntArray) -> ContactStatus:
-        """The same with all closed frictional nodes sticking."""
-        return ContactStatus(self.closed, self.closed[friction_nodes], np.zeros_like(self.slip_sign))
 
     def status(self, friction_nodes: IntArray) -> NDArray[np.int8]:
         """Status (m,) of every node; closed nodes without friction slip."""
@@ -109,8 +102,7 @@ class Changes:
 class Problem:
     """The scaled ``matrix`` (N, N) of the problem, N = m + n + k. Friction acts at ``nodes`` (n,) of the m
     with coefficients ``friction`` (n,). Scaled quantities are ``rows`` (N,) times gaps, slips and balances,
-    and unknowns over ``columns`` (N,); ``unscaled`` multiplies by
-    the matrix before that."""
+    and unknowns over ``columns`` (N,); ``unscaled`` multiplies by the matrix before that."""
 
     matrix: FloatArray
     nodes: IntArray
@@ -129,12 +121,10 @@ class Problem:
         m: int,
         unscaled: Multiplier | None = None,
     ) -> Problem:
-        """Scale a ``matrix`` (N, N) in any units. Products are those of ``unscaled``, if given: of a matrix
-        with zero blocks.
+        """Scale a ``matrix`` (N, N) in any units, whose products are those of ``unscaled`` if given.
 
-        A node's own compliance is the scale of its gap and slip: next to corners of graded grids it is as
-        little as 1e-4 of what other nodes cause there, and a gap that is small against the latter may still
-        change the pressure.
+        Own compliances are the scale: next to corners of graded grids they are as little as 1e-4 of what
+        other nodes cause there, and gaps that are small against the latter still change pressures.
         """
         count, own = m + len(nodes), np.abs(matrix.diagonal())[: m + len(nodes)]
         moving = np.abs(matrix[:count, count:])
@@ -150,17 +140,15 @@ class Problem:
 
     @property
     def n(self) -> int:
-        """Number of nodes with friction."""
         return len(self.nodes)
 
     @property
     def contacts(self) -> int:
-        """Number of gaps and slips, m + n."""
+        """Number of gaps and slips."""
         return self.m + self.n
 
     @property
     def k(self) -> int:
-        """Number of motions."""
         return len(self.rows) - self.contacts
 
     @cached_property
@@ -185,9 +173,7 @@ class Problem:
     @cached_property
     def largest(self) -> FloatArray:
         """Largest coefficient of each row (N,)."""
-        return np.asarray(
-            np.maximum(self.matrix.max(axis=1, initial=0.0), -self.matrix.min(axis=1, initial=0.0))
-        )
+        return _largest(self.matrix)
 
     @cached_property
     def grain(self) -> FloatArray:
@@ -213,6 +199,16 @@ class Problem:
         """All changes are admissible: the problem of a state."""
         nodes, rubbing = np.ones(self.m, dtype=bool), np.ones(self.n, dtype=bool)
         return Changes(nodes, nodes, rubbing, rubbing)
+
+    @property
+    def opened(self) -> ContactStatus:
+        """The status of surfaces that are apart."""
+        return self.touching(np.zeros(self.m, dtype=bool))
+
+    def touching(self, closed: BoolArray) -> ContactStatus:
+        """The status of ``closed`` nodes (m,) that stick if they have friction."""
+        on = closed[self.nodes]
+        return ContactStatus(closed, on & self.rubs, np.where(on & ~self.rubs, 1.0, 0.0))
 
     def product(self, x: FloatArray) -> FloatArray:
         """Rows (N,) caused by unknowns."""

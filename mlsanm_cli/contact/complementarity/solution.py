@@ -8,8 +8,8 @@ recur, a load is added that makes one of them feasible, and removed along the pa
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.complementarity.basis import NULL, Basis, Ray, SingularError, null_space
 from mlsanm_cli.contact.complementarity.equilibrium import collapse
 from mlsanm_cli.contact.complementarity.problem import FEASIBLE, Changes, ContactStatus, Problem
-from mlsanm_cli.contact.complementarity.tracing import Point, trace
+from mlsanm_cli.contact.complementarity.tracing import trace
 from mlsanm_cli.records import dataclass
 
 PASSES, HELD_PASSES = 8, 30
@@ -36,17 +36,27 @@ COVER = 1e-2
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
-    """``status``, unknowns ``x`` (N,) and rows ``w`` (N,) that satisfy all conditions, their ``basis``, the
-    numbers of ``systems`` solved and of ``pivots``, and the residual ``missed`` over ``grain``."""
+class State:
+    """Unknowns ``x`` and rows ``w`` (N,) that satisfy all conditions, or rates; their ``status`` and
+    ``basis``, the numbers of ``systems`` and ``pivots``, and the residual ``missed`` over ``grain``.
+
+    With a history at ``lam``: slips ``reference`` (n,) at which nodes stick, of others those before, and the
+    ``work`` (n,) of friction so far per unit of scaled tractions and slips; it has ``jumped`` from another
+    state, or ``rates`` led to it.
+    """
 
     status: ContactStatus
     x: FloatArray
     w: FloatArray
-    basis: Basis
-    systems: int
+    basis: Basis | None = None
+    systems: int = 0
     pivots: int = 0
     missed: float = 0.0
+    reference: FloatArray = field(default_factory=lambda: np.zeros(0))
+    work: FloatArray = field(default_factory=lambda: np.zeros(0))
+    lam: float = 0.0
+    jumped: bool = False
+    rates: State | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,36 +76,44 @@ class Search:
         basis: Basis | None = None,
         thorough: bool = False,
         pivoting: bool = True,
-    ) -> Solution:
+    ) -> State:
         """The state by Newton steps from the statuses ``starts`` and one that holds all bodies, or by
         ``pivoting`` from the best statuses met; if ``thorough`` from more. Raises Ray."""
-        seen, near, systems, held = set[bytes](), list[ContactStatus](), 0, starts[-1]
-        states = self.allowed is self.problem.everything
+        p, seen, near, systems = self.problem, set[bytes](), list[ContactStatus](), 0
         for first in starts:
             found, best, count = self._newton(first, basis, seen)
             near, systems = [*near, *best], systems + count
             if found is not None:
                 return replace(found, systems=systems)
-        if not states:
-            found, _ = self._pivoted_from(self._starts(near, thorough), systems)
+        if self.allowed is not p.everything:
+            found, _ = self._pivoted_from(near, thorough, systems)
             if found is not None:
                 return found
-        self._check_balance(starts[0])
-        found, best, count = self._newton(self._softly_held(held), basis, seen)
+        direction = collapse(p, self.free, starts[0], self.allowed) if p.k else None
+        if direction is not None:  # no pressures and tractions balance the loads
+            raise Ray(direction)
+        found, best, count = self._newton(self._softly_held(starts[-1]), basis, seen)
+        systems += count
         if found is not None:
-            return replace(found, systems=systems + count)
+            return replace(found, systems=systems)
         if not pivoting:
             raise Ray(np.zeros(len(self.free)))
-        last = [*best, self.supported(held, alone=True)]
-        found, ray = self._pivoted_from(self._starts([*near, *last], thorough), systems + count)
+        last = [*near, *best, self.supported(starts[-1], alone=True)]
+        found, ray = self._pivoted_from(last, thorough, systems)
         if found is None:
             raise ray
         return found
 
-    def _pivoted_from(self, statuses: Iterable[ContactStatus], systems: int) -> tuple[Solution | None, Ray]:
-        """The state by pivoting from one of the ``statuses``, or the last ray."""
-        ray, tried = Ray(np.zeros(len(self.free))), set[bytes]()
-        for status in statuses:
+    def _pivoted_from(
+        self, statuses: Sequence[ContactStatus], all_sides: bool, systems: int
+    ) -> tuple[State | None, Ray]:
+        """The state by pivoting from one of the ``statuses``, with ``all_sides`` also from these sticking and
+        slipping to the other side; or the last ray."""
+        ray, tried, starts = Ray(np.zeros(len(self.free))), set[bytes](), list(statuses)
+        for status in statuses if all_sides else ():
+            other = replace(status, slip_sign=-status.slip_sign)
+            starts += [self.problem.touching(status.closed), other]
+        for status in starts:
             if status.key in tried:
                 continue
             tried.add(status.key)
@@ -107,7 +125,7 @@ class Search:
 
     def _newton(
         self, status: ContactStatus, basis: Basis | None, seen: set[bytes], passes: int = PASSES
-    ) -> tuple[Solution | None, list[ContactStatus], int]:
+    ) -> tuple[State | None, list[ContactStatus], int]:
         """The state, or statuses with the fewest violations; and the number of systems solved."""
         p, tried, systems, least = self.problem, list[tuple[int, ContactStatus]](), 0, (np.inf, 0)
         aim = p.aim(self.reference)
@@ -119,11 +137,11 @@ class Search:
                 x, w = basis.solve(self.free, aim, self.near)
             except SingularError:
                 # Contacts that slide as a whole may come to rest.
-                basis, status = None, resting(p, status)
+                basis, status = None, p.touching(status.closed)
                 continue
             wrong = int(self.violated(status, x, w).sum())
             if not wrong:
-                return Solution(status, x, w, basis, systems, missed=basis.missed), [], systems
+                return State(status, x, w, basis, systems, missed=basis.missed), [], systems
             tried.append((wrong, status))
             least = min(least, (wrong, systems))
             status = self.projected(status, x, w)
@@ -147,21 +165,6 @@ class Search:
                 return best[0] if best else status
             status, near = found.status, found.x
         return status
-
-    def _check_balance(self, start: ContactStatus) -> None:
-        """Raise a Ray if no pressures and tractions balance the loads."""
-        if self.problem.k:
-            direction = collapse(self.problem, self.free, start, self.allowed)
-            if direction is not None:
-                raise Ray(direction)
-
-    def _starts(self, chosen: Sequence[ContactStatus], all_sides: bool) -> Iterator[ContactStatus]:
-        """The ``chosen`` statuses, and with ``all_sides`` also these sticking and slipping to the other
-        side."""
-        yield from chosen
-        for status in chosen if all_sides else ():
-            yield resting(self.problem, status)
-            yield replace(status, slip_sign=-status.slip_sign)
 
     def violated(self, status: ContactStatus, x: FloatArray, w: FloatArray) -> BoolArray:
         """Mask (5, m) of conditions violated by more than round-off."""
@@ -222,49 +225,41 @@ class Search:
         on = closed[p.nodes] & ~stuck
         return ContactStatus(closed, stuck, np.where(on, np.where(start.slip_sign < 0.0, -1.0, 1.0), 0.0))
 
-    def _pivoted(self, status: ContactStatus, systems: int) -> Solution:
+    def _pivoted(self, status: ContactStatus, systems: int) -> State:
         """The state at the end of the path of one artificial load from a status. Raises Ray."""
-        p = self.problem
+        p, allowed, count = self.problem, self.allowed, self.problem.contacts
         basis = Basis(p, status)
         if basis.held.shape[1]:  # the added load would drive loose bodies
             status = self.supported(status)
             basis = Basis(p, status)
         x, w = basis.solve(self.free, p.aim(self.reference), self.near)
         if not self.violated(status, x, w).any():
-            return Solution(status, x, w, basis, systems + 1, missed=basis.missed)
-        y, v = self._covered(status, x, w)
-        # Bodies that still are loose must not be driven by the added load.
-        load = basis.undriven(v - p.product(y) - self.free)
-        start = Point(status, y, v, 1.0, basis)
-        point = trace(p, start, load, self.reference, self.allowed, 0.0)
-        # Round-off of many pivots may have misled the last ones.
-        found, _, count = self._newton(point.status, point.basis, set())
-        if found is None:
-            raise Ray(point.x)
-        return replace(found, systems=systems + count, pivots=point.pivots)
-
-    def _covered(self, status: ContactStatus, x: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Unknowns and rows near those of a status that satisfy its conditions, by irregular amounts, so that
-        no two change at once."""
-        p, allowed, count = self.problem, self.allowed, self.problem.contacts
+            return State(status, x, w, basis, systems + 1, missed=basis.missed)
+        # Unknowns y and rows v nearby that satisfy the conditions by irregular amounts, so that no two change
+        # at once.
         uneven = 1.0 + np.mod(GOLDEN * np.arange(1, p.m + 1), 1.0)
         size = max(np.abs(x[:count]).max(initial=0.0), np.abs(w[:count]).max(initial=0.0)) or 1.0
         y, v, least = x.copy(), w.copy(), COVER * size * uneven
-        closed, opened = status.closed & allowed.opens, ~status.closed & allowed.closes
+        closed, apart = status.closed & allowed.opens, ~status.closed & allowed.closes
         y[: p.m][closed] = np.maximum(np.abs(y[: p.m]), least)[closed]
-        v[: p.m][opened] = np.maximum(np.abs(v[: p.m]), least)[opened]
-        limit, t = p.friction * np.maximum(y[p.nodes], 0.0), y[p.m : count]
+        v[: p.m][apart] = np.maximum(np.abs(v[: p.m]), least)[apart]
+        t, slides = y[p.m : count], status.slip_sign != 0.0
         may = np.where(t > 0.0, allowed.forward, allowed.backward)
-        inside = limit / uneven[p.nodes]
+        inside = p.friction * np.maximum(y[p.nodes], 0.0) / uneven[p.nodes]
         t = np.where(may & status.stuck & (np.abs(t) > inside), np.sign(t) * inside, t)
-        slides = status.slip_sign != 0.0
-        y[p.m : count] = np.where(
-            slides, status.slip_sign * p.friction * y[p.nodes], np.where(status.stuck, t, 0.0)
-        )
+        limit = status.slip_sign * p.friction * y[p.nodes]
+        y[p.m : count] = np.where(slides, limit, np.where(status.stuck, t, 0.0))
         slip = v[p.m : count] - self.reference
         opposed = -status.slip_sign * np.maximum(np.abs(slip), least[p.nodes])
         v[p.m : count] = self.reference + np.where(slides, opposed, slip)
-        return y, v
+        # Bodies that still are loose must not be driven by the added load.
+        load = basis.undriven(v - p.product(y) - self.free)
+        basis, x, pivots = trace(basis, (y, v), 1.0, load, self.reference, allowed, 0.0)
+        # Round-off of many pivots may have misled the last ones.
+        found, _, solved = self._newton(basis.status, basis, set())
+        if found is None:
+            raise Ray(x)
+        return replace(found, systems=systems + solved, pivots=pivots)
 
 
 def solve(
@@ -272,25 +267,8 @@ def solve(
     free: FloatArray,
     *starts: ContactStatus,
     near: FloatArray | None = None,
-) -> Solution:
+) -> State:
     """The state with ``free`` rows (N,), searched thoroughly from the statuses ``starts``. Raises Ray if
     there is none."""
     search = Search(problem, free, np.zeros(problem.n), problem.everything, near)
     return search.solved(*starts, thorough=True)
-
-
-def opened(problem: Problem) -> ContactStatus:
-    """The status of surfaces that are apart."""
-    rubbing = np.zeros(problem.n)
-    return ContactStatus(np.zeros(problem.m, dtype=bool), rubbing > 0.0, rubbing)
-
-
-def resting(problem: Problem, status: ContactStatus) -> ContactStatus:
-    """A status with all closed nodes with friction sticking."""
-    on = status.closed[problem.nodes]
-    return ContactStatus(status.closed, on & problem.rubs, np.where(on & ~problem.rubs, 1.0, 0.0))
-
-
-def touching(problem: Problem, closed: BoolArray) -> ContactStatus:
-    """The status of ``closed`` nodes (m,) that stick if they have friction."""
-    return resting(problem, ContactStatus(closed, np.zeros(problem.n, dtype=bool), np.zeros(problem.n)))

@@ -1,29 +1,23 @@
 """Exact contact at finite strain, p >= 0, h >= 0, p h = 0, with Coulomb friction, by Newton's method for
 bodies and contacts together.
 
-Every iteration factorises the bodies' derivatives and condenses them to the tractions T at the knots that may
-touch: U = U_0 + z + C dT, with C by near fields where clouds do not resolve tractions. Tractions depend on
-pressures and friction and rotate with the displacements, dT = B (dp, dq) + K dU, so that dT = (1 - K C)^-1
-(B (dp, dq) + K z); an active set determines dp and dq.
-
-Equation (26) of docs/method.md.
+Equations (22) and (26) of docs/method.md.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import field, replace
+from dataclasses import field
 
 import numpy as np
+from numpy.typing import NDArray
 
-from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.contact.finite.iteration import Iteration
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.contact.complementarity.problem import ContactStatus
+from mlsanm_cli.contact.finite.contacts import Contacts, ContactSystem
+from mlsanm_cli.contact.finite.iteration import Iteration, Responses
 from mlsanm_cli.contact.finite.meeting import Meeting
 from mlsanm_cli.contact.finite.node_curve import wrapped
-from mlsanm_cli.contact.finite.sets import NodeSets
-from mlsanm_cli.contact.finite.side_response import SideResponse
-from mlsanm_cli.contact.finite.touching import touching
-from mlsanm_cli.contact.finite.update import Contacts, ContactSystem, IterationResult, Responses
 from mlsanm_cli.mechanics.finite.stability import STILL, SoftMotion
 from mlsanm_cli.records import dataclass
 
@@ -62,17 +56,22 @@ class FiniteContactState:
     place: FloatArray
     slip: FloatArray
     normal: FloatArray
-    sets: NodeSets
+    sets: ContactStatus
     traction: FloatArray
     surface: FloatArray
     free: FloatArray
-    residual: float
-    iterations: int
-    factorizations: int
-    solves: int
+    residual: float = 0.0
+    iterations: int = 0
+    factorizations: int = 0
+    solves: int = 0
     stability: float = np.inf
     soft: SoftMotion = STILL
     dragged: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def status(self) -> NDArray[np.int8]:
+        """OPEN, STICK or SLIP of all knots (c,)."""
+        return self.sets.status(np.arange(len(self.sets.closed)))
 
 
 class ExactContact(ContactSystem):
@@ -90,22 +89,6 @@ class ExactContact(ContactSystem):
             for contact, here, there in self.contacts.each
         )
 
-    def _touched(
-        self, before: FloatArray | None, met: Sequence[Meeting], closed: BoolArray, now: BoolArray
-    ) -> FloatArray | None:
-        """The places ``before`` (c,) from which slips count: for knots that were not ``closed`` (c,), but are
-        ``now`` (c,), where they have touched. Until then they have moved as open knots next to them do."""
-        if before is None:
-            return None
-        found = before.copy()
-        for one, (contact, here, _) in zip(met, self.contacts.each, strict=True):
-            if contact.friction:
-                slave = contact.slave
-                part, beside = touching(slave.weight, closed[here], now[here], slave.around is not None)
-                moved = wrapped(one.place - before[here], contact.around)[beside]
-                found[here] += np.where(one.facing[beside] & ~now[here][beside], part * moved, 0.0)
-        return found
-
     def solved(
         self,
         start: FiniteContactState,
@@ -118,113 +101,148 @@ class ExactContact(ContactSystem):
         """The state at load ``factors`` (L,), searched from ``start``, with slips relative to the places
         ``before`` (c,), where knots were closed ``earlier`` (c,), by default in ``start``. None if ``most``
         iterations do not converge. Raises LinAlgError or NumericalError for singular derivatives."""
-        touching_before = start.sets.closed if earlier is None else earlier
+        closed_before = start.sets.closed if earlier is None else earlier
         u, p, q, sets, solves = start.displacement, start.pressure, start.shear, start.sets, 0
         free, given = start.free, factors
-        settled, traction, updates, spent = False, start.traction, [np.inf], 0
+        traction, updates, spent = start.traction, [np.inf], 0
         responses: Responses | None = None
         since = before
         for count in range(1, most + 1):
             factors = np.concatenate([given, free])
-            response = SideResponse.of(self.contacts.sides, self.missing, self.onto, u, traction)
-            surface = response.moved(u, traction)
-            met = self.meet(surface, factors, since, touching_before)
-            args = (u, traction, p, q, sets, met)
+            response = self.response(u, traction)
+            met = self.meet(response.moved(u, traction), factors, since, closed_before)
             # After slow convergence, as of thin bodies in rotation, derivatives are not reused.
             slow = len(updates) > 2 and updates[-1] > REUSE_RATE * updates[-2]
-            close = responses if updates[-1] <= REUSE_BELOW and not slow else None
-            result = Iteration(self, factors, response, close).taken(*args, first=count == 1)
-            spent += 0 if close else len(self.projectors)
-            solves, responses = solves + result.solves, result.responses
-            part = self._until_touch(met, result)
-            while part > 1e-3 and not self._volume(u + part * result.du) > MIN_JACOBIAN:
+            known = responses if updates[-1] <= REUSE_BELOW and not slow else None
+            args = (self, factors, response, u, traction, p, q, sets, met)
+            step = Iteration(*args, first=count == 1, known=known)
+            spent += 0 if known else len(self.projectors)
+            solves, responses = solves + step.solves, step.responses
+            part = self._until_touch(met, step)
+            while part > 1e-3 and not self._least_volume(u + part * step.du) > MIN_JACOBIAN:
                 part *= 0.5
-            u, p, q = u + part * result.du, p + part * result.dp, q + part * result.dq
-            free = free + part * result.free
-            traction = traction + part * result.traction
+            u, p, q = u + part * step.du, p + part * step.dp, q + part * step.dq
+            free = free + part * step.free
+            traction = traction + part * step.traction
             # At light touch the status of nodes is decided by round-off and may be ignored.
-            still = max(float(np.abs(one).max(initial=0.0)) for one in (result.dp, result.dq)) <= self.nothing
-            settled = count > 1 and (still or result.sets.same(sets))
-            sets = result.sets
-            last = float(np.abs(result.du).max()) / self.length
-            if not part * last <= MAX_UPDATE or _stalls(updates, last):
+            still = max(float(np.abs(one).max(initial=0.0)) for one in (step.dp, step.dq)) <= self.nothing
+            settled = count > 1 and (still or step.sets.key == sets.key)
+            sets = step.sets
+            last = float(np.abs(step.du).max()) / self.length
+            recent, past = updates[1 - MAX_STALLED :], updates[: 1 - MAX_STALLED]
+            stalls = len(updates) > 2 * MAX_STALLED and min(*recent, last) >= min(past)
+            if stalls or not part * last <= MAX_UPDATE:
                 return None
             # Estimated next update, assuming the same rate of convergence.
             left = last * min(1.0, last / updates[-1]) if last else 0.0
             updates.append(last)
-            if part == 1.0 and settled and left <= REUSE_BELOW and since is before:
+            if part == 1.0 and settled and left <= REUSE_BELOW and since is before and before is not None:
                 # Once: what knots outside have moved by hardly depends on it.
-                touched = self._touched(before, met, touching_before, sets.closed)
-                if touched is not None and before is not None and not np.array_equal(touched, before):
+                touched = self._touched(before, met, closed_before, sets.closed)
+                if not np.array_equal(touched, before):
                     since, updates = touched, [np.inf]
                     continue
             if part == 1.0 and settled and left <= tolerance:
-                counts = (left, count, spent, solves)
-                surface = response.moved(u, traction)
-                met = self.meet(surface, np.concatenate([given, free]), since, touching_before)
-                state = self._state(u, p, q, sets, met, surface, free, counts, result)
-                if since is before:
-                    return state
-                whole = self.meet(surface, np.concatenate([given, free]), before, touching_before)
-                return replace(state, dragged=np.concatenate([one.slip for one in whole]))
-        return None
+                break
+        else:
+            return None
+        factors, surface = np.concatenate([given, free]), response.moved(u, traction)
+        met = self.meet(surface, factors, since, closed_before)
+        whole = met if since is before else self.meet(surface, factors, before, closed_before)
+        p, q = np.where(sets.closed, p, 0.0), np.where(sets.closed, q, 0.0)
 
-    def _until_touch(self, met: Sequence[Meeting], result: IterationResult) -> float:
+        def joined(met: Sequence[Meeting], name: str) -> FloatArray:
+            return np.concatenate([*(getattr(one, name) for one in met), np.zeros(0)])
+
+        return FiniteContactState(
+            displacement=u,
+            pressure=p,
+            shear=q,
+            gap=joined(met, "gap"),
+            place=joined(met, "place"),
+            slip=joined(met, "slip"),
+            normal=np.concatenate([*(one.normal for one in met), np.zeros((0, 2))]),
+            sets=sets,
+            traction=self.contacts.tractions(met, p, q),
+            surface=surface,
+            free=free,
+            residual=left,
+            iterations=count,
+            factorizations=spent,
+            solves=solves,
+            stability=step.stability(met),
+            soft=step.softest(u, p, q),
+            dragged=joined(whole, "slip"),
+        )
+
+    def _touched(
+        self, before: FloatArray, met: Sequence[Meeting], closed: BoolArray, now: BoolArray
+    ) -> FloatArray:
+        """The places ``before`` (c,) from which slips count: for knots that were not ``closed`` (c,), but are
+        ``now`` (c,), where they have touched. Until then they have moved as open knots next to them do."""
+        found = before.copy()
+        for one, (contact, here, _) in zip(met, self.contacts.each, strict=True):
+            if contact.friction:
+                slave = contact.slave
+                part, beside = touching(slave.weight, closed[here], now[here], slave.around is not None)
+                moved = wrapped(one.place - before[here], contact.around)[beside]
+                found[here] += np.where(one.facing[beside] & ~now[here][beside], part * moved, 0.0)
+        return found
+
+    def _until_touch(self, met: Sequence[Meeting], step: Iteration) -> float:
         """Fraction of an update after which a body that nothing holds meets something: the full update would
         penetrate it, as hardly anything resists."""
-        if not self.contacts.free or result.sets.closed.any():
-            return 1.0
         least = 1.0
+        if not self.contacts.free or step.sets.closed.any():
+            return least
         for place, (one, (contact, _, there)) in enumerate(zip(met, self.contacts.each, strict=True)):
-            moved = (self.onto @ result.du)[there]
+            moved = (self.onto @ step.du)[there]
             for driven in (some for some in self.contacts.driven if some.contact == place):
-                moved[driven.component : 2 * contact.slave.count : 2] -= result.free[driven.number]
+                moved[driven.component : 2 * contact.slave.count : 2] -= step.free[driven.number]
             falls = -(one.d_gap @ moved)
             near = one.facing & (falls > 0.0) & (one.gap > 0.0)
             ways = (one.gap[near] + INITIAL_OVERLAP * self.length) / falls[near]
             least = min(least, float(ways.min(initial=1.0)))
         return least
 
-    def _volume(self, u: FloatArray) -> float:
+    def _least_volume(self, u: FloatArray) -> float:
         return min(one.body.least_volume(u[self.bodies[name]]) for name, one in self.projectors.items())
-
-    def _state(
-        self,
-        u: FloatArray,
-        p: FloatArray,
-        q: FloatArray,
-        sets: NodeSets,
-        met: Sequence[Meeting],
-        surface: FloatArray,
-        free: FloatArray,
-        counts: tuple[float, int, int, int],
-        result: IterationResult,
-    ) -> FiniteContactState:
-        p, q = np.where(sets.closed, p, 0.0), np.where(sets.closed, q, 0.0)
-        gap, place, slip = (
-            np.concatenate([*(getattr(one, name) for one in met), np.zeros(0)])
-            for name in ("gap", "place", "slip")
-        )
-        normal = np.concatenate([*(one.normal for one in met), np.zeros((0, 2))])
-        traction = self.contacts.tractions(met, p, q)
-        stable = result.stability(self, met)
-        args = (u, p, q, gap, place, slip, normal, sets, traction, surface, free)
-        soft = result.linearised.softest(u, p, q, sets.status)
-        return FiniteContactState(*args, *counts, stable, soft, slip)
-
-
-def _stalls(updates: Sequence[float], last: float) -> bool:
-    """Whether the ``last`` and earlier updates have not decreased for MAX_STALLED iterations."""
-    return len(updates) > 2 * MAX_STALLED and min(*updates[1 - MAX_STALLED :], last) >= min(
-        updates[: 1 - MAX_STALLED]
-    )
 
 
 def undeformed(unknowns: int, contacts: Contacts) -> FiniteContactState:
     """The undeformed state of bodies with ``unknowns`` unknowns."""
     none, zero = np.zeros(contacts.count), np.zeros(contacts.size)
-    sets = NodeSets(none.astype(np.int8), none)
-    args = (sets, zero, zero, np.zeros(contacts.free), 0.0, 0, 0, 0)
-    return FiniteContactState(
-        np.zeros(unknowns), none, none, none, none, none, np.zeros((len(none), 2)), *args
-    )
+    sets = ContactStatus(none > 0.0, none > 0.0, none)
+    args = (np.zeros(unknowns), none, none, none, none, none, np.zeros((len(none), 2)))
+    return FiniteContactState(*args, sets, zero, zero, np.zeros(contacts.free))
+
+
+def touching(
+    length: FloatArray, before: BoolArray, now: BoolArray, around: bool
+) -> tuple[FloatArray, IntArray]:
+    """Parts (c,) of an increment after which knots of a ``length`` (c,) touch, 0 for those that were closed
+    ``before`` it (c,) as well, and the open knots (c,) next to which they enter the contact, themselves if
+    there are none. The ends of contact move evenly from where they were to where they are ``now`` (c,); the
+    knots of a patch in which none was closed count as closed from the start. Contacts ``around`` a body
+    continue from the last knot to the first."""
+    count = len(length)
+    part, beside = np.zeros(count), np.arange(count)
+    if not (now & ~before).any() or now.all():
+        return part, beside
+    order = np.roll(np.arange(count), -int(np.argmin(now)) if around else 0)
+    closed, known = now[order], (before & now)[order]
+    ends = np.concatenate([[0.0], np.cumsum(length[order])])
+    middle = 0.5 * (ends[1:] + ends[:-1])
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], closed, [False]]).astype(np.int8)))
+    for first, last in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        old = first + np.flatnonzero(known[first:last])
+        if not len(old):
+            continue
+        low, high = int(old[0]), int(old[-1]) + 1
+        sides = ((first, low, low, first, first - 1), (high, last, high, last, last))
+        for begin, end, was, reached, outer in sides:
+            some, open_knot = np.arange(begin, end), outer % count
+            if len(some) and (around or open_knot == outer):
+                part[order[some]] = (middle[some] - ends[was]) / (ends[reached] - ends[was])
+                beside[order[some]] = order[open_knot]
+    return part, beside

@@ -1,4 +1,12 @@
-"""One Newton step for bodies and contacts at finite strain."""
+"""One step of Newton's method for bodies and contacts.
+
+The bodies' derivatives are condensed to the tractions T at the knots that may touch: U = U_0 + z + C dT, with
+C by near fields where clouds do not resolve tractions. Tractions depend on pressures and friction and rotate
+with the displacements, dT = B (dp, dq) + K dU, so that dT = (1 - K C)^-1 (B (dp, dq) + K z); the
+complementarity problem of the contacts determines dp and dq.
+
+Equations (22) and (26) of docs/method.md.
+"""
 
 from __future__ import annotations
 
@@ -9,15 +17,17 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.contact.complementarity.problem import OPEN, SLIP, STICK
-from mlsanm_cli.contact.finite.free import DrivenObstacle
-from mlsanm_cli.contact.finite.linearised import Balance, Linearised
+from mlsanm_cli.contact.complementarity.basis import Ray
+from mlsanm_cli.contact.complementarity.problem import ContactStatus, Problem
+from mlsanm_cli.contact.complementarity.solution import solve
+from mlsanm_cli.contact.finite.contacts import ContactSystem
 from mlsanm_cli.contact.finite.meeting import Meeting
-from mlsanm_cli.contact.finite.sets import NodeSets, settled
 from mlsanm_cli.contact.finite.side_response import SideResponse
-from mlsanm_cli.contact.finite.update import ContactSystem, IterationResult, Responses
+from mlsanm_cli.contact.response.coercivity import constrained_resistance
+from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.projector import Factorised
+from mlsanm_cli.mechanics.finite.stability import SoftMotion, rows_of_force, softest_motion
 from mlsanm_cli.mechanics.finite.tangent import load_columns, tangent_rows
 from mlsanm_cli.records import dataclass
 
@@ -32,58 +42,90 @@ DAMPING = 1e-9
 
 
 @dataclass(frozen=True)
+class Responses:
+    """Derivatives of the bodies, by name, which can be reused nearby: their ``factorised`` equations, and
+    their responses to the ``touched`` (t,) tractions and the d free motions. A body is moved (2n, k) by those
+    in its ``columns`` (k,), tractions first; ``pieces`` (3p, k) is the direct imbalance of its pieces.
+    They took a number of ``solves``."""
+
+    factorised: Mapping[str, Factorised]
+    touched: IntArray
+    solves: int = 0
+    columns: Mapping[str, IntArray] = field(default_factory=dict)
+    moved: Mapping[str, FloatArray] = field(default_factory=dict)
+    pieces: Mapping[str, sparse.csr_array] = field(default_factory=dict)
+
+
 class Iteration:
-    """Newton steps at load ``factors`` (L,), with ``known`` responses of the bodies if given. ``left`` (r,)
-    are the residuals of bodies, by name, if they are not to be those of their equations."""
+    """A step from displacements ``u`` (2N,), pressures ``p`` and friction ``q`` (c,) at load ``factors``
+    (L + d,), which correspond to the ``traction`` (2s,) of all sides up to rotations since.
 
-    system: ContactSystem
-    factors: FloatArray
-    response: SideResponse
-    known: Responses | None = None
-    left: Mapping[str, FloatArray] = field(default_factory=dict)
+    ``known`` are responses of the bodies to be reused; ``left`` (r,) are the residuals of bodies, by name, if
+    they are not to be those of their equations. ``first`` guesses the status from pressures and gaps.
 
-    def taken(
+    Results are the updates ``du`` (2N,), ``dp``, ``dq`` (c,), ``free`` (d,) and ``traction`` (2s,), the
+    status ``sets`` of all knots (c,), the ``responses`` and the number of ``solves``. Raises NumericalError
+    if no status satisfies the linearised conditions.
+
+    The equations of the ``chosen`` knots (k,), which may touch, and the free motions: gaps, slips and force
+    balances change by ``matrix`` (2k + d, 2k + d). Pressures ``push`` and friction ``pull`` (t, k) on the
+    touched tractions, which displace all sides by ``seen`` (2s, t) and turn with these by ``turning``
+    (t, 2s); ``inverse`` (t, t) of 1 - ``turning seen`` sums that up, so that all unknowns change them by
+    ``loads`` (t, 2k + d). Gaps and slips follow the sides by ``d_gap`` and ``d_slip`` (k, 2s). Forces
+    ``missing`` (d,) on motions change ``by_displacement`` (d, 2N) and by touched tractions and motions,
+    ``by_acting`` (d, t + d); floating bodies, by name, add the imbalance of their pieces by ``sums`` (k, 3p)
+    to their motions numbered (k,)."""
+
+    def __init__(
         self,
+        system: ContactSystem,
+        factors: FloatArray,
+        response: SideResponse,
         u: FloatArray,
         traction: FloatArray,
         p: FloatArray,
         q: FloatArray,
-        sets: NodeSets,
+        sets: ContactStatus,
         met: Sequence[Meeting],
+        *,
         first: bool,
-    ) -> IterationResult:
-        """One step from displacements (2N,), pressures and friction (c,), which correspond to the
-        ``traction`` (2s,) of all sides up to rotations since."""
-        system, contacts = self.system, self.system.contacts
+        known: Responses | None = None,
+        left: Mapping[str, FloatArray] | None = None,
+    ) -> None:
+        self.system, self.factors, self.response = system, factors, response
+        contacts = system.contacts
         applied = contacts.tractions(met, p, q)
-        jump = applied - traction
         factorised, z = {}, np.zeros(len(u))
         for name, projector in system.projectors.items():
             here = system.bodies[name]
-            whole = np.concatenate([self.factors, system.spread[name] @ applied])
-            left = self.left[name] if self.left else projector.left(u[here], whole)
-            if self.known is not None:
-                factorised[name] = self.known.factorised[name]
+            whole = np.concatenate([factors, system.spread[name] @ applied])
+            rest = projector.left(u[here], whole) if left is None else left[name]
+            if known is not None:
+                factorised[name] = known.factorised[name]
             else:
                 factorised[name] = projector.factorised(u[here], whole, iterating=True)
-            z[here] = -factorised[name].solve(projector.scaled(left))
-        chosen, touched = self._chosen(z, p, met)
-        if not len(chosen) and not contacts.free:
-            none, nothing = np.zeros(len(p)), np.zeros((0, 0))
-            sets, alone = NodeSets(none.astype(np.int8), none), Responses(factorised, touched, 0)
-            state = self._linearised(u, applied, p, q, met, chosen, alone)
-            args = (chosen, nothing, nothing, len(factorised), alone, state)
-            return IterationResult(z, -p, -q, np.zeros(0), -traction, sets, *args)
-        responses = self.known
-        if responses is None or not responses.moved or not np.array_equal(responses.touched, touched):
-            responses = self._responses(u, factorised, touched)
-        state = self._linearised(u, applied, p, q, met, chosen, responses)
-        return self._settled(p, q, sets, met, z, jump, state, first)
+            z[here] = -factorised[name].solve(projector.scaled(rest))
+        self.chosen, touched = self._may_touch(z, p, met)
+        idle = not len(self.chosen) and not contacts.free
+        if idle:
+            self.responses = Responses(factorised, touched)
+        elif known is None or not known.moved or not np.array_equal(known.touched, touched):
+            self.responses = self._responses(u, factorised, touched)
+        else:
+            self.responses = known
+        self._balance(u, applied)
+        self._linearise(p, q, met)
+        if idle:
+            none = np.zeros(len(p), dtype=bool)
+            self.du, self.dp, self.dq, self.free, self.traction = z, -p, -q, np.zeros(0), -traction
+            self.sets, self.solves = ContactStatus(none, none, np.zeros(len(p))), len(factorised)
+        else:
+            self._solve(p, q, sets, met, z, applied - traction, first)
 
-    def _chosen(self, z: FloatArray, p: FloatArray, met: Sequence[Meeting]) -> tuple[IntArray, IntArray]:
+    def _may_touch(self, z: FloatArray, p: FloatArray, met: Sequence[Meeting]) -> tuple[IntArray, IntArray]:
         """The nodes that may touch after the displacements ``z`` (2N,), and the tractions (t,) of all sides
         that these affect."""
-        chosen, touched = [], []
+        chosen, touched = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
         smooth = self.system.onto @ z
         reach = REACH_WITH_MOTIONS * self.system.length if self.system.contacts.free else 0.0
         for one, (contact, here, there) in zip(met, self.system.contacts.each, strict=True):
@@ -102,10 +144,7 @@ class Iteration:
             reached = np.unique(one.carried[:, own].tocoo().coords[0])
             nodes = np.concatenate([own, contact.slave.count + reached])
             touched.append(there.start + (2 * nodes[:, None] + np.arange(2)).ravel())
-        return (
-            np.concatenate([*chosen, np.zeros(0, dtype=np.int64)]),
-            np.concatenate([*touched, np.zeros(0, dtype=np.int64)]),
-        )
+        return np.concatenate(chosen), np.concatenate(touched)
 
     def _responses(self, u: FloatArray, factorised: Mapping[str, Factorised], touched: IntArray) -> Responses:
         """The bodies' responses to the ``touched`` tractions and to their free motions."""
@@ -130,12 +169,13 @@ class Iteration:
             solves += len(nodal) + len(moves)
         return Responses(factorised, touched, solves, columns, moved, pieces)
 
-    def _balance(self, u: FloatArray, applied: FloatArray, responses: Responses) -> Balance:
-        """Forces missing on unknown motions with ``applied`` (2s,) tractions, and their derivatives."""
-        system, contacts = self.system, self.system.contacts
+    def _balance(self, u: FloatArray, applied: FloatArray) -> None:
+        """The forces missing on unknown motions with ``applied`` (2s,) tractions, and their derivatives."""
+        system, contacts, responses = self.system, self.system.contacts, self.responses
         free, count = contacts.free, len(responses.touched)
-        missing, derivative, summed = np.zeros(free), np.zeros((free, count + free)), {}
+        missing, derivative = np.zeros(free), np.zeros((free, count + free))
         by_displacement = np.zeros((free, len(u)))
+        self.sums: dict[str, tuple[IntArray, sparse.csr_array]] = {}
         for one in (some for some in contacts.loose if some.count):
             here, rows, columns = system.bodies[one.body], one.numbers, responses.columns[one.body]
             body = system.projectors[one.body].body
@@ -148,7 +188,7 @@ class Iteration:
             direct = (sums @ responses.pieces[one.body]).toarray()
             derivative[np.ix_(rows, columns)] = direct + moved @ responses.moved[one.body]
             derivative[rows, count + rows] += DAMPING * body.elastic.model.material.modulus
-            summed[one.body] = rows, sums
+            self.sums[one.body] = rows, sums
         for plate in (some for some in contacts.plates if some.components):
             rows, known = plate.numbers, plate.force.shape[1]
             missing[rows] -= plate.given(self.factors[:known])
@@ -164,106 +204,181 @@ class Iteration:
                 derivative[rows, count:] += plate.unknown(plate.arms(pull))[:, known:]
                 derivative[rows, count + rows] += DAMPING * body.elastic.model.material.modulus
         for driven in contacts.driven:
-            number, contact = driven.number, contacts.pairs[driven.contact]
+            number, slave = driven.number, contacts.pairs[driven.contact].slave
             weight = np.zeros(len(applied))
-            weight[self._driven(driven)] = contact.slave.weight
+            weight[contacts.pushing(driven)] = slave.weight
             missing[number] = weight @ applied - driven.force @ self.factors[: len(driven.force)]
             derivative[number, :count] = weight[responses.touched]
-            modulus = system.projectors[contact.slave.body].body.elastic.model.material.modulus
+            modulus = system.projectors[slave.body].body.elastic.model.material.modulus
             derivative[number, count + number] = DAMPING * modulus
-        return Balance(missing, by_displacement, derivative, summed)
+        self.missing, self.by_displacement, self.by_acting = missing, by_displacement, derivative
 
-    def _driven(self, driven: DrivenObstacle) -> IntArray:
-        """The tractions of all sides that act on an obstacle along its motion."""
-        contact, _, there = self.system.contacts.each[driven.contact]
-        first = there.start + driven.component
-        return np.arange(first, first + 2 * contact.slave.count, 2)
-
-    def _linearised(
-        self,
-        u: FloatArray,
-        applied: FloatArray,
-        p: FloatArray,
-        q: FloatArray,
-        met: Sequence[Meeting],
-        chosen: IntArray,
-        responses: Responses,
-    ) -> Linearised:
-        """The equations linearised, condensed to the ``chosen`` (k,) knots and the free motions."""
-        system, contacts, touched = self.system, self.system.contacts, responses.touched
-        response, count = self.response, len(touched)
-        balance = self._balance(u, applied, responses)
+    def _linearise(self, p: FloatArray, q: FloatArray, met: Sequence[Meeting]) -> None:
+        """The equations condensed to the chosen knots and the free motions."""
+        system, contacts, touched, chosen = (
+            self.system,
+            self.system.contacts,
+            self.responses.touched,
+            self.chosen,
+        )
+        count = len(touched)
         # Displacements of all sides due to the touched tractions and the free motions.
         smooth = np.zeros((contacts.size, count + contacts.free))
-        for name, columns in responses.columns.items():
-            smooth[:, columns] += system.onto[:, system.bodies[name]] @ responses.moved[name]
-        seen, shifted = np.split(response.followed(smooth), [count], axis=1)
-        seen = seen + response.by_traction[:, touched]
+        for name, columns in self.responses.columns.items():
+            smooth[:, columns] += system.onto[:, system.bodies[name]] @ self.responses.moved[name]
+        seen, shifted = np.split(self.response.followed(smooth), [count], axis=1)
+        self.seen = seen + self.response.by_traction[:, touched]
         for driven in contacts.driven:
-            shifted[self._driven(driven), driven.number] -= 1.0
+            shifted[contacts.pushing(driven), driven.number] -= 1.0
         turns = [one.turning(p[at], q[at]) for one, (_, at, _) in zip(met, contacts.each, strict=True)]
-        turning = _diagonal(turns)[touched]
-        push, pull = (
+        self.turning = _diagonal(turns)[touched]
+        self.push, self.pull = (
             _diagonal([one.columns(getattr(one, key)) for one in met])[touched][:, chosen].toarray()
             for key in ("normal", "tangent")
         )
-        d_gap, d_slip = (_diagonal([getattr(one, k) for one in met])[chosen] for k in ("d_gap", "d_slip"))
-        inverse = np.linalg.inv(np.eye(len(touched)) - turning @ seen)
-        loads = inverse @ np.hstack([push, pull, turning @ shifted])
-        by_all = seen @ loads
+        self.d_gap, self.d_slip = (
+            _diagonal([getattr(one, key) for one in met])[chosen] for key in ("d_gap", "d_slip")
+        )
+        self.inverse = np.linalg.inv(np.eye(count) - self.turning @ self.seen)
+        self.loads = self.inverse @ np.hstack([self.push, self.pull, self.turning @ shifted])
+        by_all = self.seen @ self.loads
         by_all[:, 2 * len(chosen) :] += shifted
-        by_traction, by_motion = np.split(balance.by_acting, [count], axis=1)
-        by_balance = by_traction @ loads
+        by_traction, by_motion = np.split(self.by_acting, [count], axis=1)
+        by_balance = by_traction @ self.loads
         by_balance[:, 2 * len(chosen) :] += by_motion
-        matrix = np.concatenate([d_gap @ by_all, d_slip @ by_all, by_balance])
-        parts = (matrix, loads, push, pull, seen, turning, inverse, d_gap, d_slip)
-        return Linearised(system, self.factors, response, responses, balance, chosen, *parts)
+        self.matrix = np.concatenate([self.d_gap @ by_all, self.d_slip @ by_all, by_balance])
 
-    def _settled(
+    def _followed(self, z: FloatArray, jump: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+        """What displacements ``z`` (2N,) of the clouds and a ``jump`` (2s,) of all tractions change: the
+        touched tractions (t,); and gaps, slips and the balance (2k + d,)."""
+        surface = self.response.followed(self.system.onto @ z)
+        if jump is not None:
+            surface = surface + self.response.by_traction @ jump
+        turned = self.inverse @ (self.turning @ surface)
+        surface = surface + self.seen @ turned
+        balance = self.by_displacement @ z + self.by_acting[:, : len(turned)] @ turned
+        return turned, np.concatenate([self.d_gap @ surface, self.d_slip @ surface, balance])
+
+    def _moved(self, turned: FloatArray, change: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Changes of the touched tractions (t,), with those ``turned`` (t,), and of the displacements (2N,)
+        by them, for a ``change`` (2k + d,) of the unknowns."""
+        tractions = turned + self.loads @ change
+        acting = np.append(tractions, change[2 * len(self.chosen) :])
+        found = np.zeros(self.system.unknowns)
+        for name, columns in self.responses.columns.items():
+            found[self.system.bodies[name]] = self.responses.moved[name] @ acting[columns]
+        return tractions, found
+
+    def _solve(
         self,
         p: FloatArray,
         q: FloatArray,
-        sets: NodeSets,
+        sets: ContactStatus,
         met: Sequence[Meeting],
         z: FloatArray,
         jump: FloatArray,
-        state: Linearised,
         first: bool,
-    ) -> IterationResult:
-        system, contacts, chosen = self.system, self.system.contacts, state.chosen
-        mu, responses, touched = contacts.friction[chosen], state.responses, state.responses.touched
+    ) -> None:
+        """The updates that satisfy the conditions of the chosen knots, searched from a status."""
+        chosen, count, touched = self.chosen, len(self.chosen), self.responses.touched
+        mu = self.system.contacts.friction[chosen]
         gap, slip = (
             np.concatenate([*(getattr(one, key) for one in met), mu[:0]])[chosen] for key in ("gap", "slip")
         )
-        turned, step = state.followed(z, jump)
-        step = step + np.concatenate([gap, slip, state.balance.missing])
-        now = np.concatenate([p[chosen], q[chosen], np.zeros(contacts.free)])
-        guess = NodeSets(sets.status[chosen], sets.slip_sign[chosen])
+        turned, step = self._followed(z, jump)
+        step = step + np.concatenate([gap, slip, self.missing])
+        now = np.concatenate([p[chosen], q[chosen], np.zeros(self.system.contacts.free)])
+        closed, stuck = sets.closed[chosen], sets.stuck[chosen]
         if first:
-            closed = p[chosen] > system.stiffness * gap
-            held = np.where(mu > 0.0, STICK, SLIP)
-            status = np.where(closed, np.where(guess.closed, guess.status, held), OPEN).astype(np.int8)
-            guess = NodeSets(status, np.where(status == SLIP, guess.slip_sign, 0.0))
-        change, found = settled(state.matrix, step, now, mu, guess)
-        dp, dq, free = np.split(change, [len(chosen), 2 * len(chosen)])
-        tractions, du = state.moved(turned, change)
-        moving = jump.copy()
-        moving[touched] += tractions
-        whole_p, whole_q = -p, -q
-        whole_p[chosen], whole_q[chosen] = dp, dq
-        status, slip_sign = np.zeros(len(p), dtype=np.int8), np.zeros(len(p))
-        status[chosen], slip_sign[chosen] = found.status, found.slip_sign
-        d_gap, d_slip, seen, push = state.d_gap, state.d_slip, state.seen, state.push
-        compliance = d_gap @ (seen @ push)
-        stuck = np.flatnonzero((found.status == STICK) & (mu > 0.0))
-        if len(stuck):
+            presses = p[chosen] > self.system.stiffness * gap
+            closed, stuck = presses, presses & np.where(closed, stuck, mu > 0.0)
+        nodes = np.flatnonzero(mu > 0.0)
+        kept = np.concatenate([np.arange(count), count + nodes, np.arange(2 * count, len(step))])
+        problem = Problem.of(self.matrix[np.ix_(kept, kept)], nodes, mu[nodes], count)
+        sign = sets.slip_sign[chosen][nodes]
+        start = ContactStatus.with_tractions(closed, stuck[nodes], sign, nodes)
+        try:
+            found = solve(problem, problem.rows * (step - self.matrix @ now)[kept], start)
+        except Ray as error:
+            raise NumericalError(
+                "no contact state satisfies a linearised step", "the loads may move bodies that nothing holds"
+            ) from error
+        change = -now
+        change[kept] += problem.columns * found.x
+        tractions, moved = self._moved(turned, change)
+        self.du, self.dp, self.dq, self.traction = z + moved, -p, -q, jump.copy()
+        self.dp[chosen], self.dq[chosen], self.free = np.split(change, [count, 2 * count])
+        self.traction[touched] += tractions
+        masks, slip_sign = np.zeros((2, len(p)), dtype=bool), np.zeros(len(p))
+        masks[0, chosen], masks[1, chosen[nodes]] = found.status.closed, found.status.stuck
+        slip_sign[chosen[nodes]] = found.status.slip_sign
+        self.sets = ContactStatus(masks[0], masks[1], slip_sign)
+        self.solves = len(self.responses.columns) + self.responses.solves
+
+    def stability(self, met: Sequence[Meeting]) -> float:
+        """Least resistance of a contact with closed nodes, at closed nodes between two others, to pressures
+        of fixed direction that oscillate from node to node; held nodes are excluded, as are pressures with
+        forces on floating bodies."""
+        system, contacts, least = self.system, self.system.contacts, np.inf
+        pushed = self.seen @ self.push
+        compliance = self.d_gap @ pushed
+        held = np.flatnonzero(self.sets.stuck[self.chosen])
+        if len(held):
             # Sticking nodes are fixed along the surface too.
-            slips, held = d_slip[stuck] @ (seen @ push), seen @ state.pull[:, stuck]
-            compliance = compliance - d_gap @ held @ np.linalg.solve(d_slip[stuck] @ held, slips)
-        by_traction = state.balance.by_acting[:, : len(touched)]
-        on_bodies = by_traction[: sum(one.count for one in contacts.loose)] @ push
-        args = (chosen, compliance, on_bodies, len(responses.columns) + responses.solves, responses, state)
-        return IterationResult(z + du, whole_p, whole_q, free, moving, NodeSets(status, slip_sign), *args)
+            slips, pulled = self.d_slip[held] @ pushed, self.seen @ self.pull[:, held]
+            compliance = compliance - self.d_gap @ pulled @ np.linalg.solve(self.d_slip[held] @ pulled, slips)
+        loose = sum(one.count for one in contacts.loose)
+        unbalanced = self.by_acting[:loose, : len(self.responses.touched)] @ self.push
+        number = np.full(len(self.sets.closed), -1, dtype=np.int64)
+        number[self.chosen] = np.arange(len(self.chosen))
+        for one, (contact, here, _) in zip(met, contacts.each, strict=True):
+            own = self.sets.closed[here] & ~contact.slave.held
+            inner = own[1:-1] & own[:-2] & own[2:]
+            some = 1 + np.flatnonzero(inner) if inner.any() else np.flatnonzero(own)
+            soft = sum(
+                system.projectors[side.body].body.elastic.model.material.contact_compliance(one.normal[some])
+                for side in contact.sides
+            )
+            place, weight = number[here][some], contact.slave.weight[some]
+            part = compliance[np.ix_(place, place)]
+            least = min(least, constrained_resistance(weight, np.diag(soft), part, unbalanced[:, place]))
+        return least
+
+    def softest(self, u: FloatArray, p: FloatArray, q: FloatArray) -> SoftMotion:
+        """The softest motion, with displacements ``u`` (2N,), pressures and friction (c,): gaps of closed
+        knots, and slips of sticking ones, do not change; friction of slipping ones changes with pressure."""
+        system, chosen, count, p, q = (
+            self.system,
+            self.chosen,
+            len(self.chosen),
+            p[self.chosen],
+            q[self.chosen],
+        )
+        closed = self.sets.closed[chosen] & (p > system.nothing)
+        stuck = closed & self.sets.stuck[chosen]
+        kept = np.concatenate([closed, stuck, np.ones(len(self.matrix) - 2 * count, dtype=bool)])
+        whole = np.where(kept[:, None], self.matrix, np.eye(len(kept)))
+        slips = np.flatnonzero(closed & ~self.sets.stuck[chosen])
+        whole[count + slips, slips] -= q[slips] / p[slips]
+        inverse = np.linalg.inv(whole)
+        bodies = {name: one.body for name, one in system.projectors.items()}
+
+        def displaced(force: FloatArray) -> FloatArray:
+            z, missing = np.zeros(len(force)), np.zeros(len(self.missing))
+            for name, body in bodies.items():
+                here = system.bodies[name]
+                rows = rows_of_force(body, force[here])
+                scaled = system.projectors[name].scaled(rows)
+                z[here] = -self.responses.factorised[name].solve_unrefined(scaled)
+                if name in self.sums:
+                    numbers, sums = self.sums[name]
+                    missing[numbers] += sums @ rows[body.node_rows :]
+            turned, left = self._followed(z)
+            left[2 * count :] += missing
+            return z + self._moved(turned, -inverse @ np.where(kept, left, 0.0))[1]
+
+        loaded = [(body, u[system.bodies[name]], self.factors) for name, body in bodies.items()]
+        return softest_motion(displaced, loaded)
 
 
 def _diagonal(blocks: Sequence[sparse.csr_array]) -> sparse.csr_array:

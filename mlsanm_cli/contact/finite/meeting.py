@@ -67,13 +67,6 @@ class Meeting:
         return sparse.csr_array(found)
 
 
-def vectors_along(directions: FloatArray) -> sparse.csr_array:
-    """Vectors (2c, c) at nodes per unit along their ``directions`` (c, 2)."""
-    count = len(directions)
-    entries = (directions.ravel(), (np.arange(2 * count), np.repeat(np.arange(count), 2)))
-    return sparse.csr_array(entries, shape=(2 * count, count))
-
-
 def by_component(rows: sparse.csr_array, directions: FloatArray) -> sparse.csr_array:
     """Rows (c, m) of a scalar as rows (c, 2m) of the component along ``directions`` (c, 2)."""
     found = rows.tocoo()

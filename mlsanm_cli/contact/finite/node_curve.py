@@ -12,7 +12,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.records import dataclass
-from mlsanm_cli.roundoff import FINE_ROUND_OFF
+from mlsanm_cli.roundoff import FINE_ROUND_OFF, ROUND_OFF
 
 SLOPE_NODES, END_NODES = 5, 3
 """Number of nodes that determine a slope, inside and near the ends."""
@@ -101,6 +101,20 @@ class NodeCurve:
         """Index of the knot (c,) at or below each place (c,)."""
         found = np.searchsorted(self.knots, place, side="right") - 1
         return np.asarray(np.clip(found, 0, len(self.knots) - 2))
+
+    def hats(self, place: FloatArray, low: IntArray) -> tuple[sparse.csr_array, sparse.csr_array]:
+        """Hat functions of the nodes (e, m) at ``place`` (e,) above the knots ``low`` (e,), and their
+        derivatives. Beyond the ends the last node receives everything."""
+        step, count = self.knots[low + 1] - self.knots[low], len(self.arc)
+        whole = (place - self.knots[low]) / step
+        part = np.clip(whole, 0.0, 1.0)
+        rise = (np.abs(whole - part) <= ROUND_OFF) / step
+        at = (np.tile(np.arange(len(place)), 2), np.concatenate([low, (low + 1) % count]))
+        values, slopes = (
+            sparse.csr_array((np.concatenate(both), at), shape=(len(place), count))
+            for both in ((1.0 - part, part), (-rise, rise))
+        )
+        return values, slopes
 
     def rows(self, place: FloatArray) -> tuple[sparse.csr_array, sparse.csr_array, sparse.csr_array]:
         """Rows (c, m) of value, first and second derivative at ``place`` (c,)."""

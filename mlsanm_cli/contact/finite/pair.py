@@ -30,7 +30,7 @@ from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.geometry.facing import turned
 from mlsanm_cli.contact.geometry.pairing import MAX_FACING_COSINE
 from mlsanm_cli.records import dataclass
-from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 MAX_DEPTH = 3.0
 """Knots deeper inside the master than this many of its spacings are ignored."""
@@ -194,7 +194,16 @@ def transfer(
     share = np.concatenate([(1.0 - part).ravel(), part.ravel()])
     entries = (share, (np.tile(np.arange(part.size), 2), columns))
     on_slave = sparse.csr_array(entries, shape=(part.size, slave.count))
-    on_master, rise = _hats(curve, at, master.count)
+    knots = curve.knots
+    if curve.around is not None:
+        at = knots[0] + np.mod(at - knots[0], curve.around)
+    under = np.repeat(curve.interval(at[:, 1]), 3)
+    at_points = at.ravel()
+    if curve.around is not None:
+        # Ends of a piece at the seam may have been wrapped to the other side.
+        middle = 0.5 * (knots[under] + knots[under + 1])
+        at_points = at_points + curve.around * np.round((middle - at_points) / curve.around)
+    on_master, rise = curve.hats(at_points, under)
     spread = _spread(master)
 
     def moved(traction: FloatArray, d_place: sparse.csr_array) -> sparse.csr_array:
@@ -245,26 +254,3 @@ def _pieces(curve: NodeCurve, start: FloatArray, end: FloatArray) -> tuple[IntAr
     part, owner = part[order], owner[order]
     same = owner[1:] == owner[:-1]
     return owner[1:][same], part[:-1][same], part[1:][same]
-
-
-def _hats(curve: NodeCurve, at: FloatArray, count: int) -> tuple[sparse.csr_array, sparse.csr_array]:
-    """Hat functions of the nodes (3g, m) at the points ``at`` (g, 3) of pieces, and their derivatives."""
-    knots = curve.knots
-    if curve.around is not None:
-        at = knots[0] + np.mod(at - knots[0], curve.around)
-    low = np.repeat(curve.interval(at[:, 1]), 3)
-    step = knots[low + 1] - knots[low]
-    place = at.ravel()
-    if curve.around is not None:
-        # Ends of a piece at the seam may have been wrapped to the other side.
-        place = place + curve.around * np.round((knots[low] + 0.5 * step - place) / curve.around)
-    whole = (place - knots[low]) / step
-    part = np.clip(whole, 0.0, 1.0)
-    # Beyond the ends the last node receives everything.
-    inner = np.abs(whole - part) <= ROUND_OFF
-    number, high = np.arange(len(place)), (low + 1) % count
-    at_both = (np.tile(number, 2), np.concatenate([low, high]))
-    values = sparse.csr_array((np.concatenate([1.0 - part, part]), at_both), shape=(len(place), count))
-    rise = inner / step
-    slopes = sparse.csr_array((np.concatenate([-rise, rise]), at_both), shape=(len(place), count))
-    return values, slopes

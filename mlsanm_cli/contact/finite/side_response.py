@@ -16,7 +16,8 @@ Equation (25) of docs/method.md.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sparse
@@ -24,46 +25,106 @@ from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.search import nearest
-from mlsanm_cli.contact.finite.meeting import vectors_along
-from mlsanm_cli.contact.finite.near_field import NearField
-from mlsanm_cli.contact.finite.sides import HALF_WINDOW, ContactSide, SideNodes
+from mlsanm_cli.contact.finite.sides import HALF_WINDOW, ContactSide, Points, SideNodes
+from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
+from mlsanm_cli.contact.geometry.facing import Facing
+from mlsanm_cli.contact.geometry.grid import Hats
+from mlsanm_cli.contact.geometry.surface_response import SurfaceResponse
 from mlsanm_cli.mechanics.body import ElasticBody
-from mlsanm_cli.mechanics.finite.body import FiniteBody
+from mlsanm_cli.mechanics.corner import CorneredForces
 from mlsanm_cli.mechanics.finite.projector import Projector
 from mlsanm_cli.mechanics.finite.tangent import load_columns
-from mlsanm_cli.mechanics.near_field import ComplexArray
+from mlsanm_cli.mechanics.near_field import SURFACE_INSET, ComplexArray, SurfaceForces, as_complex
 from mlsanm_cli.mechanics.remainder import remainder_sources
 from mlsanm_cli.mechanics.rigid import free_motions
-from mlsanm_cli.operators.refinement import BLOCK_COLUMNS
-from mlsanm_cli.records import dataclass
+from mlsanm_cli.operators.system import BLOCK_COLUMNS
 
 DEEP = 0.5
 """Nodes at this part of the largest depth are far from all sides."""
 
 
-@dataclass(frozen=True)
+class NearField:
+    """Closed-form near fields of tractions at points of a ``side``, linear between them: those of contact
+    grids, observed at the points. In hollows they end at a ``center``."""
+
+    def __init__(self, side: Points, body: ElasticBody, center: complex | None) -> None:
+        self.side, self._body, self._center = side, body, center
+        ends, corners = side.ends, tuple(replace(one, fades=True) for one in side.wedges if one)
+        hats = Hats.on(ends, (True, True), side.around)
+        around = (center, None), (corners, ()), side.planes
+        facing, first, last = Facing(side.geometry, None), float(ends[0]), float(ends[-1])
+        self._grid = ContactGrid(facing, first, last, 1, hats, *around)
+        # Forces at ends are shifted inwards.
+        self._arc = side.arc.copy()
+        if side.around is None:
+            self._arc[[0, -1]] += SURFACE_INSET * side.weight[[0, -1]] * np.array([1.0, -1.0])
+
+    def forces(self, chosen: IntArray | slice = slice(None)) -> CorneredForces:
+        """Unit forces at all or the ``chosen`` points (k,)."""
+        place, inward = self._grid.facing.side(self._arc[chosen], True)
+        own = SurfaceForces(self._body.model.kernel, place, inward, self._center)
+        return CorneredForces(own, self._grid.corners_of(True), self._grid.images_of(True))
+
+    def displaced(self, places: FloatArray) -> FloatArray:
+        """Displacements (2n, 2c) at ``places`` (n, 2) inside the body by unit tractions."""
+        found = self.forces().displacement(as_complex(places)) * self.side.weight[:, None, None]
+        return _interleaved(found)
+
+    @property
+    def field(self) -> FloatArray:
+        """Displacements (2c, 2c) of the points due to unit tractions."""
+        response = SurfaceResponse(self._grid, self._body.model.kernel, True)
+        sharp = response.singular(self.side.arc)
+        if self.side.around is not None:
+            sharp[:, 0] += sharp[:, -1]
+        smooth = response.smooth(self._arc, self._arc) * self.side.weight[:, None, None]
+        return _interleaved(smooth + sharp[:, : self.side.count])
+
+
+def _interleaved(table: FloatArray) -> FloatArray:
+    """Displacements (e, k, 2, 2) as a matrix (2e, 2k), x and y in turn."""
+    rows, columns = table.shape[:2]
+    return np.asarray(table.transpose(0, 2, 1, 3).reshape(2 * rows, 2 * columns))
+
+
 class Compliance:
     """What an undeformed body answers at all of its nodes, x and y in turn: ``cloud`` (2N, 2c) to unit
     tractions at the ``nodes`` of a side, and ``remainder`` (2N, 2c) to unit forces there, less their near
-    fields. The whole of a loose body moves as the nodes ``deep`` (m,) inside do, by free motions of
-    ``patterns`` (2n, d) at places (n, 2)."""
+    fields, which at nodes without these is that of the nearest with them.
 
-    nodes: SideNodes
-    body: ElasticBody
-    deep: IntArray
-    patterns: Callable[[FloatArray], FloatArray]
-    cloud: FloatArray
-    remainder: FloatArray
+    The whole of a loose body moves as the nodes ``deep`` (m,) inside do, by free motions. What clouds answer
+    is seen from pins, and there it is as wrong as next to the sides: as a motion of one side against all
+    others that would be a spring.
+    """
 
-    @classmethod
-    def of(cls, nodes: SideNodes, projector: Projector, first: int) -> Compliance:
+    def __init__(self, nodes: SideNodes, projector: Projector, first: int) -> None:
         """From a body's equations in the undeformed state, whose loads from number ``first`` on are the unit
         tractions."""
-        body = projector.body
+        body, elastic = projector.body, projector.body.elastic
+        self.nodes, self.body, cloud = nodes, elastic, elastic.model.cloud
         still, none = np.zeros(body.unknowns), np.zeros(body.loads.count)
         columns = load_columns(body, still, none, slice(first, first + 2 * nodes.count))
-        moved = -projector.factorised(still, none).solve_unrefined(projector.scaled(columns.toarray()))
-        return cls(nodes, body.elastic, *_deep(body), moved, _remainder(nodes, body.elastic))
+        self.cloud = -projector.factorised(still, none).solve_unrefined(projector.scaled(columns.toarray()))
+        bearing = elastic.held_nodes[: len(elastic.held_nodes) - body.pins]
+        self.patterns = free_motions(cloud, elastic.held, bearing, elastic.springs).patterns
+        self.deep = np.zeros(0, dtype=np.int64)
+        if body.pins:
+            outer = np.concatenate([surface.index for surface in cloud.surfaces.values()])
+            depth = nearest(cKDTree(cloud.points[outer]), cloud.points)[0]
+            self.deep = np.flatnonzero(depth >= DEEP * depth.max())
+        self.remainder = np.zeros((elastic.model.unknowns, 2 * nodes.count))
+        chosen = np.flatnonzero(nodes.share)
+        if not len(chosen):
+            return
+        near, moved = NearField(nodes, elastic, nodes.centers[0]), []
+        for begin in range(0, len(chosen), BLOCK_COLUMNS):
+            sources = remainder_sources(elastic, near.forces(chosen[begin : begin + BLOCK_COLUMNS]))
+            sources = sources.reshape(elastic.rows, 2, -1).transpose(0, 2, 1)
+            moved.append(elastic.system.solve(sparse.csc_array(sources.reshape(elastic.rows, -1))))
+        beside = np.abs(chosen - np.arange(nodes.count)[:, None]).argmin(axis=1)
+        found = np.concatenate(moved, axis=1)[:, (2 * beside[:, None] + np.arange(2)).ravel()]
+        found[nodes.unknowns] = found[(2 * nodes.index[chosen[beside]][:, None] + np.arange(2)).ravel()]
+        self.remainder = found
 
     def beyond_cloud(self, side: ContactSide) -> FloatArray:
         """K - E C P (2g, 2g) for unit tractions at the knots of a side with these nodes."""
@@ -116,80 +177,35 @@ def beyond_clouds(
     return found
 
 
-def _remainder(nodes: SideNodes, body: ElasticBody) -> FloatArray:
-    """Displacements (2N, 2c) of a body by the remainders of unit forces at the nodes; those of nodes without
-    near fields are those of the nearest with them."""
-    chosen = np.flatnonzero(nodes.share)
-    found = np.zeros((body.model.unknowns, 2 * nodes.count))
-    if not len(chosen):
-        return found
-    near, moved = NearField(nodes, body, nodes.centers[0]), []
-    for first in range(0, len(chosen), BLOCK_COLUMNS):
-        some = chosen[first : first + BLOCK_COLUMNS]
-        sources = remainder_sources(body, near.forces(some)).reshape(body.rows, 2, -1).transpose(0, 2, 1)
-        moved.append(body.system.solve(sparse.csc_array(sources.reshape(body.rows, -1))))
-    beside = np.abs(chosen - np.arange(nodes.count)[:, None]).argmin(axis=1)
-    found = np.concatenate(moved, axis=1)[:, (2 * beside[:, None] + np.arange(2)).ravel()]
-    found[nodes.unknowns] = found[(2 * nodes.index[chosen[beside]][:, None] + np.arange(2)).ravel()]
-    return found
-
-
-@dataclass(frozen=True)
 class SideResponse:
     """Displacements (2s,) of sides in a state: ``smooth`` (2s, 2N) applied to the cloud's, plus
     ``by_traction`` (2s, 2s), which changes with the former by ``by_turning`` (2s, 2s)."""
 
-    smooth: sparse.csr_array
-    by_traction: FloatArray
-    by_turning: FloatArray
-
-    @classmethod
-    def of(
-        cls,
+    def __init__(
+        self,
         sides: Sequence[tuple[ContactSide, slice]],
         missing: FloatArray,
         smooth: sparse.csr_array,
         displacement: FloatArray,
         traction: FloatArray,
-    ) -> SideResponse:
+    ) -> None:
         """From the sides and their ranges, what is ``missing`` (2s, 2s) of their responses, the rows of
         ``smooth`` displacements, the cloud's ``displacement`` (2N,), and their ``traction`` (2s,)."""
         surface = smooth @ displacement
         turns = [side.turned(surface[here].reshape(-1, 2)) for side, here in sides]
         turn = np.concatenate([np.zeros(0, dtype=complex), *(one for one, _ in turns)])
         angles = sparse.block_diag([sparse.csr_array((0, 0)), *(rows for _, rows in turns)], format="csr")
-        whole = rotated(missing, turn, turn)
-        answered, pulled = (_across(one) for one in (whole @ traction, traction))
-        return cls(smooth, whole, (answered - whole @ pulled) @ angles)
+        self.smooth, self.by_traction = smooth, rotated(missing, turn, turn)
+        answered, pulled = _across(self.by_traction @ traction), _across(traction)
+        self.by_turning = (answered - self.by_traction @ pulled) @ angles
 
     def moved(self, displacement: FloatArray, traction: FloatArray) -> FloatArray:
         """Displacements (2s,) of the sides for the cloud's ``displacement`` (2N,)."""
         return np.asarray(self.smooth @ displacement + self.by_traction @ traction)
 
-    def changed(self, displacement: FloatArray) -> FloatArray:
-        """Derivative of these, applied to changes (2N, ...) of the cloud's displacements."""
-        return self.followed(self.smooth @ displacement)
-
     def followed(self, smooth: FloatArray) -> FloatArray:
-        """The same, applied to changes (2s, ...) of the smooth displacements."""
+        """Derivative of these, applied to changes (2s, ...) of the smooth displacements."""
         return np.asarray(smooth + self.by_turning @ smooth)
-
-
-def _deep(body: FiniteBody) -> tuple[IntArray, Callable[[FloatArray], FloatArray]]:
-    """Nodes (m,) of a loose body far from its sides, at which it moves on the whole, and its free motions
-    (2n, d) of places (n, 2); none of others.
-
-    What clouds answer is seen from pins, and there it is as wrong as next to the sides: as a motion of one
-    side against all others that would be a spring.
-    """
-    elastic = body.elastic
-    cloud, bearing = elastic.model.cloud, elastic.held_nodes[: len(elastic.held_nodes) - body.pins]
-    free = free_motions(cloud, elastic.held, bearing, elastic.springs)
-    if not body.pins:
-        return np.zeros(0, dtype=np.int64), free.patterns
-    outer = np.concatenate([surface.index for surface in cloud.surfaces.values()])
-    depth = nearest(cKDTree(cloud.points[outer]), cloud.points)[0]
-    return np.flatnonzero(depth >= DEEP * depth.max()), free.patterns
 
 
 def rotated(answers: FloatArray, rows: ComplexArray, columns: ComplexArray) -> FloatArray:
@@ -205,7 +221,11 @@ def rotated(answers: FloatArray, rows: ComplexArray, columns: ComplexArray) -> F
 
 def _across(values: FloatArray) -> sparse.csr_array:
     """Derivative (2c, c) of vectors (2c,) by their rotation angles."""
-    return vectors_along(np.stack([-values[1::2], values[::2]], axis=1))
+    count = len(values) // 2
+    turned = np.stack([-values[1::2], values[::2]], axis=1).ravel()
+    return sparse.csr_array(
+        (turned, (np.arange(2 * count), np.repeat(np.arange(count), 2))), (2 * count, count)
+    )
 
 
 def _uneven(side: ContactSide, missing: FloatArray, own: bool) -> FloatArray:

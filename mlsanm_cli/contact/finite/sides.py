@@ -10,7 +10,6 @@ Equation (25) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import cached_property
 from typing import TypeAlias
 
@@ -27,7 +26,6 @@ from mlsanm_cli.contact.finite.node_curve import NodeCurve
 from mlsanm_cli.contact.geometry.unfolding import Planes
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.corner import Corner
-from mlsanm_cli.mechanics.finite.loads import Loads
 from mlsanm_cli.mechanics.near_field import ComplexArray, as_complex, as_real
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
@@ -158,6 +156,22 @@ class SideNodes(Points):
         ]
         return np.concatenate(rows)
 
+    def add_unit_tractions(
+        self, body: ElasticBody, first: int, sources: FloatArray, tractions: dict[str, FloatArray]
+    ) -> None:
+        """Set the loads from number ``first`` on to unit tractions x and y at every node, per reference
+        length and linear between nodes: ``sources`` (r, L) of the rows, and ``tractions`` (g, 2, L) at the
+        FINE points of surfaces."""
+        for name, numbers in self.members:
+            halves = Halves.of(body.model.cloud.surfaces[name], FINE)
+            every = np.arange(len(halves.arc))
+            hats = tractions.setdefault(name, np.zeros((len(every), 2, sources.shape[1])))
+            for component in (0, 1):
+                columns = first + 2 * numbers + component
+                sources[body.condition_rows(name, component), columns] = 1.0
+                hats[every, component, columns[halves.own]] += halves.share
+                hats[every, component, columns[halves.other]] += 1.0 - halves.share
+
     @cached_property
     def share(self) -> FloatArray:
         """Fraction (c,) of near fields in the response: zero at held nodes, except on planes of symmetry, and
@@ -258,7 +272,8 @@ class ContactSide(Points):
     @cached_property
     def hats(self) -> sparse.csr_array:
         """Values (2g, 2c) at the knots of vectors that are linear between nodes."""
-        return both_components(_hats(self.nodes, self.arc))
+        curve = self.nodes.curve
+        return both_components(curve.hats(self.arc, curve.interval(self.arc))[0])
 
     @cached_property
     def share(self) -> FloatArray:
@@ -279,19 +294,8 @@ def _products(one: Points, other: Points) -> FloatArray:
     step = np.diff(cuts)
     places = np.concatenate([cuts[:-1] + at * step for at, _ in GAUSS[2]])
     length = np.concatenate([weight * step for _, weight in GAUSS[2]])
-    first, second = (_hats(points, places) for points in (one, other))
+    first, second = (of.curve.hats(places, of.curve.interval(places))[0] for of in (one, other))
     return np.asarray((first.T @ sparse.diags_array(length) @ second).toarray())
-
-
-def _hats(points: Points, places: FloatArray) -> sparse.csr_array:
-    """Values (e, c) of the points' hat functions at ``places`` (e,)."""
-    ends, number = points.ends, np.arange(len(places))
-    low = points.curve.interval(places)
-    part = (places - ends[low]) / (ends[low + 1] - ends[low])
-    entries = (np.concatenate([1.0 - part, part]), (np.tile(number, 2), np.concatenate([low, low + 1])))
-    found = sparse.coo_array(entries, shape=(len(places), len(ends)))
-    line, column = found.coords
-    return sparse.csr_array((found.data, (line, column % points.count)), shape=(len(places), points.count))
 
 
 def _fit(side: Points) -> FloatArray:
@@ -318,40 +322,3 @@ def _fit(side: Points) -> FloatArray:
         values = np.linalg.solve(basis.T @ (weight[:, None] * basis), basis.T * weight)[0]
         np.add.at(fit[i], node[low:high], values[:, None, None] * turned[low:high])
     return fit.transpose(0, 2, 1, 3).reshape(2 * count, 2 * count)
-
-
-def with_sides(loads: Loads, body: ElasticBody, sides: Sequence[SideNodes]) -> Loads:
-    """The ``loads`` followed by unit tractions x and y at every node of the body's ``sides``, per reference
-    length and linear between nodes."""
-    more = 2 * sum(one.count for one in sides)
-    if not more:
-        return loads
-    first, loads = loads.count, with_more(loads, more)
-    sources, tractions = loads.sources, dict(loads.tractions)
-    for side in sides:
-        for name, numbers in side.members:
-            halves = Halves.of(body.model.cloud.surfaces[name], FINE)
-            shape = (len(halves.arc), 2, loads.count)
-            hats, every = tractions.setdefault(name, np.zeros(shape)), np.arange(len(halves.arc))
-            for component in (0, 1):
-                columns = first + 2 * numbers + component
-                sources[body.condition_rows(name, component), columns] = 1.0
-                hats[every, component, columns[halves.own]] += halves.share
-                hats[every, component, columns[halves.other]] += 1.0 - halves.share
-        first += 2 * side.count
-    return replace(loads, tractions=tractions)
-
-
-def with_more(loads: Loads, more: int) -> Loads:
-    """The ``loads`` followed by ``more`` zero loads."""
-    sources = np.hstack([loads.sources, np.zeros((len(loads.sources), more))])
-    tractions = {name: _wider(given, more) for name, given in loads.tractions.items()}
-    force = None if loads.force is None else _wider(loads.force, more)
-    turning = [replace(one, rate=np.append(one.rate, np.zeros(more))) for one in loads.turning]
-    wider = replace(loads, count=loads.count + more, sources=sources, tractions=tractions, force=force)
-    return replace(wider, turning=turning)
-
-
-def _wider(values: FloatArray, more: int) -> FloatArray:
-    """``values`` (e, 2, L) extended by ``more`` zero loads."""
-    return np.concatenate([values, np.zeros((*values.shape[:2], more))], axis=2)

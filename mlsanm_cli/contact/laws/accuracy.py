@@ -9,17 +9,16 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.complementarity.basis import SingularError
 from mlsanm_cli.contact.complementarity.problem import ContactStatus
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.laws.active_set import ExactState, solve_exact
-from mlsanm_cli.contact.laws.contact_state import ContactSolution, Linearised
+from mlsanm_cli.contact.laws.contact_state import ContactState, Linearised
+from mlsanm_cli.contact.laws.frictionless import solve_exact
 from mlsanm_cli.contact.response.basis import changes
 from mlsanm_cli.contact.response.bonds import Bonds
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.drivers import spans
-from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.defect import Corrected
 from mlsanm_cli.mechanics.scene import Scene
@@ -39,25 +38,12 @@ class Changes:
     imbalance: FloatArray
     bonds: Bonds
 
-    def state(self, condensed: Condensed, before: ExactState) -> ExactState:
+    def state(self, condensed: Condensed, before: ContactState) -> ContactState:
         """The exact state after them. Raises NumericalError if there is none."""
-        changed = replace(
-            condensed,
-            gap=condensed.gap.shifted(self.gaps),
-            balance=condensed.balance.shifted(self.imbalance),
-        )
-        return solve_exact(changed, before.factors, before.active)
-
-
-def rough_state(
-    condensed: Condensed, scene: Scene, state: ExactState, bodies: Mapping[str, Corrected]
-) -> ExactState:
-    """The exact state without smoothing of the displacements of ``bodies`` along contact grids.
-
-    Raises NumericalError if it has none.
-    """
-    lost = roughness_of(condensed, scene, bodies)
-    return lost.state(condensed, state) if lost.gaps.any() else state
+        if not (self.gaps.any() or self.imbalance.any()):
+            return before
+        gap, balance = condensed.gap.shifted(self.gaps), condensed.balance.shifted(self.imbalance)
+        return solve_exact(replace(condensed, gap=gap, balance=balance), before.factors, before.closed)
 
 
 def roughness_of(condensed: Condensed, scene: Scene, bodies: Mapping[str, Corrected]) -> Changes:
@@ -75,7 +61,7 @@ def changes_of(condensed: Condensed, scene: Scene, bodies: Mapping[str, Correcte
     bonds = condensed.bonds
     opened = np.zeros((2, len(bonds.own) // 2))
     for pairing in bonds.pairings:
-        opened[:, bonds.spans[pairing.name]] = _moved(pairing, scene, corrections)
+        opened[:, bonds.spans[pairing.name]] = _moved(pairing, scene, corrections, False)
     bonds = bonds.opened(*opened)
     imbalance = np.zeros(len(condensed.balance.constant))
     for row, (constraint, motion) in enumerate(scene.unknown_motions):
@@ -107,16 +93,14 @@ def _summed(
     return gaps, slips
 
 
-def _moved(
-    pairing: Pairing, scene: Scene, displacements: Mapping[str, FloatArray], lost: bool = False
-) -> FloatArray:
-    """The same (2, m) of one contact."""
+def _moved(pairing: Pairing, scene: Scene, displacements: Mapping[str, FloatArray], lost: bool) -> FloatArray:
+    """Gaps and slips (2, m) of one contact."""
     bodies = dict.fromkeys(pairing.bodies)
     parts = (changes(scene.bodies[name], name, pairing, displacements[name], lost) for name in bodies)
     return np.asarray(sum(np.stack(part) for part in parts))
 
 
-def halved_state(condensed: Condensed, state: ExactState) -> tuple[FloatArray, FloatArray]:
+def halved_state(condensed: Condensed, state: ContactState) -> tuple[FloatArray, FloatArray]:
     """Motions (k,) and pressures (m,) of a contact with every second candidate only, linear in between: the
     mean of both choices.
 
@@ -136,54 +120,47 @@ def halved_state(condensed: Condensed, state: ExactState) -> tuple[FloatArray, F
             joined.append(np.stack(units, axis=1))
         rows = np.concatenate(kept)
         join: FloatArray = sparse.block_diag(joined).toarray()
+        maps = condensed.gap.take(rows), condensed.slip, condensed.balance
+        gap, slip, balance = (replace(one, pressure=one.pressure @ join) for one in maps)
         thin = replace(
             condensed,
             weight=join.T @ condensed.weight,
             around=condensed.around[rows],
             spans=spans([pairing.name for pairing in condensed.pairings], [len(own) for own in kept]),
-            gap=_joined(condensed.gap.take(rows), join),
-            slip=_joined(condensed.slip, join),
-            balance=_joined(condensed.balance, join),
+            gap=gap,
+            slip=slip,
+            balance=balance,
         )
-        found = solve_exact(thin, state.factors, state.active[rows])
+        found = solve_exact(thin, state.factors, state.closed[rows])
         motion, pressure = motion + 0.5 * found.motion, pressure + 0.5 * (join @ found.pressure)
     return motion, pressure
 
 
-def _joined(linear: LinearMap, join: FloatArray) -> LinearMap:
-    return replace(linear, pressure=linear.pressure @ join)
+def frozen_change(condensed: Condensed, state: ContactState, by: Changes) -> ContactState:
+    """Change of a ``state`` when gaps, slips and force imbalance change ``by`` given amounts.
 
-
-def frozen_change(
-    condensed: Condensed,
-    pressure: FloatArray,
-    traction: FloatArray,
-    gaps: FloatArray,
-    closed: BoolArray,
-    stuck: BoolArray,
-    by: Changes,
-) -> ContactSolution:
-    """Change of a state with ``pressure`` (m,), ``traction`` (n,) and ``gaps`` (m,) when gaps, slips and
-    force imbalance change ``by`` given amounts.
-
-    ``closed`` (m,) nodes stay closed unless they would pull, open ones stay open unless they would overlap;
-    nodes with friction that are ``stuck`` (n,) keep their slips, the others keep slipping. The change is
-    linear but for the edges of contact, so that the load history need not be repeated; motions that no
-    closed node resists are held. Raises NumericalError if there is no solution.
+    Closed nodes stay closed unless they would pull, open ones stay open unless they would overlap; sticking
+    nodes keep their slips, the others keep slipping. The change is linear but for the edges of contact, so
+    that the load history need not be repeated; motions that no closed node resists are held. Raises
+    NumericalError if there is no solution.
     """
-    m, n, nodes, still = len(pressure), len(traction), condensed.friction_nodes, np.zeros(len(by.imbalance))
+    pressure, traction, closed, nodes = state.pressure, state.traction, state.closed, condensed.friction_nodes
+    m, n, still = len(pressure), len(traction), np.zeros(len(by.imbalance))
+    # The residual gaps of a regularised law are no error of the bodies.
+    gaps = by.gaps + np.where(closed, 0.0, state.gap)
     least = np.finfo(float).eps ** 0.5 * np.abs(pressure).max(initial=0.0)
     compliance = float(np.abs(np.diagonal(condensed.gap.pressure)).max(initial=0.0))
     overlap = least * min(1.0, compliance or 1.0)
     for _ in range(MAX_CHANGES):
-        touching = closed[nodes]
         # Open nodes carry nothing.
-        lost = np.concatenate([np.where(closed, 0.0, -pressure), np.where(touching, 0.0, -traction), still])
-        caused = condensed.blocks @ lost
-        gap, slip, imbalance = np.split(caused, [m, m + n])
+        lost = np.concatenate(
+            [np.where(closed, 0.0, -pressure), np.where(closed[nodes], 0.0, -traction), still]
+        )
+        gap, slip, imbalance = np.split(condensed.blocks @ lost, [m, m + n])
+        status = ContactStatus.with_tractions(closed, state.status.stuck, traction, nodes)
         try:
-            system = Linearised(condensed, ContactStatus.with_tractions(closed, stuck, traction, nodes))
-            more = system.response(by.gaps + gaps + gap, by.slips + slip, by.imbalance + imbalance)
+            system = Linearised(condensed, status)
+            more = system.response(gaps + gap, by.slips + slip, by.imbalance + imbalance)
         except SingularError as error:
             raise NumericalError(
                 "the contact state is singular", "hold the bodies with a [[support]]"

@@ -1,6 +1,9 @@
-"""Contact values in the units of a condensed scene: residuals, and linear responses at a fixed status."""
+"""Contact states in the units of a condensed scene: residuals, and linear responses at a fixed status."""
 
 from __future__ import annotations
+
+from dataclasses import field
+from typing import Any
 
 import numpy as np
 
@@ -11,23 +14,52 @@ from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
+NONE = np.zeros(0)
+
 
 @dataclass(frozen=True, eq=False)
-class ContactSolution:
-    """Pressures (m,), tractions (n,), motions (k,), gaps (m,) and slips (n,), or their rates."""
+class ContactState:
+    """Pressures and gaps (m,), tractions and slips (n,) and unknown motions (k,) of a ``status``, or their
+    rates, at load ``factors`` (L,).
+
+    Nodes stick at slips ``reference`` (n,); friction has dissipated the energy ``work`` (n,) so far, per
+    length of surface. The state is at the ``fraction`` of a stage, came after so many ``solves``, and may
+    have ``jumped`` from another one. Eigenstresses change the gaps of other paired nodes by ``shift`` (w,).
+    """
 
     pressure: FloatArray
     traction: FloatArray
     motion: FloatArray
     gap: FloatArray
     slip: FloatArray
+    status: ContactStatus
+    factors: FloatArray = field(default_factory=lambda: NONE)
+    reference: FloatArray = field(default_factory=lambda: NONE)
+    work: FloatArray = field(default_factory=lambda: NONE)
+    fraction: float = 0.0
+    solves: int = 0
+    jumped: bool = False
+    shift: FloatArray | float = 0.0
 
     @classmethod
-    def unscaled(cls, problem: Problem, x: FloatArray, w: FloatArray) -> ContactSolution:
-        """Values for scaled unknowns and rows of a problem."""
+    def unscaled(
+        cls, problem: Problem, status: ContactStatus, x: FloatArray, w: FloatArray, **more: Any
+    ) -> ContactState:
+        """The state of scaled unknowns and rows of a problem."""
         unknowns, rows = problem.columns * x, w / problem.rows
-        m, count = problem.m, problem.contacts
-        return cls(unknowns[:m], unknowns[m:count], unknowns[count:], rows[:m], rows[m:count])
+        pressure, traction, motion = np.split(unknowns, [problem.m, problem.contacts])
+        gap, slip, _ = np.split(rows, [problem.m, problem.contacts])
+        return cls(pressure, traction, motion, gap, slip, status, **more)
+
+    @property
+    def closed(self) -> BoolArray:
+        """Mask (m,) of closed nodes."""
+        return self.status.closed
+
+    @property
+    def unknowns(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Load factors, motions, pressures and tractions as arguments of linear maps."""
+        return self.factors, self.motion, self.pressure, self.traction
 
 
 class Linearised:
@@ -35,7 +67,6 @@ class Linearised:
     SingularError."""
 
     def __init__(self, condensed: Condensed, status: ContactStatus) -> None:
-        self._problem = condensed.problem
         self._basis = Basis(condensed.problem, status)
 
     @property
@@ -43,27 +74,20 @@ class Linearised:
         """Whether some motions are not resisted."""
         return bool(self._basis.held.size)
 
-    def response(self, gap: FloatArray, slip: FloatArray, imbalance: FloatArray) -> ContactSolution:
+    def response(self, gap: FloatArray, slip: FloatArray, imbalance: FloatArray) -> ContactState:
         """Response to imposed gaps (m,), slips (n,) and force imbalance (k,) without that on held motions."""
-        p = self._problem
-        free = self._basis.undriven(p.rows * np.concatenate([gap, slip, imbalance]))
-        return ContactSolution.unscaled(p, *self._basis.solve(free, np.zeros(len(free))))
+        basis, p = self._basis, self._basis.problem
+        free = basis.undriven(p.rows * np.concatenate([gap, slip, imbalance]))
+        return ContactState.unscaled(p, basis.status, *basis.solve(free, np.zeros(len(free))))
 
 
-def kkt_residual(
-    condensed: Condensed,
-    unknowns: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
-    closed: BoolArray,
-    held: FloatArray,
-    stress: float = 0.0,
-    forces: FloatArray | float = 0.0,
+def residual(
+    condensed: Condensed, state: ContactState, stress: float = 0.0, forces: FloatArray | float = 0.0
 ) -> float:
     """Largest residual of contact conditions, friction and balances, relative to peak pressure, elastic gap
-    and forces. ``unknowns`` are load factors, motions, pressures and tractions, ``closed`` (m,) the closed
-    nodes, ``held`` (n,) the stick references, nan for nodes that do not stick. Eigenstresses remain when
-    loads vanish: pressures are measured by at least their ``stress``, balances by the ``forces`` (k,) that
-    it exerts on a section."""
-    factors, motion, pressure, traction = unknowns
+    and forces. Eigenstresses remain when loads vanish: pressures are measured by at least their ``stress``,
+    balances by the ``forces`` (k,) that it exerts on a section."""
+    (factors, motion, pressure, traction), closed = state.unknowns, state.closed
     gap_map, balance = condensed.gap, condensed.balance
     moved = float(np.abs(gap_map.motion @ motion).max(initial=0.0))
     largest_compliance = condensed.largest_compliance
@@ -82,14 +106,13 @@ def kkt_residual(
     force += np.abs(balance.traction) @ (condensed.friction * size[condensed.friction_nodes])
     # Pressures are known to round-off of the largest: so are the forces on what is pressed little.
     slack = FEASIBLE * typical * np.abs(balance.pressure).sum(axis=1)
-    stuck = np.isfinite(held)
     # Gaps are known to round-off, and pressures to what it causes.
     length = condensed.gap_round_off
     round_off = length / largest_compliance if largest_compliance > 0.0 else 0.0
     parts = (
         (overlap.max(initial=0.0) - length) / elastic,
         (-pressure.min(initial=0.0) - round_off) / typical,
-        (np.abs(slip[stuck] - held[stuck]).max(initial=0.0) - length) / elastic,
+        (np.abs(slip - state.reference)[state.status.stuck].max(initial=0.0) - length) / elastic,
         ((np.abs(traction) - limit).max(initial=0.0) - round_off) / typical,
         0.0,
         ((np.abs(imbalance) - slack) / np.maximum(force, np.finfo(float).tiny)).max(initial=0.0),

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.contact.complementarity.problem import ContactStatus
-from mlsanm_cli.contact.laws.contact_state import ContactSolution
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.contact.laws.contact_state import ContactState
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import null_space
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
@@ -27,26 +26,26 @@ SLIDING_RATIO = 100.0
 """Sliding this many times as fast as everything else is driven by the load."""
 
 
-def slides_freely(condensed: Condensed, sets: ContactStatus, rates: ContactSolution | None = None) -> bool:
-    """Whether some motion of force-controlled constraints runs along slipping contacts only.
+def slides_freely(condensed: Condensed, rates: ContactState) -> bool:
+    """Whether the ``rates`` of a slipping state are a motion of force-controlled constraints along slipping
+    contacts only.
 
     It may be any combination of unknown motions, so that the result does not depend on axes. It moves no
     sticking node, and closed nodes hardly in normal direction, even less in the mean over a contact; contacts
-    that it does not move are ignored. Given the ``rates`` of a slipping state, the motion must also dominate
-    the approach of the surfaces or be by far the fastest, and driven: a shaft that settles in a groove slips
-    on both sides and could rotate, but its tractions balance each other. In a hollow it must be by far the
-    fastest: a pin in a hook that bends slips everywhere, and climbs the hollow until that holds it.
+    that it does not move are ignored. It must also dominate the approach of the surfaces or be by far the
+    fastest, and driven: a shaft that settles in a groove slips on both sides and could rotate, but its
+    tractions balance each other. In a hollow it must be by far the fastest: a pin in a hook that bends slips
+    everywhere, and climbs the hollow until that holds it.
     """
     free = np.flatnonzero(~condensed.balance.motion.any(axis=1))
-    slipping = sets.slip_sign != 0.0
+    slipping, closed, root = rates.status.slip_sign != 0.0, rates.closed, np.sqrt(condensed.weight)
     if not slipping.any() or not len(free):
         return False
-    size = np.sqrt(condensed.weight)[:, None]
-    across = (size * condensed.gap.motion[:, free])[sets.closed]
-    tangential = size[condensed.friction_nodes] * condensed.slip.motion[:, free]
+    across = (root[:, None] * condensed.gap.motion[:, free])[closed]
+    tangential = root[condensed.friction_nodes, None] * condensed.slip.motion[:, free]
     largest = np.sqrt((across**2).sum(axis=0) + (tangential**2).sum(axis=0))
     units = np.diag(1.0 / np.where(largest > 0.0, largest, 1.0))
-    motions = units @ null_space(tangential[sets.stuck] @ units)
+    motions = units @ null_space(tangential[rates.status.stuck] @ units)
     if not motions.size:
         return False
     both = np.vstack([across, tangential[slipping]])
@@ -66,63 +65,53 @@ def slides_freely(condensed: Condensed, sets: ContactStatus, rates: ContactSolut
     little = directions[:, parts < MAX_NORMAL_SHARE**2]
     if not little.size:
         return False
-    _, means, right = np.linalg.svd(_closed_of_each(condensed, sets) @ (moving @ little))
+    # Unit rows that average over the closed nodes of each contact.
+    mean = np.zeros((len(condensed.spans), len(root)))
+    for row, span in zip(mean, condensed.spans.values(), strict=True):
+        own = np.where(closed[span], root[span], 0.0)
+        row[span] = own / (np.linalg.norm(own) or 1.0)
+    _, means, right = np.linalg.svd(mean[:, closed] @ (moving @ little))
     along = little @ right[np.append(means, np.zeros(len(right) - len(means))) < WEDGE_SHARE].T
-    if rates is None or not along.size:
-        return bool(along.size)
+    if not along.size:
+        return False
     whole = both @ rates.motion[free]
     slid = left @ (along @ (along.T @ (left.T @ whole)))
     if np.linalg.norm(slid) > SLIDING_RATIO * np.linalg.norm(whole - slid):
         return True
-    rising = along @ _not_in_hollows(condensed, sets, free, motions @ modes @ along)
+    rising = along @ _not_in_hollows(condensed, closed, free, motions @ modes @ along)
     parts = rising.T @ (left.T @ whole)
-    slid, closed = left @ (rising @ parts), len(across)
-    if np.linalg.norm(slid[:closed]) <= MIN_CLOSING * np.linalg.norm(whole[:closed]):
+    slid = left @ (rising @ parts)
+    if np.linalg.norm(slid[: len(across)]) <= MIN_CLOSING * np.linalg.norm(whole[: len(across)]):
         return False
-    return _driven(condensed, rates, free, motions @ modes @ rising @ parts)
-
-
-def _driven(condensed: Condensed, rates: ContactSolution, free: IntArray, motion: FloatArray) -> bool:
-    """Whether changes of the loads or of one contact's tractions drive a ``motion`` (f,) of the ``free`` (f,)
-    ones, as its opposite pressures show, rather than tractions of several contacts that balance."""
-    balance = condensed.balance
+    # Changes of the loads or of one contact's tractions drive it, as its opposite pressures show, rather than
+    # tractions of several contacts that balance.
+    motion, balance = motions @ modes @ rising @ parts, condensed.balance
     pressed = float(motion @ balance.pressure[free] @ rates.pressure)
     sheared = [
-        float(motion @ balance.traction[free][:, own] @ rates.traction[own])
-        for own in condensed.tangential.values()
+        float(motion @ balance.traction[free][:, span] @ rates.traction[span])
+        for span in condensed.tangential.values()
     ]
-    loaded = -pressed - sum(sheared)
-    return abs(pressed) >= MIN_DRIVE * (abs(loaded) + sum(map(abs, sheared)))
+    loaded = abs(-pressed - sum(sheared))
+    return abs(pressed) >= MIN_DRIVE * (loaded + sum(map(abs, sheared)))
 
 
 def _not_in_hollows(
-    condensed: Condensed, sets: ContactStatus, free: IntArray, motions: FloatArray
+    condensed: Condensed, closed: BoolArray, free: IntArray, motions: FloatArray
 ) -> FloatArray:
-    """Orthonormal combinations (d, e) of ``motions`` (f, d) of the ``free`` (f,) ones along which contacts do
-    not close ahead of the sliding body, as hollows do."""
-    closing = np.zeros((motions.shape[1], motions.shape[1]))
-    scale = 0.0
-    for own in condensed.tangential.values():
-        nodes = condensed.friction_nodes[own]
-        weight = np.where(sets.closed[nodes], condensed.weight[nodes], 0.0)
+    """Orthonormal combinations (d, e) of ``motions`` (f, d) of the ``free`` (f,) ones along which ``closed``
+    (m,) contacts do not close ahead of the sliding body, as hollows do."""
+    closing, scale = np.zeros((motions.shape[1], motions.shape[1])), 0.0
+    for span in condensed.tangential.values():
+        nodes = condensed.friction_nodes[span]
+        weight = np.where(closed[nodes], condensed.weight[nodes], 0.0)
         if not weight.sum() > 0.0:
             continue
         place = np.cumsum(condensed.weight[nodes])
         lever = weight * (place - weight @ place / weight.sum())
         gaps = condensed.gap.motion[nodes][:, free] @ motions
-        slips = condensed.slip.motion[own][:, free] @ motions
+        slips = condensed.slip.motion[span][:, free] @ motions
         # Gaps that shrink ahead of where the slave slides to: along its surface, as places are counted.
         closing -= np.outer(lever @ gaps, weight @ slips / weight.sum())
         scale += float(np.abs(lever).sum() * np.abs(slips).max(initial=0.0) ** 2)
     values, directions = np.linalg.eigh(0.5 * (closing + closing.T))
     return np.asarray(directions[:, values <= COARSE_ROUND_OFF * scale])
-
-
-def _closed_of_each(condensed: Condensed, sets: ContactStatus) -> FloatArray:
-    """Unit rows (c, closed) that average over the closed nodes of each contact."""
-    root = np.sqrt(condensed.weight)
-    rows = np.zeros((len(condensed.spans), len(root)))
-    for row, span in zip(rows, condensed.spans.values(), strict=True):
-        own = np.where(sets.closed[span], root[span], 0.0)
-        row[span] = own / (np.linalg.norm(own) or 1.0)
-    return rows[:, sets.closed]

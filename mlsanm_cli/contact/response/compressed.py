@@ -13,7 +13,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.geometry.clusters import Chain
-from mlsanm_cli.operators.refinement import BLOCK_COLUMNS
+from mlsanm_cli.operators.system import BLOCK_COLUMNS
 from mlsanm_cli.records import dataclass
 
 COMPRESSED_CONTACT, COMPRESSED_TOTAL = 800, 3000

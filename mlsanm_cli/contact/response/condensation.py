@@ -25,8 +25,7 @@ from mlsanm_cli.contact.response.near_field_response import add_fields, with_sin
 from mlsanm_cli.contact.response.responses import BodyResponses, used_columns, without_coefficients
 from mlsanm_cli.contact.response.short_waves import correct_short_waves
 from mlsanm_cli.contact.response.walls import wall_forces
-from mlsanm_cli.mechanics.probes import Probe, stress_of_expansion
-from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.mechanics.scene import Probe, Scene
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.roundoff import ROUND_OFF
 
@@ -183,7 +182,7 @@ def _untracted(scene: Scene, pairing: Pairing) -> BoolArray:
 
 def _seen(scene: Scene, probe: Probe, drivers: Drivers, rows: FloatArray) -> LinearMap:
     """Displacement and stress of a probe, without thermal stress from free expansion."""
-    free = stress_of_expansion(scene.bodies[probe.body].model.material)
+    free = scene.bodies[probe.body].model.material.stress_of_expansion
     rows = rows.copy()
     for heating in scene.heated(probe.body):
         rows[-len(free) :, heating.number] -= free * heating.field.at(probe.point)

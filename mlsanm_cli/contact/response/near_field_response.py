@@ -21,9 +21,8 @@ from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.mechanics.corner import Forces
 from mlsanm_cli.mechanics.near_field import as_complex, by_component
-from mlsanm_cli.mechanics.probes import Probe
 from mlsanm_cli.mechanics.remainder import reaction_of, spring_pull_of
-from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.mechanics.scene import Probe, Scene
 
 
 def near_field_response(

@@ -20,7 +20,6 @@ from mlsanm_cli.contact.response.drivers import Drivers, spans
 from mlsanm_cli.contact.response.near_field_response import near_field_response
 from mlsanm_cli.contact.response.nodal import relative_rows
 from mlsanm_cli.mechanics.body import ElasticBody
-from mlsanm_cli.mechanics.probes import probe_rows
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import NO_CACHE, Arrays, Memo, digest
 from mlsanm_cli.operators.rows import nodal_rows
@@ -117,7 +116,7 @@ def functional_rows(
         found["held", (name, surface)] = body.reaction_rows(surface, scene.center(name, surface))
     for probe in scene.probes:
         if probe.body == name:
-            found["probe", probe.name] = probe_rows(body.model, probe.point)
+            found["probe", probe.name] = body.model.probe_rows(probe.point)
     for surface in body.soft_springs:
         found["spring", (name, surface)] = _spring_rows(body, surface)
     blocks = [

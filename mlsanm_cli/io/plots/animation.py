@@ -45,10 +45,7 @@ def animate_pressure(
         figure = _figure(6.4, 3.8)
         axes = figure.subplots()
         (curve,) = axes.plot(arc, arc, color=COLOURS[0], marker="o", markersize=2.0, linewidth=1.0)
-        axes.set_xlim(left, right)
-        axes.set_ylim(0.0, 1.05 * highest)
-        axes.set_xlabel(arc_label)
-        axes.set_ylabel(pressure_label)
+        axes.set(xlim=(left, right), ylim=(0.0, 1.05 * highest), xlabel=arc_label, ylabel=pressure_label)
         for values, title in zip(pressure, titles, strict=True):
             curve.set_ydata(values)
             area = axes.fill_between(arc, values, color=COLOURS[0], alpha=0.2, linewidth=0.0)
@@ -65,8 +62,8 @@ def animate_bodies(path: Path, states: Sequence[BodyPicture]) -> None:
     """Writes a GIF or MP4 of the deformed bodies in several states, with common colours and limits of the
     axes. Raises RunError if the file cannot be written."""
     limits = range_of([body for state in states for body in state.bodies], states[0].rest)
-    x0, x1, y0, y1 = np.array([state.window for state in states]).T
-    window = (float(x0.min()), float(x1.max()), float(y0.min()), float(y1.max()))
+    x0, x1, y0, y1 = zip(*(state.window for state in states), strict=True)
+    window = (min(x0), max(x1), min(y0), max(y1))
 
     def frames() -> Iterator[Figure]:
         for state in states:
@@ -93,42 +90,30 @@ def _write(path: Path, frames: Callable[[], Iterator[Figure]], colours: int) -> 
             canvas: Any = FigureCanvasAgg(figure)
             canvas.draw()
             pixels.append(np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[:, :, :3]))
+    # All frames take 3.2 s together, one 0.08 to 0.5 s.
+    milliseconds = min(max(3200 // len(pixels), 80), 500)
     with replacing(path) as temporary:
         if path.suffix.lower() == ".mp4":
-            _write_mp4(temporary, pixels)
-        else:
-            _write_gif(temporary, pixels, colours)
+            _write_mp4(temporary, pixels, milliseconds)
+            return
+        # Comes with matplotlib, whose own writer drops the comment by which a run recognises its pictures.
+        from PIL import Image
+
+        dither, comment = Image.Dither.NONE, f"mlsanm {__version__}".encode()
+        first, *others = (Image.fromarray(frame).quantize(colours, dither=dither) for frame in pixels)
+        times: Any = {"duration": [milliseconds] * len(others) + [LAST_FRAME_MS], "loop": 0}
+        first.save(temporary, format="GIF", save_all=True, append_images=others, comment=comment, **times)
 
 
-def _frame_ms(pixels: Sequence[ByteArray]) -> int:
-    """Duration of a frame in milliseconds: all frames take 3.2 s together, one 0.08 to 0.5 s."""
-    return min(max(3200 // len(pixels), 80), 500)
-
-
-def _write_gif(path: Path, pixels: Sequence[ByteArray], colours: int) -> None:
-    # Installed with matplotlib, whose own writer drops the comment by which a run recognises its pictures.
-    from PIL import Image
-
-    dither = Image.Dither.NONE
-    first, *others = (Image.fromarray(frame).quantize(colours, dither=dither) for frame in pixels)
-    times = [_frame_ms(pixels)] * len(others) + [LAST_FRAME_MS]
-    comment = f"mlsanm {__version__}".encode()
-    first.save(
-        path, format="GIF", save_all=True, append_images=others, duration=times, loop=0, comment=comment
-    )
-
-
-def _write_mp4(path: Path, pixels: Sequence[ByteArray]) -> None:
+def _write_mp4(path: Path, pixels: Sequence[ByteArray], milliseconds: int) -> None:
     """Writes an MP4 file by ffmpeg. Raises RunError if that is missing or fails."""
     program = shutil.which("ffmpeg")
     if program is None:
-        raise RunError(
-            "MP4 files need the program ffmpeg, which is not on PATH", "install it, or write a .gif"
-        )
+        message = "MP4 files need the program ffmpeg, which is not on PATH"
+        raise RunError(message, "install it, or write a .gif")
     height, width = pixels[0].shape[:2]
-    each = _frame_ms(pixels)
-    frames = [*pixels, *[pixels[-1]] * (LAST_FRAME_MS // each - 1)]
-    raw = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"1000/{each}"]
+    frames = [*pixels, *[pixels[-1]] * (LAST_FRAME_MS // milliseconds - 1)]
+    raw = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"1000/{milliseconds}"]
     # Most players support only even sizes and colours at half the resolution.
     coded = ["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2:color=white", "-pix_fmt", "yuv420p"]
     named = ["-metadata", f"comment=mlsanm {__version__}", "-f", "mp4", str(path)]
@@ -136,6 +121,5 @@ def _write_mp4(path: Path, pixels: Sequence[ByteArray]) -> None:
     done = subprocess.run(command, input=b"".join(frame.tobytes() for frame in frames), capture_output=True)
     if done.returncode:
         lines = done.stderr.decode(errors="replace").strip().splitlines()
-        raise RunError(
-            f"ffmpeg failed: {lines[-1] if lines else f'exit code {done.returncode}'}", "write a .gif"
-        )
+        reason = lines[-1] if lines else f"exit code {done.returncode}"
+        raise RunError(f"ffmpeg failed: {reason}", "write a .gif")

@@ -84,7 +84,10 @@ def plot_bodies(path: Path, wanted: BodyPicture) -> None:
     """Draws deformed bodies, with colours linear between neighbouring nodes; dots are the nodes, grey lines
     the undeformed outlines. Raises RunError if ``path`` cannot be written."""
     views = [wanted.window] if wanted.detail is None else [wanted.window, wanted.detail]
-    with picture(path, *_size(list(map(_width, views)))) as figure:
+    # Panels of equal height.
+    total, count = sum(map(_aspect, views)), len(views)
+    height = min((9.0 if count > 1 else 6.0) / total, 7.0)
+    with picture(path, max(height * total, 3.0) + 0.7 * count + 0.8, height + 0.9) as figure:
         draw_bodies(figure, wanted, views, range_of(wanted.bodies, wanted.rest))
 
 
@@ -95,16 +98,18 @@ def draw_bodies(figure: Figure, wanted: BodyPicture, views: Sequence[Window], li
     bodies, scale = wanted.bodies, wanted.scale
     shapes = [spacing_and_outline(body) for body in bodies]
     size = float(np.ptp(np.concatenate([body.points for body in bodies]), axis=0).max())
-    panels = figure.subplots(1, len(views), squeeze=False, width_ratios=list(map(_width, views)))[0]
+    panels = figure.subplots(1, len(views), squeeze=False, width_ratios=list(map(_aspect, views)))[0]
+    unit = f" [{wanted.unit}]" if wanted.unit else ""
     for axes, view in zip(panels, views, strict=True):
         for body, (spacing, outline) in zip(bodies, shapes, strict=True):
-            colours = _draw_body(axes, body, outline, scale)
+            colours = _draw_body(axes, body, spacing, outline, scale)
             colours.set_clim(limits.low, limits.high)
-            _draw_nodes(axes, body.points + scale * body.displacement, spacing)
         # Arrows have a length relative to the scene, too long for a detail.
         shown = wanted.marks if view is views[0] else ConditionMarks(obstacles=wanted.marks.obstacles)
         draw_marks(axes, shown, size)
-        _finish(axes, view, wanted.unit)
+        axes.grid(False)
+        axes.set(xlim=view[:2], ylim=view[2:], aspect="equal", xlabel=f"x{unit}", ylabel=f"y{unit}")
+        axes.locator_params(axis="x", nbins=6)
     times = "" if scale == 1.0 else f", displacements x {scale:g}"
     panels[0].set_title(f"{wanted.title}{times}")
     if len(views) > 1:
@@ -112,15 +117,13 @@ def draw_bodies(figure: Figure, wanted: BodyPicture, views: Sequence[Window], li
         frame = Rectangle((x0, y0), x1 - x0, y1 - y0, fill=False, edgecolor=_FRAME_COLOUR, linewidth=1.0)
         panels[0].add_patch(frame)
         panels[1].set_title("detail in the frame")
-    bar = figure.colorbar(
-        colours, ax=list(panels), label=wanted.label, pad=0.02, shrink=0.9, extend=limits.extend
-    )
+    look: Any = {"pad": 0.02, "shrink": 0.9, "extend": limits.extend}
+    bar = figure.colorbar(colours, ax=list(panels), label=wanted.label, **look)
     if limits.beyond:
         bar.ax.set_title(limits.beyond, fontsize=7, color="#555555")
 
 
-def _width(view: Window) -> float:
-    """Width over height."""
+def _aspect(view: Window) -> float:
     return (view[1] - view[0]) / (view[3] - view[2])
 
 
@@ -136,8 +139,10 @@ def spacing_and_outline(body: CloudBody) -> tuple[FloatArray, IntArray]:
     return spacing, unique[counts == 1]
 
 
-def _draw_body(axes: Axes, body: CloudBody, outline: IntArray, scale: float) -> ScalarMappable:
-    from matplotlib.collections import LineCollection
+def _draw_body(
+    axes: Axes, body: CloudBody, spacing: FloatArray, outline: IntArray, scale: float
+) -> ScalarMappable:
+    from matplotlib.collections import EllipseCollection, LineCollection
     from matplotlib.tri import Triangulation
 
     deformed = body.points + scale * body.displacement
@@ -145,27 +150,12 @@ def _draw_body(axes: Axes, body: CloudBody, outline: IntArray, scale: float) -> 
     colours = axes.tripcolor(mesh, body.scalar, shading="gouraud", cmap="viridis", rasterized=True)
     axes.add_collection(LineCollection(list(body.points[outline]), colors=_OUTLINE_COLOUR, linewidths=0.8))
     axes.add_collection(LineCollection(list(deformed[outline]), colors="black", linewidths=0.5))
-    return colours
-
-
-def _draw_nodes(axes: Axes, points: FloatArray, spacing: FloatArray) -> None:
-    """Draws dots with a size proportional to the spacing, which darken fine and coarse regions equally."""
-    from matplotlib.collections import EllipseCollection
-
+    # Dots with a size proportional to the spacing darken fine and coarse regions equally.
     width = (0.25 * spacing).tolist()
     look: Any = {"facecolors": "black", "linewidths": 0.0, "alpha": 0.6, "rasterized": True}
-    where: Any = {"units": "xy", "offsets": points, "offset_transform": axes.transData}
+    where: Any = {"units": "xy", "offsets": deformed, "offset_transform": axes.transData}
     axes.add_collection(EllipseCollection(width, width, [0.0] * len(width), **where, **look))
-
-
-def _finish(axes: Axes, view: Window, unit: str) -> None:
-    axes.grid(False)
-    axes.set_xlim(view[0], view[1])
-    axes.set_ylim(view[2], view[3])
-    axes.set_aspect("equal")
-    axes.locator_params(axis="x", nbins=6)
-    axes.set_xlabel(f"x [{unit}]" if unit else "x")
-    axes.set_ylabel(f"y [{unit}]" if unit else "y")
+    return colours
 
 
 def range_of(bodies: Sequence[CloudBody], rest: float = 0.0) -> ColourRange:
@@ -180,9 +170,3 @@ def _usual_peak(values: FloatArray) -> float:
     corners and ends of contact would leave everything else in one colour."""
     largest, usual = float(values.max()), float(np.quantile(values, 0.99))
     return usual if 0.0 < 2.0 * usual < largest else largest
-
-
-def _size(widths: Sequence[float]) -> tuple[float, float]:
-    """Figure size in inches for panels of equal height with the aspect ratios ``widths``."""
-    height = min((9.0 if len(widths) > 1 else 6.0) / sum(widths), 7.0)
-    return max(height * sum(widths), 3.0) + 0.7 * len(widths) + 0.8, height + 0.9

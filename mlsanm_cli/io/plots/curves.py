@@ -61,12 +61,9 @@ def draw(path: Path, wanted: Picture) -> None:
     """Draws a picture of curves. Raises RunError if ``path`` cannot be written."""
     count, place = len(wanted.panels), wanted.legend
     with picture(path, *wanted.size) as figure:
-        if wanted.beside:
-            panels = figure.subplots(1, count, sharey=True, squeeze=False)[0]
-        else:
-            panels = figure.subplots(
-                count, 1, sharex=True, squeeze=False, height_ratios=[3] * (count > 1) + [1]
-            )[:, 0]
+        shared: Any = {"sharex": True, "height_ratios": [3] * (count > 1) + [1]}
+        shape, shared = ((1, count), {"sharey": True}) if wanted.beside else ((count, 1), shared)
+        panels = figure.subplots(*shape, squeeze=False, **shared).ravel()
         for axes, panel in zip(panels, wanted.panels, strict=True):
             _draw_panel(axes, panel)
         panels[0].set_title(wanted.title)
@@ -82,7 +79,10 @@ def draw(path: Path, wanted: Picture) -> None:
 
 def _draw_panel(axes: Axes, panel: Panel) -> None:
     for number, curve in enumerate(panel.curves):
-        look = {**_numbered(number), **node_marks(len(curve.x))} if curve.look is None else {**curve.look}
+        colour, marker = COLOURS[number % len(COLOURS)], MARKERS[number % len(MARKERS)]
+        line = _STYLES[number // len(COLOURS) % len(_STYLES)]
+        numbered = {"color": colour, "linestyle": line, "marker": marker, **node_marks(len(curve.x))}
+        look = dict(numbered if curve.look is None else curve.look)
         look |= {} if curve.joined else {"linestyle": "none", "markersize": 5.0}
         axes.plot(curve.x, curve.y, label=curve.label or None, **look)
     for begin, end, colour, label in panel.bands:
@@ -90,29 +90,14 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
     for text, x, y in panel.notes:
         axes.annotate(text, (x, y), (5, 3), textcoords="offset points", fontsize=7.5)
     if panel.cut_off:
-        axes.text(
-            *(0.5, 0.98, panel.cut_off), transform=axes.transAxes,
-            ha="center", va="top", fontsize=8, color="#555555",
-        )  # fmt: skip
-    axes.set_xscale(panel.scale)
-    axes.set_yscale(panel.scale)
+        look = {"transform": axes.transAxes, "ha": "center", "va": "top", "fontsize": 8, "color": "#555555"}
+        axes.text(0.5, 0.98, panel.cut_off, **look)
+    axes.set(xscale=panel.scale, yscale=panel.scale)
     if panel.scale == "linear":
         # Labels of small numbers, as 0.00025, would overlap: a common power of ten stands at the axis.
         axes.ticklabel_format(scilimits=(-2, 4))
         axes.locator_params(axis="x", nbins=7)
-    axes.set_xlim(*panel.x_limits)
-    axes.set_ylim(*panel.y_limits)
-    axes.set_xlabel(panel.x_label)
-    axes.set_ylabel(panel.y_label)
-
-
-def _numbered(number: int) -> dict[str, Any]:
-    """Colour, line style and marker of a curve by its number."""
-    return {
-        "color": COLOURS[number % len(COLOURS)],
-        "linestyle": _STYLES[number // len(COLOURS) % len(_STYLES)],
-        "marker": MARKERS[number % len(MARKERS)],
-    }
+    axes.set(xlim=panel.x_limits, ylim=panel.y_limits, xlabel=panel.x_label, ylabel=panel.y_label)
 
 
 def node_marks(count: int) -> dict[str, Any]:

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
 MARKERS = ("o", "s", "^", "D", "v", "P")
 REFERENCE_LINE: Any = {"color": "#000000", "linestyle": "--", "linewidth": 1.0}
-SUFFIXES = (".png", ".svg", ".pdf")
 
 # Any: the type of the keys differs between versions of matplotlib.
 _STYLE: Any = {
@@ -86,7 +85,7 @@ def picture(path: Path, width: float, height: float) -> Iterator[Figure]:
     suffix of ``path`` selects the format: .png, .svg or .pdf. Raises RunError for others, and if the file
     cannot be written."""
     suffix = path.suffix.lower()
-    refuse_suffix(path, SUFFIXES)
+    refuse_suffix(path, list(_METADATA))
     # pyplot would need a window system, and keeps figures open.
     from matplotlib.figure import Figure
 
@@ -95,9 +94,8 @@ def picture(path: Path, width: float, height: float) -> Iterator[Figure]:
         yield figure
         with replacing(path) as temporary:
             # Axes with equal scales are narrower than their room, and labels may stick out of the figure.
-            figure.savefig(
-                temporary, format=suffix[1:], metadata=_METADATA[suffix], bbox_inches="tight", pad_inches=0.05
-            )
+            room: Any = {"bbox_inches": "tight", "pad_inches": 0.05}
+            figure.savefig(temporary, format=suffix[1:], metadata=_METADATA[suffix], **room)
 
 
 _HELD, _LOAD, _OBSTACLE = COLOURS[2], COLOURS[1], "#4d4d4d"
@@ -106,12 +104,9 @@ _ARROW, _TICK = 0.09, 0.02
 
 
 class ConditionMarks(NamedTuple):
-    """Symbols drawn over the bodies, in the undeformed configuration.
-
-    ``held`` are points (k, 2) with outward normals (k, 2) of supported boundaries, ``nodes`` supported points
-    (2,); ``arrows`` points (2,) where loads act, unit directions (2,), outward normals (2,) and names;
-    ``obstacles`` lines (k, 2) in their current position.
-    """
+    """Symbols drawn over the undeformed bodies: ``held`` are points (k, 2) with outward normals (k, 2) of
+    supported boundaries, ``nodes`` supported points (2,); ``arrows`` points (2,) where loads act, unit
+    directions (2,), outward normals (2,) and names; ``obstacles`` lines (k, 2) in their current position."""
 
     held: tuple[tuple[FloatArray, FloatArray], ...] = ()
     nodes: tuple[FloatArray, ...] = ()

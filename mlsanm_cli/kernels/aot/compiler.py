@@ -64,8 +64,13 @@ def _type(value: Value) -> Any:
 def compiled(kernels: Sequence[Kernel]) -> list[Code]:
     """Compile all ``kernels``, those that call BLAS and the others each to an object file, on two processors
     if there are. Raises RunError if this numba version does not expose its machine code."""
-    calls_blas = [kernel for kernel in kernels if _calls_blas(kernel)]
-    others = [kernel for kernel in kernels if kernel not in calls_blas]
+    users = {
+        name
+        for name in {kernel.__module__ for kernel in kernels}
+        if any(getattr(used, "__module__", None) == BLAS_CALLS for used in vars(sys.modules[name]).values())
+    }
+    calls_blas = [kernel for kernel in kernels if kernel.__module__ in users]
+    others = [kernel for kernel in kernels if kernel.__module__ not in users]
     if not calls_blas or not others or (os.cpu_count() or 1) < 2:
         return [object_code(some) for some in (calls_blas, others) if some]
     command = [sys.executable, "-c", WORKER, *(kernel.name for kernel in others)]
@@ -86,12 +91,6 @@ def compiled(kernels: Sequence[Kernel]) -> list[Code]:
 
 BLAS_CALLS = "mlsanm_cli.kernels.dense"
 """The module of the functions that call BLAS."""
-
-
-def _calls_blas(kernel: Kernel) -> bool:
-    """Whether a kernel's module uses the functions that call BLAS."""
-    names = vars(sys.modules[kernel.__module__]).values()
-    return any(getattr(one, "__module__", None) == BLAS_CALLS for one in names)
 
 
 WORKER = """\
@@ -129,13 +128,13 @@ def _result(kernel: Kernel) -> Any:
     """Numba's compilation result of a kernel. Raises TypeError if the kernel returns another type than
     declared."""
     dispatcher = _dispatcher(kernel.__wrapped__)
-    types = tuple(map(_type, kernel.signature.arguments))
+    types = tuple(map(_type, kernel.arguments))
     dispatcher.compile(types)
     result = dispatcher.overloads[types]
     returned = result.signature.return_type
     parts = getattr(returned, "types", (returned,))
     layout = [(getattr(part, "dtype", part), getattr(part, "ndim", 0)) for part in parts]
-    declared = [(numba.from_dtype(value.dtype), value.ndim) for value in kernel.signature.results]
+    declared = [(numba.from_dtype(value.dtype), value.ndim) for value in kernel.results]
     if layout != (declared or [(numba.types.none, 0)]):
         raise TypeError(f"{kernel.name} returns {returned}")
     return result

@@ -34,7 +34,7 @@ KERNELS: dict[str, Kernel] = {}
 
 def kernel(function: Function) -> Function:
     """Make ``function`` a kernel; it runs without the GIL and without fast-math."""
-    made = Kernel(function, lambda: load().function(made.name, made.signature))
+    made = Kernel(function, lambda own: load().function(own))
     KERNELS[made.name] = made
     return cast(Function, made)
 
@@ -68,24 +68,22 @@ def load() -> Machine:
     """The kernels of this process, compiled if necessary."""
     with _lock:
         if not is_warm():
-            _loaded.append(_compiled())
+            from mlsanm_cli.kernels.aot.compiler import compiled
+
+            codes, place, note = compiled(every_kernel()), None, ""
+            try:
+                place = kept.directory()
+                kept.write(place, codes)
+            except (OSError, RuntimeError) as error:
+                place, note = (
+                    None,
+                    (
+                        f"compiled kernels cannot be kept ({error}); every run compiles them again. "
+                        "Set MLSANM_CACHE_DIR to a directory that only you may write to."
+                    ),
+                )
+            _loaded.append(Machine(codes, place, note))
         return _loaded[0]
-
-
-def _compiled() -> Machine:
-    from mlsanm_cli.kernels.aot.compiler import compiled
-
-    codes = compiled(every_kernel())
-    try:
-        place = kept.directory()
-        kept.write(place, codes)
-    except (OSError, RuntimeError) as error:
-        note = (
-            f"compiled kernels cannot be kept ({error}); every run compiles them again. "
-            "Set MLSANM_CACHE_DIR to a directory that only you may write to."
-        )
-        return Machine(codes, None, note)
-    return Machine(codes, place)
 
 
 def every_kernel() -> list[Kernel]:

@@ -24,32 +24,22 @@ PRIVATE = 0o022
 """Permissions that directories and files of machine code do not have: writing by group and others."""
 
 
-def _root() -> Path:
-    """Directory of data kept between runs: ``MLSANM_CACHE_DIR``, else the user's cache directory."""
-    named = os.environ.get("MLSANM_CACHE_DIR")
-    if named:
-        return Path(named)
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "mlsanm"
-
-
-def build_environment() -> tuple[str, ...]:
-    """Everything but the sources that machine code depends on."""
+def directory() -> Path:
+    """Directory of this installation's machine code, in ``MLSANM_CACHE_DIR`` or the user's cache directory.
+    Raises RuntimeError if the user has no home directory."""
     import llvmlite
     import llvmlite.binding as llvm
 
     # Read numba's version from its file: importing numba takes longer than all else here.
     numba = (Path(numba_root()) / "_version.py").read_text()
+    versions = (numba, llvmlite.__version__, np.__version__, str(sys.implementation.cache_tag))
     processor = (llvm.get_process_triple(), llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())
-    return (numba, llvmlite.__version__, np.__version__, str(sys.implementation.cache_tag), *processor)
-
-
-def directory() -> Path:
-    """Directory of this installation's machine code. Raises RuntimeError if the user has no home
-    directory."""
-    digest = hashlib.sha256("\0".join(build_environment()).encode())
+    digest = hashlib.sha256("\0".join((*versions, *processor)).encode())
     for path in sorted(Path(__file__).parents[1].rglob("*.py")):
         digest.update(path.read_bytes())
-    return _root() / "kernels" / digest.hexdigest()[:16]
+    named, cache = os.environ.get("MLSANM_CACHE_DIR"), os.environ.get("XDG_CACHE_HOME")
+    root = Path(named) if named else Path(cache or Path.home() / ".cache") / "mlsanm"
+    return root / "kernels" / digest.hexdigest()[:16]
 
 
 def encoded(codes: list[Code]) -> bytes:

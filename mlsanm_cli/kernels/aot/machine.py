@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.kernels.aot.signature import Signature, Value
+from mlsanm_cli.kernels.aot.signature import Kernel, Value
 from mlsanm_cli.kernels.blas import EXTERNALS
 from mlsanm_cli.records import dataclass
 
@@ -112,25 +112,24 @@ class Machine:
         release = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
         self._release: Callable[[int], None] = release(runtime["MemInfo_release"])
 
-    def function(self, name: str, signature: Signature) -> Callable[..., Any]:
+    def function(self, kernel: Kernel) -> Callable[..., Any]:
         """A kernel as a Python function that checks its arguments and releases the GIL."""
-        kinds = "".join(argument.kinds for argument in signature.arguments)
+        kinds = "".join(argument.kinds for argument in kernel.arguments)
         prototype = ctypes.CFUNCTYPE(ctypes.c_int32, *(WORDS[kind] for kind in "pp" + kinds))
-        engine, entry = self._engines[name]
-        address = engine.get_function_address(entry)
-        call, room = prototype(address), ctypes.c_int64 * max(1, sum(len(r.kinds) for r in signature.results))
+        engine, entry = self._engines[kernel.name]
+        address, sizes = engine.get_function_address(entry), [len(one.kinds) for one in kernel.results]
+        call, room = prototype(address), ctypes.c_int64 * max(1, sum(sizes))
+        results = list(zip(kernel.results, accumulate(sizes, initial=0), strict=False))
 
-        def kernel(*values: Any) -> Any:
+        def called(*values: Any) -> Any:
             result, raised = room(), ctypes.c_void_p()
-            words = signature.words(name, values)
-            status = call(ctypes.addressof(result), ctypes.addressof(raised), *words)
+            status = call(ctypes.addressof(result), ctypes.addressof(raised), *kernel.words(values))
             if status not in DONE:
-                raise _exception(name, status, raised.value)
-            ends = accumulate((len(one.kinds) for one in signature.results), initial=0)
-            found = [self._result(one, result, at) for one, at in zip(signature.results, ends, strict=False)]
-            return tuple(found) if not signature.single else found[0] if found else None
+                raise _exception(kernel.name, status, raised.value)
+            found = [self._result(value, result, at) for value, at in results]
+            return tuple(found) if not kernel.single else found[0] if found else None
 
-        return kernel
+        return called
 
     def _result(self, result: Value, words: Any, at: int) -> Any:
         if result.ndim == 0:

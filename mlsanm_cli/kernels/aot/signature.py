@@ -85,49 +85,16 @@ class Value:
             or not value.flags.c_contiguous
             or not (value.flags.carray if self.written else value.flags.aligned)
         ):
-            raise TypeError(self._refusal(value))
+            given = type(value).__name__
+            if isinstance(value, np.ndarray):
+                order = "C-contiguous" if value.flags.c_contiguous else "not C-contiguous"
+                writable = "" if value.flags.writeable else ", read-only"
+                given = f"{value.dtype} of {value.ndim} dimensions, {order}{writable}"
+            required = f"a C-contiguous{', writable' if self.written else ''} {self.dtype} array"
+            raise TypeError(f"{self.name} must be {required} of {self.ndim} dimensions, not {given}")
         address = value.__array_interface__["data"][0]
         # No owner: arguments are Python objects that outlive the call.
         return (None, None, value.size, value.itemsize, address, *value.shape, *value.strides)
-
-    def _refusal(self, value: Any) -> str:
-        given = type(value).__name__
-        if isinstance(value, np.ndarray):
-            order = "C-contiguous" if value.flags.c_contiguous else "not C-contiguous"
-            writable = "" if value.flags.writeable else ", read-only"
-            given = f"{value.dtype} of {value.ndim} dimensions, {order}{writable}"
-        required = f"a C-contiguous{', writable' if self.written else ''} {self.dtype} array"
-        return f"{self.name} must be {required} of {self.ndim} dimensions, not {given}"
-
-
-@dataclass(frozen=True)
-class Signature:
-    """Arguments and results of a kernel; ``single`` unless the result is a tuple."""
-
-    arguments: tuple[Value, ...]
-    results: tuple[Value, ...]
-    single: bool
-
-    @classmethod
-    def of(cls, name: str, function: Callable[..., Any]) -> Signature:
-        """The signature of ``function``, with ``name`` for messages. Raises TypeError for unsupported
-        types."""
-        annotations = dict(function.__annotations__)
-        result = annotations.pop("return")
-        single = not result.startswith("tuple[")
-        parts = [] if result == "None" else [result] if single else result[6:-1].split(", ")
-        return cls(
-            tuple(Value.of(f"{name}: {argument}", kind) for argument, kind in annotations.items()),
-            tuple(Value.of(f"{name}: its result", kind) for kind in parts),
-            single,
-        )
-
-    def words(self, name: str, values: tuple[Any, ...]) -> Iterator[Any]:
-        """All arguments as words for machine code."""
-        if len(values) != len(self.arguments):
-            raise TypeError(f"{name} takes {len(self.arguments)} arguments, not {len(values)}")
-        for argument, value in zip(self.arguments, values, strict=True):
-            yield from argument.words(value)
 
 
 class Inner:
@@ -143,17 +110,31 @@ class Inner:
 
 
 class Kernel(Inner):
-    """A function that is called as machine code, which ``loaded`` gives at the first call."""
+    """A function that is called as machine code, which ``loaded`` gives at the first call. Its ``arguments``
+    and ``results`` are read from its annotations; ``single`` unless the result is a tuple. Raises TypeError
+    for unsupported types."""
 
-    def __init__(self, function: Callable[..., Any], loaded: Callable[[], Callable[..., Any]]) -> None:
+    def __init__(self, function: Callable[..., Any], loaded: Callable[[Kernel], Callable[..., Any]]) -> None:
         super().__init__(function)
         self.name = f"{function.__module__}.{function.__name__}"
-        self.signature = Signature.of(self.name, function)
+        annotations = dict(function.__annotations__)
+        result = annotations.pop("return")
+        self.single = not result.startswith("tuple[")
+        parts = [] if result == "None" else [result] if self.single else result[6:-1].split(", ")
+        self.arguments = [Value.of(f"{self.name}: {name}", kind) for name, kind in annotations.items()]
+        self.results = [Value.of(f"{self.name}: its result", kind) for kind in parts]
         self._loaded = loaded
+
+    def words(self, values: tuple[Any, ...]) -> Iterator[Any]:
+        """All arguments as words for machine code."""
+        if len(values) != len(self.arguments):
+            raise TypeError(f"{self.name} takes {len(self.arguments)} arguments, not {len(values)}")
+        for argument, value in zip(self.arguments, values, strict=True):
+            yield from argument.words(value)
 
     @functools.cached_property
     def _call(self) -> Callable[..., Any]:
-        return self._loaded()
+        return self._loaded(self)
 
     def __call__(self, *arguments: Any) -> Any:
         return self._call(*arguments)

@@ -24,11 +24,10 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cells import cell_quadrature
-from mlsanm_cli.mechanics.assembly import RowTable, single_rows, spring_rows
+from mlsanm_cli.mechanics.assembly import single_rows, spring_rows
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
-from mlsanm_cli.mechanics.finite.faces import FacePoints, inner_points, outline_points
-from mlsanm_cli.mechanics.finite.loads import Applied, Loads
+from mlsanm_cli.mechanics.finite.loads import Applied, FacePoints, Loads, inner_points, outline_points
 from mlsanm_cli.mechanics.finite.pattern import Pattern
 from mlsanm_cli.mechanics.laws.law import Law, determinant, gradient_of
 from mlsanm_cli.mechanics.near_field import ComplexArray
@@ -78,12 +77,6 @@ class FiniteBody:
         held_sides = outline_points(elastic, held, rule_of(elastic.model))
         return inner_points(elastic), held_sides, self.applied.points
 
-    @property
-    def stressed(self) -> list[tuple[FacePoints, slice]]:
-        """Points with stress, of inner faces and of held sides, and their numbers among all."""
-        inner, held, _ = self.points
-        return [(inner, slice(0, inner.count)), (held, slice(inner.count, inner.count + held.count))]
-
     @cached_property
     def on_pieces(self) -> tuple[IntArray, IntArray, FloatArray]:
         """All points in turn, numbered, for every piece (m,) that they act on, the piece, and the sign."""
@@ -99,7 +92,7 @@ class FiniteBody:
     @cached_property
     def applied(self) -> Applied:
         """The loads at the quadrature points of the pieces."""
-        return Applied.on(self.elastic, self.loads)
+        return Applied(self.elastic, self.loads)
 
     @cached_property
     def single(self) -> sparse.csr_array:
@@ -135,22 +128,9 @@ class FiniteBody:
         return np.asarray(found / np.abs(found))
 
     @cached_property
-    def table(self) -> RowTable:
-        """Positions of the nodes' rows."""
-        elastic, total = self.elastic, self.node_rows
-        modulus = elastic.model.material.modulus
-        return RowTable(elastic.first_row, total - len(elastic.held_nodes), total, modulus, elastic.springs)
-
-    @cached_property
     def pulls(self) -> sparse.csr_array:
         """Contribution (r - 3k, 2N) of springs to the nodes' rows."""
-        model = self.elastic.model
-        return spring_rows(model.cloud, self.table, len(model.cloud.points))
-
-    @cached_property
-    def _on_faces(self) -> list[FloatArray]:
-        places = np.concatenate([one.places.reshape(-1, 2) for one in self.points[:2]])
-        return [heating.field.at(places) for heating in self.loads.warming]
+        return spring_rows(self.elastic.model.cloud, self.elastic.springs, self.node_rows)
 
     def degrees(self, factors: FloatArray) -> FloatArray | None:
         """Temperature changes (n,) at the nodes at load ``factors`` (L,); None for bodies without any."""
@@ -177,8 +157,13 @@ class FiniteBody:
         """Temperature changes (q,) at the quadrature points with stress."""
         if not self.loads.warming:
             return None
-        parts = zip(self.loads.warming, self._on_faces, strict=True)
+        parts = zip(self.loads.warming, self._warmth, strict=True)
         return np.asarray(sum(factors[one.number] * values for one, values in parts))
+
+    @cached_property
+    def _warmth(self) -> list[FloatArray]:
+        places = np.concatenate([one.places.reshape(-1, 2) for one in self.points[:2]])
+        return [heating.field.at(places) for heating in self.loads.warming]
 
     @cached_property
     def centers(self) -> sparse.csr_array:
@@ -189,29 +174,25 @@ class FiniteBody:
         return sparse.csr_array(entries, shape=(self.count, len(labels)))
 
     @cached_property
-    def of_force(self) -> FloatArray:
-        """Force and moment (3k, L) of body forces on the pieces in the reference configuration."""
-        if self.loads.known is not None:
-            return self.loads.known
-        found = np.zeros((3 * self.count, self.loads.count))
-        for number, force in self._forces.items():
-            found[:, number] = self.elastic.pieces.of_force(force)
-        return found
-
-    @cached_property
     def _forces(self) -> dict[int, FloatArray]:
         """Body forces (n, 2) by number of their loads."""
         force = np.zeros((0, 2, 0)) if self.loads.force is None else self.loads.force
         return {number: force[:, :, number] for number in np.flatnonzero(force.any(axis=(0, 1))).tolist()}
 
     @cached_property
+    def of_force(self) -> FloatArray:
+        """Force and moment (3k, L) of body forces on the pieces in the reference configuration."""
+        found = np.zeros((3 * self.count, self.loads.count))
+        for number, force in self._forces.items():
+            found[:, number] = self.elastic.pieces.of_force(force)
+        return found
+
+    @cached_property
     def turning(self) -> dict[int, sparse.csr_array]:
         """By number of the loads with body forces, rows (k, 2N) of the moments over size that these gain by
         displacements."""
-        return {
-            number: moments_of_force(self.elastic, self.centers, force)
-            for number, force in self._forces.items()
-        }
+        forces = self._forces.items()
+        return {number: moments_of_force(self.elastic, self.centers, force) for number, force in forces}
 
     @cached_property
     def conditions(self) -> list[tuple[str, IntArray, FloatArray, tuple[bool, bool]]]:
@@ -300,11 +281,7 @@ def far_from(body: FiniteBody, displacement: FloatArray, base_state: FloatArray)
     (2N,) that its equations should be renewed."""
     if most_stretched(body, displacement, base_state)[0] > MAX_STRETCH:
         return True
-    angles = []
-    for one in (displacement, base_state):
-        xx, xy, yx, yy = body.gradient(one)
-        angles.append(np.arctan2(yx - xy, 2.0 + xx + yy))
-    turned = np.abs(np.exp(1j * angles[0]) - np.exp(1j * angles[1])).max()
+    turned = np.abs(body.turns(displacement) - body.turns(base_state)).max()
     return bool(turned > 2.0 * np.sin(0.5 * MAX_ROTATION))
 
 

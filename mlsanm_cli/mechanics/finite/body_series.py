@@ -1,10 +1,11 @@
-"""Residuals of a body's equations at finite strain along a path, order by order."""
+"""Residuals of a body's equations at finite strain along a path, order by order, and the forces of a
+state."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.loads import cofactor_normal
 from mlsanm_cli.mechanics.laws.law import gradient_of
@@ -55,7 +56,14 @@ class BodySeries:
         body, stressed = self.body, self._held.stop
         self._factors[order] = factors
         for plate, turn in zip(body.loads.turning, self._turns, strict=True):
-            _turn(turn, self._factors[: order + 1] @ plate.rate, order)
+            # Cosine and sine of the plate's rotation.
+            angle = self._factors[: order + 1] @ plate.rate
+            if not order:
+                turn[:, 0] = np.cos(angle[0]), np.sin(angle[0])
+                continue
+            weighted = np.arange(1, order + 1) * angle[1:] / order
+            cos, sin = turn[:, :order][:, ::-1]
+            turn[:, order] = -weighted @ sin, weighted @ cos
         degrees, on_faces = body.degrees_jets(factors), body.face_degrees(factors)
         gradient: FloatArray | None = None
         jets: FloatArray | None = None
@@ -69,39 +77,24 @@ class BodySeries:
             gradient, self._loaded_gradient[order] = whole[:, None, :stressed], whole[:, stressed:]
             jets = jets_of(body.elastic.model.stencils.derivatives(displacement.reshape(-1, 2)))
         self._nodes.put(order, jets, degrees)
-        if self._volumes is not self._nodes:
-            self._put_volumes(order, displacement, degrees)
+        if body.coarser is not None:
+            # Volume changes at the nodes by the coarser fits.
+            coarse = None
+            if displacement is not None:
+                fitted = body.coarser.stencils.derivatives(displacement.reshape(-1, 2))
+                coarse = gradient_of(fitted)[:, None]
+            self._volumes.put(order, coarse, None if degrees is None else degrees[:1])
         self._faces.put(order, gradient, None if on_faces is None else on_faces[None])
-        self._put_mean(order)
+        if self._mean is not None and self._face_mean is not None:
+            # The mean stress of volume changes is fitted to its nodal values.
+            assert self._volumes.mean is not None
+            found = body.fitted_mean(self._volumes.mean[order, 0])
+            self._mean[order], self._face_mean[order] = found
         if not order:
             self._place[0] += np.concatenate([one.places.reshape(-1, 2) for one in body.points]).T
             self._middle[0] += body.elastic.pieces.middle.T
             self._loaded_gradient[0, [0, 3]] += 1.0
         self._forces(order)
-
-    def _put_volumes(self, order: int, displacement: FloatArray | None, degrees: FloatArray | None) -> None:
-        """Set the volume changes at the nodes by the coarser fits."""
-        gradient = None
-        if displacement is not None:
-            assert self.body.coarser is not None
-            fitted = self.body.coarser.stencils.derivatives(displacement.reshape(-1, 2))
-            gradient = gradient_of(fitted)[:, None]
-        self._volumes.put(order, gradient, None if degrees is None else degrees[:1])
-
-    def _put_mean(self, order: int) -> None:
-        """Fit the mean stress of volume changes to its nodal values."""
-        if self._mean is None or self._face_mean is None:
-            return
-        assert self._volumes.mean is not None
-        found = self.body.fitted_mean(self._volumes.mean[order, 0])
-        self._mean[order], self._face_mean[order] = found
-
-    def _nodal_mean(self, order: int, at: IntArray, normal: FloatArray) -> FloatArray:
-        """Coefficient (2, b) of ``order`` of p cof(F) N at nodes ``at`` (b,), p being nodal values."""
-        mean, gradient = self._volumes.mean, self._nodes.gradient[:, :, 0, at]
-        assert mean is not None
-        pairs = [(mean[low, 0, at], gradient[:, order - low]) for low in range(order + 1)]
-        return np.asarray(sum(p * cofactor_normal(f, normal) for p, f in pairs))
 
     def _forces(self, order: int) -> None:
         """Forces at all points, in the components that count."""
@@ -142,14 +135,20 @@ class BodySeries:
         u = self._displacement[order].reshape(-1, 2)
         gradient = self._nodes.gradient
         for name, index, normal, held in body.conditions:
-            mean = None if self._mean is None else self._nodal_mean(order, index, normal)
+            mean, nodal = None, self._volumes.mean
+            if self._mean is not None and nodal is not None:
+                # Coefficient (2, b) of p cof(F) N, p being nodal values.
+                mean = sum(
+                    nodal[low, 0, index] * cofactor_normal(gradient[:, order - low, 0, index], normal)
+                    for low in range(order + 1)
+                )
             for component in (0, 1):
                 at = elastic.condition_rows(name, component)
-                if mean is not None and not held[component]:
-                    left[at] += mean[component]
                 if held[component]:
                     left[at] += u[index, component]
                     continue
+                if mean is not None:
+                    left[at] += mean[component]
                 row = stress[2 * component : 2 * component + 2, 0, index]
                 left[at] += row[0] * normal[:, 0] + row[1] * normal[:, 1]
                 if applied.follows:
@@ -186,12 +185,6 @@ class BodySeries:
         """Forces (2, g), at order 0, at the points of held sides and of those with prescribed tractions."""
         return self._force[0, :, self._held], self._force[0, :, self._loaded]
 
-    def spring_forces(self, surface: str) -> FloatArray:
-        """Force (2,), at order 0, of the soft springs along a surface."""
-        applied = self.body.applied
-        here = applied.points.along[surface]
-        return np.asarray(-(applied.pulling[:, here] * self._moved[0, :, here]).sum(axis=1))
-
     def resultant(self) -> FloatArray:
         """Sum (2, k), at order 0, of the forces on the faces of each piece, as in its rows."""
         point, owner, sign = self.body.on_pieces
@@ -202,16 +195,43 @@ class BodySeries:
         return self._force[0], self._place[0], self._middle[0]
 
 
-def _turn(turn: FloatArray, angle: FloatArray, order: int) -> None:
-    """Compute coefficient ``order`` of cosine and sine (2, K + 1) of an ``angle`` (order + 1,)."""
-    if not order:
-        turn[:, 0] = np.cos(angle[0]), np.sin(angle[0])
-        return
-    weighted = np.arange(1, order + 1) * angle[1:] / order
-    cos, sin = turn[:, :order][:, ::-1]
-    turn[:, order] = -weighted @ sin, weighted @ cos
-
-
 def jets_of(derivatives: FloatArray) -> FloatArray:
     """Jets (4, 3, n) of the displacement gradient from ``derivatives`` (n, 6, 2) of the displacement."""
     return np.asarray(derivatives[:, JETS].transpose(3, 1, 2, 0).reshape(4, 3, -1))
+
+
+class Forces:
+    """Forces on a body in one state: ``loads`` (L, 2) of tractions, pressures and body forces, ``reactions``
+    (2,) of held sides and soft springs by surface. ``size`` is the largest sum of their magnitudes."""
+
+    def __init__(self, body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> None:
+        """Forces at ``displacement`` (2N,) and load ``factors`` (L,)."""
+        applied, count = body.applied, body.count
+        series, points = BodySeries.at(body, displacement, factors), applied.points
+        held, loaded = series.outline_forces()
+        loads = np.einsum("iql->li", applied.dead) * factors[:, None]
+        if points.count:
+            gradient = gradient_of(points.seen(displacement)) + np.array([1.0, 0.0, 0.0, 1.0])[:, None]
+            turned = cofactor_normal(gradient, points.normals.reshape(-1, 2)) * points.kept.T
+            loads -= (turned @ applied.pressure).T * factors[:, None]
+        whole = body.of_force[: 2 * count].reshape(2, count, -1)[:, body.elastic.pieces.main].sum(axis=1)
+        self.loads: FloatArray = loads + whole.T * factors[:, None]
+        self.reactions: dict[str, FloatArray] = {}
+        for name in body.elastic.soft_springs:
+            here = points.along[name]
+            moved = points.seen(displacement)[here, 0].T
+            self.reactions[name] = -(applied.pulling[:, here] * moved).sum(axis=1)
+        for name, here in body.points[1].along.items():
+            self.reactions[name] = self.reactions.get(name, 0.0) + held[:, here].sum(axis=1)
+        sizes = [float(np.hypot(*force).sum()) for force in (held, loaded)]
+        self.size = max([*sizes, *np.hypot(*self.loads.T).tolist()], default=0.0)
+
+    @property
+    def total(self) -> FloatArray:
+        """Sum of all forces (2,), without those of single held nodes."""
+        return np.asarray(np.array([*self.loads, *self.reactions.values()]).reshape(-1, 2).sum(axis=0))
+
+    @property
+    def rest(self) -> float:
+        """Force imbalance, without forces of single held nodes."""
+        return float(np.abs(self.total).max())

@@ -13,12 +13,11 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
+from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.mechanics.body import ElasticBody
-from mlsanm_cli.mechanics.finite.faces import FacePoints
+from mlsanm_cli.mechanics.finite.loads import FacePoints
 from mlsanm_cli.mechanics.springs import FREE
 from mlsanm_cli.operators.least_squares import Symbolic
-from mlsanm_cli.operators.stencil_weights import Stencils
 from mlsanm_cli.records import dataclass
 
 
@@ -115,8 +114,14 @@ class Pattern:
         keys = np.concatenate([on_nodes, *(one.ravel() for one in on_pieces), *further])
         direct = whole = Entries.of(np.unique(keys), elastic.rows, nodes)
         if nested:
+            # Also the nodes that equilibrium and pieces reach through a stencil.
             some = (direct.keys < 2 * nodes * nodes) | (direct.keys >= split * nodes)
-            whole = Entries.of(_through(direct.keys[some], direct, stencils), elastic.rows, nodes)
+            at = np.divmod(direct.keys[some], nodes)
+            fitted = sparse.csr_array((np.ones(len(at[0])), at), shape=(elastic.rows, nodes))
+            entries = (np.ones(len(stencils.indices)), stencils.indices, stencils.indptr)
+            beyond = sparse.coo_array(fitted @ sparse.csr_array(entries, shape=(nodes, nodes))).coords
+            through = np.union1d(direct.keys, beyond[0].astype(np.int64) * nodes + beyond[1])
+            whole = Entries.of(through, elastic.rows, nodes)
         return cls(
             elastic=elastic,
             pieces=split,
@@ -134,7 +139,8 @@ class Pattern:
 
     def rows(self, values: FloatArray) -> tuple[sparse.csr_array, sparse.csr_array]:
         """Rows (r - 3k, 2N) of nodes and (3k, 2N) of pieces with coefficients ``values`` (m, 2)."""
-        indptr, indices = self._indices
+        indptr = (2 * self.whole.begin).astype(np.int32)
+        indices = np.stack([2 * self.whole.nodes, 2 * self.whole.nodes + 1], axis=1).ravel().astype(np.int32)
         width, middle = 2 * self.whole.count, indptr[self.pieces]
         flat, ends = values.reshape(-1), (indptr[: self.pieces + 1], indptr[self.pieces :] - middle)
         parts = ((flat[:middle], indices[:middle]), (flat[middle:], indices[middle:]))
@@ -145,26 +151,8 @@ class Pattern:
         return nodes, pieces
 
     @cached_property
-    def _indices(self) -> tuple[IndexArray, IndexArray]:
-        columns = np.stack([2 * self.whole.nodes, 2 * self.whole.nodes + 1], axis=1).ravel()
-        return (2 * self.whole.begin).astype(np.int32), columns.astype(np.int32)
-
-    @cached_property
     def symbolic(self) -> Symbolic:
         """Pattern of the equations and their elimination order."""
         rows, strong = self.rows(np.ones((len(self.whole.nodes), 2)))
         owner = np.tile(np.arange(self.elastic.pieces.count), 3)
         return Symbolic.of(rows, strong, owner, self.elastic.model.cloud.points, self.elastic.pieces.middle)
-
-
-def _through(keys: IntArray, entries: Entries, stencils: Stencils) -> IntArray:
-    """Keys of all ``entries``, and of the nodes that those with ``keys`` reach through a stencil."""
-    row, node = np.divmod(keys, entries.count)
-    rows = len(entries.begin) - 1
-    own = sparse.csr_array((np.ones(len(keys)), (row, node)), shape=(rows, entries.count))
-    shape = (entries.count, entries.count)
-    further = sparse.csr_array(
-        (np.ones(len(stencils.indices)), stencils.indices, stencils.indptr), shape=shape
-    )
-    row, node = sparse.coo_array(own @ further).coords
-    return np.union1d(entries.keys, row.astype(np.int64) * entries.count + node)

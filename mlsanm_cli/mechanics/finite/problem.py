@@ -11,7 +11,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.projector import Factorised, Projector
-from mlsanm_cli.mechanics.finite.stability import SoftMotion, Stressed, rows_of_force, softest_motion
+from mlsanm_cli.mechanics.finite.stability import SoftMotion, rows_of_force, softest_motion
 from mlsanm_cli.records import dataclass
 
 
@@ -58,6 +58,17 @@ class FiniteProblem:
             raise np.linalg.LinAlgError(error.message) from error
         return FiniteTangent(self, factorised)
 
+    def softest(self, x: FloatArray, lam: float, tangent: object = None) -> SoftMotion:
+        """The softest motion in the state ``x`` (2N,), by its ``tangent`` if that is known."""
+        tangent = tangent or self.tangent(x, lam)
+        assert isinstance(tangent, FiniteTangent)
+        projector, factorised = self.projector, tangent.factorised
+
+        def displaced(force: FloatArray) -> FloatArray:
+            return -factorised.solve_unrefined(projector.scaled(rows_of_force(projector.body, force)))
+
+        return softest_motion(displaced, [(projector.body, x, self.factors(lam))])
+
     def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
         """dR/dlam (2N,)."""
         series = BodySeries(self.projector.body, 1)
@@ -91,31 +102,18 @@ class FiniteProblem:
         if series is None:
             series, known = BodySeries(self.projector.body, 2 * len(x)), 0
         for order in range(known, len(x)):
-            series.put(order, x[order], self._part(lam, order))
+            factors = self.factors(lam[0]) if not order else lam[order] * (self.end - self.start)
+            series.put(order, x[order], factors)
         self.latest[:] = [series, x.copy(), lam.copy()]
         return series
 
-    def _part(self, lam: FloatArray, order: int) -> FloatArray:
-        """Coefficient (L,) of the load factors."""
-        return self.factors(lam[0]) if not order else lam[order] * (self.end - self.start)
 
-
-@dataclass(frozen=True)
 class FiniteTangent:
     """The ``factorised`` derivative of a ``problem``."""
 
-    problem: FiniteProblem
-    factorised: Factorised
+    def __init__(self, problem: FiniteProblem, factorised: Factorised) -> None:
+        self._problem, self.factorised = problem, factorised
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """Displacement (2N,) that changes the residual by ``rhs`` (2N,)."""
-        return self.factorised.solve(self.problem.projector.image(self.problem.length * rhs))
-
-    def softest(self, x: FloatArray, factors: FloatArray) -> SoftMotion:
-        """The softest motion in the state ``x`` (2N,) at load ``factors`` (L,) of this tangent."""
-        projector, body = self.problem.projector, self.problem.projector.body
-
-        def displaced(force: FloatArray) -> FloatArray:
-            return -self.factorised.solve_unrefined(projector.scaled(rows_of_force(body, force)))
-
-        return softest_motion(displaced, [Stressed(body, x, factors)])
+        return self.factorised.solve(self._problem.projector.image(self._problem.length * rhs))

@@ -47,7 +47,7 @@ def weights_of(body: FiniteBody, left_out: IntArray = NO_ROWS) -> FloatArray:
     """Weights (r,) of the rows of the linear body, zero for rows (m,) ``left_out`` and unknown ones."""
     elastic = body.elastic
     model, pieces = elastic.model, elastic.pieces
-    nodes = row_weights(model, elastic.held, elastic.held_nodes, body.table, elastic.restrained)
+    nodes = row_weights(model, elastic.held, elastic.held_nodes, elastic.springs, elastic.restrained)
     nodes[left_out] = 0.0
     # Pins only fix the position: they take no force from pieces.
     bearing = elastic.held_nodes[: len(elastic.held_nodes) - body.pins]
@@ -124,7 +124,11 @@ class Projector:
         """The derivative of the equations at ``displacement`` (2N,) and load ``factors`` (L,); in iterations
         of Newton's method with the mean stress that the last one predicted. Raises NumericalError if
         singular."""
-        mean = self._linearised(displacement, factors) if iterating else None
+        mean = None
+        if iterating and self.body.law.nested:
+            here, earlier = MeanStress(self.body, displacement, factors), self.last[:]
+            self.last[:] = [here]
+            mean = here.after(earlier[0]) if earlier else here
         own, own_strong = self.system.rows, self.system.strong.rows
         if np.array_equal(displacement, self.base_state):
             return Factorised(self, own, own_strong, None)
@@ -137,19 +141,6 @@ class Projector:
                 self, rows, strong, factor_in_order(sparse.csc_array(matrix), order, PIVOT_THRESHOLD)
             )
         return Factorised(self, rows, strong, factor_general(matrix, symbolic.fronts, symbolic.transposed))
-
-    def _linearised(self, displacement: FloatArray, factors: FloatArray) -> MeanStress | None:
-        if not self.body.law.nested:
-            return None
-        mean, earlier = MeanStress.at(self.body, displacement, factors), self.last[:]
-        self.last[:] = [mean]
-        return mean.after(earlier[0]) if earlier else mean
-
-    @cached_property
-    def _multipliers(self) -> IntArray:
-        """Positions (3k,) of the pieces' multipliers, two vertices of two for every piece."""
-        number, count = np.arange(3 * self.body.count), self.body.count
-        return self.body.unknowns + 4 * (number % count) + number // count
 
 
 @dataclass(frozen=True)
@@ -187,7 +178,10 @@ class Factorised:
             return projector.system.inverse_normal(gathered.reshape(shape)).reshape(gathered.shape)
         unknowns = projector.body.unknowns
         whole = np.zeros((unknowns + 4 * projector.body.count, *scaled.shape[1:]))
-        whole[:unknowns], whole[projector._multipliers] = projector.gathered(scaled), scaled[count:]
+        # Multipliers (3k,) of the pieces: two vertices of two for every piece.
+        number, pieces = np.arange(3 * projector.body.count), projector.body.count
+        multipliers = unknowns + 4 * (number % pieces) + number // pieces
+        whole[:unknowns], whole[multipliers] = projector.gathered(scaled), scaled[count:]
         return self.factor.solve(whole)[:unknowns]
 
 

@@ -13,12 +13,11 @@ Equation (31) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
@@ -59,38 +58,25 @@ STILL = SoftMotion(np.inf, np.zeros(0), 0)
 """Of bodies without stress."""
 
 
-@dataclass(frozen=True, eq=False)
-class Stressed:
-    """A ``body`` at ``displacement`` (2n,) and load ``factors`` (L,)."""
-
-    body: FiniteBody
-    displacement: FloatArray
-    factors: FloatArray
-
-    @cached_property
-    def stress(self) -> FloatArray:
-        """First Piola-Kirchhoff stress (4, n) at the nodes."""
-        return self.body.stress(self.displacement, self.factors)
-
-    def energies(self, motion: FloatArray) -> FloatArray:
-        """Twice the energies (2,) of the strain of a ``motion`` (2n,), by the shear modulus alone, the least
-        there is, and of the stress on its rotations."""
-        f = self.body.gradient(self.displacement).T.reshape(-1, 2, 2) + np.eye(2)
-        slope = self.body.gradient(motion).T.reshape(-1, 2, 2)
-        strain = np.swapaxes(f, 1, 2) @ slope
-        strain = 0.5 * (strain + np.swapaxes(strain, 1, 2))
-        second = np.linalg.solve(f, self.stress.T.reshape(-1, 2, 2))
-        elastic = 2.0 * self.body.elastic.model.material.shear * (strain**2).sum(axis=(1, 2))
-        geometric = np.einsum("niJ,nJK,niK->n", slope, second, slope)
-        return np.array([elastic, geometric]) @ self.body.elastic.model.cloud.areas
+Loaded: TypeAlias = tuple[FiniteBody, FloatArray, FloatArray]
+"""A body with its displacement (2n,) and load factors (L,)."""
 
 
-def softest_motion(displaced: Callable[[FloatArray], FloatArray], bodies: Sequence[Stressed]) -> SoftMotion:
+def softest_motion(displaced: Callable[[FloatArray], FloatArray], bodies: Sequence[Loaded]) -> SoftMotion:
     """The softest motion of ``bodies``, which body forces (2N,) per undeformed area have ``displaced``."""
-    clouds = [one.body.elastic.model.cloud for one in bodies]
+    clouds, stresses = (
+        [body.elastic.model.cloud for body, *_ in bodies],
+        [one[0].stress(*one[1:]) for one in bodies],
+    )
     areas = np.repeat(np.concatenate([cloud.areas for cloud in clouds]), 2)
     root = np.sqrt(areas)
-    basis, upper = [root * _first_force(clouds)], np.zeros((ARNOLDI_STEPS + 1, ARNOLDI_STEPS))
+    # A force with parts of all long waves: cubic polynomials with irregular coefficients.
+    coefficients, first = np.random.default_rng(0).normal(size=(10, 2)), []
+    for cloud in clouds:
+        x, y = ((cloud.points - cloud.points.mean(axis=0)) / np.ptp(cloud.points, axis=0).max()).T
+        powers = np.stack([x**i * y ** (k - i) for k in range(4) for i in range(k + 1)], axis=1)
+        first.append((powers @ coefficients).ravel())
+    basis, upper = [root * np.concatenate(first)], np.zeros((ARNOLDI_STEPS + 1, ARNOLDI_STEPS))
     basis[0] /= np.linalg.norm(basis[0])
     for step in range(ARNOLDI_STEPS):
         found = root * displaced(basis[-1] / root)
@@ -108,15 +94,23 @@ def softest_motion(displaced: Callable[[FloatArray], FloatArray], bodies: Sequen
     values, vectors = np.linalg.eig(upper[:last])
     left = np.abs(upper[last, last - 1] * vectors[-1])
     extent = max(float(np.ptp(cloud.points, axis=0).max()) for cloud in clouds)
-    neutral = NEUTRAL * max(float(np.abs(one.stress).max()) for one in bodies) / extent**2
-    unstable, least = 0, STILL
+    neutral = NEUTRAL * max(float(np.abs(stress).max()) for stress in stresses) / extent**2
+    unstable, least, ends = 0, STILL, np.cumsum([body.unknowns for body, *_ in bodies])[:-1]
     sure = (left <= CONVERGED * np.abs(values)) & (np.abs(values) > 0.0)
     for own in np.flatnonzero(sure).tolist():
         resistance = float((1.0 / values[own]).real)
         motion = np.array(basis[:last]).T @ vectors[:, own].real / root
         motion = motion / motion[np.argmax(np.abs(motion))]
         if resistance < -neutral:
-            if not _loses(bodies, motion, -resistance * float(areas @ motion**2)):
+            # Bodies can lose this energy if their stress gives back at least half of what the strains take,
+            # or these take next to nothing. In short waves next to contacts, where the fields of clouds and
+            # those of pressures differ, they do not.
+            energy = -resistance * float(areas @ motion**2)
+            parts = zip(bodies, stresses, np.split(motion, ends), strict=True)
+            elastic, geometric = np.sum(
+                [_energies(*one[:2], stress, part) for one, stress, part in parts], axis=0
+            )
+            if elastic > max(-2.0 * geometric, 0.5 * energy):
                 continue
             unstable += 1
         if resistance < least.resistance:
@@ -124,14 +118,19 @@ def softest_motion(displaced: Callable[[FloatArray], FloatArray], bodies: Sequen
     return SoftMotion(least.resistance, least.motion, unstable)
 
 
-def _loses(bodies: Sequence[Stressed], motion: FloatArray, energy: float) -> bool:
-    """Whether bodies may lose an ``energy`` in a ``motion`` (2N,): their stress gives back at least half of
-    what the strains take, or these take next to nothing. Short waves next to contacts, where the fields of
-    clouds and those of pressures differ, do not."""
-    ends = np.cumsum([one.body.unknowns for one in bodies])[:-1]
-    parts = zip(bodies, np.split(motion, ends), strict=True)
-    elastic, geometric = np.sum([one.energies(part) for one, part in parts], axis=0)
-    return bool(elastic <= max(-2.0 * geometric, 0.5 * energy))
+def _energies(
+    body: FiniteBody, displacement: FloatArray, stress: FloatArray, motion: FloatArray
+) -> FloatArray:
+    """Twice the energies (2,) of the strain of a ``motion`` (2n,), by the shear modulus alone, the least
+    there is, and of the ``stress`` (4, n) on its rotations."""
+    f = body.gradient(displacement).T.reshape(-1, 2, 2) + np.eye(2)
+    slope = body.gradient(motion).T.reshape(-1, 2, 2)
+    strain = np.swapaxes(f, 1, 2) @ slope
+    strain = 0.5 * (strain + np.swapaxes(strain, 1, 2))
+    second = np.linalg.solve(f, stress.T.reshape(-1, 2, 2))
+    elastic = 2.0 * body.elastic.model.material.shear * (strain**2).sum(axis=(1, 2))
+    geometric = np.einsum("niJ,nJK,niK->n", slope, second, slope)
+    return np.array([elastic, geometric]) @ body.elastic.model.cloud.areas
 
 
 def rows_of_force(body: FiniteBody, force: FloatArray) -> FloatArray:
@@ -140,14 +139,3 @@ def rows_of_force(body: FiniteBody, force: FloatArray) -> FloatArray:
     found[: len(force)] = force.reshape(-1, 2).T.ravel()
     found[body.node_rows :] = -body.elastic.pieces.of_force(force.reshape(-1, 2))
     return found
-
-
-def _first_force(clouds: Sequence[Cloud]) -> FloatArray:
-    """A force (2N,) with parts of all long waves: cubic polynomials with irregular coefficients."""
-    coefficients = np.random.default_rng(0).normal(size=(10, 2))
-    found = []
-    for cloud in clouds:
-        x, y = ((cloud.points - cloud.points.mean(axis=0)) / np.ptp(cloud.points, axis=0).max()).T
-        powers = np.stack([x**i * y ** (k - i) for k in range(4) for i in range(k + 1)], axis=1)
-        found.append((powers @ coefficients).ravel())
-    return np.concatenate(found)

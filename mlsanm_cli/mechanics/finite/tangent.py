@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
+from copy import copy
 from dataclasses import replace
 from functools import cached_property
 
@@ -11,15 +12,13 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.kernels.tangent import add_force_rows, add_nested, add_rows
+from mlsanm_cli.kernels.assembly import add_force_rows, add_nested, add_rows
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.body_series import BodySeries, jets_of
-from mlsanm_cli.mechanics.finite.faces import FacePoints
-from mlsanm_cli.mechanics.finite.loads import cofactor_normal
+from mlsanm_cli.mechanics.finite.loads import FacePoints, cofactor_normal
 from mlsanm_cli.mechanics.laws.law import gradient_of
 from mlsanm_cli.mechanics.pieces import gathering
 from mlsanm_cli.operators.rows import pair_rows
-from mlsanm_cli.records import dataclass
 
 
 def tangent_rows(
@@ -28,7 +27,7 @@ def tangent_rows(
     """Rows (r - 3k, 2N) of the nodes and (3k, 2N) of the pieces at ``displacement`` (2N,) and load
     ``factors`` (L,), with the ``mean`` stress of volume changes there or another one in its place."""
     if body.law.nested and mean is None:
-        mean = MeanStress.at(body, displacement, factors)
+        mean = MeanStress(body, displacement, factors)
     pattern, stencils = body.pattern, body.elastic.model.stencils
     values = np.zeros((len(pattern.direct.nodes), 2 if mean is None else 3))
     coefficients = _coefficients(body, displacement, factors, mean)
@@ -56,28 +55,21 @@ def tangent_rows(
     return pattern.rows(values)
 
 
-@dataclass(frozen=True)
 class MeanStress:
     """Mean stress p of volume changes at a ``body``'s nodes, ``values`` (n,), in a state with displacement
     ``gradient`` (4, n), and its derivatives ``slopes`` (4, n) by the components of F."""
 
-    body: FiniteBody
-    gradient: FloatArray
-    values: FloatArray
-    slopes: FloatArray
-
-    @classmethod
-    def at(cls, body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> MeanStress:
-        """That at ``displacement`` (2N,) and load ``factors`` (L,)."""
-        gradient = body.gradient(displacement)
-        return cls(body, gradient, *body.law.mean(gradient, body.degrees(factors)))
+    def __init__(self, body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> None:
+        self.body, self.gradient = body, body.gradient(displacement)
+        self.values, self.slopes = body.law.mean(self.gradient, body.degrees(factors))
 
     def after(self, earlier: MeanStress) -> MeanStress:
         """The same with the values that the ``earlier`` state predicts linearly, as Newton's method does with
         p as an unknown of its own: derivatives with them allow larger steps, as the bulk modulus does not
         multiply the error of the prediction (Magisano, Leonetti and Garcea 2017, doi:10.1002/nme.5369)."""
-        change = (earlier.slopes * (self.gradient - earlier.gradient)).sum(axis=0)
-        return replace(self, values=earlier.values + change)
+        predicted = copy(self)
+        predicted.values = earlier.values + (earlier.slopes * (self.gradient - earlier.gradient)).sum(axis=0)
+        return predicted
 
     @property
     def cofactor(self) -> FloatArray:
@@ -113,11 +105,8 @@ class MeanStress:
     def nested(self, values: FloatArray) -> FloatArray:
         """Coefficients (n, 2) of the displacements, for all entries of the body's pattern, of rows with
         ``values`` (m, 3) for its direct ones, the last of them for p at the nodes."""
-        stencils, direct, whole = (
-            self.body.elastic.model.stencils,
-            self.body.pattern.direct,
-            self.body.pattern.whole,
-        )
+        stencils, pattern = self.body.elastic.model.stencils, self.body.pattern
+        direct, whole = pattern.direct, pattern.whole
         total, slot = np.zeros((len(whole.nodes), 2)), np.zeros(whole.count, dtype=np.int64)
         fitted = (stencils.indptr, stencils.indices, self._by_displacements)
         add_nested(direct.begin, direct.nodes, values, *fitted, whole.begin, whole.nodes, slot, total)
@@ -232,7 +221,7 @@ def held_force(
     for name in names:
         some[held.along[name]] = 1.0
     force, place = (one[:, here] for one in BodySeries.at(body, displacement, factors).state()[:2])
-    mean = MeanStress.at(body, displacement, factors) if body.law.nested else None
+    mean = MeanStress(body, displacement, factors) if body.law.nested else None
     moduli = _moduli(body, held, here, displacement, factors, mean)
     nodes = body.unknowns // 2
     values = np.zeros((3 * nodes, 2 if mean is None else 3))

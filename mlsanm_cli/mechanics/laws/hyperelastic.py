@@ -136,7 +136,6 @@ class Hyperelastic(Law):
         return np.asarray(2.0 * slope * one + area * two - three / one * thickness)
 
     def stress_of(self, tape: Tape, f: Sequence[Series], across: Term | None, apart: bool) -> Stress:
-        """Elastic stress (:meth:`Law.stress_of`)."""
         if across is not None:
             e = Deformation(f, across)
             return self._stress(e, lambda: self._across(e, apart), apart)
@@ -179,12 +178,10 @@ class ByInvariants(Hyperelastic):
         """W_1, W_2 and W_J without U'."""
 
     def plane_slopes(self, e: Deformation) -> tuple[Term, Term]:
-        """W_c and W_d (:meth:`Hyperelastic.plane_slopes`)."""
         first, second, volume = self.invariant_slopes(e)
         return first + e.square * second, 2.0 * (e.area * second) + e.across * volume
 
     def stretch_slope(self, e: Deformation) -> Term:
-        """W_l (:meth:`Hyperelastic.stretch_slope`)."""
         first, second, volume = self.invariant_slopes(e)
         return 2.0 * (e.across * (first + second * e.trace)) + e.area * volume
 
@@ -199,18 +196,15 @@ class Isochoric(ByInvariants):
 
     @property
     def shear(self) -> float:
-        """Shear modulus of the undeformed state."""
         first, second = self.reduced_slopes(3.0, 3.0)
         assert isinstance(first, float)
         assert isinstance(second, float)
         return 2.0 * (first + second)
 
     def mean_stress(self, e: Deformation) -> Term:
-        """U'(J)."""
         return self.bulk * (e.volume - 1.0)
 
     def invariant_slopes(self, e: Deformation) -> tuple[Term, Term, Term]:
-        """W_1, W_2 and W_J without U'."""
         scale = e.volume ** (-2.0 / 3.0)
         square = scale**2
         first, second = scale * e.first, square * e.second

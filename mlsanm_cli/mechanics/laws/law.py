@@ -19,7 +19,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
-from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -125,8 +124,10 @@ class Law(ABC):
 
 
 def law_class(name: str) -> type[Any]:
-    """The class of the law ``name``, ``LAW`` of the file of that name here."""
-    return vars(import_module(f"{__package__}.{name.replace('-', '_')}"))["LAW"]  # type: ignore[no-any-return]
+    """The class of the hyperelastic law ``name``, loaded when it is needed."""
+    from mlsanm_cli.mechanics.laws.rubber import LAWS
+
+    return LAWS[name]
 
 
 class Response:

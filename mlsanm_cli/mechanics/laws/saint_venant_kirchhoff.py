@@ -22,7 +22,6 @@ class SaintVenantKirchhoff(Law):
     plane: str
 
     def stress_of(self, tape: Tape, f: Sequence[Series], across: Term | None, apart: bool) -> Stress:
-        """Elastic stress (:meth:`Law.stress_of`), never apart."""
         f11, f12, f21, f22 = f
         squares = [(f11**2, f21**2), (f12**2, f22**2)]
         direct = [linear([(x, 0.5), (y, 0.5)], -0.5) for x, y in squares]
@@ -46,6 +45,3 @@ class SaintVenantKirchhoff(Law):
 
         stretch = contraction if across is None else lambda: across
         return Stress(plane, (lambda: 0.0) if across is None else stress_across, stretch)
-
-
-LAW = SaintVenantKirchhoff

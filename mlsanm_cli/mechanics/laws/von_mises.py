@@ -169,9 +169,6 @@ class VonMises(SaintVenantKirchhoff):
         return amount, slope
 
 
-LAW = VonMises
-
-
 def plastic_stress(material: PlaneMaterial, history: FloatArray) -> FloatArray:
     """Eigenstress C e (n, 3) of the plastic strains in a ``history``."""
     return np.asarray(history[:, [0, 1, 3]] @ material.stiffness + history[:, ZZ, None] * material.coupling)

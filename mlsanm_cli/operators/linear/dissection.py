@@ -12,7 +12,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.kernels.dissection import dissect, places_between
 from mlsanm_cli.kernels.multifrontal import borders
-from mlsanm_cli.operators.structure import structure
+from mlsanm_cli.operators.linear.interface import structure
 from mlsanm_cli.records import dataclass
 
 LEAF_SIZE = 16

@@ -14,9 +14,8 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.kernels.multifrontal import factorise
 from mlsanm_cli.kernels.substitution import products, solve
 from mlsanm_cli.operators.linear.dissection import Fronts
-from mlsanm_cli.operators.linear.interface import Factor, LinearSolver, Matrix, backward_error
+from mlsanm_cli.operators.linear.interface import Factor, LinearSolver, Matrix, backward_error, structure
 from mlsanm_cli.operators.linear.superlu import factor_quasi_definite
-from mlsanm_cli.operators.structure import structure
 from mlsanm_cli.records import dataclass
 
 

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.analysis import small_strain
-from mlsanm_cli.app.checks import end_contacts
+from mlsanm_cli.app.checks import end
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.io.summary import read_summary
+from mlsanm_cli.io.files import read_summary
 from mlsanm_cli.solve import coercivity as certificate
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import fields_of
@@ -74,12 +74,12 @@ def system_of_one_body(patch: pytest.MonkeyPatch, bad: float) -> None:
 
 
 def returned(name: str) -> Mutation:
-    return lambda patch, bad: patch.setattr(end_contacts, name, lambda *arguments: bad)
+    return lambda patch, bad: patch.setattr(end, name, lambda *arguments: bad)
 
 
 def of_parts(name: str, part: str) -> Mutation:
     """A figure of every body, or contact, that is off."""
-    return lambda patch, bad: patch.setattr(end_contacts, name, lambda built, state: {part: bad})
+    return lambda patch, bad: patch.setattr(end, name, lambda built, state: {part: bad})
 
 
 NO_FIELDS = ("output.fields=[]", "output.at=[0.5, 1.0]")

@@ -17,7 +17,7 @@ from mlsanm_cli.app.finite import path as finite_path
 from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.results.probe import probe_named, probe_point
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.continuation import Correction, PathOptions, correct
+from mlsanm_cli.continuation import Correction, correct
 from mlsanm_cli.errors import CaseError, NumericalError, RunError
 from mlsanm_cli.mechanics.finite.problem import FiniteProblem
 from tests.app.finite.finite_scenes import rubber
@@ -230,11 +230,11 @@ def test_new_equations_keep_what_the_state_leaves(tmp_path: Path, monkeypatch: p
     """Where no state near the present one solves new equations, as at crushed corners of a warmed block: here
     by a search that fails for those that keep nothing."""
 
-    def found(problem: FiniteProblem, x: FloatArray, lam: float, options: PathOptions) -> Correction:
+    def found(problem: FiniteProblem, x: FloatArray, *args: Any) -> Correction:
         if not problem.projector.rest.any():
             raise NumericalError("none")
         assert np.abs(x - problem.projector.base_state).max() <= 1e-4
-        return correct(problem, x, lam, options)
+        return correct(problem, x, *args)
 
     monkeypatch.setattr(finite_path, "correct", found)
     summary = done(BLOCK, tmp_path / "run", "mls.degree=2")

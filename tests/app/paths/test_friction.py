@@ -9,8 +9,8 @@ import h5py
 import numpy as np
 import pytest
 
+from mlsanm_cli.io.files import read_summary
 from mlsanm_cli.io.run_reader import read_run
-from mlsanm_cli.io.summary import read_summary
 from tests.app.scenes import EXACT_LAW, SHEARED, SMOOTH, done, solve
 from tests.case_text import FLOOR, head, scene
 

@@ -13,11 +13,10 @@ from typing import Any
 
 import pytest
 
+from mlsanm_cli.app import sweep as engines
 from mlsanm_cli.app.results.info import as_csv, collect
 from mlsanm_cli.app.run import run
-from mlsanm_cli.app.sweep import engines
-from mlsanm_cli.app.sweep.engines import SweepPoint
-from mlsanm_cli.app.sweep.run_sweep import geometry, point_name, sweep
+from mlsanm_cli.app.sweep import SweepPoint, geometry, point_name, sweep
 from mlsanm_cli.case import load_case
 from mlsanm_cli.case.reading.overrides import parse_vary, points
 from mlsanm_cli.cli import main
@@ -41,7 +40,7 @@ SEEN = ROUGH.changed("fields = []", "fields = ['von_mises']")
 
 @pytest.fixture(autouse=True)
 def _nothing_kept() -> None:
-    engines._memo.cache_clear()
+    engines.process_memo.cache_clear()
 
 
 @pytest.fixture

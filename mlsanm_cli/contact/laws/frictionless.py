@@ -1,17 +1,26 @@
-"""Iterative solution for many closed nodes with a compressed compliance.
+"""Frictionless contact of a condensed scene, p >= 0, h >= 0, p h = 0, at given loads. Equation (14) of
+docs/method.md without friction.
 
-Generalised conjugate residuals for nearly symmetric matrices (GCR: Eisenstat, Elman and Schultz 1983,
-doi:10.1137/0720023); the search directions are shared by all right-hand sides of one set. The preconditioner
-approximates the inverse of the compliance from each node and a few neighbours, from coarse to fine (Vecchia
-1988, doi:10.1111/j.2517-6161.1988.tb01729.x).
+Many closed nodes with a compressed compliance are solved for by generalised conjugate residuals for nearly
+symmetric matrices (GCR: Eisenstat, Elman and Schultz 1983, doi:10.1137/0720023); the search directions are
+shared by all right-hand sides of one set. The preconditioner approximates the inverse of the compliance from
+each node and a few neighbours, from coarse to fine (Vecchia 1988, doi:10.1111/j.2517-6161.1988.tb01729.x).
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.contact.complementarity.basis import Ray
+from mlsanm_cli.contact.complementarity.equilibrium import collapse
+from mlsanm_cli.contact.complementarity.problem import FEASIBLE, ContactStatus
+from mlsanm_cli.contact.complementarity.solution import solve
+from mlsanm_cli.contact.laws.contact_state import ContactState
+from mlsanm_cli.contact.laws.failures import EndlessError, UnbalancedError
 from mlsanm_cli.contact.response.compressed import Compressed, compressed
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.dense import SINGULAR, SingularSystemError
@@ -40,17 +49,64 @@ class NotConvergedError(NumericalError):
         )
 
 
-def searched(
-    condensed: Condensed, factors: FloatArray, active: BoolArray
+def solve_exact(condensed: Condensed, factors: FloatArray, start: BoolArray | None = None) -> ContactState:
+    """Exact frictionless state at ``factors`` (L,), searched from the set ``start`` (m,). Raises
+    UnbalancedError if no pressures balance the loads, EndlessError if no state is found."""
+    free_gap = condensed.gap.constant + condensed.gap.load @ factors
+    load = condensed.balance.constant + condensed.balance.load @ factors
+    # Overlapping nodes; if forces must be balanced, also the closest nodes of every contact.
+    drawn = np.asarray(free_gap < 0.0)
+    if len(load):
+        drawn = drawn | condensed.closest(free_gap)
+    starts = [drawn] if start is None or not start.any() else [start, drawn]
+    found = None
+    if compressed(condensed.gap.pressure) is not None:
+        try:
+            found = _searched(condensed, free_gap, -load, starts[0])
+        except (NotConvergedError, SingularSystemError):
+            if len(drawn) > MAX_DENSE:
+                raise
+    closed, pressure, motion, solves = found or _by_pivots(condensed, factors, starts)
+    # Surfaces in contact without a load only had to be separated: their pressures are round-off of the gaps.
+    if closed.any() and not load.any() and condensed.elastic_gap(pressure) <= condensed.gap_round_off:
+        closed, pressure = np.zeros_like(closed), np.zeros_like(pressure)
+    gap = free_gap + condensed.gap.motion @ motion + condensed.gap.pressure @ pressure
+    gap[closed] = 0.0
+    none = np.zeros(len(condensed.friction_nodes))
+    status, slip = ContactStatus(closed, none > 0.0, none), np.full(len(none), np.nan)
+    return ContactState(pressure, none, motion, gap, slip, status, factors, none, none, solves=solves)
+
+
+def _by_pivots(
+    condensed: Condensed, factors: FloatArray, starts: Sequence[BoolArray]
 ) -> tuple[BoolArray, FloatArray, FloatArray, int]:
-    """Closed nodes (m,), pressures (m,), motions (k,) of the frictionless state at load ``factors`` (L,), and
-    the number of systems solved: semismooth Newton steps from the set ``active`` (m,), at first with rough
-    solutions. Raises NotConvergedError, SingularSystemError."""
+    """Closed nodes (m,), pressures (m,), motions (k,), and the number of systems solved."""
+    p, none = condensed.frictionless, np.zeros(0)
+    free = p.rows * np.delete(condensed.unscaled_rows(factors), np.arange(p.m, p.m + len(condensed.friction)))
+    try:
+        found = solve(p, free, *(ContactStatus(first, none > 0.0, none) for first in starts))
+    except Ray as error:
+        if p.k and collapse(p, free) is None:
+            raise EndlessError from error
+        raise UnbalancedError(
+            "no contact pressure balances the loads",
+            "a force-controlled platen may push its body away from the contact, or a body held by contact "
+            "only may be free there; prescribe the displacement instead",
+        ) from error
+    x = p.columns * found.x
+    # Nodes that only touch, with pressures of round-off, are open.
+    pressed = x[: p.m] > FEASIBLE * float(x[: p.m].max(initial=0.0))
+    return found.status.closed & pressed, np.where(pressed, x[: p.m], 0.0), x[p.m :], found.systems
+
+
+def _searched(
+    condensed: Condensed, free_gap: FloatArray, force: FloatArray, active: BoolArray
+) -> tuple[BoolArray, FloatArray, FloatArray, int]:
+    """The same of many unknowns with ``free_gap`` (m,) and ``force`` (k,): semismooth Newton steps from the
+    set ``active`` (m,), at first with rough solutions. Raises NotConvergedError, SingularSystemError."""
     gap_map, balance, seen = condensed.gap, condensed.balance, set[bytes]()
     compliance = compressed(gap_map.pressure)
     assert compliance is not None
-    free_gap = gap_map.constant + gap_map.load @ factors
-    force = -(balance.constant + balance.load @ factors)
     pressure, parts = np.zeros(len(active)), [SEARCH_TOLERANCE, FINAL_TOLERANCE]
     for count in range(1, MAX_PASSES + 1):
         closed = np.flatnonzero(active)

@@ -1,0 +1,297 @@
+"""The contacts of a scene at finite strain, and its unknown rigid motions: of floating bodies, and of
+obstacles and plates under forces.
+
+Motions are load factors after those of the case. A floating body is pinned at as many nodes as it has free
+motions; the factors move the pins, in directions that rotate with the body. The resultant force and moment on
+it must vanish, and so do the pins' reactions. Moments are taken about held nodes, as about a hinge. An
+obstacle's factors move it, and contact tractions balance its force; a plate's factors move the sides bonded
+to it, whose stress balances its force and its moment about its hinge.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from itertools import pairwise
+from typing import TypeAlias
+
+import numpy as np
+import scipy.sparse as sparse
+
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.contact.finite.meeting import Meeting
+from mlsanm_cli.contact.finite.pair import BodyContact
+from mlsanm_cli.contact.finite.rigid import RigidContact
+from mlsanm_cli.contact.finite.side_response import SideResponse
+from mlsanm_cli.contact.finite.sides import ContactSide
+from mlsanm_cli.mechanics.finite.body import FiniteBody
+from mlsanm_cli.mechanics.finite.body_series import BodySeries
+from mlsanm_cli.mechanics.finite.projector import Projector
+from mlsanm_cli.mechanics.finite.tangent import held_force
+from mlsanm_cli.mechanics.rigid import ROTATION
+from mlsanm_cli.records import dataclass
+from mlsanm_cli.roundoff import FINE_ROUND_OFF
+
+AnyContact: TypeAlias = RigidContact | BodyContact
+
+
+@dataclass(frozen=True)
+class LooseMotions:
+    """The free ``components`` of a ``body``: 0 (x), 1 (y), 2 (rotation times its ``size``), the unknowns from
+    ``number`` on. ``anchors`` are the (node, component) pairs held by supports, ``pins`` (p) those that hold
+    the body, ``moves`` (p, d) their displacements per free motion."""
+
+    body: str
+    components: tuple[int, ...]
+    number: int
+    size: float
+    anchors: tuple[tuple[int, int], ...]
+    pins: tuple[tuple[int, int], ...]
+    moves: FloatArray
+
+    @property
+    def count(self) -> int:
+        """Number of free motions (d)."""
+        return len(self.components)
+
+    @property
+    def numbers(self) -> IntArray:
+        """Its unknowns (d,)."""
+        return self.number + np.arange(self.count)
+
+    def factors(self, body: FiniteBody, displacement: FloatArray) -> FloatArray:
+        """Free motions (d,) for which the pins match the body's ``displacement`` (2N,)."""
+        return np.asarray(np.linalg.solve(self.moves, body.pinned @ displacement))
+
+    def sums(
+        self, body: FiniteBody, series: BodySeries, displacement: FloatArray
+    ) -> tuple[sparse.csr_array, sparse.csr_array]:
+        """Rows (d, 3k) that sum the imbalance of the pieces to force and moment on the body, and rows (d, 2N)
+        of their derivative by the lever arms, at ``displacement`` (2N,)."""
+        pieces, count = body.elastic.pieces, body.count
+        _, _, middle = series.state()
+        center = middle.mean(axis=1)
+        # A node held in x reacts along x only: its moment vanishes about points on that line alone.
+        for node, component in self.anchors:
+            other = 1 - component
+            center[other] = body.elastic.model.cloud.points[node, other] + displacement[2 * node + other]
+        arm = (middle - center[:, None]) / self.size
+        none, ones = np.zeros(count), np.ones(count)
+        turned = [-arm[1], arm[0], pieces.size / self.size * ones]
+        every = [np.concatenate(row) for row in ([ones, none, none], [none, ones, none], turned)]
+        rows = sparse.csr_array(np.array([every[component] for component in self.components]))
+        imbalance = series.rows(0)[-3 * count :].reshape(3, count)[:2] / self.size
+        moving = np.zeros((len(self.components), len(displacement)))
+        if ROTATION in self.components:
+            own, pull = moving[self.components.index(ROTATION)], imbalance @ body.centers
+            own[::2], own[1::2] = pull[1], -pull[0]
+            for node, component in self.anchors:
+                sign = 1.0 if component == 0 else -1.0
+                own[2 * node + 1 - component] += sign * imbalance[component].sum()
+        return rows, sparse.csr_array(moving)
+
+
+@dataclass(frozen=True)
+class DrivenObstacle:
+    """Unknown motion ``number`` of the obstacle of contact number ``contact``: its ``component``, under a
+    ``force`` (L,) per load factor."""
+
+    contact: int
+    component: int
+    number: int
+    force: FloatArray
+
+
+@dataclass(frozen=True)
+class Plate:
+    """A rigid plate ``name`` bonded to ``surfaces`` of bodies, with its hinge at ``center`` (2,) as drawn;
+    ``loads`` are those that move it.
+
+    Its unknown ``components``, 0 (x), 1 (y), 2 (rotation times its ``size``), are the unknowns from
+    ``number`` on, under ``force`` (k, L) per load factor. ``motion`` (3, L + d) is its displacement and
+    rotation per load factor and free motion.
+    """
+
+    name: str
+    surfaces: Mapping[str, tuple[str, ...]]
+    loads: tuple[int, ...]
+    center: FloatArray
+    size: float
+    components: tuple[int, ...]
+    number: int
+    force: FloatArray
+    motion: FloatArray
+
+    @property
+    def numbers(self) -> IntArray:
+        """Its unknowns (k,)."""
+        return self.number + np.arange(len(self.components))
+
+    def pulled(
+        self, body: FiniteBody, name: str, displacement: FloatArray, factors: FloatArray
+    ) -> tuple[FloatArray, sparse.csr_array]:
+        """Force x, y and moment about the hinge (3,) on one body from its stress, and rows (3, 2N) of the
+        derivative."""
+        hinge = self.center + self.motion[:2] @ factors[: self.motion.shape[1]]
+        return held_force(body, displacement, factors, self.surfaces[name], hinge)
+
+    def unknown(self, values: FloatArray) -> FloatArray:
+        """The entries of ``values`` (3, ...) for its unknowns (k, ...), moments over the plate's size."""
+        chosen = list(self.components)
+        scale = np.where(np.array(chosen) == ROTATION, 1.0 / self.size, 1.0)
+        return np.asarray((values[chosen].T * scale).T)
+
+    def arms(self, pull: FloatArray) -> FloatArray:
+        """Derivative (3, L + d) of its moment by the position of the hinge, for the force ``pull`` (3,) on a
+        body."""
+        found = np.zeros_like(self.motion)
+        found[2] = self.motion[1] * pull[0] - self.motion[0] * pull[1]
+        return found
+
+    def given(self, factors: FloatArray) -> FloatArray:
+        """Force on it (k,) at load ``factors`` (L,), moments over its size."""
+        whole = np.zeros(3)
+        whole[list(self.components)] = self.force @ factors
+        return self.unknown(whole)
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """The contacts of a scene, ``pairs`` of sides with knots, and its unknown motions (d,), load factors
+    after those of the case: of ``loose`` bodies, ``driven`` obstacles and ``plates``."""
+
+    pairs: tuple[AnyContact, ...] = ()
+    loose: tuple[LooseMotions, ...] = ()
+    driven: tuple[DrivenObstacle, ...] = ()
+    plates: tuple[Plate, ...] = ()
+
+    @property
+    def free(self) -> int:
+        """Number of unknown motions (d)."""
+        plates = sum(len(one.components) for one in self.plates)
+        return sum(one.count for one in self.loose) + len(self.driven) + plates
+
+    def moving(self, body: str) -> IntArray:
+        """The unknown motions that move a body."""
+        found = [one.numbers for one in self.loose if one.body == body]
+        found += [one.numbers for one in self.plates if body in one.surfaces]
+        return np.concatenate([*found, np.zeros(0, dtype=np.int64)])
+
+    @cached_property
+    def each(self) -> list[tuple[AnyContact, slice, slice]]:
+        """Every contact, the range of its slave's knots among those of all slaves (c,), and of the components
+        of the knots of its sides among those of all sides (2s,)."""
+        nodes = np.cumsum([0, *(one.slave.count for one in self.pairs)]).tolist()
+        sides = np.cumsum([0, *(2 * sum(side.count for side in one.sides) for one in self.pairs)]).tolist()
+        return [
+            (one, slice(*here), slice(*there))
+            for one, here, there in zip(self.pairs, pairwise(nodes), pairwise(sides), strict=True)
+        ]
+
+    @cached_property
+    def sides(self) -> list[tuple[ContactSide, slice]]:
+        """Every side, and the range of the components of its knots among those of all sides (2s,)."""
+        sides = [side for contact in self.pairs for side in contact.sides]
+        ends = np.cumsum([0, *(2 * side.count for side in sides)]).tolist()
+        return [(side, slice(*here)) for side, here in zip(sides, pairwise(ends), strict=True)]
+
+    @property
+    def count(self) -> int:
+        """Number of the knots of all slaves (c)."""
+        return sum(one.slave.count for one in self.pairs)
+
+    @property
+    def size(self) -> int:
+        """Number of the components of the knots of all sides (2s)."""
+        return sum(2 * side.count for side, _ in self.sides)
+
+    @cached_property
+    def friction(self) -> FloatArray:
+        """Friction coefficients at the slaves' knots (c,); zero at held ones, as at a plane of symmetry: a
+        knot that cannot slip has undetermined friction."""
+        found = [np.where(one.slave.held, 0.0, one.friction) for one in self.pairs]
+        return np.concatenate([*found, np.zeros(0)])
+
+    @cached_property
+    def weight(self) -> FloatArray:
+        """Lengths (c,) of the slaves' knots."""
+        return np.concatenate([*(one.slave.weight for one in self.pairs), np.zeros(0)])
+
+    def pushing(self, driven: DrivenObstacle) -> IntArray:
+        """The tractions of all sides that act on an obstacle along its motion."""
+        contact, _, there = self.each[driven.contact]
+        first = there.start + driven.component
+        return np.arange(first, first + 2 * contact.slave.count, 2)
+
+    def spread(self, body: str) -> sparse.csr_array:
+        """Nodal tractions (t, 2s) of a body's sides by those at all sides' knots."""
+        rows = [side.spread if side.body == body else side.spread[:0] for side, _ in self.sides]
+        return sparse.csr_array(sparse.block_diag([sparse.csr_array((0, 0)), *rows], format="csr"))
+
+    def tractions(self, met: Sequence[Meeting], pressure: FloatArray, shear: FloatArray) -> FloatArray:
+        """Tractions (2s,) at the knots of all sides for the slaves' pressures and friction (c,)."""
+        parts = [
+            one.tractions(pressure[here], shear[here]).ravel()
+            for one, (_, here, _) in zip(met, self.each, strict=True)
+        ]
+        return np.concatenate([*parts, np.zeros(0)])
+
+
+@dataclass(frozen=True)
+class ContactSystem:
+    """``contacts`` of bodies with ``projectors`` by name, whose last loads are unit tractions, x and y of
+    every node of their sides, in the order of the contacts.
+
+    ``length`` is the typical displacement; ``stiffness`` converts gaps to pressures in the initial guess.
+    ``missing`` (2s, 2s) are the sides' displacements beyond the clouds'.
+    """
+
+    projectors: Mapping[str, Projector]
+    contacts: Contacts
+    length: float
+    stiffness: float
+    missing: FloatArray
+
+    @property
+    def nothing(self) -> float:
+        """Pressures up to this are zero."""
+        return FINE_ROUND_OFF * self.stiffness * self.length
+
+    @cached_property
+    def bodies(self) -> dict[str, slice]:
+        """Range of every body's displacements."""
+        ends = np.cumsum([0, *(one.body.unknowns for one in self.projectors.values())]).tolist()
+        return {name: slice(*here) for name, here in zip(self.projectors, pairwise(ends), strict=True)}
+
+    @property
+    def unknowns(self) -> int:
+        """Number 2N of displacements of all bodies."""
+        return sum(one.body.unknowns for one in self.projectors.values())
+
+    @cached_property
+    def onto(self) -> sparse.csr_array:
+        """Smooth displacements (2s, 2N) of all sides' knots by those of all bodies' nodes."""
+        parts = []
+        for side, _ in self.contacts.sides:
+            rows = side.onto.tocoo()
+            line, column = rows.coords
+            at = (line, self.bodies[side.body].start + side.nodes.unknowns[column])
+            parts.append(sparse.csr_array((rows.data, at), shape=(rows.shape[0], self.unknowns)))
+        return sparse.csr_array(sparse.vstack([sparse.csr_array((0, self.unknowns)), *parts], format="csr"))
+
+    @cached_property
+    def spread(self) -> dict[str, sparse.csr_array]:
+        """Nodal tractions (t, 2s) of each body's sides by those at all sides' knots."""
+        return {name: self.contacts.spread(name) for name in self.projectors}
+
+    @cached_property
+    def columns(self) -> dict[str, IntArray]:
+        """Indices of each body's tractions among those of all sides (2s,)."""
+        found = {name: [np.zeros(0, dtype=np.int64)] for name in self.projectors}
+        for side, here in self.contacts.sides:
+            found[side.body].append(np.arange(here.start, here.stop))
+        return {name: np.concatenate(some) for name, some in found.items()}
+
+    def response(self, displacement: FloatArray, traction: FloatArray) -> SideResponse:
+        """The response of the sides at ``displacement`` (2N,), with their ``traction`` (2s,)."""
+        return SideResponse(self.contacts.sides, self.missing, self.onto, displacement, traction)
