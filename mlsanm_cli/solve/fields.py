@@ -12,7 +12,6 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.complementarity.problem import STICK
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.io.columns import Quantities
-from mlsanm_cli.mechanics.eigenstress import values_at
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.laws.von_mises import ZZ, VonMises, plastic_stress
 from mlsanm_cli.mechanics.material import PlaneMaterial
@@ -202,7 +201,7 @@ def probe_values(built: CondensedScene, name: str, state: State) -> dict[str, An
     stress, material = values[2:], built.scene.bodies[body].model.material
     across = material.out_of_plane_stress(stress[None], built.scene.degrees(body, state.factors, point))
     if body in built.laws:
-        plastic = values_at(built.scene.bodies[body].model, point) @ state.history(body)[:, ZZ]
+        plastic = built.scene.bodies[body].model.field_rows(point) @ state.history(body)[:, ZZ]
         across = across - material.across_modulus * plastic
     mises = float(von_mises(stress[None], across)[0])
     found = {"displacement": values[:2], "stress": stress[:3], "von_mises": mises}
