@@ -11,7 +11,6 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.complementarity.problem import STICK
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.io.columns import Quantities
-from mlsanm_cli.mechanics.eigenstress import values_at
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.laws.von_mises import ZZ
 from mlsanm_cli.mechanics.rigid import ROTATION
@@ -74,10 +73,11 @@ def slave_arc(pairing: Pairing) -> FloatArray:
 
 def platen_displacements(built: CondensedScene, state: State | None = None) -> dict[str, FloatArray]:
     """Displacement (2,) of the platen or obstacle that each load moves, in a state or initially."""
-    found = {name: np.zeros(2) for one in built.scene.rigid_constraints for name in _loads(built, one)}
+    loads = built.scene.loads
+    found = {loads[number]: np.zeros(2) for one in built.scene.rigid_constraints for number in one.loads}
     for constraint, motion, value in _motions(built, state) if state is not None else ():
-        for name in _loads(built, constraint):
-            found[name] = found[name] + value * motion.direction[:2]
+        for number in constraint.loads:
+            found[loads[number]] = found[loads[number]] + value * motion.direction[:2]
     return found
 
 
@@ -89,10 +89,6 @@ def plates_turned(built: CondensedScene, state: State) -> dict[str, dict[str, fl
             moment = built.condensed.quantities["moment"][constraint.name](*state.unknowns)[0]
             found[constraint.name] = {"rotation": angle, "moment": float(moment)}
     return found
-
-
-def _loads(built: CondensedScene, constraint: RigidConstraint) -> list[str]:
-    return [built.scene.loads[number] for number in constraint.loads]
 
 
 def _motions(built: CondensedScene, state: State) -> Iterator[tuple[RigidConstraint, RigidMotion, float]]:
@@ -112,7 +108,7 @@ def probe_values(built: CondensedScene, name: str, state: State) -> dict[str, An
     stress, material = values[2:], built.scene.bodies[body].model.material
     across = material.out_of_plane_stress(stress[None], built.scene.degrees(body, state.factors, point))
     if body in built.laws:
-        plastic = values_at(built.scene.bodies[body].model, point) @ state.history(body)[:, ZZ]
+        plastic = built.scene.bodies[body].model.field_rows(point) @ state.history(body)[:, ZZ]
         across = across - material.across_modulus * plastic
     mises = float(von_mises(stress[None], across)[0])
     found = {"displacement": values[:2], "stress": stress[:3], "von_mises": mises}

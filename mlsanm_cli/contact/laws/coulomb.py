@@ -25,13 +25,6 @@ NEGLIGIBLE = 1e-3
 on how the bodies move apart."""
 MIN_SPEED = 0.01
 """Motions slower than this part of the fastest do not count as driven."""
-OVERLAP = (
-    "surfaces with friction overlap as drawn, and forces alone do not determine how the bodies move apart"
-)
-OVERLAP_HINT = (
-    "move one body so that the surfaces at most touch, or prescribe its platen's displacement; for a press "
-    "fit give contact.NAME.interference"
-)
 
 
 def unloaded(condensed: Condensed, factors: FloatArray) -> ContactState:
@@ -50,30 +43,25 @@ def increment(
     """The state after a finite increment to ``factors`` (L,), with slips opposed from those of the ``state``;
     None if there is none. The search starts from a ``guess``, if given, and from the ``state``. Without
     ``slipping`` all closed nodes stick."""
-    p, before = condensed.problem, _scaled(condensed, state)
-    closed = state.closed | (state.gap <= ROUND_OFF * condensed.weight)
-    starts = [_without_undecided(p, replace(state.status, closed=closed))]
-    if guess is not None:
-        starts.insert(0, _without_undecided(p, guess))
-    free, none = condensed.free_rows(factors), np.zeros(p.n, dtype=bool)
+    p, before, free = condensed.problem, _scaled(condensed, state), condensed.free_rows(factors)
+    touching = replace(state.status, closed=state.closed | (state.gap <= ROUND_OFF * condensed.weight))
+    starts = list[ContactStatus]()
+    for status in (touching,) if guess is None else (guess, touching):
+        # Closed nodes with friction stick if they do not slip.
+        on, sign = status.closed[p.nodes], status.slip_sign
+        rests = on & (status.stuck | (sign == 0.0))
+        slip_sign = np.where(rests & ~p.rubs, 1.0, np.where(on, sign, 0.0))
+        starts.append(ContactStatus(status.closed, rests & p.rubs, slip_sign))
     try:
         if slipping:
             found = history.increments(p, before, free, *starts)
         else:
+            none = np.zeros(p.n, dtype=bool)
             allowed = replace(p.everything, forward=none, backward=none)
             found = history.increment(p, before, free, 0.0, *starts, allowed=allowed)
     except Ray:
         return None
     return _unscaled(condensed, found, factors)
-
-
-def _without_undecided(problem: Problem, status: ContactStatus) -> ContactStatus:
-    """A status whose closed nodes with friction stick if they do not slip."""
-    p, on, sign = problem, status.closed[problem.nodes], status.slip_sign
-    rests = on & (status.stuck | (sign == 0.0))
-    return ContactStatus(
-        status.closed, rests & p.rubs, np.where(rests & ~p.rubs, 1.0, np.where(on, sign, 0.0))
-    )
 
 
 def start(condensed: Condensed, factors: FloatArray, typical: float = 0.0) -> ContactState:
@@ -94,7 +82,14 @@ def start(condensed: Condensed, factors: FloatArray, typical: float = 0.0) -> Co
             continue
         if not floats or residual(condensed, found) <= GRAZING:
             return found
-    raise NumericalError(OVERLAP, OVERLAP_HINT) if floats else NoStateError
+    if not floats:
+        raise NoStateError
+    raise NumericalError(
+        "surfaces with friction overlap as drawn, and forces alone do not determine how the bodies move "
+        "apart",
+        "move one body so that the surfaces at most touch, or prescribe its platen's displacement; for a "
+        "press fit give contact.NAME.interference",
+    )
 
 
 def _parted(condensed: Condensed, state: ContactState) -> ContactState | None:

@@ -22,7 +22,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.contact.response.responses import BodyResponses, functional_rows
-from mlsanm_cli.mechanics.eigenstress import eigenstress_loads, eigenstress_reaction, values_at
+from mlsanm_cli.mechanics.eigenstress import eigenstress_loads, eigenstress_reaction
 from mlsanm_cli.mechanics.scene import RigidMotion, Scene
 from mlsanm_cli.records import dataclass
 
@@ -55,7 +55,7 @@ class Eigenstresses:
                 parts["held", (name, surface)] = reaction
             for probe in scene.probes:
                 if probe.body == name:
-                    value = values_at(body.model, probe.point)
+                    value = body.model.field_rows(probe.point)
                     moved = sparse.csr_array((2, columns))
                     parts["probe", probe.name] = sparse.vstack([moved, sparse.block_diag([value] * 3)])
             blocks = [
