@@ -74,15 +74,14 @@ def distances(place: FloatArray, into: FloatArray, half: FloatArray) -> tuple[Fl
 
 def _modes(angle: float) -> tuple[tuple[float, bool], ...]:
     """Singular exponents of a corner of interior ``angle`` with free faces, and whether they are opening."""
-    grid = np.linspace(0.4, MAX_EXPONENT, 400)
-    found = []
+    grid, found = np.linspace(0.4, MAX_EXPONENT, 400), []
     for opens, sign in ((True, 1.0), (False, -1.0)):
         value = np.sin(grid * angle) + sign * grid * np.sin(angle)
         for i in np.flatnonzero((value[:-1] * value[1:] <= 0.0) & (value[:-1] != 0.0)).tolist():
             low, high = grid[i], grid[i + 1]
             for _ in range(50):
                 middle = 0.5 * (low + high)
-                here = np.sin(middle * angle) + sign * middle * np.sin(angle)
-                low, high = (middle, high) if here * value[i] > 0.0 else (low, middle)
+                at = np.sin(middle * angle) + sign * middle * np.sin(angle)
+                low, high = (middle, high) if at * value[i] > 0.0 else (low, middle)
             found.append((float(0.5 * (low + high)), opens))
-    return tuple(sorted(found, key=lambda mode: mode[0]))
+    return tuple(sorted(found))
