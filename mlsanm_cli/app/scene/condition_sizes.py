@@ -27,14 +27,7 @@ from mlsanm_cli.app.scene.sizes import (
     zone_at,
 )
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import (
-    Contact,
-    Displacement,
-    ExpressionError,
-    Pressure,
-    Traction,
-    value_at,
-)
+from mlsanm_cli.case import Contact, Displacement, ExpressionError, Pressure, Traction, value_at
 from mlsanm_cli.case.model.conditions import Support
 from mlsanm_cli.cloud.curves import Curve, Outline, turn
 from mlsanm_cli.cloud.joined import BoundaryRun
