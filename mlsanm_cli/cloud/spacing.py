@@ -3,7 +3,7 @@ approximate a wanted field, and the number of nodes."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -22,6 +22,9 @@ from mlsanm_cli.roundoff import ROUND_OFF
 MAX_STEPS = 2_000_000
 """Largest number of nodes along one curve; with more, the interior nodes would not fit in memory."""
 
+GROWTH = 0.15
+"""Increase of automatic spacings per unit length: with faster growth the wide, flat stencils hardly resist
+displacements that alternate from node to node."""
 MIN_DISTANCE = 0.5
 """Least distance of wanted nodes from ends and from each other, in spacings."""
 
@@ -32,13 +35,16 @@ class Zone:
 
     curve: Curve
     spacing: float
-    radius: float
-    growth: float
+    radius: float = 0.0
+    growth: float = GROWTH
 
     @classmethod
-    def around(cls, point: tuple[float, float], spacing: float, radius: float, growth: float) -> Zone:
+    def around(
+        cls, point: Iterable[float], spacing: float, radius: float = 0.0, growth: float = GROWTH
+    ) -> Zone:
         """Zone about a point."""
-        return cls(Segment(point, point), spacing, radius, growth)
+        x, y = (float(coordinate) for coordinate in point)
+        return cls(Segment((x, y), (x, y)), spacing, radius, growth)
 
 
 @dataclass(frozen=True)
@@ -222,7 +228,7 @@ def cover(
         last = int(np.argmin(mostly)) - 1 if not mostly.all() else len(near) - 1
         radius = max(float(distance[near[max(last, 0)]]), h)
         places = [middle] if line is None else np.unique([middle, *line.reflect(middle[None])], axis=0)
-        added = tuple(Zone.around((float(x), float(y)), h, radius, growth) for x, y in places)
+        added = tuple(Zone.around(place, h, radius, growth) for place in places)
         zones += added
         has = np.minimum(has, Spacing(planned.far, added).at(points))
     return tuple(zones)

@@ -16,7 +16,6 @@ from mlsanm_cli.app.scene.boundaries import prescribes
 from mlsanm_cli.app.scene.contact_pairs import shape_of
 from mlsanm_cli.app.scene.load_profiles import amounts_of, profiles, runs_of
 from mlsanm_cli.app.scene.sizes import (
-    GROWTH,
     LEVELS,
     PER_ROOT,
     SINGULAR_RATIO,
@@ -24,7 +23,6 @@ from mlsanm_cli.app.scene.sizes import (
     along,
     banded,
     places_along,
-    zone_at,
 )
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Contact, Displacement, ExpressionError, Pressure, Traction, value_at
@@ -79,7 +77,7 @@ def clamped_ends(domain: Domain) -> Iterator[Zone]:
         for curve in curves:
             ends = curve.points(np.array([0.0, curve.length]))
             for end in () if curve.closed else ends[~domain.on_plane(ends)]:
-                yield zone_at(end, domain.far / SINGULAR_RATIO)
+                yield Zone.around(end, domain.far / SINGULAR_RATIO)
 
 
 def loaded_parts(domain: Domain) -> Iterator[Zone]:
@@ -93,9 +91,9 @@ def loaded_parts(domain: Domain) -> Iterator[Zone]:
             ends = np.array([0.0, curve.length])
             edges = [k for k in (0, 1) if not curve.closed and _continues(run, first + float(ends[k]), k)]
             if edges:
-                yield Zone(curve, length / PER_PART, 0.0, GROWTH)
+                yield Zone(curve, length / PER_PART)
             for end in curve.points(ends[edges]):
-                yield zone_at(end, length / (PER_PART_AT_ENDS if loose else PER_PART_AT_FIXED_ENDS))
+                yield Zone.around(end, length / (PER_PART_AT_ENDS if loose else PER_PART_AT_FIXED_ENDS))
 
 
 def _continues(run: BoundaryRun, at: float, end: int) -> bool:
@@ -125,7 +123,7 @@ def varying_loads(domain: Domain) -> Iterator[Zone]:
                 # On each side of a jump the load is resolved by linear interpolation.
                 near = np.abs(0.5 * (arc[1:] + arc[:-1]) - jump) < 0.5 * apart
                 sizes = np.where(near, np.maximum(sizes, least), sizes)
-                yield zone_at(curve.points(np.array([jump]))[0], least)
+                yield Zone.around(curve.points(np.array([jump]))[0], least)
             yield from banded(curve, sizes)
 
 
@@ -193,7 +191,7 @@ def _field_zones(outline: Outline, expression: str, far: float) -> tuple[Zone, .
         if scale == 0.0 or not bent.any() or (level and bent.sum() > MAX_SQUARES):
             break
         size *= 0.5
-        found += [zone_at(center, size, size) for center in centers[bent]]
+        found += [Zone.around(center, size, size) for center in centers[bent]]
         quarters = 0.5 * size * np.array([[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]])
         centers = (centers[bent][:, None] + quarters).reshape(-1, 2)
     return tuple(found)
@@ -214,14 +212,14 @@ def contacts(domain: Domain) -> Iterator[Zone]:
             partner, own, other = other_place.body, run.part, other_run.part
             if contact.bonded:
                 fine, ends = _finest(domain, partner), bond_ends[contact.name]
-                yield Zone(own, fine / (BOND_RATIO if ends else 1.0), 0.0, GROWTH)
+                yield Zone(own, fine / (BOND_RATIO if ends else 1.0))
                 for tip in ends:
-                    yield Zone.around(tip, fine / SINGULAR_RATIO, 0.0, GROWTH)
+                    yield Zone.around(tip, fine / SINGULAR_RATIO)
                 continue
             if domain.case.model.revolved and partner != name:
                 # Nodal pressures need similar spacings on both surfaces.
                 fine = _finest(domain, partner)
-                yield Zone(other, fine, fine, GROWTH)
+                yield Zone(other, fine, fine)
             outline = domain.outline
             rest = [curve for k, curve in enumerate(outline.curves) if k not in run.numbers]
             yield from _contact(domain, contact, own, rest, other if len(sides) > 1 else None)
@@ -229,7 +227,7 @@ def contacts(domain: Domain) -> Iterator[Zone]:
             for end in slave.points(np.array([0.0, slave.length])):
                 away = [np.hypot(*(end - tip)) for tips in bond_ends.values() for tip in tips]
                 if min(away, default=np.inf) <= COARSE_ROUND_OFF * slave.length:
-                    yield zone_at(end, slave.length / PER_CRACK)
+                    yield Zone.around(end, slave.length / PER_CRACK)
 
 
 def _finest(domain: Domain, partner: str) -> float:
@@ -263,10 +261,10 @@ def _contact(
             yield from _corner_ends(domain, own, rest, gap, other is None)
     distance = float(np.hypot(*(np.concatenate(beside) - place).T).min(initial=np.inf))
     if distance > COARSE_ROUND_OFF * own.length:
-        yield zone_at(place, distance / PER_CONTACT_DEPTH, distance)
+        yield Zone.around(place, distance / PER_CONTACT_DEPTH, distance)
     if domain.case.model.strain == "finite":
         fine = domain.far / STRAINED_RATIO
-        yield Zone(own, fine, STRAINED_BAND * fine, GROWTH)
+        yield Zone(own, fine, STRAINED_BAND * fine)
 
 
 def _several_minima(points: FloatArray, gap: FloatArray, ends: FloatArray) -> Iterator[Zone]:
@@ -279,7 +277,7 @@ def _several_minima(points: FloatArray, gap: FloatArray, ends: FloatArray) -> It
         close = gap[least] <= gap.min() + EQUAL_MINIMA * away
         distance = float(away[close].min(initial=np.inf))
         if close.sum() > 1 and distance > 0.0:
-            yield zone_at(end, distance / PER_END_DISTANCE, distance)
+            yield Zone.around(end, distance / PER_END_DISTANCE, distance)
 
 
 def _corner_ends(
@@ -296,11 +294,11 @@ def _corner_ends(
             for cosine in (curve.normals(ends) @ own.normals(at)[0])[joins].tolist():
                 span = min(own.length, curve.length, 1.0 / curved if curved else np.inf)
                 if not flat and curved and cosine < SMOOTH and apart < TOUCHING * span:
-                    yield zone_at(own.points(at)[0], span / PER_ROOT, span / TIP_RADIUS)
+                    yield Zone.around(own.points(at)[0], span / PER_ROOT, span / TIP_RADIUS)
                 # The cosine of the angle to a right one, away from 0 and from 1.
                 oblique = np.sin(RIGHT) < abs(cosine) < np.cos(RIGHT)
                 if flat and oblique and apart <= TOUCHING * domain.far:
-                    yield zone_at(own.points(at)[0], domain.far / SHARP_RATIO)
+                    yield Zone.around(own.points(at)[0], domain.far / SHARP_RATIO)
 
 
 def valleys(values: FloatArray, slack: float) -> list[int]:
