@@ -28,7 +28,6 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Contact, Displacement, ExpressionError, Pressure, Traction, value_at
 from mlsanm_cli.case.model.conditions import Support
 from mlsanm_cli.cloud.curves import Curve, Outline, turn
-from mlsanm_cli.cloud.joined import BoundaryRun
 from mlsanm_cli.cloud.membership import inside_polygon
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
@@ -87,23 +86,18 @@ def loaded_parts(domain: Domain) -> Iterator[Zone]:
         sprung = isinstance(condition, Support) and condition.spring is not None
         loose = sprung or isinstance(condition, Pressure | Traction)
         for run in runs_of(domain.outline, place):
-            curve, first, length = run.part, run.range[0], domain.length(run.part)
-            ends = np.array([0.0, curve.length])
-            edges = [k for k in (0, 1) if not curve.closed and _continues(run, first + float(ends[k]), k)]
+            curve, length, edges = run.part, domain.length(run.part), list[int]()
+            for end in () if curve.closed else (0, 1):
+                # Inside the run, or smoothly beyond its first or last piece.
+                number = run.numbers[-end]
+                sides = (number, run.outline.neighbours(number)[end])[:: 1 if end else -1]
+                before, after = (run.outline.curves[side] for side in sides)
+                inside = run.continues(run.range[0] + end * curve.length)
+                edges += [end] if inside or np.cos(turn(before, after)) > SMOOTH else []
             if edges:
                 yield Zone(curve, length / PER_PART)
-            for end in curve.points(ends[edges]):
-                yield Zone.around(end, length / (PER_PART_AT_ENDS if loose else PER_PART_AT_FIXED_ENDS))
-
-
-def _continues(run: BoundaryRun, at: float, end: int) -> bool:
-    """Whether the boundary continues smoothly at arc length ``at`` of a run: inside it, or beyond its first
-    (0) or last (1) ``end``."""
-    if run.continues(at):
-        return True
-    number = run.numbers[-end]
-    sides = (number, run.outline.neighbours(number)[end])[:: 1 if end else -1]
-    return bool(np.cos(turn(*(run.outline.curves[side] for side in sides))) > SMOOTH)
+            for tip in curve.points(curve.length * np.array(edges, dtype=float)):
+                yield Zone.around(tip, length / (PER_PART_AT_ENDS if loose else PER_PART_AT_FIXED_ENDS))
 
 
 def varying_loads(domain: Domain) -> Iterator[Zone]:
@@ -256,7 +250,15 @@ def _contact(
     if not own.closed:
         ends = points[[0, -1]][~domain.on_plane(points[[0, -1]])]
         beside.append(ends)
-        yield from _several_minima(points, gap, ends)
+        # The outermost of several minima of the gap may be near an end.
+        step = float(np.hypot(*(points[1] - points[0])))
+        least = np.array(valleys(gap, COARSE_ROUND_OFF * len(gap) * step), dtype=int)
+        for end in ends:
+            away = np.hypot(*(points[least] - end).T)
+            close = gap[least] <= gap.min() + EQUAL_MINIMA * away
+            outermost = float(away[close].min(initial=np.inf))
+            if close.sum() > 1 and outermost > 0.0:
+                yield Zone.around(end, outermost / PER_END_DISTANCE, outermost)
         if other is not None or domain.case.model.strain == "small":
             yield from _corner_ends(domain, own, rest, gap, other is None)
     distance = float(np.hypot(*(np.concatenate(beside) - place).T).min(initial=np.inf))
@@ -265,19 +267,6 @@ def _contact(
     if domain.case.model.strain == "finite":
         fine = domain.far / STRAINED_RATIO
         yield Zone(own, fine, STRAINED_BAND * fine)
-
-
-def _several_minima(points: FloatArray, gap: FloatArray, ends: FloatArray) -> Iterator[Zone]:
-    """Zones at those ``ends`` (e, 2) of a surface near which the outermost of several minima of the ``gap``
-    (s,) at its ``points`` (s, 2) is."""
-    step = float(np.hypot(*(points[1] - points[0])))
-    least = np.array(valleys(gap, COARSE_ROUND_OFF * len(gap) * step), dtype=int)
-    for end in ends:
-        away = np.hypot(*(points[least] - end).T)
-        close = gap[least] <= gap.min() + EQUAL_MINIMA * away
-        distance = float(away[close].min(initial=np.inf))
-        if close.sum() > 1 and distance > 0.0:
-            yield Zone.around(end, distance / PER_END_DISTANCE, distance)
 
 
 def _corner_ends(
