@@ -21,6 +21,7 @@ from mlsanm_cli.cli.results import FRICTION_KEYS, comparison_text, has_friction,
 from mlsanm_cli.cli.settings import Settings, of_app, print_result, print_tables, say
 from mlsanm_cli.cli.text import as_json
 from mlsanm_cli.errors import RunError
+from mlsanm_cli.inputs import results_of
 
 MODULES = {
     "authoring": ("explain", "new", "schema", "fit-law"),
@@ -104,6 +105,7 @@ def cli() -> None:
 )
 def run(settings: Settings, /, case: Path, **options: Any) -> int:
     """Solve CASE and write a run directory."""
+    options["out"] = options["out"] or results_of(case)
     summary = called(settings, "run.run", options["threads"], case, argv=tuple(sys.argv), **options)
     if summary.get("skipped"):
         print_result(settings, summary, f"{summary['directory']}: already run to completion, skipped")
