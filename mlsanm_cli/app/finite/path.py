@@ -28,7 +28,7 @@ from mlsanm_cli.continuation.problem import SingularTangentError
 from mlsanm_cli.continuation.roots import root
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.body import far_from
-from mlsanm_cli.mechanics.finite.problem import FiniteProblem
+from mlsanm_cli.mechanics.finite.projector import FiniteProblem
 from mlsanm_cli.mechanics.finite.stability import STILL, SoftMotion
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.solve.state import Bifurcation, Checkpoint, PathStep, State

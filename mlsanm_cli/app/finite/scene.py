@@ -168,7 +168,7 @@ class FiniteScene:
         if body.pins:
             body = body.rotated(body.turn(displacement))
         args = (body, self.weights[name], displacement, factors, self.solver)
-        return Projector.at(*args, keeps=keeps or name in self.upright)
+        return Projector(*args, keeps=keeps or name in self.upright)
 
 
 def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:

@@ -16,8 +16,8 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.complementarity.problem import ContactStatus
 from mlsanm_cli.contact.finite.contacts import Contacts, ContactSystem
 from mlsanm_cli.contact.finite.iteration import Iteration, Responses
-from mlsanm_cli.contact.finite.meeting import Meeting
 from mlsanm_cli.contact.finite.node_curve import wrapped
+from mlsanm_cli.contact.finite.pair import Meeting
 from mlsanm_cli.mechanics.finite.stability import STILL, SoftMotion
 from mlsanm_cli.records import dataclass
 

@@ -21,7 +21,7 @@ from mlsanm_cli.contact.complementarity.basis import Ray
 from mlsanm_cli.contact.complementarity.problem import ContactStatus, Problem
 from mlsanm_cli.contact.complementarity.solution import solve
 from mlsanm_cli.contact.finite.contacts import ContactSystem
-from mlsanm_cli.contact.finite.meeting import Meeting
+from mlsanm_cli.contact.finite.pair import Meeting
 from mlsanm_cli.contact.finite.side_response import SideResponse
 from mlsanm_cli.contact.response.coercivity import constrained_resistance
 from mlsanm_cli.errors import NumericalError

@@ -13,9 +13,9 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.contact.finite.meeting import Meeting, by_component
 from mlsanm_cli.contact.finite.node_curve import on_polyline, wrapped
-from mlsanm_cli.contact.finite.sides import ContactSide
+from mlsanm_cli.contact.finite.pair import Meeting
+from mlsanm_cli.contact.finite.sides import ContactSide, by_component
 from mlsanm_cli.contact.geometry.facing import turned
 from mlsanm_cli.contact.geometry.obstacles import Chain, Round, Shape
 from mlsanm_cli.records import dataclass

@@ -21,7 +21,6 @@ from mlsanm_cli.cloud.cells import FINE, GAUSS, Halves
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.cloud.surface import Surface
-from mlsanm_cli.contact.finite.meeting import by_component
 from mlsanm_cli.contact.finite.node_curve import NodeCurve
 from mlsanm_cli.contact.geometry.unfolding import Planes
 from mlsanm_cli.mechanics.body import ElasticBody
@@ -264,6 +263,17 @@ class ContactSide(Points):
         nodes = self.nodes
         ends = nodes.share if nodes.around is None else np.append(nodes.share, nodes.share[0])
         return np.interp(self.arc, nodes.ends, ends)
+
+
+def by_component(rows: sparse.csr_array, directions: FloatArray) -> sparse.csr_array:
+    """Rows (c, m) of a scalar as rows (c, 2m) of the component along ``directions`` (c, 2)."""
+    found = rows.tocoo()
+    line, column = found.coords
+    entries = (
+        np.concatenate([found.data * directions[line, 0], found.data * directions[line, 1]]),
+        (np.tile(line, 2), np.concatenate([2 * column, 2 * column + 1])),
+    )
+    return sparse.csr_array(entries, shape=(rows.shape[0], 2 * rows.shape[1]))
 
 
 def both_components(rows: sparse.csr_array | FloatArray) -> sparse.csr_array:
