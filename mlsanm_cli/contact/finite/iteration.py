@@ -29,6 +29,7 @@ from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.projector import Factorised
 from mlsanm_cli.mechanics.finite.stability import SoftMotion, rows_of_force, softest_motion
 from mlsanm_cli.mechanics.finite.tangent import load_columns, tangent_rows
+from mlsanm_cli.mechanics.rigid import ROTATION
 from mlsanm_cli.records import dataclass
 
 ADJACENT_NODES = 3
@@ -191,7 +192,7 @@ class Iteration:
             self.sums[one.body] = rows, sums
         for plate in (some for some in contacts.plates if some.components):
             rows, known = plate.numbers, plate.force.shape[1]
-            missing[rows] -= plate.given(self.factors[:known])
+            missing[rows] -= plate.scale * (plate.force @ self.factors[:known])
             for name in plate.surfaces:
                 here, columns = system.bodies[name], responses.columns[name]
                 body = system.projectors[name].body
@@ -201,7 +202,10 @@ class Iteration:
                 missing[rows] += plate.unknown(pull)
                 by_displacement[rows, here] += moved
                 derivative[np.ix_(rows, columns)] += moved @ responses.moved[name]
-                derivative[rows, count:] += plate.unknown(plate.arms(pull))[:, known:]
+                # Moments are about the hinge, which moves.
+                arms = np.zeros_like(plate.motion)
+                arms[ROTATION] = plate.motion[1] * pull[0] - plate.motion[0] * pull[1]
+                derivative[rows, count:] += plate.unknown(arms)[:, known:]
                 derivative[rows, count + rows] += DAMPING * body.elastic.model.material.modulus
         for driven in contacts.driven:
             number, slave = driven.number, contacts.pairs[driven.contact].slave

@@ -1,9 +1,6 @@
-"""A side of a body at finite strain against a rigid obstacle: gaps, normals, and their derivatives.
-
-The unknowns are nominal pressures p_j >= 0, per reference length, at the nodes of the slave: the traction p n
-acts along the obstacle's normal n at the node's current position, so that neither the slave's normal nor its
-stretch appears in the equations, and p_j w_j dg_j is work.
-"""
+"""A side of a body at finite strain against a rigid obstacle: gaps, normals, and their derivatives. Nominal
+pressures act along the obstacle's normal at the node's current position, so that neither the slave's normal
+nor its stretch appears in the equations, and pressure times length times change of gap is work."""
 
 from __future__ import annotations
 
