@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from mlsanm_cli.errors import CaseError, CaseProblem, Interrupted, MlsanmError, NumericalError, RunError
+from mlsanm_cli.inputs import results_of
 from mlsanm_cli.results import Contact, ContactState, Run
 from mlsanm_cli.system import THREAD_VARIABLES
 from mlsanm_cli.toml import toml_value
@@ -76,8 +77,9 @@ def run(
     are kept, and ``error.run`` is the run.
     """
     options: dict[str, Any] = {"force": force, "skip_done": skip_done, "max_wall": max_wall}
-    options |= {"out": _path(out), "overrides": overrides(changes), "argv": _argv()}
+    options |= {"overrides": overrides(changes), "argv": _argv()}
     with _file_of(case) as path:
+        options["out"] = _path(out) or results_of(path)
         summary = _call("run.run", threads, path, threads=threads, progress=progress, **options)
     return _opened(summary)
 
@@ -215,11 +217,9 @@ def _numerics(threads: int) -> Iterator[None]:
     try:
         yield
     finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
+        for name in THREAD_VARIABLES:
+            del os.environ[name]
+        os.environ.update({name: value for name, value in before.items() if value is not None})
 
 
 @contextmanager

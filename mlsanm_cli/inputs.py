@@ -15,6 +15,11 @@ STDIN = Path("-")
 """The standard input."""
 
 
+def results_of(case: Path) -> Path:
+    """The default directory of the results of a case."""
+    return Path("results") / ("stdin" if case == STDIN else case.stem)
+
+
 def read_input(path: Path, most: int, *, what: str = "file", streams: bool = False) -> bytes:
     """The content of a regular file of at most ``most`` bytes; with ``streams`` also of a pipe or terminal,
     and the standard input. Other devices and pipes may be endless or block. Raises RunError."""

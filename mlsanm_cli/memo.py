@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import hashlib
 from array import array
-from collections import OrderedDict, defaultdict
+from collections import defaultdict
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
 from typing import Any, TypeAlias, TypeVar
@@ -23,7 +23,7 @@ class Memo:
 
     def __init__(self, most: int = 0) -> None:
         self._most = most
-        self._values: defaultdict[str, OrderedDict[str, Any]] = defaultdict(OrderedDict)
+        self._values: defaultdict[str, dict[str, Any]] = defaultdict(dict)
         self._found = self._made = 0
 
     def value(self, kind: str, key: str, make: Callable[[], Value]) -> Value:
@@ -31,16 +31,12 @@ class Memo:
         if not self._most:
             return make()
         values = self._values[kind]
-        if key in values:
-            self._found += 1
-            values.move_to_end(key)
-        else:
-            made = make()
-            self._made += 1
-            values[key] = made
-            while len(values) > self._most:
-                values.popitem(last=False)
-        kept: Value = values[key]
+        known = key in values
+        kept: Value = values.pop(key) if known else make()
+        self._found, self._made = self._found + known, self._made + (not known)
+        values[key] = kept
+        if len(values) > self._most:
+            del values[next(iter(values))]
         return kept
 
     @property

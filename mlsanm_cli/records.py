@@ -16,9 +16,7 @@ else:
     def dataclass(
         made: type | None = None, *, frozen: bool = False, eq: bool = True, kw_only: bool = False
     ) -> Any:
-        """A class with fields, as by `dataclasses.dataclass` with the same options: instances show their
-        fields; with ``eq`` those of one class with equal fields are equal, and have the same hash if they are
-        ``frozen``, whose fields cannot be set again."""
+        """A class with fields, as by `dataclasses.dataclass` with the same options."""
         if made is None:
             return lambda later: dataclass(later, frozen=frozen, eq=eq, kw_only=kw_only)
         shared = {"__repr__": _repr}

@@ -62,11 +62,9 @@ class Contact:
         """
         from mlsanm_cli.app.results.probe import probe_contact, probe_force
 
-        levels = [] if position is None else [float(position)]
-        (row,) = probe_contact(self.run.data, levels, self.name)
-        (force,) = probe_force(self.run.data, levels, self.name, contact=True)
-        row = {"traction": None, "slip": None, **row}
-        return ContactState(**row, force=_vector(force["fx"], force["fy"]))
+        (row,) = probe_contact(self.run.data, _levels(position), self.name)
+        (force,) = probe_force(self.run.data, _levels(position), self.name, contact=True)
+        return ContactState(**{"traction": None, "slip": None, **row}, force=_force(force))
 
 
 class Run:
@@ -152,7 +150,7 @@ class Run:
         from mlsanm_cli.app.results.probe import probe_force
 
         (row,) = probe_force(self.data, _levels(at), name)
-        return _vector(row["fx"], row["fy"])
+        return _force(row)
 
     def probe(self, name: str, at: float | None = None) -> dict[str, float]:
         """Values at a ``[[probe]]`` of the case: ux, uy, xx, yy, xy, von_mises. Raises RunError."""
@@ -196,15 +194,9 @@ class Run:
         from mlsanm_cli.app.results.choice import Choice
         from mlsanm_cli.app.results.plot import plot
 
-        choice = Choice(
-            what=(what,) if what else (),
-            contact=contact,
-            field=field,
-            at=tuple(map(float, at)),
-            along=along,
-            out=None if out is None else Path(out),
-            animate=animate,
-        )
+        file = None if out is None else Path(out)
+        kinds, places = (what,) if what else (), tuple(map(float, at))
+        choice = Choice(kinds, contact, field, places, along, file, animate)
         return plot(self.directory, formats=tuple(formats), choice=choice)
 
 
@@ -216,7 +208,7 @@ def _values(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     return {key: value for key, value in rows[0].items() if key not in ("position", "how", "error")}
 
 
-def _vector(x: float, y: float) -> FloatArray:
+def _force(row: Mapping[str, float]) -> FloatArray:
     import numpy as np
 
-    return np.array([x, y])
+    return np.array([row["fx"], row["fy"]])

@@ -41,9 +41,8 @@ def host() -> str:
 
 
 def open_regular(path: Path, flags: int) -> int:
-    """Opens a regular file as ``os.open`` does. Raises OSError for a link, a pipe or a device, and, to write,
-    for a hard link. A link with the name of a file of a run directory would redirect the output to another
-    file."""
+    """Opens a regular file as ``os.open`` does. Raises OSError for a link, which would redirect the output, a
+    pipe or a device, and, to write, for a hard link."""
     if not hasattr(os, "O_NOFOLLOW") and path.is_symlink():
         raise OSError(errno.ELOOP, "it is a symbolic link", str(path))
     # O_NONBLOCK: opening a pipe would block. Without O_BINARY Windows translates line ends.
@@ -72,7 +71,13 @@ def replacing(path: Path, temporary: Path) -> Iterator[None]:
         # An existing file is left from a killed process, or may be a link.
         temporary.unlink(missing_ok=True)
         yield
-        _rename(temporary, path)
+        # Windows refuses to replace a file that is being read.
+        for _ in range(MAX_RENAMES if os.name == "nt" else 0):
+            with suppress(PermissionError):
+                os.replace(temporary, path)
+                return
+            time.sleep(RENAME_INTERVAL)
+        os.replace(temporary, path)
     except BaseException:
         # A failure to remove it must not hide the original error.
         with suppress(OSError):
@@ -80,27 +85,24 @@ def replacing(path: Path, temporary: Path) -> Iterator[None]:
         raise
 
 
-def _rename(temporary: Path, path: Path) -> None:
-    """Renames a file; Windows refuses to replace one that is being read."""
-    for _ in range(MAX_RENAMES if os.name == "nt" else 0):
-        with suppress(PermissionError):
-            os.replace(temporary, path)
-            return
-        time.sleep(RENAME_INTERVAL)
-    os.replace(temporary, path)
-
-
 def who_else_may_write(path: Path) -> str:
-    """Why others than this user and root may change a file; "" if they may not.
+    """Why others than this user and root may change a file; "" if they may not, and on Windows.
 
     As ssh checks its keys: the file and all directories above it, also those behind links, must belong to
-    this user or root and be writable by nobody else. A group with this user as its only member is allowed,
-    and so is, further above, a directory like /tmp with the sticky bit. Not checked on Windows, whose
-    permissions differ.
+    this user or root and be writable by nobody else, except further above directories with the sticky bit.
     """
     if not hasattr(os, "getuid"):
         return ""
-    ours = (0, os.getuid())
+    import grp
+    import pwd
+
+    ours, own_groups = (0, os.getuid()), set()
+    with suppress(KeyError):
+        # A group with this user as its only member, as many systems create for every user.
+        user = pwd.getpwuid(os.getuid())
+        group = grp.getgrgid(user.pw_gid)
+        if group.gr_name == user.pw_name and set(group.gr_mem) <= {user.pw_name}:
+            own_groups = {user.pw_gid}
     absolute, real = path.absolute(), path.resolve()
     nearest = (absolute, real, absolute.parent, real.parent)
     for place in dict.fromkeys((absolute, real, *absolute.parents, *real.parents)):
@@ -109,7 +111,7 @@ def who_else_may_write(path: Path) -> str:
         if found.st_uid not in ours and not outside:
             return f"{place} belongs to another user"
         shared = found.st_mode & stat.S_ISVTX and place not in nearest
-        others = stat.S_IWOTH if _is_own_group(found.st_gid) else stat.S_IWGRP | stat.S_IWOTH
+        others = stat.S_IWOTH if found.st_gid in own_groups else stat.S_IWGRP | stat.S_IWOTH
         if found.st_mode & others and not shared:
             return f"others may write to {place}"
     return ""
@@ -119,25 +121,12 @@ def _overflow_user() -> int | None:
     """The user id of users unknown in a container, who may own its directories; None outside of one."""
     nobody = 65534
     try:
-        ranges = [
-            list(map(int, line.split())) for line in Path("/proc/self/uid_map").read_text().splitlines()
-        ]
+        lines = Path("/proc/self/uid_map").read_text().splitlines()
+        ranges = [list(map(int, line.split())) for line in lines]
     except (OSError, ValueError):
         return None
     mapped = any(first <= nobody < first + count for first, _, count in ranges)
     return None if mapped or not ranges else nobody
-
-
-def _is_own_group(gid: int) -> bool:
-    """Whether a group has only this user as a member, as many systems create for every user."""
-    import grp
-    import pwd
-
-    try:
-        user, group = pwd.getpwuid(os.getuid()), grp.getgrgid(gid)
-    except KeyError:
-        return False
-    return gid == user.pw_gid and group.gr_name == user.pw_name and set(group.gr_mem) <= {user.pw_name}
 
 
 def try_lock(fd: int, *, shared: bool = False) -> bool:
@@ -145,25 +134,21 @@ def try_lock(fd: int, *, shared: bool = False) -> bool:
     try:
         import fcntl
     except ImportError:
-        return _lock_on_windows(fd)
+        import msvcrt
+
+        windows: Any = msvcrt
+        try:
+            os.lseek(fd, LOCKED_BYTE, os.SEEK_SET)
+            windows.locking(fd, windows.LK_NBLCK, 1)
+        except OSError:
+            return False
+        finally:
+            os.lseek(fd, 0, os.SEEK_SET)
+        return True
     try:
         fcntl.flock(fd, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
     except BlockingIOError:
         return False
-    return True
-
-
-def _lock_on_windows(fd: int) -> bool:
-    import msvcrt
-
-    windows: Any = msvcrt
-    try:
-        os.lseek(fd, LOCKED_BYTE, os.SEEK_SET)
-        windows.locking(fd, windows.LK_NBLCK, 1)
-    except OSError:
-        return False
-    finally:
-        os.lseek(fd, 0, os.SEEK_SET)
     return True
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +29,6 @@ from mlsanm_cli.case import (
     Pressure,
     Temperature,
 )
-from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.io.vtu import write_parts
 from mlsanm_cli.kernels.aot.jit import is_warm
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
@@ -47,9 +46,8 @@ def check(
     threads: int = 1,
     console: Console,
 ) -> Mapping[str, Any]:
-    """Validates a case, places nodes, builds stencils and pairs, and reports sizes, quality and cost.
-    ``write`` is a VTU file of the model, ``picture`` a picture of it. Raises the errors that ``run`` raises
-    before it solves."""
+    """Validates a case, builds its scene, and reports sizes, quality and cost. ``write`` is a VTU file of the
+    model, ``picture`` a picture of it. Raises the errors that ``run`` raises before it solves."""
     clock = Clock()
     loaded = load_with_files(case_path, overrides)
     check_reference(loaded)
@@ -87,24 +85,22 @@ def check(
             name: figures | {"finest": float(prepared.models[name].cloud.spacing.min())}
             for name, figures in quality.figures["bodies"].items()
         },
-        "contacts": {p.name: _contact(p, quality.spacing_ratio[p.name]) for p in prepared.pairings},
+        "contacts": {
+            one.name: {
+                "slave_nodes": len(one.slave.index),
+                "paired": len(one.position),
+                "candidates": int(one.candidate.sum()),
+                "smallest_gap": float(one.gap[one.candidate].min()),
+                "reach": float(one.gap[one.candidate].max()),
+                "spacing_ratio": quality.spacing_ratio[one.name],
+            }
+            for one in prepared.pairings
+        },
         "boundaries": _conditions(case),
         "notes": [*prepared.notes, *_notes(prepared, quality, warnings)],
         "warnings": warnings,
         "seconds": {phase: seconds[phase] for phase in ("jit", "cloud", "operators")},
         "threads": threads,
-    }
-
-
-def _contact(pairing: Pairing, ratio: float) -> dict[str, Any]:
-    gap = pairing.gap[pairing.candidate]
-    return {
-        "slave_nodes": len(pairing.slave.index),
-        "paired": len(pairing.position),
-        "candidates": len(gap),
-        "smallest_gap": float(gap.min()),
-        "reach": float(gap.max()),
-        "spacing_ratio": ratio,
     }
 
 
@@ -136,24 +132,23 @@ def _conditions(case: Case) -> dict[str, dict[str, str]]:
 
 def _described(load: AnyLoad) -> tuple[str, str]:
     """The action of a load in x and in y."""
+    values: Sequence[float | str | None]
     if isinstance(load, Platen | ObstacleMotion):
         moved = {axis: f"{kind} {value:g}" for axis, (kind, value) in load.control.items()}
         return moved.get("x", ""), moved.get("y", "")
     if isinstance(load, Temperature):
-        x = y = load.temperature
+        values = (load.temperature,) * 2
     elif isinstance(load, Force):
-        x, y = (part or "" for part in load.total)
+        values = [part or None for part in load.total]
     elif isinstance(load, BodyForce | Centrifugal):
-        x, y = load.body_force
+        values = load.body_force
     elif isinstance(load, Displacement):
-        x, y = (part if part is not None else "" for part in load.components)
+        values = load.components
     elif load.table is not None:
-        x = y = "table"
-    elif isinstance(load, Pressure):
-        x = y = load.pressure if load.pressure is not None else ""
+        values = ("table",) * 2
     else:
-        x, y = load.traction or ("", "")
-    texts = [value if isinstance(value, str) else f"{value:g}" for value in (x, y)]
+        values = (load.pressure,) * 2 if isinstance(load, Pressure) else load.traction or (None, None)
+    texts = ["" if value is None else value if isinstance(value, str) else f"{value:g}" for value in values]
     first, second = (f"{load.kind} {text}" if text else "" for text in texts)
     return first, second
 
@@ -188,9 +183,8 @@ def _notes(prepared: SceneModel, quality: Quality, warnings: Collection[str]) ->
 
 
 def warmup(console: Console) -> Mapping[str, Any]:
-    """Compiles the kernels, or loads them if they are compiled. Returns CPU ``seconds``, whether they were
-    ``compiled`` now, whether the code is ``kept`` for later runs, and the ``cache_directory`` (None if it is
-    not kept)."""
+    """Compiles the kernels, or loads them. Returns CPU ``seconds``, whether they were ``compiled`` now, and
+    whether the code is ``kept`` for later runs, in which ``cache_directory``."""
     clock = Clock()
     with clock.phase("jit"):
         warm = is_warm()

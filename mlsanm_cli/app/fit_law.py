@@ -79,10 +79,8 @@ class Fitted(NamedTuple):
     @property
     def toml(self) -> str:
         """The material in a case file."""
-        keys = {**self.constants, "law": self.law}
-        return "\n".join(
-            ["[material.rubber]", *(f"{key} = {toml_value(value)}" for key, value in keys.items())]
-        )
+        keys = {**self.constants, "law": self.law}.items()
+        return "\n".join(["[material.rubber]", *(f"{key} = {toml_value(value)}" for key, value in keys)])
 
 
 def read_tests(path: Path) -> dict[str, FloatArray]:
@@ -132,22 +130,23 @@ def fit(tests: Mapping[str, FloatArray], law: str, poisson: float = DEFAULT_NU) 
     limits = [constant.least for constant in every], [constant.most for constant in every]
     size = {test: float(np.abs(stress).max()) for test, (_, stress) in tests.items()}
 
+    def lacks(values: FloatArray) -> tuple[Hyperelastic, dict[str, FloatArray]]:
+        made = law_class(law)(plane="strain", nu=poisson, **_keys(law, (values * scale).tolist()))
+        pairs = tests.items()
+        return made, {
+            test: (stress_in(made, test, one) - stress) / size[test] for test, (one, stress) in pairs
+        }
+
     def differences(values: FloatArray) -> FloatArray:
-        made = _law(law, values * scale, poisson)
-        parts = [
-            (stress_in(made, test, stretch) - stress) / (size[test] * np.sqrt(len(stretch)))
-            for test, (stretch, stress) in tests.items()
-        ]
-        return np.concatenate(parts)
+        return np.concatenate([lack / np.sqrt(len(lack)) for lack in lacks(values)[1].values()])
 
     start = np.array([constant.start for constant in every])
     found = least_squares(differences, start, bounds=limits, x_scale=np.maximum(np.abs(start), 0.1))
     if not found.success:
         raise RunError(f"{law}: the constants did not converge", "give more data, or another law")
-    made, errors, falling = _law(law, found.x * scale, poisson), {}, []
-    for test, (stretch, stress) in tests.items():
-        lack = stress_in(made, test, stretch) - stress
-        errors[test] = float(np.sqrt(np.mean(lack**2))) / size[test]
+    made, remaining = lacks(found.x)
+    errors, falling = {test: float(np.sqrt(np.mean(lack**2))) for test, lack in remaining.items()}, []
+    for test, (stretch, _) in tests.items():
         between = np.linspace(stretch.min(), stretch.max(), POINTS)
         if (np.diff(stress_in(made, test, between)) < 0.0).any():
             falling.append(test)
@@ -190,8 +189,3 @@ def _keys(law: str, values: Sequence[float]) -> dict[str, Any]:
     rest = iter(values)
     found = {key: [next(rest) for _ in constants] for key, constants in START[law].items()}
     return found if law == "ogden" else {key: taken[0] for key, taken in found.items()}
-
-
-def _law(law: str, values: FloatArray, poisson: float) -> Hyperelastic:
-    made: Hyperelastic = law_class(law)(plane="strain", nu=poisson, **_keys(law, values.tolist()))
-    return made

@@ -7,9 +7,8 @@ resolved case and must agree with the stored ones to round-off.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -31,14 +30,12 @@ from mlsanm_cli.io.run_reader import RunData, finished, read_origin
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.stopping import Stopper
 
-RESULTS = Path("results")
-
 
 def run(
     case_path: Path,
     *,
+    out: Path,
     overrides: tuple[str, ...] = (),
-    out: Path | None = None,
     force: bool = False,
     threads: int = 1,
     max_wall: float | None = None,
@@ -47,7 +44,7 @@ def run(
     skip_done: bool = False,
     memo: Memo = NO_CACHE,
 ) -> Mapping[str, Any]:
-    """Solves a case and writes its run directory.
+    """Solves a case and writes the run directory ``out``.
 
     ``memo`` keeps results for other runs of the process. With ``skip_done`` a completed run of this case in
     the directory is not repeated; its summary is returned with ``skipped``.
@@ -62,15 +59,14 @@ def run(
         context = RunContext(Clock(), console, memo, stopper)
         loaded = load_case(case_path, overrides, geometry_of)
         check_reference(loaded)
-        directory = out or RESULTS / loaded.path.stem
-        before = finished(directory, loaded.case_hash) if skip_done else None
+        before = finished(out, loaded.case_hash) if skip_done else None
         if before is not None:
-            return {**before, "directory": str(directory), "skipped": True}
-        run_dir.check(directory, force)
+            return {**before, "directory": str(out), "skipped": True}
+        run_dir.check(out, force)
         analysis = analysis_of(loaded, context)
-        with locked(directory):
-            run_dir.prepare(directory, force)
-            return carry_out(analysis, directory, loaded, attributes(loaded, argv, threads))
+        with locked(out):
+            run_dir.prepare(out, force)
+            return carry_out(analysis, out, loaded, attributes(loaded, argv, threads))
 
 
 def analysis_of(loaded: LoadedCase, context: RunContext, refinement: Refinement | None = None) -> Analysis:
@@ -96,28 +92,31 @@ def carry_out(
 ) -> dict[str, Any]:
     """Follows the path of a scene and writes the run directory; returns the summary. Raises UnfinishedError
     if it cannot be written, and Interrupted if stopped at once: the run can be resumed."""
+    context, again = analysis.context, run_dir.resume_command(directory)
     try:
-        with Recorder(directory, loaded, provenance, analysis.context, earlier) as recorder:
-            ending = ending_of(partial(follow, analysis, recorder), directory)
-            if ending.status == "done":
-                ending = ending_of(partial(judge, analysis, recorder, ending), directory)
-            return {**conclude(analysis, recorder, ending), "directory": str(directory)}
+        with Recorder(directory, loaded, provenance, context, earlier) as recorder:
+            try:
+                ending = follow(analysis, recorder)
+            except NumericalError as error:
+                ending = Ending("failed", error.message, error.hint, error)
+            except KeyboardInterrupt as stop:
+                ending = Ending("stopped", str(stop), f"continue with: {again}")
+            context.finishing()
+            if ending.error is not None:
+                recorder.failure(analysis, ending.error)
+            for note in (ending.hint if ending.status == "stopped" else "", *analysis.notes):
+                if note:
+                    context.console.note(note)
+            if ending.error is not None:
+                context.console.error(ending.error.message, ending.error.hint)
+            summary = summarise(analysis, ending, recorder)
+            recorder.finish(analysis, summary)
+            return {**summary, "directory": str(directory)}
     except WriteError as error:
-        hint = f"make room, then: {run_dir.resume_command(directory)}"
-        raise UnfinishedError(error.message, hint) from error
+        raise UnfinishedError(error.message, f"make room, then: {again}") from error
     except KeyboardInterrupt as stop:
         # A second signal, while the first is obeyed.
-        raise Interrupted(str(stop), f"continue with: {run_dir.resume_command(directory)}") from stop
-
-
-def ending_of(part: Callable[[], Ending], directory: Path) -> Ending:
-    """The ending of a part of a run, also by an error or a signal."""
-    try:
-        return part()
-    except NumericalError as error:
-        return Ending("failed", error.message, error.hint, error)
-    except KeyboardInterrupt as stop:
-        return Ending("stopped", str(stop), f"continue with: {run_dir.resume_command(directory)}")
+        raise Interrupted(str(stop), f"continue with: {again}") from stop
 
 
 def follow(analysis: Analysis, recorder: Recorder) -> Ending:
@@ -131,6 +130,8 @@ def follow(analysis: Analysis, recorder: Recorder) -> Ending:
         with context.phase("continuation"):
             step = next(steps, None)
         if step is None:
+            assert recorder.last is not None
+            recorder.verdicts.judge(analysis.judge(recorder.last, recorder.tally))
             return analysis.ending(recorder.last)
         for state in (*(one for one in step.saved if one is not step.state), step.state):
             recorder.checked = state
@@ -138,33 +139,10 @@ def follow(analysis: Analysis, recorder: Recorder) -> Ending:
         recorder.step(analysis, step)
 
 
-def judge(analysis: Analysis, recorder: Recorder, ending: Ending) -> Ending:
-    """The ``ending`` of a path whose last state is reliable. Raises NumericalError for another one."""
-    assert recorder.last is not None
-    recorder.verdicts.judge(analysis.judge(recorder.last, recorder.tally))
-    return ending
-
-
-def conclude(analysis: Analysis, recorder: Recorder, ending: Ending) -> Mapping[str, Any]:
-    """Writes how a run ended; returns the summary."""
-    context = analysis.context
-    context.finishing()
-    if ending.error is not None:
-        recorder.failure(analysis, ending.error)
-    for note in (ending.hint if ending.status == "stopped" else "", *analysis.notes):
-        if note:
-            context.console.note(note)
-    if ending.error is not None:
-        context.console.error(ending.error.message, ending.error.hint)
-    summary = summarise(analysis, ending, recorder)
-    recorder.finish(analysis, summary)
-    return summary
-
-
 def resume(rundir: Path, *, max_wall: float | None = None, console: Console) -> Mapping[str, Any]:
     """Finishes the run in a directory; returns and raises the same as `run`. A completed run is not changed.
-    Raises RunError for a failed run, which would fail again, for one that cannot be read, and if clouds or
-    operators are not reproduced."""
+    Raises RunError for a failed run, which would fail again, and if clouds or operators are not reproduced.
+    """
     read_origin(rundir)
     with Stopper(max_wall) as stopper, locked(rundir):
         context = RunContext(Clock(), console, stopper=stopper)

@@ -21,11 +21,12 @@ from typing import Any, NamedTuple
 
 from mlsanm_cli.app.context import Console, Silent
 from mlsanm_cli.app.results.info import collect, write_rows
-from mlsanm_cli.app.run import RESULTS, run
+from mlsanm_cli.app.run import run
 from mlsanm_cli.app.scene.outlines import load_with_files
 from mlsanm_cli.case import Case, resolved_mapping
 from mlsanm_cli.case.reading.overrides import parse_vary, points
 from mlsanm_cli.errors import CaseError, CaseProblem, Interrupted, MlsanmError, RunError
+from mlsanm_cli.inputs import results_of
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.run_reader import finished, held_case
 from mlsanm_cli.memo import Memo, digest
@@ -196,7 +197,8 @@ def sweep(
     """
     if not varied:
         raise RunError("nothing varies", "name a key and its values, as in --vary solver.order=10,20")
-    directory = (out or RESULTS / f"{case_path.stem}-sweep").absolute()
+    place = results_of(case_path)
+    directory = (out or place.with_name(f"{place.name}-sweep")).absolute()
     planned = _plan(
         case_path.absolute(), varied, overrides, directory, force=force, threads=threads, argv=argv
     )

@@ -166,7 +166,6 @@ def _allowed(node: Node) -> str:
 
 
 def _example(path: tuple[str, ...], default: str, kinds_of: tuple[str, ...]) -> str:
-    """A line of a starter case with the key, else its default."""
     # Names and numbers of items are parts of the keys.
     key_of_item = re.compile(r"(?:\.[^.]+)?\.".join(path))
     for content in _starters():
@@ -211,7 +210,6 @@ def all_explanations() -> list[Explanation]:
 
 
 def markdown(explanations: Sequence[Explanation]) -> str:
-    """The reference as a page of Markdown."""
     return f"# Keys of the case file\n\nMade by `mlsanm explain --all`.\n{sections(explanations, '##')}"
 
 

@@ -37,7 +37,6 @@ class _Generator(GenerateJsonSchema):
 
 @cache
 def json_schema() -> Node:
-    """The JSON Schema of a case file."""
     raw = Case.model_json_schema(schema_generator=_Generator, ref_template="#/definitions/{model}")
     definitions = raw.pop("$defs")
     return {"$schema": DIALECT, "title": TITLE, **_plain({**raw, "definitions": definitions})}

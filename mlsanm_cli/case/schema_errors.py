@@ -119,7 +119,6 @@ def _fault(data: Mapping[str, Any], path: KeyPath, detail: ErrorDetails) -> Faul
 
 
 def _heading(path: KeyPath) -> str:
-    """The TOML heading of the table or list of tables at a path, "" if it is neither."""
     names = tuple(step for step in path if isinstance(step, str))
     return heading(names) if tables_at(names) else ""
 

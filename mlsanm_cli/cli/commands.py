@@ -1,4 +1,4 @@
-"""The group of commands and those on one scene. Each imports its dependencies when called, which keeps
+"""The group of commands, and those that solve cases. Each imports its dependencies when called, which keeps
 ``--help`` fast."""
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ import click
 
 from mlsanm_cli import __version__
 from mlsanm_cli.cli import declare
-from mlsanm_cli.cli.console import called
-from mlsanm_cli.cli.results import FRICTION_KEYS, has_friction, run_text
+from mlsanm_cli.cli.console import TerminalConsole, called
+from mlsanm_cli.cli.results import FRICTION_KEYS, comparison_text, has_friction, run_text
 from mlsanm_cli.cli.settings import Settings, of_app, print_result, print_tables, say
+from mlsanm_cli.cli.text import as_json
+from mlsanm_cli.errors import RunError
+from mlsanm_cli.inputs import results_of
 
 MODULES = {
     "authoring": ("explain", "new", "schema", "fit-law"),
-    "batch": ("collect", "compare", "sweep"),
     "views": ("plot", "probe", "report"),
 }
 """Modules of this package that define commands, imported when these are called."""
-LAZY_COMMANDS = {name: module for module, names in MODULES.items() for name in names}
-
 SECTIONS = {
     "One scene": ("new", "check", "run", "resume", "info", "plot", "probe", "report"),
     "Many runs": ("sweep", "collect", "compare"),
@@ -40,11 +40,9 @@ class Commands(click.Group):
     """The group of commands. Suggests similar names, and imports commands of other modules on demand."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """All names, in the order of the help."""
         return [name for names in SECTIONS.values() for name in names]
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """The commands by section."""
         room = formatter.width - 6 - max(map(len, self.list_commands(ctx)))
         for title, names in SECTIONS.items():
             commands = [(name, self.get_command(ctx, name)) for name in names]
@@ -52,10 +50,9 @@ class Commands(click.Group):
                 formatter.write_dl([(name, one.get_short_help_str(room)) for name, one in commands if one])
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """The command of this name, or None."""
-        if cmd_name in LAZY_COMMANDS:
-            module = importlib.import_module(f"mlsanm_cli.cli.{LAZY_COMMANDS[cmd_name]}")
-            command: click.Command = getattr(module, cmd_name.replace("-", "_"))
+        for module in [module for module, names in MODULES.items() if cmd_name in names]:
+            commands = importlib.import_module(f"mlsanm_cli.cli.{module}")
+            command: click.Command = getattr(commands, cmd_name.replace("-", "_"))
             return command
         return super().get_command(ctx, cmd_name)
 
@@ -87,13 +84,8 @@ def _show_version(context: click.Context, parameter: click.Parameter, wanted: bo
 
 
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
-@click.option(
-    "--version",
-    is_flag=True,
-    is_eager=True,
-    expose_value=False,
-    callback=_show_version,
-    help="Show the version.",
+@declare.option(
+    "--version", "Show the version.", is_flag=True, is_eager=True, expose_value=False, callback=_show_version
 )
 def cli() -> None:
     """Solve frictional contact of elastic bodies in the plane by a mesh-free method.
@@ -113,6 +105,7 @@ def cli() -> None:
 )
 def run(settings: Settings, /, case: Path, **options: Any) -> int:
     """Solve CASE and write a run directory."""
+    options["out"] = options["out"] or results_of(case)
     summary = called(settings, "run.run", options["threads"], case, argv=tuple(sys.argv), **options)
     if summary.get("skipped"):
         print_result(settings, summary, f"{summary['directory']}: already run to completion, skipped")
@@ -142,12 +135,10 @@ def check(settings: Settings, /, case: Path, **options: Any) -> int:
 def info(settings: Settings, rundir: Path) -> int:
     """Show the summary of the run in RUNDIR."""
     result = of_app("results.info.info")(rundir)
-    contacts = {
-        name: {
-            key: value for key, value in figures.items() if key not in FRICTION_KEYS or has_friction(figures)
-        }
-        for name, figures in result.get("contacts", {}).items()
-    }
+    contacts = {}
+    for name, figures in result.get("contacts", {}).items():
+        omitted = () if has_friction(figures) else FRICTION_KEYS
+        contacts[name] = {key: value for key, value in figures.items() if key not in omitted}
     print_tables(settings, result, {**result, "contacts": contacts})
     return 0
 
@@ -169,11 +160,102 @@ def resume(settings: Settings, rundir: Path, max_wall: float | None, threads: in
 
     The result agrees with that of an uninterrupted run to the tolerance of the solver.
     """
-    threads = threads or _threads_of(rundir)
-    return show_run(settings, called(settings, "run.resume", threads, rundir, max_wall=max_wall))
+    try:
+        # From the first event: run.h5 cannot be read before the number is set.
+        with (rundir / "events.jsonl").open(encoding="utf-8") as stream:
+            before = max(int(json.loads(stream.readline())["threads"]), 1)
+    except (OSError, ValueError, KeyError, TypeError):
+        # Problems of the directory are reported later, when it is read.
+        before = 1
+    return show_run(settings, called(settings, "run.resume", threads or before, rundir, max_wall=max_wall))
 
 
-for _command in (run, check, info, warmup, resume):
+@declare.command(
+    declare.CASE,
+    declare.option(
+        "--vary varied",
+        "Values separated by commas, or START:STOP:COUNT. Repeatable: all combinations are solved.",
+        metavar="KEY=VALUES",
+        **declare.KEYS,
+    ),
+    declare.SET,
+    declare.file_option("--out", "Directory of the runs.  [default: results/<case name>-sweep]"),
+    declare.flag("force", "Solve completed points again and overwrite runs of other cases."),
+    declare.count("--jobs", "Number of processes."),
+    declare.option("--scheduler", "Solve on the Dask cluster of this scheduler.", metavar="ADDRESS"),
+    declare.THREADS,
+)
+def sweep(settings: Settings, /, case: Path, varied: tuple[str, ...], **options: Any) -> int:
+    """Solve CASE for all combinations of values.
+
+    For instance --vary contact.interface.friction=0:0.5:11 or --vary body.block.spacing=0.1,0.2,0.4.
+    Completed points are skipped: the same command continues an interrupted sweep.
+    """
+    function, argv = "sweep.sweep", tuple(sys.argv)
+    result = called(settings, function, options["threads"], case, varied, argv=argv, **options)
+    shown = {key: value for key, value in result.items() if key not in ("trouble", "directories")}
+    print_tables(settings, result, shown)
+    return 3 if result["failed"] else 75 if result["stopped"] else 0
+
+
+@declare.command(declare.RUNDIRS, declare.file_option("--out", "Output file.  [default: stdout]"))
+def collect(settings: Settings, rundirs: tuple[Path, ...], out: Path | None) -> int:
+    """Write the results of several runs as a CSV table.
+
+    One row per run: the parameters that differ, status and results.
+    """
+    rows = of_app("results.info.collect")(rundirs)
+    lost = [row for row in rows if row["status"] == "unreadable"]
+    if len(lost) == len(rows):
+        reason = f"{lost[0]['directory']}: {lost[0]['stop_reason']}" if lost else "there are only files"
+        raise RunError(f"no directory holds a run ({reason})", "name run directories, as in results/sweep/*")
+    with TerminalConsole(sys.stderr, settings) as console:
+        for row in lost:
+            console.warning(f"{row['directory']}: {row['stop_reason']}")
+    if out is not None:
+        of_app("results.info.write_rows")(out, rows)
+    if settings.json:
+        say(settings, as_json({"runs": rows}))
+    elif out is None:
+        say(settings, of_app("results.info.as_csv")(rows), newline=False)
+    return 0
+
+
+METHODS = ("newton", "active-set")
+
+
+@declare.command(
+    declare.CASE,
+    declare.flag("newton", "Newton-Raphson with the regularised law."),
+    declare.flag("active-set", "Active-set method with the exact law."),
+    declare.flag("analytic", "Errors relative to the [reference] of the case."),
+    declare.count("--levels", "Load levels per stage to compare, in addition to those of the case.", 10),
+    declare.option(
+        "--tolerance",
+        "Allowed difference between methods with the same law.  [default: 100 x solver.tolerance]",
+        type=click.FloatRange(min=0.0, min_open=True),
+    ),
+    declare.count("--repeat", "Repetitions of every path; median times are reported."),
+    declare.option("--picture/--no-picture", "Draw a work-precision diagram.  [default: draw]", default=True),
+    declare.SET,
+    declare.file_option("--out", "Directory of comparison.json.  [default: results/<case name>]"),
+    declare.flag("force", "Overwrite an existing comparison."),
+    declare.THREADS,
+)
+def compare(settings: Settings, /, case: Path, **options: Any) -> int:
+    """Solve CASE by several methods and compare the results.
+
+    The asymptotic numerical method (ANM: power series), the selected methods and that of CASE use the same
+    operators. Exit code 1 if they disagree.
+    """
+    methods = tuple(name for name in METHODS if options.pop(name.replace("-", "_")))
+    function, argv = "comparison.compare.compare", tuple(sys.argv)
+    result = called(settings, function, options["threads"], case, methods=methods, argv=argv, **options)
+    print_result(settings, result, comparison_text(result, settings.paints(sys.stdout)))
+    return {"disagree": 1, "failed": 3}.get(str(result["status"]), 0)
+
+
+for _command in (run, check, info, warmup, resume, sweep, collect, compare):
     cli.add_command(_command)
 _STATUS_CODES = {"failed": 3, "stopped": 75}
 
@@ -187,13 +269,3 @@ def show_run(settings: Settings, summary: Mapping[str, Any]) -> int:
     if drawable and not settings.quiet and not settings.json:
         say(settings, f"pictures: mlsanm plot {shlex.quote(str(summary['directory']))}")
     return _STATUS_CODES.get(str(summary.get("status")), 0)
-
-
-def _threads_of(rundir: Path) -> int:
-    """The number of threads of a run, from its first event: run.h5 cannot be read before it is set."""
-    try:
-        with (rundir / "events.jsonl").open(encoding="utf-8") as stream:
-            return max(int(json.loads(stream.readline())["threads"]), 1)
-    except (OSError, ValueError, KeyError, TypeError):
-        # Problems of the directory are reported later, when it is read.
-        return 1

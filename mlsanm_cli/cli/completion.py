@@ -1,12 +1,10 @@
-"""Shell completion: keys of the case, kinds of scenes, names in cases and runs.
-
-Errors in files are ignored; nothing is completed then.
-"""
+"""Shell completion: keys of the case, kinds of scenes, names in cases and runs. Errors in files are ignored;
+nothing is completed then."""
 
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,26 +16,34 @@ Complete = Callable[[click.Context, click.Parameter, str], list[str]]
 
 
 def keys(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
-    """Keys as for ``--set`` and ``--vary``, with the names in the case given to the command."""
+    """Keys as for ``--set`` and ``--vary``, with the names in the case given to the command, or ``*``."""
     from mlsanm_cli.case.explain import value_keys
 
-    case = _content(next(iter(_given(context, "case")), None))
-    candidates = [f"{name}=" for key in value_keys() for name in _with_names(key, case)]
-    return _matching(candidates, incomplete)
+    (case, *_) = (*_contents(context, ("case",)), {})
+    candidates = []
+    for key in value_keys():
+        table, dot, rest = key.partition(".")
+        if table in NAMED_TABLES and dot:
+            items = case.get(table)
+            known = (
+                list(items) if isinstance(items, dict) else [item.get("name") for item in _items(case, table)]
+            )
+            candidates += [f"{table}.{name}.{rest}=" for name in (*known, "*") if isinstance(name, str)]
+        else:
+            candidates.append(f"{key}=")
+    return [key for key in candidates if key.startswith(incomplete)]
 
 
 def plain_keys(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
-    """Keys as for ``explain``."""
     from mlsanm_cli.case.explain import value_keys
 
-    return _matching(value_keys(), incomplete)
+    return [key for key in value_keys() if key.startswith(incomplete)]
 
 
 def kinds(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
-    """Kinds of starter cases."""
     from mlsanm_cli.case.starters import kinds as known
 
-    return _matching(list(known()), incomplete)
+    return [kind for kind in known() if kind.startswith(incomplete)]
 
 
 def names(*tables: str) -> Complete:
@@ -45,53 +51,31 @@ def names(*tables: str) -> Complete:
 
     def complete(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
         known: list[Any] = []
-        for place in _given(context, "rundirs", "rundir"):
-            case = _content(place / "resolved.toml")
-            for table in tables:
-                known += [item.get("name", item.get("boundary")) for item in _items(case, table)]
-        return _matching([name for name in dict.fromkeys(known) if isinstance(name, str)], incomplete)
+        for case in _contents(context, ("rundirs", "rundir"), "resolved.toml"):
+            items = [item for table in tables for item in _items(case, table)]
+            known += [item.get("name", item.get("boundary")) for item in items]
+        return [
+            name for name in dict.fromkeys(known) if isinstance(name, str) and name.startswith(incomplete)
+        ]
 
     return complete
 
 
-def _with_names(key: str, case: Mapping[str, Any]) -> Iterator[str]:
-    """A key with the names of the items of a case and with the wildcard."""
-    table, dot, rest = key.partition(".")
-    if table not in NAMED_TABLES or not dot:
-        yield key
-        return
-    items = case.get(table)
-    known = list(items) if isinstance(items, Mapping) else [item.get("name") for item in _items(case, table)]
-    for name in [*known, "*"]:
-        if isinstance(name, str):
-            yield f"{table}.{name}.{rest}"
-
-
-def _items(case: Mapping[str, Any], table: str) -> list[Mapping[str, Any]]:
+def _items(case: Mapping[str, Any], table: str) -> list[dict[str, Any]]:
     """The items of a list of tables that are tables."""
     items = case.get(table)
-    return [item for item in items if isinstance(item, Mapping)] if isinstance(items, list) else []
+    return [item for item in items if isinstance(item, dict)] if isinstance(items, list) else []
 
 
-def _matching(candidates: list[str], incomplete: str) -> list[str]:
-    return [name for name in candidates if name.startswith(incomplete)]
-
-
-def _given(context: click.Context, *names: str) -> list[Path]:
-    """The files given to the command so far; if the value of an option is missing, click keeps them in
-    ``args``."""
-    for name in names:
-        given = context.params.get(name)
-        if given:
-            return [Path(place) for place in (given if isinstance(given, tuple) else (given,))]
-    return [Path(place) for place in context.args if not place.startswith("-")]
-
-
-def _content(path: Any) -> Mapping[str, Any]:
-    """The content of a TOML file; empty if it cannot be read."""
-    if path is None:
-        return {}
-    try:
-        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
+def _contents(
+    context: click.Context, parameters: Sequence[str], below: str = ""
+) -> Iterator[Mapping[str, Any]]:
+    """The content of the TOML files given to the command so far, or of those in the directories given; if the
+    value of an option is missing, click keeps them in ``args``. Files that cannot be read are empty."""
+    given = next(filter(None, (context.params.get(name) for name in parameters)), None)
+    places = [name for name in context.args if not name.startswith("-")] if given is None else given
+    for place in places if isinstance(places, list | tuple) else [places]:
+        try:
+            yield tomllib.loads((Path(place) / below).read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            yield {}

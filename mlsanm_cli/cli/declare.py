@@ -59,7 +59,6 @@ def option(names: str, text: str, **settings: Any) -> Decorator[Any]:
 
 
 def flag(name: str, text: str) -> Decorator[Any]:
-    """An option without a value."""
     return option(f"--{name}", text, is_flag=True)
 
 
@@ -70,17 +69,14 @@ def count(names: str, text: str, default: int | None = 1) -> Decorator[Any]:
 
 
 def file_option(names: str, text: str) -> Decorator[Any]:
-    """An option whose value is a file or directory."""
     return option(names, text, type=FILE)
 
 
 def output(text: str) -> Decorator[Any]:
-    """The option of an output file."""
     return file_option("-o --output out", text)
 
 
 def positions(text: str) -> Decorator[Any]:
-    """The option of positions on the load path."""
     return option("--at", text, type=float, multiple=True)
 
 

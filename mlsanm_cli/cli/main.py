@@ -9,7 +9,6 @@ import sys
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
-from types import FrameType
 
 import click
 
@@ -26,10 +25,8 @@ MAX_PROBLEMS = 200
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs a command and returns its exit code; never raises.
-
-    0 done, 2 bad usage or bad case, 3 numerical failure, 70 bug, 75 stopped by a signal.
-    """
+    """Runs a command and returns its exit code; never raises. 0 done, 2 bad usage or bad case, 3 numerical
+    failure, 70 bug, 75 stopped by a signal."""
     open_closed_streams()
     settings = Settings()
     # Before parsing: errors in options are reported as JSON too.
@@ -53,17 +50,12 @@ def _run(arguments: Sequence[str] | None, settings: Settings) -> int:
     stdout, stderr = sys.stdout, sys.stderr
     try:
         with _signals_as_interrupts():
-            code = cli.main(
-                args=None if arguments is None else list(arguments),
-                prog_name="mlsanm",
-                standalone_mode=False,
-                obj=settings,
-            )
+            given = None if arguments is None else list(arguments)
+            code = cli.main(given, prog_name="mlsanm", standalone_mode=False, obj=settings)
             sys.stdout.flush()
         return code if isinstance(code, int) else 0
     except SystemExit as error:
-        # Raised by click after shell completion and, with wrapped streams, after writing help to a closed
-        # stream.
+        # Raised by click after shell completion and, with wrapped streams, after help to a closed stream.
         if sys.stdout is not stdout:
             sys.stdout, sys.stderr = stdout, stderr
             silence(stdout)
@@ -114,17 +106,17 @@ def _report(error: BaseException, settings: Settings) -> int:
 
 def _described(error: BaseException, settings: Settings) -> tuple[int, str, str]:
     """Exit code, message and hint of an error that is not a CaseError."""
-    if isinstance(error, MlsanmError):
-        return error.exit_code, error.message, error.hint
-    if isinstance(error, click.Abort | KeyboardInterrupt):
-        # click keeps the original error as the cause of an Abort.
-        message = str(error) or str(error.__cause__ or "") or "stopped by a signal"
-        return STOPPED, message, "nothing was saved: repeat the command"
-    if isinstance(error, MemoryError):
-        hint = "increase the spacings; `mlsanm check` estimates the size"
-        return USAGE, "out of memory", hint
-    if isinstance(error, OSError) and error.filename is not None:
-        return USAGE, f"{error.filename}: {error.strerror or error}", ""
+    match error:
+        case MlsanmError():
+            return error.exit_code, error.message, error.hint
+        case click.Abort() | KeyboardInterrupt():
+            # click keeps the original error as the cause of an Abort.
+            message = str(error) or str(error.__cause__ or "") or "stopped by a signal"
+            return STOPPED, message, "nothing was saved: repeat the command"
+        case MemoryError():
+            return USAGE, "out of memory", "increase the spacings; `mlsanm check` estimates the size"
+        case OSError(filename=name) if name is not None:
+            return USAGE, f"{name}: {error.strerror or error}", ""
     hint = "" if settings.debug else "please report it with the case file and the output of --debug"
     return BUG, f"a bug in mlsanm: {type(error).__name__}: {error}", hint
 
@@ -145,11 +137,9 @@ def _signals_as_interrupts() -> Iterator[None]:
         yield
         return
 
-    def interrupt(number: int, frame: FrameType | None) -> None:
-        raise KeyboardInterrupt
-
+    # The handler of Ctrl-C raises KeyboardInterrupt.
     numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGUSR1") if hasattr(signal, name)]
-    before = {number: signal.signal(number, interrupt) for number in numbers}
+    before = {number: signal.signal(number, signal.default_int_handler) for number in numbers}
     try:
         yield
     finally:

@@ -43,14 +43,12 @@ def _contact(name: str, contact: Mapping[str, Any], summary: Mapping[str, Any]) 
     reference = contact.get("reference")
     if reference:
         error = _percent(reference.get("pressure_error_l2"), "pressure error")
-        rows.append(
-            (str(reference.get("solution")), f"{error}, peak {number(reference.get('peak_pressure'))}")
-        )
+        peak = number(reference.get("peak_pressure"))
+        rows.append((str(reference.get("solution")), f"{error}, peak {peak}"))
     return rows
 
 
 def has_friction(contact: Mapping[str, Any]) -> bool:
-    """Whether a contact of a summary has friction."""
     return contact.get("max_cone_ratio") is not None or "closed_nodes" not in contact
 
 
@@ -82,7 +80,17 @@ def comparison_text(result: Mapping[str, Any], color: bool) -> str:
     columns = ["", "against", *(f"{name} diff." for name in _DIFFERENCES), "limit", "agrees"]
     analytic = any("reference_error" in method for method in methods)
     columns += ["reference error"] if analytic else []
-    rows = [_difference(method) + ([_worst(method)] if analytic else []) for method in methods]
+    rows = []
+    for method in methods:
+        difference, row = method.get("difference"), ["-"] * (len(_DIFFERENCES) + 3)
+        if difference is not None:
+            agrees = "converges" if method["agrees"] and "convergence" in method else number(method["agrees"])
+            values = [f"{difference[name]:.2g}" for name in _DIFFERENCES]
+            row = [method["against"], *values, f"{method['limit']:.2g}", agrees]
+        if analytic:
+            known = [error for error in method.get("reference_error", {}).values() if error is not None]
+            row.append(f"{max(known):.2g}" if known else "-")
+        rows.append([method["method"], *row])
     title = f"largest differences at {len(result['levels'])} load levels, relative to the peak"
     parts.append(grid(title, columns, rows, color))
     parts += [
@@ -97,32 +105,8 @@ def comparison_text(result: Mapping[str, Any], color: bool) -> str:
 _VERDICTS = {"agree": "the methods agree", "disagree": "the methods disagree", "failed": "ANM failed"}
 
 
-def _difference(method: Mapping[str, Any]) -> list[str]:
-    difference = method.get("difference")
-    if difference is None:
-        return [method["method"], *["-"] * (len(_DIFFERENCES) + 3)]
-    values = [f"{difference[name]:.2g}" for name in _DIFFERENCES]
-    agrees = "converges" if method["agrees"] and "convergence" in method else number(method["agrees"])
-    return [method["method"], method["against"], *values, f"{method['limit']:.2g}", agrees]
-
-
-def _worst(method: Mapping[str, Any]) -> str:
-    known = [error for error in method.get("reference_error", {}).values() if error is not None]
-    return f"{max(known):.2g}" if known else "-"
-
-
 def _listed(summary: Mapping[str, Any], keys: Sequence[str]) -> str:
-    """Counts with their names."""
     return ", ".join(f"{number(summary[key])} {label(key)}" for key in keys if summary.get(key) is not None)
-
-
-def _with_limit(key: str, summary: Mapping[str, Any]) -> str:
-    """A quantity with the limit at which a run fails."""
-    limit, shown = summary.get("limits", {}).get(key), number(summary[key])
-    if limit is None or shown == "-":
-        return shown
-    words = {"stability": "fails below", "energy_error": "fails beyond"}.get(key, "fails above")
-    return f"{shown}, {words} {number(limit)}"
 
 
 def _quality(summary: Mapping[str, Any], width: int) -> list[tuple[str, str]]:
@@ -139,7 +123,13 @@ def _quality(summary: Mapping[str, Any], width: int) -> list[tuple[str, str]]:
         error = _percent(peak["error"], "error")
         more = f", {number(peak['at_contact'])} at its contacts" if "at_contact" in peak else ""
         rows.append(("peak stress", f"{number(peak['stress'])} on {body} at ({x}, {y}), {error}{more}"))
-    rows += [(label(key), _with_limit(key, summary)) for key in _QUALITY if key in summary]
+    for key in (key for key in _QUALITY if key in summary):
+        # With the limit at which a run fails.
+        limit, shown = summary.get("limits", {}).get(key), number(summary[key])
+        words = {"stability": "fails below", "energy_error": "fails beyond"}.get(key, "fails above")
+        rows.append(
+            (label(key), shown if limit is None or shown == "-" else f"{shown}, {words} {number(limit)}")
+        )
     sizes = _listed(summary, ("nodes", "unknowns", "contact_unknowns"))
     rows += [("size", sizes)] if sizes else []
     seconds = summary.get("seconds")

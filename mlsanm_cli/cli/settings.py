@@ -71,10 +71,8 @@ def print_tables(
 
 
 def open_closed_streams() -> None:
-    """Replaces closed standard streams (``>&-``) by the null device.
-
-    Otherwise the first file opened by a run would get the number of the stream, and its output.
-    """
+    """Replaces closed standard streams (``>&-``) by the null device: otherwise the first file opened by a run
+    would get the number of the stream, and its output."""
     for number in range(3):
         try:
             os.fstat(number)

@@ -13,7 +13,6 @@ BOLD, RED, YELLOW, DIM = "1", "31", "33", "2"
 
 
 def paint(text: str, code: str, color: bool) -> str:
-    """The text in a terminal style, or unchanged."""
     return f"\x1b[{code}m{text}\x1b[0m" if color and text else text
 
 
@@ -35,7 +34,6 @@ def _line(line: str) -> str:
 
 
 def as_json(value: Any) -> str:
-    """Indented JSON."""
     return json.dumps(plain(value), indent=2, allow_nan=False)
 
 
@@ -86,17 +84,13 @@ def table(title: str, rows: Sequence[tuple[str, str]], color: bool = False) -> s
 
 def grid(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], color: bool = False) -> str:
     """A table with a heading per column; the first column is left-aligned, the others right-aligned."""
-    cells = [list(columns), *[list(row) for row in rows]]
-    widths = [max(len(row[column]) for row in cells) for column in range(len(columns))]
-    lines = [paint(title, BOLD, color)] if title else []
-    for index, row in enumerate(cells):
-        parts = [
-            row[0].ljust(widths[0]),
-            *(cell.rjust(w) for cell, w in zip(row[1:], widths[1:], strict=True)),
-        ]
-        line = "  " + "  ".join(parts).rstrip()
-        lines.append(paint(line, DIM, color) if index == 0 else line)
-    return "\n".join(lines)
+    widths = [max(map(len, cells)) for cells in zip(columns, *rows, strict=True)]
+    lines = []
+    for row in (columns, *rows):
+        _, *others = (cell.rjust(width) for cell, width in zip(row, widths, strict=True))
+        lines.append("  " + "  ".join([row[0].ljust(widths[0]), *others]).rstrip())
+    heading = [paint(title, BOLD, color)] if title else []
+    return "\n".join([*heading, paint(lines[0], DIM, color), *lines[1:]])
 
 
 def pretty(mapping: Mapping[str, Any], title: str = "", color: bool = False, width: int = 100) -> str:

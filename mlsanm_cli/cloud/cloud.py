@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
 
@@ -22,15 +22,12 @@ from mlsanm_cli.cloud.sight import VisibilityCriterion, separation, triangulate,
 from mlsanm_cli.cloud.spacing import MIN_DISTANCE, Spacing
 from mlsanm_cli.cloud.surface import Surface, boundary_of
 from mlsanm_cli.cloud.tips import Tips, tips_of
-from mlsanm_cli.errors import RunError
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 
-CANDIDATES = 15
 FLAT_RADIUS = 10.0
 """Concave curves with a radius above this many times the body's extent count as flat."""
-STRIPS = 512
 MAX_ACUTE_ANGLE = math.pi / 3.0
 """Interior angle (radian) below which nodes next to a corner are closer than a spacing."""
 
@@ -63,12 +60,12 @@ class Cloud:
         nodes' linear shape functions."""
         halves, count = Halves.of(surface), len(surface.index)
         around = self.around(surface.curve.points(halves.arc))
-        sums = [
+        total, whole = (
             np.bincount(halves.own, halves.length * halves.share * values, count)
             + np.bincount(halves.other, halves.length * (1.0 - halves.share) * values, count)
             for values in (around, np.ones_like(around))
-        ]
-        return np.asarray(sums[0] / sums[1])
+        )
+        return np.asarray(total / whole)
 
     def radius(self, points: FloatArray) -> FloatArray | None:
         """Distances (e,) of ``points`` (e, 2) from the axis of revolution; None in plane bodies."""
@@ -122,10 +119,8 @@ class Cloud:
         """Nodes where one surface ends and another begins, angle (radian) by which the outline turns left
         there, and names of both."""
         index, _, names = self.boundary
-        return [
-            (int(index[first]), turn, (names[last], names[first]))
-            for last, first, turn in joints(*self.boundary)
-        ]
+        ends = joints(*self.boundary)
+        return [(int(index[first]), turn, (names[last], names[first])) for last, first, turn in ends]
 
     @cached_property
     def room(self) -> FloatArray:
@@ -151,25 +146,20 @@ class Cloud:
     @cached_property
     def separation(self) -> tuple[FloatArray, float]:
         """Distance (n,) of every node from the nearest other one over the local spacing, and the largest
-        spacing difference of neighbours over their distance."""
-        return separation(self.points, self.tree, self.spacing, self.sight, self._between_faces)
+        spacing difference of neighbours over their distance. At acute corners the distance between the faces
+        counts, if it is smaller."""
+        room, outline = self.spacing.copy(), self.boundary_nodes
+        for corner, angle in self.acute.items():
+            away = np.hypot(*(self.points[outline] - self.points[corner]).T)
+            away[away == 0.0] = np.inf
+            room[outline] = np.minimum(room[outline], 2.0 * np.sin(0.5 * angle) * away)
+        return separation(self.points, self.tree, self.spacing, self.sight, room)
 
     @cached_property
     def acute(self) -> dict[int, float]:
         """Corner nodes with an interior angle below MAX_ACUTE_ANGLE, and these angles (radians)."""
         angles = {node: math.pi - turn for node, turn, _ in self.corners}
         return {node: angle for node, angle in angles.items() if angle < MAX_ACUTE_ANGLE}
-
-    @property
-    def _between_faces(self) -> FloatArray:
-        """Distance (n,) between the faces of acute corners at their nodes, infinite elsewhere."""
-        room = np.full(len(self.points), np.inf)
-        for corner, angle in self.acute.items():
-            away = np.hypot(*(self.points[self.boundary_nodes] - self.points[corner]).T)
-            away[away == 0.0] = np.inf
-            across = np.minimum(room[self.boundary_nodes], 2.0 * np.sin(0.5 * angle) * away)
-            room[self.boundary_nodes] = across
-        return room
 
     @cached_property
     def widths(self) -> FloatArray:
@@ -228,9 +218,16 @@ def build_cloud(
     are dropped if they are that close to a corner or to each other.
     About a ``line`` the cloud is its own mirror image if outline, spacing and points are, and if the line
     does not run along the outline.
-    Raises RunError if more than ``limit`` nodes would be needed.
+    Raises RunError if ``limit`` nodes or more would be needed.
     """
-    half, (places, inner) = None, _located(outline, spacing, np.array(wanted, dtype=float).reshape(-1, 2))
+    asked = np.array(wanted, dtype=float).reshape(-1, 2)
+    # The wanted points next to the outline by the curve that is nearest, and the others.
+    arcs = np.array([curve.closest(asked) for curve in outline.curves])
+    near = np.array([curve.points(s) for curve, s in zip(outline.curves, arcs, strict=True)])
+    away = np.hypot(*np.moveaxis(near - asked, 2, 0))
+    number = np.where(away.min(axis=0) <= MIN_DISTANCE * spacing.at(asked), away.argmin(axis=0), -1)
+    places, inner = [arc[number == k] for k, arc in enumerate(arcs)], asked[number < 0]
+    half = None
     if line is not None and spacing.symmetric(line) and line.contains(inner):
         boundary, surfaces, edges = _bounded(outline, spacing, places, line)
         half = halved(line, boundary, edges, spacing)
@@ -240,15 +237,19 @@ def build_cloud(
     else:
         mirror, chords, cuts = half
         first = boundary[mirror.own]
-    inside = _apart(inner, boundary, surfaces, spacing) if len(inner) else inner
+    # Wanted points that are not too close to an earlier one.
+    room, kept = (
+        MIN_DISTANCE * spacing.at(inner),
+        inside_body(boundary, *boundary_of(surfaces.values()), inner),
+    )
+    for k in np.flatnonzero(kept):
+        others = np.flatnonzero(kept[:k])
+        kept[k] = (np.hypot(*(inner[others] - inner[k]).T) > room[k]).all()
+    inside = np.ascontiguousarray(inner[kept])
     start, fixed = np.concatenate([first, inside]), len(boundary) + len(inside)
-    far, zones = spacing.far, spacing.table()
 
     def made() -> Cloud:
-        points = fill_region(start, chords, _strips(chords), far, zones, CANDIDATES, seed, limit)
-        if len(points) >= limit:
-            hint = "use larger spacings or smaller refinements"
-            raise RunError(f"more than {limit} nodes in one body", hint)
+        points = fill_region(start, chords, spacing, seed, limit)
         if half is None:
             points = relax(points, fixed, spacing)
             return Cloud(points, spacing.at(points), surfaces)
@@ -256,7 +257,7 @@ def build_cloud(
         points = relax(np.concatenate([boundary, inner]), fixed, spacing, line, upon - len(inside))
         return Cloud(points, spacing.at(points), surfaces, mirror.extended(len(points), upon))
 
-    key = digest(boundary, start, chords, far, zones, seed, limit, list(surfaces))
+    key = digest(boundary, start, chords, spacing.far, spacing.table(), seed, limit, list(surfaces))
     return memo.value("cloud", key, made)
 
 
@@ -275,75 +276,23 @@ def continuations(cloud: Cloud, surface: Surface) -> Iterator[tuple[int, str]]:
 def _bounded(
     outline: Outline, spacing: Spacing, places: Sequence[FloatArray], line: SymmetryLine | None = None
 ) -> tuple[FloatArray, dict[str, Surface], IntArray]:
-    """Boundary nodes (b, 2), surfaces and edges (b, 2), with nodes at ``places``, arc lengths on every curve,
-    and where the middle of a curve lies on the symmetry ``line``."""
-    steps = [
-        spacing.steps_along(curve, line, at.tolist())
-        for curve, at in zip(outline.curves, places, strict=True)
-    ]
-    points = np.concatenate([curve.points(s[:-1]) for curve, s in zip(outline.curves, steps, strict=True)])
-    surfaces = _surfaces(outline, steps)
-    return points, surfaces, _edges(surfaces.values())
-
-
-def _surfaces(outline: Outline, steps: list[FloatArray]) -> dict[str, Surface]:
-    """Surfaces with nodes at arc lengths ``steps``, numbered loop by loop."""
-    surfaces = {}
-    first = 0
+    """Boundary nodes (b, 2), surfaces and edges (b, 2), numbered loop by loop, with nodes at ``places``, arc
+    lengths on every curve, and where the middle of a curve lies on the symmetry ``line``."""
+    curves = list(zip(outline.names, outline.curves, places, strict=True))
+    points, surfaces, first = list[FloatArray](), dict[str, Surface](), 0
     for loop in outline.loops:
-        total = sum(len(s) - 1 for s in steps[loop])
-        passed = 0
-        for name, curve, s in zip(outline.names[loop], outline.curves[loop], steps[loop], strict=True):
+        steps = [spacing.steps_along(curve, line, at.tolist()) for _, curve, at in curves[loop]]
+        total, passed = sum(len(s) - 1 for s in steps), 0
+        for (name, curve, _), s in zip(curves[loop], steps, strict=True):
+            points.append(curve.points(s[:-1]))
             s = s[:-1] if curve.closed else s
             index = first + (passed + np.arange(len(s), dtype=np.int64)) % total
             surfaces[name] = Surface(name, curve, index, s, curve.normals(s))
-            passed += len(s) - 1
+            passed += len(points[-1])
         first += total
-    return surfaces
+    return np.concatenate(points), surfaces, _edges(surfaces.values())
 
 
 def _edges(surfaces: Iterable[Surface]) -> IntArray:
     index, _, names = boundary_of(surfaces)
     return np.asarray(index[boundary_chords(index, names)])
-
-
-def _strips(edges: FloatArray) -> tuple[IntArray, IntArray, float, float]:
-    """Edges (e, 4) sorted into horizontal strips: (start, edge numbers, lowest y, strip height)."""
-    low = np.minimum(edges[:, 1], edges[:, 3])
-    high = np.maximum(edges[:, 1], edges[:, 3])
-    bottom = float(low.min())
-    height = float(high.max() - bottom) / STRIPS * (1.0 + 1e-12)
-    first = np.clip(((low - bottom) / height).astype(np.int64), 0, STRIPS - 1)
-    last = np.clip(((high - bottom) / height).astype(np.int64), 0, STRIPS - 1)
-    count = np.where(edges[:, 1] == edges[:, 3], 0, last - first + 1)
-    number = np.repeat(np.arange(len(edges)), count)
-    strip = np.repeat(first, count) + np.arange(len(number)) - np.repeat(np.cumsum(count) - count, count)
-    order = np.argsort(strip, kind="stable")
-    start = np.searchsorted(strip[order], np.arange(STRIPS + 1))
-    return start.astype(np.int64), number[order].astype(np.int64), bottom, height
-
-
-def _located(outline: Outline, spacing: Spacing, points: FloatArray) -> tuple[list[FloatArray], FloatArray]:
-    """Of wanted ``points`` (k, 2), the arc lengths on every curve of those on or next to it, and the others
-    (m, 2)."""
-    number, arc, least = np.full(len(points), -1), np.zeros(len(points)), np.full(len(points), np.inf)
-    for k, curve in enumerate(outline.curves if len(points) else ()):
-        s = curve.closest(points)
-        away = np.hypot(*(curve.points(s) - points).T)
-        nearer = away < least
-        number[nearer], arc[nearer], least[nearer] = k, s[nearer], away[nearer]
-    number[least > MIN_DISTANCE * spacing.at(points)] = -1
-    return [arc[number == k] for k in range(len(outline.curves))], points[number < 0]
-
-
-def _apart(
-    points: FloatArray, boundary: FloatArray, surfaces: Mapping[str, Surface], spacing: Spacing
-) -> FloatArray:
-    """Those of the ``points`` (k, 2) inside the body of ``boundary`` nodes (b, 2) that are not too close to
-    an earlier one."""
-    room = MIN_DISTANCE * spacing.at(points)
-    kept = inside_body(boundary, *boundary_of(surfaces.values()), points)
-    for k in np.flatnonzero(kept):
-        others = np.flatnonzero(kept[:k])
-        kept[k] = (np.hypot(*(points[others] - points[k]).T) > room[k]).all()
-    return np.ascontiguousarray(points[kept])

@@ -194,7 +194,7 @@ class Arc(Curve):
         return ((1.0, *self.center, self.radius, first, min(abs(self.sweep), 2.0 * math.pi)),)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Outline:
     """Closed loops of named curves with the material on the left, one loop after the other. ``starts`` are
     the indices of the first curve of each loop. An outline that interpolates given nodes has their numbers:

@@ -41,14 +41,24 @@ def polygon(
     no remaining length is left out. An unnamed arc between two sides of one name belongs to their boundary.
     Raises OutlineError for repeated points, collinear points, and radii that are too large.
     """
-    count = len(points)
-    size, small = extent(points), ROUND_OFF * extent(points)
-    _refuse(_point_faults(points, small, size))
+    count, corners = len(points), np.array(points)
+    size = extent(points)
+    small, area = ROUND_OFF * size, signed_area(corners)
+    faults = [
+        Fault(
+            ("points", number),
+            f"({x:g}, {y:g}) repeats point {other + 1}",
+            "the last point is joined to the first automatically",
+        )
+        for number, (x, y) in enumerate(points)
+        for other in np.flatnonzero(np.hypot(*(corners[:number] - corners[number]).T) <= small)
+    ]
+    _refuse([*faults, _without_area("points", corners)] if abs(area) <= small * size else faults)
     order = list(range(count))
-    if signed_area(np.array(points)) < 0.0:
+    if area < 0.0:
         order.reverse()
     radii = [*rounding, *[0.0] * (count - len(rounding))]
-    xy = np.array(points)[order]
+    xy = corners[order]
     along = np.roll(xy, -1, axis=0) - xy
     room = np.hypot(*along.T)
     direction = along / room[:, None]
@@ -58,8 +68,11 @@ def polygon(
     cut = radius * np.abs(np.tan(0.5 * turn))
     _refuse(_rounding_faults(order, radius, cut, room, small))
 
+    def given(values: Sequence[str], number: int) -> str:
+        return values[number] if number < len(values) else ""
+
     def side(number: int) -> str:
-        return _given(names, number) or f"side{number + 1}"
+        return given(names, number) or f"side{number + 1}"
 
     chain: list[Named] = []
     for place, number in enumerate(order):
@@ -73,12 +86,12 @@ def polygon(
             last = math.atan2(-sign * x, sign * y)
             before = side((number - 1) % count)
             default = before if before == side(number) else f"corner{number + 1}"
-            arc = Arc(_pair(center), float(radius[place]), last - float(turn[place]), float(turn[place]))
-            chain.append((_given(arcs, number) or default, arc))
+            (a, b), sweep = center.tolist(), float(turn[place])
+            arc = Arc((a, b), float(radius[place]), last - sweep, sweep)
+            chain.append((given(arcs, number) or default, arc))
         if room[place] - cut[place] - cut[following] > small:
-            end = xy[following] - cut[following] * direction[place]
-            name = side(number if order[0] == 0 else order[following])
-            chain.append((name, Segment(_pair(start), _pair(end))))
+            (a, b), (c, d) = start.tolist(), (xy[following] - cut[following] * direction[place]).tolist()
+            chain.append((side(number if order[0] == 0 else order[following]), Segment((a, b), (c, d))))
     return chain
 
 
@@ -120,15 +133,15 @@ def closed_chain(
         raise OutlineError([_without_area("sides", corners)])
     if area < 0.0:
         chain = [(name, points[::-1]) for name, points in reversed(chain)]
-    beside = [points for _, points in (chain[-1], *chain, chain[0])]
-    return [
-        (name, Segment(points[0], points[1]))
-        if len(points) == 2
-        else (name, NodeSpline(np.array(points), True).between(0, len(points) - 1))
-        if closed
-        else (name, _through(np.array(points), before, after))
-        for (name, points), before, after in zip(chain, beside, beside[2:], strict=False)
-    ]
+    beside, found = [points for _, points in (chain[-1], *chain, chain[0])], list[Named]()
+    for (name, points), before, after in zip(chain, beside, beside[2:], strict=False):
+        if len(points) == 2:
+            found.append((name, Segment(points[0], points[1])))
+        elif closed:
+            found.append((name, NodeSpline(np.array(points), True).between(0, len(points) - 1)))
+        else:
+            found.append((name, _through(np.array(points), before, after)))
+    return found
 
 
 def _through(points: FloatArray, *sides: Sequence[Point]) -> Spline:
@@ -182,20 +195,6 @@ def _refuse(faults: Iterable[Fault]) -> None:
         raise OutlineError(found)
 
 
-def _given(values: Sequence[str], number: int) -> str:
-    return values[number] if number < len(values) else ""
-
-
-def _point_faults(points: Sequence[Point], small: float, size: float) -> Iterator[Fault]:
-    xy = np.array(points)
-    for number, (x, y) in enumerate(points):
-        for other in np.flatnonzero(np.hypot(*(xy[:number] - xy[number]).T) <= small):
-            message = f"({x:g}, {y:g}) repeats point {other + 1}"
-            yield Fault(("points", number), message, "the last point is joined to the first automatically")
-    if abs(signed_area(xy)) <= small * size:
-        yield _without_area("points", xy)
-
-
 def _without_area(key: str, corners: FloatArray) -> Fault:
     """The fault of ``corners`` (n, 2) that enclose no area: they lie on a line, or their sides cross."""
     place = first_crossing(np.hstack([corners, np.roll(corners, -1, axis=0)]))
@@ -215,10 +214,8 @@ def _rounding_faults(
             larger, other = (place, following) if cut[place] >= cut[following] else (following, place)
             rest = float(room[place] - cut[other])
             text = f"a radius of {radius[larger]:g} takes {cut[larger]:g} of a side that has {rest:g} left"
-            most = rest / cut[larger] * radius[larger]
-            yield Fault(
-                ("rounding", order[larger]), text, f"at most {most:.4g}" if rest > 0.0 else "reduce it"
-            )
+            hint = f"at most {rest / cut[larger] * radius[larger]:.4g}" if rest > 0.0 else "reduce it"
+            yield Fault(("rounding", order[larger]), text, hint)
 
 
 def _join_faults(
@@ -264,13 +261,10 @@ def _hole_faults(
             nearest = outer[away.index(room)][0]
             text = f'the hole cuts the boundary "{nearest}", which is {room:g} from its center'
             yield Fault(("holes", number, "radius"), text, "holes lie inside, with material all around")
-        for other in range(number):
-            if math.dist(center, holes[other][1]) <= radius + holes[other][2] + small:
-                yield Fault(
-                    ("holes", number, "center"),
-                    f"the hole overlaps or touches hole {other + 1}",
-                    "separate them",
-                )
+        for other, (_, there, size) in enumerate(holes[:number]):
+            if math.dist(center, there) <= radius + size + small:
+                text = f"the hole overlaps or touches hole {other + 1}"
+                yield Fault(("holes", number, "center"), text, "separate them")
 
 
 def _meetings(chords: FloatArray, small: float) -> Iterator[tuple[int, int]]:
@@ -296,18 +290,18 @@ def _meetings(chords: FloatArray, small: float) -> Iterator[tuple[int, int]]:
 
 def _apart(one: FloatArray, others: FloatArray) -> FloatArray:
     """Distance (m,) of a chord (4,) to ``others`` (m, 4), 0 where they cross."""
+
+    def away(point: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
+        along, offset = end - start, point - start
+        part = np.clip((along * offset).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
+        return np.asarray(np.hypot(*(offset - part[:, None] * along).T))
+
     a, b = np.broadcast_to(one[:2], (len(others), 2)), np.broadcast_to(one[2:], (len(others), 2))
     c, d = others[:, :2], others[:, 2:]
     crossing = twice_area(a, b, c) * twice_area(a, b, d) < 0.0
     crossing &= twice_area(c, d, a) * twice_area(c, d, b) < 0.0
-    ends = np.minimum.reduce([_to_chord(a, c, d), _to_chord(b, c, d), _to_chord(c, a, b), _to_chord(d, a, b)])
+    ends = np.minimum.reduce([away(a, c, d), away(b, c, d), away(c, a, b), away(d, a, b)])
     return np.where(crossing, 0.0, ends)
-
-
-def _to_chord(points: FloatArray, start: FloatArray, end: FloatArray) -> FloatArray:
-    along, away = end - start, points - start
-    part = np.clip((along * away).sum(axis=1) / (along**2).sum(axis=1), 0.0, 1.0)
-    return np.asarray(np.hypot(*(away - part[:, None] * along).T))
 
 
 def _chords(curve: Curve) -> FloatArray:
@@ -318,7 +312,3 @@ def _chords(curve: Curve) -> FloatArray:
         count = ARC_CHORDS if isinstance(curve, Arc) else 1
         points = curve.points(np.linspace(0.0, curve.length, count + 1))
     return np.hstack([points[:-1], points[1:]])
-
-
-def _pair(point: FloatArray) -> Point:
-    return float(point[0]), float(point[1])

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.loops import Loop
 from mlsanm_cli.cloud.membership import coincident, signed_area, turns
 from mlsanm_cli.errors import GeometryError
@@ -28,18 +28,27 @@ def boundary_loops(
     between its nodes, unless it contains interior nodes. Raises GeometryError for coincident nodes,
     degenerate or overlapping elements, edges of three elements, separate parts, a boundary that touches
     itself, and edge names that do not fit."""
-    _refuse_coincident(points)
+    pairs = coincident(points)
+    if len(pairs):
+        raise GeometryError(
+            f"{len(pairs)} pairs of nodes coincide, the first at {_at(points, pairs[:1, 0])}",
+            "merge duplicate nodes before you write the file",
+        )
     turned = [_counter_clockwise(points, ring) for ring in rings]
     edges = np.concatenate(
         [np.stack([ring.ravel(), np.roll(ring, -1, axis=1).ravel()], axis=1) for ring in turned]
     )
-    _refuse_overlaps(points, edges)
-    _refuse_parts(points, edges)
     key, back = _key(edges, len(points)), _key(edges[:, ::-1], len(points))
+    known, times = np.unique(key, return_counts=True)
+    if (times > 1).any():
+        edge = divmod(known[int(np.argmax(times > 1))], len(points))
+        raise GeometryError(
+            f"elements overlap, or an edge belongs to more than two of them, near {_at(points, edge)}"
+        )
+    _refuse_parts(points, edges)
     boundary = edges[~np.isin(key, back)]
     loops = _chain(points, boundary, _edge_names(points, edges, boundary, lines, names, node_sets))
-    outer = [signed_area(points[loop.nodes]) > 0.0 for loop in loops]
-    if sum(outer) != 1:
+    if sum(signed_area(points[loop.nodes]) > 0.0 for loop in loops) != 1:
         raise GeometryError("the elements overlap: their boundary does not go around them once")
     return loops
 
@@ -53,58 +62,33 @@ def _at(points: FloatArray, nodes: IntArray | Sequence[int]) -> str:
     return f"({x:.6g}, {y:.6g})"
 
 
-def _refuse_coincident(points: FloatArray) -> None:
-    pairs = coincident(points)
-    if len(pairs):
-        raise GeometryError(
-            f"{len(pairs)} pairs of nodes coincide, the first at {_at(points, pairs[:1, 0])}",
-            "merge duplicate nodes before you write the file",
-        )
-
-
 def _counter_clockwise(points: FloatArray, ring: IntArray) -> IntArray:
     """The rings (e, m), all counter-clockwise."""
     corners = points[ring]
     area = signed_area(corners)
-    extent = np.ptp(corners, axis=1).max(axis=1)
-    flat = np.abs(area) <= ROUND_OFF * extent**2
+    flat = np.abs(area) <= ROUND_OFF * np.ptp(corners, axis=1).max(axis=1) ** 2
     # Curved sides may be slightly concave, but a corner that turns the wrong way is a folded element.
     bends = (turns(corners) * np.sign(area)[:, None]) < 0.0
-    step = 1 if ring.shape[1] in (3, 4) else 2
-    flat |= bends[:, ::step].any(axis=1)
+    flat |= bends[:, :: 1 if ring.shape[1] in (3, 4) else 2].any(axis=1)
     if flat.any():
         place = _at(points, ring[int(np.argmax(flat))])
         raise GeometryError(f"{int(flat.sum())} elements are flat or folded, the first near {place}")
     return np.where((area < 0.0)[:, None], ring[:, ::-1], ring)
 
 
-def _refuse_overlaps(points: FloatArray, edges: IntArray) -> None:
-    """Raise GeometryError if an edge has two elements on the same side."""
-    key, times = np.unique(_key(edges, len(points)), return_counts=True)
-    if (times > 1).any():
-        edge = divmod(key[int(np.argmax(times > 1))], len(points))
-        raise GeometryError(
-            f"elements overlap, or an edge belongs to more than two of them, near {_at(points, edge)}"
-        )
-
-
 def _refuse_parts(points: FloatArray, edges: IntArray) -> None:
     # Imported here: it loads the eigenvalue solvers, and only meshes need it.
     from scipy.sparse.csgraph import connected_components
 
-    count = len(points)
+    count, on_edge = len(points), np.unique(edges)  # nodes in the middle of elements are on no edge
     graph = sparse.coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(count, count))
-    # Nodes in the middle of elements are on no edge.
-    label = np.full(count, -1)
-    on_edge = np.unique(edges)
-    label[on_edge] = np.unique(connected_components(graph, directed=False)[1][on_edge], return_inverse=True)[
-        1
-    ]
-    parts = int(label.max()) + 1
-    if parts > 1:
-        places = ", ".join(_at(points, np.flatnonzero(label == k)) for k in range(min(parts, 3)))
+    part = connected_components(graph, directed=False)[1][on_edge]
+    labels = np.unique(part)
+    if len(labels) > 1:
+        places = ", ".join(_at(points, on_edge[part == label]) for label in labels[:3])
+        more = " and more" if len(labels) > 3 else ""
         raise GeometryError(
-            f"the elements form {parts} separate parts, around {places}{' and more' if parts > 3 else ''}",
+            f"the elements form {len(labels)} separate parts, around {places}{more}",
             "one file per body, or name the group of elements it consists of with group",
         )
 
@@ -118,34 +102,25 @@ def _edge_names(
     node_sets: Mapping[str, IntArray],
 ) -> tuple[str, ...]:
     """Names (b,) of the boundary edges."""
-    count = len(points)
-    place = {int(k): number for number, k in enumerate(_key(np.sort(boundary, axis=1), count))}
+    inner, outer, keys = (_key(np.sort(one, axis=1), len(points)) for one in (edges, boundary, lines))
+    known = np.isin(keys, inner)
+    if not known.all():
+        lost = lines[int(np.argmin(known))]
+        raise GeometryError(f"the line element near {_at(points, lost)} is not an edge of an element")
+    place = {key: number for number, key in enumerate(outer.tolist())}
+    named = zip(keys.tolist(), line_names, strict=True)
+    marks = [(place[key], name) for key, name in named if name and key in place]
+    for name, nodes in node_sets.items():
+        if np.isin(nodes, boundary).all():
+            marks += [(int(edge), name) for edge in np.flatnonzero(np.isin(boundary, nodes).all(axis=1))]
     names = [""] * len(boundary)
-
-    def mark(edge: int, name: str) -> None:
+    for edge, name in marks:
         if names[edge] not in ("", name):
             raise GeometryError(
                 f'the groups "{names[edge]}" and "{name}" share the edge near {_at(points, boundary[edge])}',
                 "an edge belongs to one group only",
             )
         names[edge] = name
-
-    keys = _key(np.sort(lines, axis=1), count)
-    known = np.isin(keys, _key(np.sort(edges, axis=1), count))
-    if not known.all():
-        lost = lines[int(np.argmin(known))]
-        raise GeometryError(f"the line element near {_at(points, lost)} is not an edge of an element")
-    for key, name in zip(keys, line_names, strict=True):
-        if name and int(key) in place:
-            mark(place[int(key)], name)
-    on_boundary = np.zeros(count, dtype=bool)
-    on_boundary[boundary] = True
-    for name, nodes in node_sets.items():
-        inside: BoolArray = np.zeros(count, dtype=bool)
-        inside[nodes] = True
-        if on_boundary[nodes].all():
-            for edge in np.flatnonzero(inside[boundary].all(axis=1)):
-                mark(int(edge), name)
     return tuple(names)
 
 
@@ -155,16 +130,13 @@ def _chain(points: FloatArray, boundary: IntArray, names: tuple[str, ...]) -> tu
     if (times > 1).any():
         place = _at(points, start[[int(np.argmax(times > 1))]])
         raise GeometryError(f"the boundary touches itself in the node at {place}", "two parts share one node")
-    following = {int(a): (int(b), name) for (a, b), name in zip(boundary, names, strict=True)}
+    following = {a: (b, name) for (a, b), name in zip(boundary.tolist(), names, strict=True)}
     loops = []
     while following:
-        first = node = next(iter(following))
-        nodes, along = [], []
-        while True:
+        node, nodes, along = next(iter(following)), list[int](), list[str]()
+        while node in following:
             nodes.append(node)
             node, name = following.pop(node)
             along.append(name)
-            if node == first:
-                break
         loops.append(Loop(np.array(nodes, dtype=np.int64), tuple(along)))
     return tuple(loops)

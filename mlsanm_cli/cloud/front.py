@@ -7,7 +7,6 @@ A filled cloud is irregular where fronts meet, and every irregularity is noise i
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -17,8 +16,13 @@ from mlsanm_cli.cloud.curves import Segment
 from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.cloud.spacing import Spacing
+from mlsanm_cli.errors import RunError
 from mlsanm_cli.kernels.fill import DONE, EMPTY, FULL_POINTS, FULL_TABLE, advance_front, spacing_at
 
+CANDIDATES = 15
+"""Directions in which the front grows from a node."""
+STRIPS = 512
+"""Horizontal strips into which the chords of a boundary are sorted."""
 SLICE_SECONDS = 0.05
 """Target duration of a slice, s: the delay of Ctrl-C."""
 FIRST_PARENTS = 500
@@ -26,58 +30,57 @@ FIRST_PARENTS = 500
 WEYL = 0x9E3779B97F4A7C15
 MODULUS = 2**64
 
-Strips = tuple[IntArray, IntArray, float, float]
-
 
 def fill_region(
-    boundary: FloatArray,
-    edges: FloatArray,
-    strips: Strips,
-    far: float,
-    zones: FloatArray,
-    candidates: int,
-    seed: int,
-    limit: int,
+    boundary: FloatArray, edges: FloatArray, spacing: Spacing, seed: int, limit: int
 ) -> FloatArray:
-    """Nodes (n, 2) inside the closed boundary: the boundary nodes (b, 2) first, then the interior ones.
-
-    ``edges`` (e, 4) are the boundary's chords, sorted into horizontal ``strips``; ``far`` and ``zones``
-    define the spacing. The result depends on ``seed``, not on the timing of slices. The front stops at
-    ``limit`` nodes: the caller must reject a cloud of ``limit`` nodes or more.
-    """
+    """Nodes (n, 2) inside the closed boundary of chords ``edges`` (e, 4): the boundary nodes (b, 2) first,
+    then the interior ones. The result depends on ``seed``, not on the timing of slices. Raises RunError if
+    there would be ``limit`` nodes or more."""
+    far, zones, strips = spacing.far, spacing.table(), _strips(edges)
     count = len(boundary)
     room = 2 * count + 1024
     points, h = np.empty((room, 2)), np.empty(room)
     points[:count], h[:count] = boundary, spacing_at(far, zones, boundary)
-    following = _empty(room)
-    keys, heads = _empty(8192), _empty(8192)
+    following = np.full(room, EMPTY, np.int64)
+    keys, heads = np.full((2, 8192), EMPTY, np.int64)
     state = (seed * 2 + 1) * WEYL % MODULUS
     progress = np.array([count, 0, 0, 0, state - MODULUS if 2 * state >= MODULUS else state], np.int64)
-    parents = FIRST_PARENTS
-    while True:
+    parents, stopped = FIRST_PARENTS, None
+    while stopped != DONE:
         begun = time.monotonic()
         stopped = advance_front(
             *(points, h, following, keys, heads, progress, edges, *strips),
-            *(far, zones, candidates, limit, parents),
+            *(far, zones, CANDIDATES, limit, parents),
         )
-        if stopped == DONE:
-            return points[: progress[0]].copy()
         if stopped == FULL_POINTS:
             points, h = np.concatenate([points, np.empty_like(points)]), np.append(h, np.empty_like(h))
-            following = np.append(following, _empty(len(following)))
+            following = np.append(following, np.full(len(following), EMPTY, np.int64))
         elif stopped == FULL_TABLE:
             # Hash table too full for fast probing: continue with a larger one; all nodes are re-entered.
-            room = 8 * int(progress[3] + progress[0] - progress[2])
-            keys, heads = _empty(room), _empty(room)
+            keys, heads = np.full((2, 8 * int(progress[3] + progress[0] - progress[2])), EMPTY, np.int64)
             progress[2] = progress[3] = 0
         else:
             spent = time.monotonic() - begun
             wanted = parents * SLICE_SECONDS / max(spent, 1e-3 * SLICE_SECONDS)
             parents = int(np.clip(wanted, parents / 8, 2 * parents)) + 1
+    if progress[0] >= limit:
+        raise RunError(f"more than {limit} nodes in one body", "use larger spacings or smaller refinements")
+    return points[: progress[0]].copy()
 
 
-def _empty(room: int) -> IntArray:
-    return np.full(room, EMPTY, np.int64)
+def _strips(edges: FloatArray) -> tuple[IntArray, IntArray, float, float]:
+    """Edges (e, 4) sorted into horizontal strips: (start, edge numbers, lowest y, strip height)."""
+    low, high = np.minimum(edges[:, 1], edges[:, 3]), np.maximum(edges[:, 1], edges[:, 3])
+    bottom = float(low.min())
+    height = float(high.max() - bottom) / STRIPS * (1.0 + 1e-12)
+    first, last = (np.clip(((y - bottom) / height).astype(np.int64), 0, STRIPS - 1) for y in (low, high))
+    count = np.where(low == high, 0, last - first + 1)
+    number = np.repeat(np.arange(len(edges)), count)
+    strip = np.repeat(first, count) + np.arange(len(number)) - np.repeat(np.cumsum(count) - count, count)
+    order = np.argsort(strip, kind="stable")
+    start = np.searchsorted(strip[order], np.arange(STRIPS + 1))
+    return start.astype(np.int64), number[order].astype(np.int64), bottom, height
 
 
 SWEEPS = 10
@@ -148,8 +151,16 @@ def with_line_nodes(
     upon = np.abs(inner[:, line.axis] - line.at) < SNAP_DISTANCE * spacing.at(inner)
     inner[upon, line.axis] = line.at
     tree = cKDTree(np.concatenate([boundary, inner]))
-    filled = [node for cut in cuts for node in _fillings(cut, tree, spacing)]
-    added = np.array(filled).reshape(-1, 2)
+    added = np.zeros((0, 2))
+    for (a, b), (c, d) in cuts.tolist():
+        segment = Segment((a, b), (c, d))
+        steps = spacing.steps_along(segment)
+        fine = np.interp(np.arange(0.0, len(steps) - 1.0, HOLE_STEP), np.arange(len(steps)), steps)
+        places = segment.points(fine)
+        sizes, last = spacing.at(places), -np.inf
+        for k in np.flatnonzero(nearest(tree, places)[0] > HOLE_RADIUS * sizes):
+            if fine[k] - last >= sizes[k]:
+                last, added = fine[k], np.append(added, places[[k]], axis=0)
     return np.concatenate([inner[upon], added, inner[~upon]]), int(upon.sum()) + len(added)
 
 
@@ -159,41 +170,22 @@ def halved(
     """Symmetry of ``boundary`` nodes (b, 2) joined by ``edges`` (e, 2), chords (c, 4) of the closed outline
     of the half on the positive side, and its cuts (k, 2, 2) along the ``line``, the last of the chords. None
     if the nodes are not mirror-symmetric, or if the line runs along the boundary."""
-    image = line.images(boundary, spacing.at(boundary))
-    if image is None:
+    mirror = line.mirror(boundary, spacing.at(boundary), edges)
+    if mirror is None:
         return None
-    own = np.arange(len(boundary)) == image
-    side = np.where(own, 0, np.sign(boundary[:, line.axis] - line.at)).astype(np.int64)
-    ends = side[edges]
-    if (ends == 0).all(axis=1).any():
-        return None
+    ends = mirror.side[edges]
     crossing = ends.prod(axis=1) < 0
-    if not np.array_equal(image[edges[crossing, 0]], edges[crossing, 1]):
+    if not np.array_equal(mirror.image[edges[crossing, 0]], edges[crossing, 1]):
         return None
     points = boundary[edges]
     middle = points.mean(axis=1)
     middle[:, line.axis] = line.at
     adjacent = (ends.sum(axis=1) > 0) | crossing
-    outside = ends[:, :, None] < 0
-    chords = np.where(outside, middle[:, None], points)[adjacent]
+    chords = np.where(ends[:, :, None] < 0, middle[:, None], points)[adjacent]
     along = 1 - line.axis
-    crossed = np.sort(np.concatenate([boundary[own, along], middle[crossing, along]]))
+    crossed = np.sort(np.concatenate([boundary[mirror.side == 0, along], middle[crossing, along]]))
     if len(crossed) % 2:
         return None
     cuts = np.full((len(crossed) // 2, 2, 2), line.at)
     cuts[:, :, along] = crossed.reshape(-1, 2)
-    chords = np.concatenate([chords, cuts]).reshape(-1, 4)
-    return Mirror(line, image, side), chords, cuts
-
-
-def _fillings(cut: FloatArray, tree: cKDTree, spacing: Spacing) -> Iterator[FloatArray]:
-    """Nodes (2,) that fill the holes along a ``cut`` (2, 2) through the body, in ascending order."""
-    segment = Segment((float(cut[0, 0]), float(cut[0, 1])), (float(cut[1, 0]), float(cut[1, 1])))
-    steps = spacing.steps_along(segment)
-    fine = np.interp(np.arange(0.0, len(steps) - 1.0, HOLE_STEP), np.arange(len(steps)), steps)
-    places = segment.points(fine)
-    sizes, last = spacing.at(places), -np.inf
-    for k in np.flatnonzero(nearest(tree, places)[0] > HOLE_RADIUS * sizes):
-        if fine[k] - last >= sizes[k]:
-            last = fine[k]
-            yield places[k]
+    return mirror, np.concatenate([chords, cuts]).reshape(-1, 4), cuts

@@ -4,17 +4,18 @@ name causes no kink; collinear stretches become straight lines."""
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
 
-from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Curve, Outline, Segment
 from mlsanm_cli.cloud.membership import cross, numbered, signed_area, turns
-from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
+from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.sight import triangulate, visibility_criterion
 from mlsanm_cli.cloud.splines import NodeSpline, Spline
 from mlsanm_cli.cloud.surface import Surface
@@ -38,17 +39,20 @@ class Loop:
 def trace(points: FloatArray, loops: Sequence[Loop], corner: float) -> Outline:
     """The outline through the loops' nodes, with corners where it turns by more than ``corner`` (radians).
 
-    The outer loop comes first; each loop begins at its lowest corner. Names of several curves are numbered
-    along the outline, unnamed curves are edge1, edge2 and so on. Raises GeometryError if two curves still
-    share a name.
+    The outer loop comes first; each loop begins at its lowest corner, or else change of name, or else node.
+    Names of several curves are numbered along the outline, unnamed curves are edge1, edge2 and so on. Raises
+    GeometryError if two curves still share a name.
     """
-    size = float(np.ptp(points, axis=0).max())
-    cut = [list(_pieces(points, _begun(points, loop, corner), corner, ROUND_OFF * size)) for loop in loops]
-    outer = [signed_area(points[loop.nodes]) > 0.0 for loop in loops]
-    cut = [cut[k] for k in sorted(range(len(cut)), key=lambda k: not outer[k])]
+    small = ROUND_OFF * float(np.ptp(points, axis=0).max())
+    loops = sorted(loops, key=lambda loop: bool(signed_area(points[loop.nodes]) <= 0.0))
+    cut = [list(_pieces(points, loop, corner, small)) for loop in loops]
     names, curves, nodes = zip(*(piece for loop in cut for piece in loop), strict=True)
     starts = np.cumsum([0, *map(len, cut)])[:-1].tolist()
-    return Outline(_numbered(names), curves, tuple(starts), nodes)
+    named = numbered(names, "{}{}", "edge")
+    for name, times in Counter(named).items():
+        if times > 1:
+            raise GeometryError(f'two boundaries would be called "{name}"', "rename that group in the file")
+    return Outline(named, curves, tuple(starts), nodes)
 
 
 def cloud_of_nodes(points: FloatArray, outline: Outline, normals: FloatArray | None = None) -> Cloud:
@@ -57,7 +61,11 @@ def cloud_of_nodes(points: FloatArray, outline: Outline, normals: FloatArray | N
     normal in a file and two here."""
     surfaces = {}
     for name, curve, nodes in zip(outline.names, outline.curves, outline.nodes, strict=True):
-        arc = _node_arcs(curve, points[nodes])
+        if isinstance(curve, Spline):
+            arc = curve.node_arcs[: len(nodes)]
+        else:
+            arc = curve.closest(points[nodes])
+            arc[-1] = curve.length
         normal = curve.normals(arc)
         if normals is not None:
             given = normals[nodes]
@@ -71,24 +79,12 @@ def cloud_of_nodes(points: FloatArray, outline: Outline, normals: FloatArray | N
 def mirrored(cloud: Cloud, line: SymmetryLine) -> Cloud | None:
     """The same cloud with its symmetry about a ``line``; None if its nodes are not symmetric or the line runs
     along its outline."""
-    image = line.images(cloud.points, cloud.spacing)
-    if image is None:
+    mirror = line.mirror(cloud.points, cloud.spacing, cloud.edges)
+    if mirror is None:
         return None
-    own = image == np.arange(len(image))
-    if own[cloud.edges].all(axis=1).any():
-        return None
-    side = np.where(own, 0, np.sign(cloud.points[:, line.axis] - line.at)).astype(np.int64)
     # The image of a quadrilateral may be split along its other diagonal: neighbour distances then differ.
-    spacing = 0.5 * (cloud.spacing + cloud.spacing[image])
-    return Cloud(cloud.points, spacing, cloud.surfaces, Mirror(line, image, side))
-
-
-def _node_arcs(curve: Curve, points: FloatArray) -> FloatArray:
-    if isinstance(curve, Spline):
-        return curve.node_arcs[: len(points)]
-    arc = curve.closest(points)
-    arc[-1] = curve.length
-    return arc
+    spacing = 0.5 * (cloud.spacing + cloud.spacing[mirror.image])
+    return Cloud(cloud.points, spacing, cloud.surfaces, mirror)
 
 
 def _neighbour_distance(points: FloatArray, triangles: IntArray) -> FloatArray:
@@ -108,67 +104,38 @@ def _neighbour_distance(points: FloatArray, triangles: IntArray) -> FloatArray:
     return np.asarray((spacing + np.bincount(node, spacing[other], len(points))) / (count + 1))
 
 
-def _begun(points: FloatArray, loop: Loop, corner: float) -> Loop:
-    """The loop rotated to begin at its lowest corner, or else change of name, or else node."""
-    sharp, renamed = _breaks(points, loop, corner)
-    choice = next((mask for mask in (sharp, renamed) if mask.any()), np.ones(len(sharp), dtype=bool))
-    candidates = np.flatnonzero(choice)
-    x, y = points[loop.nodes[candidates]].T
-    first = int(candidates[np.lexsort((x, y))[0]])
-    return Loop(np.roll(loop.nodes, -first), (*loop.names[first:], *loop.names[:first]))
-
-
-def _breaks(points: FloatArray, loop: Loop, corner: float) -> tuple[BoolArray, BoolArray]:
-    """Masks (k,) of the corners of a loop and of its changes of name."""
-    sharp = np.abs(turns(points[loop.nodes])) > corner
-    renamed = np.array([name != before for before, name in zip(("", *loop.names), loop.names, strict=False)])
-    renamed[0] = loop.names[0] != loop.names[-1]
-    return sharp, renamed
-
-
 def _pieces(
     points: FloatArray, loop: Loop, corner: float, small: float
 ) -> Iterator[tuple[str, Curve, IntArray]]:
     """Name, curve and nodes of the pieces of one loop, in order; nodes within ``small`` of a line lie on
     it."""
-    sharp, renamed = _breaks(points, loop, corner)
-    count = len(sharp)
-    nodes = np.append(loop.nodes, loop.nodes[0])
-    corners = np.flatnonzero(sharp)
-    ends = np.flatnonzero(sharp | renamed)
+    sharp = np.abs(turns(points[loop.nodes])) > corner
+    pairs = zip((loop.names[-1], *loop.names), loop.names, strict=False)
+    renamed = np.array([name != before for before, name in pairs])
+    choice = next((mask for mask in (sharp, renamed) if mask.any()), np.ones(len(sharp), dtype=bool))
+    candidates = np.flatnonzero(choice)
+    x, y = points[loop.nodes[candidates]].T
+    first, count = int(candidates[np.lexsort((x, y))[0]]), len(sharp)
+    sharp, renamed = np.roll(sharp, -first), np.roll(renamed, -first)
+    nodes, names = np.roll(loop.nodes, -first), (*loop.names[first:], *loop.names[:first])
+    corners, ends = np.flatnonzero(sharp), np.flatnonzero(sharp | renamed)
+    around = np.append(nodes, nodes[0])
     if not len(ends):
-        spline = NodeSpline(points[nodes], True)
-        yield loop.names[0], spline.between(0, count), loop.nodes
+        yield names[0], NodeSpline(points[around], True).between(0, count), nodes
         return
     if len(ends) == 1:
         # A curve that ends where it begins is split: no surface contains a node twice.
         ends = np.array([0, count // 2])
     chains = np.append(corners, count) if len(corners) else np.array([0, count])
     for first, last in pairwise(chains.tolist()):
-        spline = NodeSpline(points[nodes[first : last + 1]], not len(corners))
+        spline = NodeSpline(points[around[first : last + 1]], not len(corners))
         inner = np.concatenate([ends[(ends >= first) & (ends < last)], [last]])
         for start, stop in pairwise(inner.tolist()):
-            place = points[nodes[start : stop + 1]]
-            straight = _straight(place, small) and (stop - start > 1 or len(inner) == 2)
+            place = points[around[start : stop + 1]]
+            (x0, y0), (x1, y1) = place[[0, -1]].tolist()
+            along, length = place[-1] - place[0], math.dist((x0, y0), (x1, y1))
+            straight = length > small and (np.abs(cross(place - place[0], along)) <= small * length).all()
             curve: Curve = spline.between(start - first, stop - first)
-            if straight:
-                (x0, y0), (x1, y1) = place[[0, -1]].tolist()
+            if straight and (stop - start > 1 or len(inner) == 2):
                 curve = Segment((x0, y0), (x1, y1))
-            yield loop.names[start], curve, nodes[start : stop + 1]
-
-
-def _straight(points: FloatArray, small: float) -> bool:
-    along = points[-1] - points[0]
-    length = float(np.hypot(*along))
-    if length <= small:
-        return False
-    away = points - points[0]
-    return bool((np.abs(cross(away, along)) <= small * length).all())
-
-
-def _numbered(names: Sequence[str]) -> tuple[str, ...]:
-    found = numbered(names, "{}{}", "edge")
-    for name, times in Counter(found).items():
-        if times > 1:
-            raise GeometryError(f'two boundaries would be called "{name}"', "rename that group in the file")
-    return found
+            yield names[start], curve, around[start : stop + 1]

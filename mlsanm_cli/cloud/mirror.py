@@ -49,6 +49,18 @@ class SymmetryLine:
         paired = np.array_equal(found[found], np.arange(len(points)))
         return found if paired and (np.asarray(away) <= ROUND_OFF * size).all() else None
 
+    def mirror(self, points: FloatArray, size: FloatArray, edges: IntArray) -> Mirror | None:
+        """The symmetry of ``points``, as in :meth:`images`; None also if the line runs along one of the
+        ``edges`` (e, 2) of their outline."""
+        image = self.images(points, size)
+        if image is None:
+            return None
+        own = image == np.arange(len(image))
+        if own[edges].all(axis=1).any():
+            return None
+        side = np.where(own, 0, np.sign(points[:, self.axis] - self.at)).astype(np.int64)
+        return Mirror(self, image, side)
+
 
 @dataclass(frozen=True)
 class Mirror:

@@ -214,10 +214,9 @@ def separation(
     sight: VisibilityCriterion | None,
     room: FloatArray,
 ) -> tuple[FloatArray, float]:
-    """Distance (n,) of ``points`` (n, 2) from the nearest other one over the ``spacing`` (n,), at most
-    ``room`` (n,) between the faces of acute corners, and the largest spacing difference of neighbours over
-    their distance. ``tree`` finds neighbours; pairs that ``sight`` hides from each other across a slit do not
-    count."""
+    """Distance (n,) of ``points`` (n, 2) from the nearest other one over the ``room`` (n,), and the largest
+    difference of the ``spacing`` (n,) of neighbours over their distance. ``tree`` finds neighbours; pairs
+    that ``sight`` hides from each other across a slit do not count."""
     count = min(NEIGHBORS, len(points) - 1)
     distance, found = nearest_nodes(tree, points, np.arange(2, count + 2))
     neighbour = np.asarray(found, dtype=np.int64)
@@ -225,7 +224,7 @@ def separation(
         one = np.repeat(np.arange(len(neighbour)), count)
         distance[sight.apart(one, neighbour.ravel()).reshape(neighbour.shape)] = np.inf
     growth = np.abs(spacing[neighbour] - spacing[:, None]) / distance
-    return np.asarray(distance.min(axis=1) / np.minimum(spacing, room)), float(growth.max())
+    return np.asarray(distance.min(axis=1) / room), float(growth.max())
 
 
 def widths(points: FloatArray, index: IntArray, normal: FloatArray) -> FloatArray:

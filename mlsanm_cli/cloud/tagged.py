@@ -28,26 +28,51 @@ class TaggedNodes:
     normals: FloatArray
     places: tuple[str, ...]
 
+    def at(self, node: int) -> str:
+        """The coordinates of a node in words."""
+        x, y = self.points[node]
+        return f"({x:.6g}, {y:.6g})"
+
 
 def tagged_loops(nodes: TaggedNodes) -> tuple[Loop, ...]:
     """Closed loops through the tagged nodes, the material on the left. A corner between two tags is the end
     node at which the outline turns more; it belongs to both. Raises GeometryError, naming the place in the
-    file, for coincident nodes, an open or unordered boundary, loops side by side and nodes outside."""
-    _refuse_coincident(nodes)
-    chains = _chains(nodes)
-    loops = _linked(nodes, chains)
+    file, for coincident nodes, an open or unordered boundary, loops side by side, nodes outside, and given
+    normals that do not point out of the material."""
+    pairs = coincident(nodes.points)
+    if len(pairs):
+        one, other = np.sort(pairs[np.argmin(pairs.max(axis=1))])
+        raise GeometryError(
+            f"{nodes.places[other]}: the node {nodes.at(other)} repeats that of {nodes.places[one]}",
+            "list a corner once, with either tag",
+        )
+    loops = _linked(nodes, _chains(nodes))
     area = [signed_area(nodes.points[loop.nodes]) for loop in loops]
     outer = int(np.argmax(np.abs(area)))
-    # The outer loop counter-clockwise, holes clockwise.
-    found = tuple(
-        loop if (area[k] > 0.0) == (k == outer) else _reversed(loop) for k, loop in enumerate(loops)
-    )
-    _refuse_outside(nodes, found, outer)
-    return found
+    for k, loop in enumerate(loops):
+        # The outer loop counter-clockwise, holes clockwise.
+        if (area[k] > 0.0) != (k == outer):
+            loops[k] = Loop(loop.nodes[::-1], (*loop.names[-2::-1], loop.names[-1]))
+    places = [nodes.points[loop.nodes] for loop in loops]
+    chords = [np.hstack([place, np.roll(place, -1, axis=0)]) for place in places]
+    for k, loop in enumerate(loops):
+        others = [chords[j] for j in range(len(loops)) if j != k]
+        if k != outer and not inside_polygon(np.concatenate(others), places[k][:1])[0]:
+            first = int(loop.nodes.min())
+            raise GeometryError(
+                f'the loop of "{nodes.tags[first]}" ({nodes.places[first]}) is not a hole in the body',
+                "one body per file",
+            )
+    inner = np.flatnonzero([not tag for tag in nodes.tags])
+    outside = inner[~inside_polygon(np.concatenate(chords), nodes.points[inner])]
+    if len(outside):
+        place = nodes.places[outside[0]]
+        raise GeometryError(f"{place}: the node {nodes.at(outside[0])} lies outside the boundary")
+    _check_normals(nodes, loops)
+    return tuple(loops)
 
 
-def check_normals(nodes: TaggedNodes, loops: Sequence[Loop]) -> None:
-    """Raise GeometryError for a given normal that does not point out of the material."""
+def _check_normals(nodes: TaggedNodes, loops: Sequence[Loop]) -> None:
     for loop in loops:
         place, given = nodes.points[loop.nodes], nodes.normals[loop.nodes]
         before, after = place - np.roll(place, 1, axis=0), np.roll(place, -1, axis=0) - place
@@ -60,7 +85,7 @@ def check_normals(nodes: TaggedNodes, loops: Sequence[Loop]) -> None:
             node = loop.nodes[worst]
             way = "inward" if along[worst] < 0.0 else "sideways"
             raise GeometryError(
-                f"{nodes.places[node]}: the normal at {_at(nodes.points[node])} points {way} "
+                f"{nodes.places[node]}: the normal at {nodes.at(node)} points {way} "
                 f'({int(wrong.sum())} such normals on the loop of "{nodes.tags[node]}")',
                 "normals point out of the material; leave nx and ny empty to have them derived",
             )
@@ -69,27 +94,12 @@ def check_normals(nodes: TaggedNodes, loops: Sequence[Loop]) -> None:
         raise GeometryError(f"{nodes.places[inside[0]]}: a normal at a node without a tag")
 
 
-def _at(point: FloatArray) -> str:
-    return f"({point[0]:.6g}, {point[1]:.6g})"
-
-
-def _refuse_coincident(nodes: TaggedNodes) -> None:
-    pairs = coincident(nodes.points)
-    if len(pairs):
-        one, other = np.sort(pairs[np.argmin(pairs.max(axis=1))])
-        raise GeometryError(
-            f"{nodes.places[other]}: the node {_at(nodes.points[other])} repeats that of {nodes.places[one]}",
-            "list a corner once, with either tag",
-        )
-
-
 def _chains(nodes: TaggedNodes) -> dict[str, IntArray]:
     """The nodes of every tag in file order."""
     tags = np.array(nodes.tags, dtype=object)
-    names = [name for name in dict.fromkeys(nodes.tags) if name]
-    if not names:
+    chains = {name: np.flatnonzero(tags == name) for name in dict.fromkeys(nodes.tags) if name}
+    if not chains:
         raise GeometryError("no node has a tag: there is no boundary", "the column tag names the boundary")
-    chains = {name: np.flatnonzero(tags == name) for name in names}
     for name, chain in chains.items():
         if len(chain) < 2:
             raise GeometryError(f'{nodes.places[chain[0]]}: "{name}" has one node only', "two nodes or more")
@@ -109,11 +119,14 @@ def _chains(nodes: TaggedNodes) -> dict[str, IntArray]:
 
 
 def _linked(nodes: TaggedNodes, chains: dict[str, IntArray]) -> list[Loop]:
-    """Chains joined end to end, closest ends first; the loops run either way round."""
-    points = nodes.points
-    ends = [(name, side) for name in chains for side in (0, -1)]
-    place = np.array([points[chains[name][side]] for name, side in ends])
-    distance = np.hypot(*(place[:, None] - place[None, :]).T)
+    """Chains joined end to end, closest ends first; the loops run either way round. At a corner between two
+    chains the edge goes to the one that does not own it. Raises GeometryError for ends that are too far apart
+    to be neighbours."""
+    points, ends = nodes.points, [(name, side) for name in chains for side in (0, -1)]
+    tips = np.array([chains[name][side] for name, side in ends])
+    beside = np.array([chains[name][1 if side == 0 else -2] for name, side in ends])
+    steps = np.hypot(*(points[beside] - points[tips]).T)
+    distance = np.hypot(*(points[tips][:, None] - points[tips]).T)
     distance[np.diag_indices(len(ends))] = np.inf
     for k, (name, _) in enumerate(ends):
         if len(chains[name]) == 2:
@@ -121,68 +134,30 @@ def _linked(nodes: TaggedNodes, chains: dict[str, IntArray]) -> list[Loop]:
     partner: dict[int, int] = {}
     for flat in np.argsort(distance, axis=None, kind="stable"):
         one, other = divmod(int(flat), len(ends))
-        if np.isfinite(distance[one, other]) and one not in partner and other not in partner:
-            _refuse_gap(nodes, chains, ends[one], ends[other])
-            partner[one], partner[other] = other, one
-    loops = []
-    left = set(range(len(ends)))
+        gap = distance[one, other]
+        if not np.isfinite(gap) or one in partner or other in partner:
+            continue
+        if gap > GAP_RATIO * max(steps[one], steps[other]):
+            raise GeometryError(
+                f'the boundary is open between "{ends[one][0]}" ({nodes.places[tips[one]]}) and '
+                f'"{ends[other][0]}" ({nodes.places[tips[other]]}), {gap:.4g} apart',
+                "give all nodes of the boundary a tag",
+            )
+        partner[one], partner[other] = other, one
+    loops, left = [], set(range(len(ends)))
     while left:
-        end, along, names = min(left), [], []
+        end, along, names = min(left), list[IntArray](), list[str]()
         while end in left:
             left -= {end, end ^ 1}
-            chain = chains[ends[end][0]]
-            along.append(chain if end % 2 == 0 else chain[::-1])
-            names.append(ends[end][0])
+            name, side = ends[end]
+            along.append(chains[name] if side == 0 else chains[name][::-1])
+            names.append(name)
             end = partner[end ^ 1]
-        loops.append(_joined(points, along, names))
+        ring, edges, at = np.concatenate(along), list[str](), 0
+        turn = np.abs(turns(points[ring]))
+        for chain, name, following in zip(along, names, [*names[1:], names[0]], strict=True):
+            at += len(chain)
+            last = following if turn[at - 1] > turn[at % len(ring)] else name
+            edges += [name] * (len(chain) - 1) + [last]
+        loops.append(Loop(ring, tuple(edges)))
     return loops
-
-
-def _refuse_gap(
-    nodes: TaggedNodes, chains: dict[str, IntArray], one: tuple[str, int], other: tuple[str, int]
-) -> None:
-    """Raise GeometryError if the ends of two chains are too far apart to be neighbours."""
-    node, facing = (chains[name][side] for name, side in (one, other))
-    gap = float(np.hypot(*(nodes.points[node] - nodes.points[facing])))
-    ends = [chains[name][:2] if side == 0 else chains[name][-2:] for name, side in (one, other)]
-    steps = [float(np.hypot(*(nodes.points[end[1]] - nodes.points[end[0]]))) for end in ends]
-    if gap > GAP_RATIO * max(steps):
-        raise GeometryError(
-            f'the boundary is open between "{one[0]}" ({nodes.places[node]}) and "{other[0]}" '
-            f"({nodes.places[facing]}), {gap:.4g} apart",
-            "give all nodes of the boundary a tag",
-        )
-
-
-def _joined(points: FloatArray, chains: Sequence[IntArray], names: Sequence[str]) -> Loop:
-    """One loop of chains in order; the edge between two goes to the one that does not own the corner."""
-    nodes = np.concatenate(chains)
-    turn = np.abs(turns(points[nodes]))
-    along, at = [], 0
-    for k, chain in enumerate(chains):
-        at += len(chain)
-        following = names[(k + 1) % len(names)]
-        corner_here = turn[at - 1] > turn[at % len(nodes)]
-        along += [names[k]] * (len(chain) - 1) + [following if corner_here else names[k]]
-    return Loop(nodes, tuple(along))
-
-
-def _reversed(loop: Loop) -> Loop:
-    return Loop(loop.nodes[::-1], (*loop.names[-2::-1], loop.names[-1]))
-
-
-def _refuse_outside(nodes: TaggedNodes, loops: Sequence[Loop], outer: int) -> None:
-    chords = [np.hstack([p, np.roll(p, -1, axis=0)]) for p in (nodes.points[loop.nodes] for loop in loops)]
-    for k, loop in enumerate(loops):
-        others = [chords[j] for j in range(len(loops)) if j != k]
-        if k != outer and not inside_polygon(np.concatenate(others), nodes.points[loop.nodes[:1]])[0]:
-            first = int(loop.nodes.min())
-            tag = nodes.tags[first]
-            raise GeometryError(
-                f'the loop of "{tag}" ({nodes.places[first]}) is not a hole in the body', "one body per file"
-            )
-    inner = np.flatnonzero([not tag for tag in nodes.tags])
-    outside = inner[~inside_polygon(np.concatenate(chords), nodes.points[inner])]
-    if len(outside):
-        place = nodes.places[outside[0]]
-        raise GeometryError(f"{place}: the node {_at(nodes.points[outside[0]])} lies outside the boundary")

@@ -44,11 +44,9 @@ class _Section(NamedTuple):
     rows: list[list[str]]
 
     def refuse(self, message: str, hint: str = "") -> GeometryError:
-        """The error of this section."""
         return GeometryError(f"line {self.line}, *{self.keyword}: {message}", hint)
 
     def name(self, parameter: str) -> str:
-        """The value of a required parameter."""
         if not self.parameters.get(parameter):
             raise self.refuse(f"{parameter} is missing")
         return self.parameters[parameter]
@@ -82,7 +80,6 @@ class _Scope:
         self.rotation, self.shift = np.eye(3), np.zeros(3)
 
     def add_nodes(self, section: _Section) -> None:
-        """The nodes of a *NODE section."""
         numbers = []
         for label, *values in section.rows:
             number = section.whole(label)

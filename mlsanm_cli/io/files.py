@@ -70,7 +70,6 @@ SEAL = b"mlsanm blake2b "
 
 
 def sealed(content: bytes) -> bytes:
-    """The content of a file, followed by its digest."""
     return content + SEAL + hashlib.blake2b(content).digest()
 
 
@@ -173,7 +172,6 @@ class EventLog(Closing):
             self.write(event, **values)
 
     def close(self) -> None:
-        """Closes the file; may be called twice."""
         self._stream.close()
 
 

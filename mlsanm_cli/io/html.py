@@ -34,7 +34,6 @@ pre { background: #f4f4f4; padding: 1rem; overflow-x: auto; font-size: .85rem; }
 
 
 def page(title: str, body: str) -> str:
-    """A whole page around a ``body`` of elements."""
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
@@ -61,14 +60,12 @@ def element(tag: str, text: str, **attributes: str) -> str:
 
 
 def _around(tag: str, content: str, **attributes: str) -> str:
-    """An element around others."""
     attributes = {"class" if name == "kind" else name: value for name, value in attributes.items()}
     listed = "".join(f' {name}="{escape(value)}"' for name, value in attributes.items() if value)
     return f"<{tag}{listed}>{content}</{tag}>"
 
 
 def listing(texts: Sequence[str]) -> str:
-    """A list of texts."""
     return _around("ul", "".join(element("li", text) for text in texts))
 
 

@@ -214,6 +214,5 @@ def _groups(mesh: meshio.Mesh, block: int, dimension: int, count: int) -> list[t
 
 
 def _name(name: str) -> str:
-    """A group's name, reduced to the characters allowed in boundary names."""
     plain = re.sub(r"[^A-Za-z0-9_-]+", "_", name.strip())
     return f"group{plain}" if plain.isdecimal() else plain

@@ -126,7 +126,6 @@ def _check_columns(names: Sequence[str], where: str) -> None:
 
 
 def _numbers(name: str, values: Sequence[str], places: Sequence[str]) -> FloatArray:
-    """Numbers (n,), nan for empty cells."""
     numbers = np.full(len(values), np.nan)
     for row, text in enumerate(values):
         if text.strip():

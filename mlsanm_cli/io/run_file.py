@@ -139,7 +139,6 @@ class RunFile(Closing):
             self.save()
 
     def save(self) -> None:
-        """Writes the file."""
         began = time.monotonic()
         try:
             datasets, attributes = self._content()

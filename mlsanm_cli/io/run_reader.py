@@ -182,7 +182,6 @@ def read_series(rundir: Path, step: int) -> Dataset:
 
 
 def _reading(rundir: Path, read: Callable[[Any, Path], Read]) -> Read:
-    """The result of ``read`` on the open run.h5."""
     file = rundir if rundir.is_file() else rundir / RUN_FILE
     if not file.is_file():
         what = "no such directory" if not rundir.exists() else f"it holds no {RUN_FILE}"

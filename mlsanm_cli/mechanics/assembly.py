@@ -92,11 +92,11 @@ def assemble(
         strong = Strong(lines, on_pieces, np.tile(np.arange(pieces.count), 3), places, sums)
         return least_squares.factorise(rows, weight, cloud.points, solver, strong)
 
-    # Digest of the input of the rows, which are many times as large. The weights and the points halfway
-    # between nodes capture what nodes and normals do not tell of the curves.
+    # Of the input of the rows, which are many times as large. Points between nodes tell of the curves.
     curves = [surface.curve.points(Halves.of(surface).arc) for surface in cloud.surfaces.values()]
+    kind = [cloud.content, material.stiffness, material.flows, model.settings]
     chosen = [held, held_nodes, springs, solver, sorted(touching), unloaded]
-    content = digest(model.rows_content, weight, curves, chosen)
+    content = digest(kind, weight, curves, chosen)
     equations = BodyEquations(content, factorise)
     body = ElasticBody(model, held, springs, free, count, pieces, loads, equations, tuple(held_nodes))
     if not free.components:

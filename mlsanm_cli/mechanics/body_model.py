@@ -37,8 +37,7 @@ from mlsanm_cli.operators.stencils import build_gradients, build_stencils, refle
 from mlsanm_cli.records import dataclass
 
 INCOMPRESSIBLE_NEIGHBORS = 1.3
-"""Factor on the stencil size of nearly incompressible materials, whose errors scatter more from cloud to
-cloud."""
+"""Factor on the stencil size of nearly incompressible materials."""
 
 SECOND_SHARE = 0.05
 """Share of second derivatives in the equilibrium of materials that flow: with it the plastic stresses of a
@@ -52,11 +51,8 @@ MIN_CORNER_ANGLE = 0.3
 
 @dataclass(frozen=True)
 class BodyModel:
-    """Cloud, material and operators of one body, before its boundary conditions are set up.
-
-    The cloud's points are the nodes, which carry the unknowns. ``stencils`` are theirs, ``near`` (n, k) their
-    nearest nodes, kept for later stencils.
-    """
+    """Cloud, material and operators of one body. The cloud's points are the nodes, which carry the unknowns.
+    ``stencils`` are theirs, ``near`` (n, k) their nearest nodes, kept for later stencils."""
 
     name: str
     cloud: Cloud
@@ -77,7 +73,14 @@ class BodyModel:
         """Build stencils with second derivatives at every node. The neighbour search covers ``foresight``
         nodes, for larger stencils made later. Raises NumericalError if two nodes are too close or a part is
         too thin for the degree."""
-        _refuse_coincident(name, cloud)
+        distance = cloud.separation[0].min()
+        if distance < MIN_NODE_DISTANCE:
+            x, y = cloud.points[cloud.separation[0].argmin()]
+            raise NumericalError(
+                f"body {name}: two nodes near ({x:.6g}, {y:.6g}) are only {distance:.2g} "
+                "of the spacing apart",
+                "make the spacing smaller there, or leave out the short side, small arc or sharp tip",
+            )
         settings = enough_neighbors(settings, material)
         nodes, tree, sight = cloud.fitted
         points, mirror = cloud.points, cloud.mirror
@@ -87,7 +90,12 @@ class BodyModel:
         try:
             stencils = build_stencils(nodes, tree, points, 2, settings, sight, near, tips, cloud.images)
         except NumericalError as error:
-            raise _at_a_tip(name, cloud, error) from error
+            corner = min(cloud.acute, key=cloud.acute.__getitem__, default=None)
+            if corner is None or cloud.acute[corner] > MIN_CORNER_ANGLE:
+                raise
+            angle, (x, y) = np.degrees(cloud.acute[corner]), cloud.points[corner]
+            where = f"body {name}: the corner of {angle:.3g} degrees at ({x:.6g}, {y:.6g}) is too acute"
+            raise NumericalError(f"{where}: {error.message}", "round it, or cut its tip off") from error
         if not foresight:
             near = near[:, :0]
         if mirror is not None:
@@ -108,12 +116,6 @@ class BodyModel:
     def content(self) -> str:
         """Digest of the nodes, the material and the operators' settings."""
         return model_key(self.name, self.cloud, self.material, self.settings)
-
-    @cached_property
-    def rows_content(self) -> str:
-        """Digest of what the body's rows depend on; its name and thermal expansion do not matter."""
-        kind = _kind(self.settings)
-        return digest(self.cloud.content, self.material.stiffness, self.material.flows, kind)
 
     @property
     def unknowns(self) -> int:
@@ -140,6 +142,11 @@ class BodyModel:
             nodes, tree, centers, points, self.settings, sight, values, tips=self.tips, own=own
         )
 
+    def field_rows(self, points: FloatArray) -> sparse.csr_array:
+        """Rows (e, n) of a nodal field at ``points`` (e, 2)."""
+        stencils = self.stencils_at(points, 0)
+        return scalar_rows(stencils, np.ascontiguousarray(stencils.weights[:, 0]))
+
     def values_along(self, points: FloatArray, directions: FloatArray) -> sparse.csr_array:
         """Rows (e, 2N) of the displacement at ``points`` (e, 2) along ``directions`` (e, 2)."""
         stencils = self.stencils_at(points, 0)
@@ -161,27 +168,22 @@ class BodyModel:
         if not self.material.nearly_incompressible:
             return force_rows(stencils, c, arm, normals)
         # Mean pressure as a nodal field, as in the nodal equilibrium.
-        even, flat = self.material.bulk_part, points.reshape(-1, 2)
-        there = self.stencils_at(flat, 0)
-        values = scalar_rows(there, there.weights[:, 0])
-        parts = force_sums(arm, normals)
+        even, values = self.material.bulk_part, self.field_rows(points.reshape(-1, 2))
         nested = [
-            (part @ values) @ stress_rows(self.stencils, even, which) for which, part in enumerate(parts)
+            (part @ values) @ stress_rows(self.stencils, even, which)
+            for which, part in enumerate(force_sums(arm, normals))
         ]
         return sparse.csr_array(sum(nested, force_rows(stencils, c - even, arm, normals)))
 
     def hoop_stress(self, centers: FloatArray, points: FloatArray) -> sparse.csr_array:
         """Rows (e t, 2N) of the hoop stress at the t ``points`` (e, t, 2) of each of the ``centers`` (e,
         2)."""
-        stencils, times = self.gradients_around(centers, points), points.shape[1]
-        c, even = self.material.stiffness, self.material.bulk_part
-        nested = self.material.nearly_incompressible
-        each = stencils.of_each(times)
-        rows = stress_rows(each, c - even if nested else c, HOOP)
-        if nested:
-            there = self.stencils_at(points.reshape(-1, 2), 0)
-            rows = rows + scalar_rows(there, there.weights[:, 0]) @ stress_rows(self.stencils, even, HOOP)
-        return sparse.csr_array(rows)
+        each, c = self.gradients_around(centers, points).of_each(points.shape[1]), self.material.stiffness
+        if not self.material.nearly_incompressible:
+            return stress_rows(each, c, HOOP)
+        even, values = self.material.bulk_part, self.field_rows(points.reshape(-1, 2))
+        nested = values @ stress_rows(self.stencils, even, HOOP)
+        return sparse.csr_array(stress_rows(each, c - even, HOOP) + nested)
 
     def equilibrium(self, component: int) -> sparse.csr_array:
         """Rows (n, 2N) of div sigma in x (0) or y (1) at the cloud's points: by second derivatives of the
@@ -189,12 +191,12 @@ class BodyModel:
         fields."""
         even = self.nested
         rest = self.material.stiffness - even
-        rows = []
+        if not even.any():
+            return equilibrium_rows(self.stencils, rest, component)
+        rows = nested_equilibrium_rows(self.stencils, even, component)
         if rest.any():
-            rows.append(equilibrium_rows(self.stencils, rest, component))
-        if even.any():
-            rows.append(nested_equilibrium_rows(self.stencils, self.stencils, even, component))
-        return sparse.csr_array(sum(rows[1:], rows[0]))
+            rows = sparse.csr_array(equilibrium_rows(self.stencils, rest, component) + rows)
+        return rows
 
     @cached_property
     def nested(self) -> FloatArray:
@@ -260,30 +262,4 @@ def enough_neighbors(settings: MlsSettings, material: PlaneMaterial) -> MlsSetti
 def model_key(name: str, cloud: Cloud, material: PlaneMaterial, settings: MlsSettings) -> str:
     """Digest of the arguments of :meth:`BodyModel.build`."""
     elastic = [material.stiffness, material.across, material.expansion, material.across_heat, material.flows]
-    return digest(name, cloud.content, elastic, _kind(settings))
-
-
-def _kind(settings: MlsSettings) -> list[object]:
-    return [settings.degree, settings.neighbors, settings.corners, settings.narrow]
-
-
-def _at_a_tip(name: str, cloud: Cloud, error: NumericalError) -> NumericalError:
-    """An ``error`` of stencils with the acute corner that causes it, if there is one."""
-    corner = min(cloud.acute, key=cloud.acute.__getitem__, default=None)
-    if corner is None or cloud.acute[corner] > MIN_CORNER_ANGLE:
-        return error
-    angle, (x, y) = np.degrees(cloud.acute[corner]), cloud.points[corner]
-    return NumericalError(
-        f"body {name}: the corner of {angle:.3g} degrees at ({x:.6g}, {y:.6g}) is too acute: {error.message}",
-        "round it, or cut its tip off",
-    )
-
-
-def _refuse_coincident(name: str, cloud: Cloud) -> None:
-    distance = cloud.separation[0].min()
-    if distance < MIN_NODE_DISTANCE:
-        x, y = cloud.points[cloud.separation[0].argmin()]
-        raise NumericalError(
-            f"body {name}: two nodes near ({x:.6g}, {y:.6g}) are only {distance:.2g} of the spacing apart",
-            "make the spacing smaller there, or leave out the short side, small arc or sharp tip",
-        )
+    return digest(name, cloud.content, elastic, settings)

@@ -65,12 +65,8 @@ class Corner:
         """The two faces with force densities."""
         if self.curved is not None:
             return self.curved
-        wedge = self.wedge
-        first, second = (
-            Face(self.tip, along, inward)
-            for along, inward in zip((wedge.along, wedge.second), wedge.inward, strict=True)
-        )
-        return first, second
+        one, other = self.wedge.inward
+        return Face(self.tip, self.wedge.along, one), Face(self.tip, self.wedge.second, other)
 
     @property
     def bisector(self) -> complex:
@@ -94,13 +90,13 @@ class Corner:
     def cleared(self, z: ComplexArray, normal: ComplexArray) -> tuple[BoolArray, BoolArray]:
         """Masks (e,) of points with outward normals on the first face, and on the second face freed of all
         tractions."""
-        found = []
-        for face in self.faces[:1] if self.wedge.sliding or self.wedge.clamped else self.faces:
-            w = (z - self.tip) * np.conj(face.along)
-            on = (np.abs(w.imag) <= ROUND_OFF * self.length) & (w.real >= -ROUND_OFF * self.length)
-            on &= np.abs((normal * np.conj(face.along)).real) <= ROUND_OFF
-            found.append(on & (self.curved is None))
-        return found[0], found[-1] if len(found) > 1 else np.zeros(len(z), dtype=bool)
+        found = [np.zeros(len(z), dtype=bool)] * 2
+        if self.curved is None:
+            for number, face in enumerate(self.faces[: 1 if self.wedge.sliding or self.wedge.clamped else 2]):
+                w = (z - self.tip) * np.conj(face.along)
+                on = (np.abs(w.imag) <= ROUND_OFF * self.length) & (w.real >= -ROUND_OFF * self.length)
+                found[number] = on & (np.abs((normal * np.conj(face.along)).real) <= ROUND_OFF)
+        return found[0], found[1]
 
     def off_tip(self, z: ComplexArray, normal: ComplexArray) -> ComplexArray:
         """Points (e,) with outward normals, those at the tip shifted along their curved face."""
@@ -125,14 +121,15 @@ class Corner:
         inward = np.full(len(source), self.wedge.inward[1])
         return SurfaceForces(self.wedge.kernel, place, inward), acts[:, None, None] * self.wedge.image
 
-    def images(self, source: FloatArray, force: FloatArray) -> tuple[Images, ...]:
-        """Images, behind a frictionless wall, of forces (k, 2, c) at distances ``source`` (k,)."""
+    def sources(self, source: FloatArray, force: FloatArray) -> tuple[FaceForces | Images, ...]:
+        """Force densities along the faces, and images behind a frictionless wall, of forces (k, 2, c) at
+        distances ``source`` (k,)."""
         found = self.mirrored(source)
-        return () if found is None else (Images(found[0], np.einsum("kfd,kdc->kfc", found[1], force)),)
+        images = () if found is None else (Images(found[0], np.einsum("kfd,kdc->kfc", found[1], force)),)
+        return (*self.face_forces(source, force), *images)
 
     def face_forces(self, source: FloatArray, force: FloatArray) -> tuple[FaceForces, ...]:
-        """Force densities along both faces for forces (k, 2, c) at distances ``source`` (k,); empty without
-        forces."""
+        """The force densities alone; empty without forces."""
         acting = (source > 0.0) & (force != 0.0).any(axis=(1, 2))
         if not acting.any():
             return ()
@@ -202,23 +199,19 @@ class CorneredForces:
         """Force densities and images behind walls at other angles, per corner."""
         unit, found = _unit(len(self.place)), list[tuple[FaceForces | Images, ...]]()
         for corner in self.corners:
-            both = corner.with_images(corner.distance(self.place), unit, self.images)
-            found.append((*corner.face_forces(*both), *corner.images(*both)))
+            found.append(corner.sources(*corner.with_images(corner.distance(self.place), unit, self.images)))
         return tuple(found)
 
     def displacement(self, z: ComplexArray) -> FloatArray:
         """Displacements (e, k, 2, 2) at points ``z`` (e,) other than those of the forces."""
-        total = self._displacement(z)
-        for image in self.images:
-            total += image.matrix.T @ self._displacement(image.points(z))
-        return total
-
-    def _displacement(self, z: ComplexArray) -> FloatArray:
-        """The same, not reflected."""
-        total = self.own.displacement(z)
-        for lines in self._terms:
-            for line in lines:
-                total = total + _parted(line.displacement(z), len(self.place))
+        total = np.zeros((len(z), len(self.place), 2, 2))
+        for image in (None, *self.images):
+            at = z if image is None else image.points(z)
+            moved = self.own.displacement(at)
+            for lines in self._terms:
+                for line in lines:
+                    moved = moved + _parted(line.displacement(at), len(self.place))
+            total += moved if image is None else image.matrix.T @ moved
         return total
 
     def traction(self, z: ComplexArray, normal: ComplexArray, curvature: FloatArray) -> FloatArray:
@@ -226,35 +219,23 @@ class CorneredForces:
         exactly zero on a corner's straight faces by the forces with this corner's densities."""
         for corner in self.corners:
             z = corner.off_tip(z, normal)
-        seen = [(image.points(z), image.directions(normal), curvature) for image in self.images]
-        total = self._left(self.own.traction(z, normal, curvature), z, normal)
-        for image, at in zip(self.images, seen, strict=True):
-            total += self._left(image.matrix.T @ self.own.traction(*at), z, normal, image)
-        total += self._by_corners(z, normal, curvature)
-        for image, at in zip(self.images, seen, strict=True) if self.corners else ():
-            total += image.matrix.T @ self._by_corners(*at)
-        return total
-
-    def _left(
-        self, values: FloatArray, z: ComplexArray, normal: ComplexArray, image: Image | None = None
-    ) -> FloatArray:
-        """Tractions (e, k, 2, 2) by the forces, or by an ``image`` of these, without what densities cancel on
-        second faces."""
-        for corner in self.corners:
-            away = corner.distance(self.place)
-            share = corner.share(away if image is None else corner.reflected(away, image))
-            values[corner.cleared(z, normal)[1]] *= (1.0 - share)[:, None, None]
-        return values
-
-    def _by_corners(self, z: ComplexArray, normal: ComplexArray, curvature: FloatArray) -> FloatArray:
-        """Tractions (e, k, 2, 2) by what acts along the faces of corners, except on these faces."""
         total = np.zeros((len(z), len(self.place), 2, 2))
-        for corner, lines in zip(self.corners, self._terms, strict=True):
-            own, adjacent = corner.cleared(z, normal)
-            off = ~(own | adjacent)
-            if off.any():
-                for line in lines:
-                    total[off] += _parted(line.traction(z[off], normal[off], curvature[off]), len(self.place))
+        for image in (None, *self.images):
+            at, outward = (z, normal) if image is None else (image.points(z), image.directions(normal))
+            turn = np.eye(2) if image is None else image.matrix.T
+            direct = turn @ self.own.traction(at, outward, curvature)
+            for corner, lines in zip(self.corners, self._terms, strict=True):
+                # Densities cancel the tractions on second faces.
+                away = corner.distance(self.place)
+                share = corner.share(away if image is None else corner.reflected(away, image))
+                direct[corner.cleared(z, normal)[1]] *= (1.0 - share)[:, None, None]
+                # What acts along the faces makes no tractions on these.
+                off = ~np.logical_or(*corner.cleared(at, outward))
+                if off.any():
+                    for line in lines:
+                        found = line.traction(at[off], outward[off], curvature[off])
+                        total[off] += turn @ _parted(found, len(self.place))
+            total += direct
         return total
 
 

@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.mechanics.near_field import (
     ComplexArray,
@@ -145,9 +145,14 @@ class FaceForces:
         center = None if self.center is None else self.center - self.face.tip
         forces = SurfaceForces(self.kernel, *self.face.places((x[:, None] * np.exp(away)).ravel()), center)
         found = field_of_each(forces, seen) * size.ravel()[:, None, None]
-        first, shares = _cubic_shares(row.ravel(), len(self.logarithm))
+        # Shares of the four nearest rows in a cubic interpolation.
         count = len(self.logarithm)
-        at = np.repeat(np.arange(len(x)), away.shape[1]) * count + first
+        row = np.clip(row.ravel(), 1.0, count - 3.0)
+        first = np.minimum(row.astype(np.int64), count - 4)
+        u = row - first
+        low, high = u * (u - 1.0) / 6.0, (u + 1.0) * (u - 2.0) / 2.0
+        shares = np.stack([-low * (u - 2.0), high * (u - 1.0), -high * u, low * (u + 1.0)], axis=1)
+        at = np.repeat(np.arange(len(x)), away.shape[1]) * count + first - 1
         gathered = sparse.csr_array(
             (shares.ravel(), (at[:, None] + np.arange(4)).ravel(), 4 * np.arange(len(at) + 1)),
             shape=(len(at), len(x) * count),
@@ -165,14 +170,3 @@ def smooth_step(way: FloatArray) -> FloatArray:
     """Smooth step (...) from 1 to 0 as ``way`` (...) goes from 0 to 1."""
     way = np.clip(way, 2e-2, 1.0 - 2e-2)
     return np.asarray(1.0 / (1.0 + np.exp(1.0 / (1.0 - way) - 1.0 / way)))
-
-
-def _cubic_shares(at: FloatArray, count: int) -> tuple[IntArray, FloatArray]:
-    """First (e,) of the four rows, out of ``count``, for interpolation ``at`` fractional row numbers (e,),
-    and their weights (e, 4)."""
-    at = np.clip(at, 1.0, count - 3.0)
-    first = np.minimum(at.astype(np.int64), count - 4)
-    u = at - first
-    low, high = u * (u - 1.0) / 6.0, (u + 1.0) * (u - 2.0) / 2.0
-    shares = np.stack([-low * (u - 2.0), high * (u - 1.0), -high * u, low * (u + 1.0)], axis=1)
-    return first - 1, shares

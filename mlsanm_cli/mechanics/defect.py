@@ -42,15 +42,14 @@ DEGREES = (2, 3, 4)
 SINGULAR_REACH = 4.0
 """Distance in spacings from ends of clamped sides within which a defect is uncertain."""
 SINGULAR_SHARE = 0.5
-"""Part of the change by these rows alone, without those of pieces, that is uncertain: stresses are singular
-there, fits of the next degree are as wrong as others, and the errors that they see all but cancel."""
+"""Part of the change by these rows alone, without those of pieces, that is uncertain: where stresses are
+singular, fits of the next degree are as wrong as others."""
 
 CORRECTION_TOLERANCE = 1e-3
 """Accepted relative error of a correction: an estimate has a digit or two."""
 ALGEBRAIC_FRACTION = 0.15
-"""Accepted algebraic error of the displacements, as a fraction of the correction computed from them: it is
-smooth and has a small defect itself, except in nearly incompressible bodies, whose displacements are refined
-as far as possible."""
+"""Accepted algebraic error of the displacements over the correction computed from them; nearly incompressible
+bodies are refined as far as possible."""
 
 
 def next_degree(settings: MlsSettings, material: PlaneMaterial) -> MlsSettings:
@@ -106,10 +105,9 @@ def correct(
     """Displacements of a body for ``source`` (r, 1) plus the rigid part ``moved`` (2N,), with their
     correction. Surfaces on ``plates`` are moved by forces; ``memo`` keeps the better fits of small bodies.
 
-    Unrefined solutions suffice for corrections. The displacements themselves are refined, each step sharing
-    one pass through the factor with a correction, until the steps are small against it. The first step
-    estimates the error of unrefined solutions: it is largest for smooth ones like this. Raises NumericalError
-    as :func:`defect_of`.
+    Unrefined solutions suffice for corrections. The displacements are refined until the steps, which share
+    passes through the factor with corrections, are small against these; the first one estimates the error of
+    unrefined solutions. Raises NumericalError as :func:`defect_of`.
     """
     better = memo.value("next degree", body.model.content, partial(NextDegree, body.model))
     solution = body.system.solve_unrefined(source)
@@ -160,8 +158,8 @@ def defect_of(
     radius = model.stencils.radius
     lost, divergence, mean = stress_of(less, stiffness, radius), model.divergence_of(less), None
     if model.material.nearly_incompressible:
-        # The defect of the area change times the bulk modulus is large and not smooth. It enters by the
-        # body's own fits, as in its rows; the next degree is compared on the mean stress, which is smooth.
+        # The defect of the area change is large and not smooth: it enters by the body's own fits, as in its
+        # rows; the next degree is compared on the mean stress.
         smooth = model.mean_stress(displacement)
         divergence += model.stress_divergence(smooth) - divergence_of_stress(better.at_nodes(smooth), radius)
         mean = stress_of(less, model.material.bulk_part, radius) + smooth, smooth
@@ -173,25 +171,19 @@ def defect_of(
     lacking = partial(better.stress_around, displacement, mean)
     fluxes = body.pieces.flux_of(lacking, body.restrained)
     source[body.rows - len(fluxes) :] = fluxes - body.loads @ source
-    reactions = {
-        name: -reaction_of(
-            model,
-            model.cloud.surfaces[name],
-            axes,
-            (0.0, 0.0),
-            lambda points: lacking(points, points[:, None])[:, 0],
-        )
-        for name, axes in body.restrained.items()
-        if any(axes)
-    }
+    reactions = {}
+    for name, axes in body.restrained.items():
+        if any(axes):
+            where = model.cloud.surfaces[name]
+            missing = reaction_of(model, where, axes, (0.0, 0.0), lambda at: lacking(at, at[:, None])[:, 0])
+            reactions[name] = -missing
     stress = stress_of(derivatives, stiffness, radius) - model.stress(displacement)
     return Defect(source, np.where(_near_singular(body, plates), source, 0.0), stress, reactions)
 
 
 def _near_singular(body: ElasticBody, plates: Collection[str]) -> BoolArray:
-    """Mask (r,) of the rows of nodes within SINGULAR_REACH of ends of clamped sides. Not of those on
-    ``plates``: what such a plate carries is known, but the stress beneath it is not, and by this part alone a
-    long beam would have turned its plate by a tenth of its angle, right to 1e-4."""
+    """Mask (r,) of the rows of nodes within SINGULAR_REACH of ends of clamped sides, but those on ``plates``:
+    what such a plate carries is known."""
     cloud, found = body.model.cloud, np.zeros(body.rows, dtype=bool)
     fixed = {name: axes for name, axes in body.restrained.items() if name not in plates}
     ends = singular_changes(cloud, fixed, body.springs)

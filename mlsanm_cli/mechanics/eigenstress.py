@@ -79,12 +79,6 @@ def eigenstress_reaction(body: ElasticBody, surface: str, center: tuple[float, f
     return reaction_rows(model, where, held, center, lambda *places: forces_through(model, *places))
 
 
-def values_at(model: BodyModel, points: FloatArray) -> sparse.csr_array:
-    """Rows (e, n) of a nodal field at ``points`` (e, 2)."""
-    stencils = model.stencils_at(points, 0)
-    return scalar_rows(stencils, np.ascontiguousarray(stencils.weights[:, 0]))
-
-
 def _placed(parts: tuple[int, int], blocks: list[sparse.csr_array], nodes: int) -> sparse.csr_array:
     """Rows (e, 3n) with two ``blocks`` (e, n) at the stresses ``parts``."""
     empty = sparse.csr_array((blocks[0].shape[0], nodes))

@@ -32,7 +32,7 @@ from mlsanm_cli.operators.stencil_weights import Stencils
 XX, YY, XY, HOOP = 0, 1, 2, 3
 
 
-FIRST, SECOND, ALL = slice(1, 3), slice(3, 6), slice(1, 6)
+SECOND = slice(3, 6)
 """Derivatives among the weights of a stencil: x, y; xx, xy, yy."""
 WITH_X, WITH_Y = (1, 3, 4), (2, 4, 5)
 """Derivatives by x and y of value, x and y among the weights of a stencil."""
@@ -66,35 +66,29 @@ def strain_operator(radius: FloatArray) -> FloatArray:
     return found
 
 
-def moduli_of(c: FloatArray, radius: FloatArray | None = None) -> FloatArray:
-    """Derivatives (4, 2, 2, 1) of the stresses xx, xy, yx, yy by the derivatives x, y of u_x and u_y; (4, 3,
-    2, e) by value, x and y at points of a ``radius`` (e,)."""
-    return _stress_operator(c, radius)[[XX, XY, XY, YY]]
-
-
-def _stress_operator(c: FloatArray, radius: FloatArray | None) -> FloatArray:
-    """The same for the stresses xx, yy, xy and, at points of a ``radius``, hoop."""
+def stress_operator(c: FloatArray, radius: FloatArray | None = None) -> FloatArray:
+    """Derivatives (3, 2, 2, 1) of the stresses xx, yy, xy by the derivatives x, y of u_x and u_y; (4, 3, 2,
+    e), with the hoop stress, by value, x and y at points of a ``radius`` (e,)."""
     if radius is not None:
         return np.asarray(np.einsum("as,skie->akie", c, strain_operator(radius)))
     return np.stack([[[xx, xy], [xy, yy]] for xx, yy, xy in c])[..., None]
 
 
-def _of_order(coefficients: FloatArray) -> slice:
-    """The weights of a stencil that coefficients (m, ...) of value (if m = 3) and first derivatives
-    multiply."""
-    return slice(3 - len(coefficients), 3)
+def moduli_of(c: FloatArray, radius: FloatArray | None = None) -> FloatArray:
+    """The same (4, ...) of the stresses xx, xy, yx, yy."""
+    return stress_operator(c, radius)[[XX, XY, XY, YY]]
 
 
 def first_order_rows(stencils: Stencils, coefficients: FloatArray) -> sparse.csr_array:
     """Rows (e, 2n) with ``coefficients`` (2 | 3, 2, e | 1) of value (if three) and first derivatives."""
     if coefficients.shape[-1] == 1:
         coefficients = coefficients[..., 0]
-    return operator_rows(stencils, _of_order(coefficients), coefficients)
+    return operator_rows(stencils, slice(3 - len(coefficients), 3), coefficients)
 
 
 def stress_rows(stencils: Stencils, c: FloatArray, component: int) -> sparse.csr_array:
     """Rows (e, 2n) of the stress ``component`` XX, YY, XY or HOOP at the stencils' points."""
-    return first_order_rows(stencils, _stress_operator(c, stencils.radius)[component])
+    return first_order_rows(stencils, stress_operator(c, stencils.radius)[component])
 
 
 def traction_moduli(moduli: FloatArray, normal: FloatArray, component: int) -> FloatArray:
@@ -172,23 +166,21 @@ def _equilibrium_operator(c: FloatArray, radius: FloatArray) -> FloatArray:
     return np.stack([np.where(inverse > 0.0, x, 0.0), y])
 
 
-def nested_equilibrium_rows(
-    stencils: Stencils, outer: Stencils, c: FloatArray, component: int
-) -> sparse.csr_array:
-    """Rows (e, 2n) of div sigma in x (0) or y (1), by first derivatives of nodal stresses. ``outer`` are
-    stencils of the e points on each other."""
+def nested_equilibrium_rows(stencils: Stencils, c: FloatArray, component: int) -> sparse.csr_array:
+    """Rows (n, 2n) of div sigma in x (0) or y (1) at nodes, by first derivatives of nodal stresses."""
+    radius = stencils.radius
     first, second = ((XX, XY), (XY, YY))[component]
     of_x, of_y = (stress_rows(stencils, c, one) for one in (first, second))
     # The shear stress is odd about an axis of revolution.
-    d_x = scalar_rows(outer, outer.weights[:, 1], odd=first == XY)
-    rows = d_x @ of_x + scalar_rows(outer, outer.weights[:, 2], odd=second == XY) @ of_y
-    if outer.radius is not None:
-        one, none = np.ones(len(outer.radius)), np.zeros(len(outer.radius))
-        around = sparse.diags_array(over_radius(one, none, outer.radius))
+    d_x = scalar_rows(stencils, stencils.weights[:, 1], odd=first == XY)
+    rows = d_x @ of_x + scalar_rows(stencils, stencils.weights[:, 2], odd=second == XY) @ of_y
+    if radius is not None:
+        one, none = np.ones(len(radius)), np.zeros(len(radius))
+        around = sparse.diags_array(over_radius(one, none, radius))
         if component == 0:
             of_x = of_x - stress_rows(stencils, c, HOOP)
-        rows = rows + around @ (scalar_rows(outer, outer.weights[:, 0], odd=first == XY) @ of_x)
-        off_axis = sparse.diags_array(over_radius(none, one, outer.radius) * component)
+        rows = rows + around @ (scalar_rows(stencils, stencils.weights[:, 0], odd=first == XY) @ of_x)
+        off_axis = sparse.diags_array(over_radius(none, one, radius) * component)
         rows = rows + off_axis @ (d_x @ of_x)
     return sparse.csr_array(rows)
 

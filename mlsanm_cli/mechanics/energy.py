@@ -42,12 +42,21 @@ def least_thermal_energy(model: BodyModel, degrees: FloatArray) -> float:
     return MIN_THERMAL_SHARE * blocked
 
 
-def over_body(cloud: Cloud, first: FloatArray, second: FloatArray) -> float:
-    """Integral of the product of two nodal fields (n, c), summed over components, and of the circumference of
-    circles in bodies of revolution."""
-    a, b, around = (one[cloud.triangles] for one in (first, second, cloud.around(cloud.points)))
+def over_body(
+    cloud: Cloud, first: FloatArray, second: FloatArray, triangles: IntArray | None = None
+) -> float:
+    """Integral over the body, or ``triangles`` (t, 3), of the product of two nodal fields (n, c), summed over
+    components, and of the circumference of circles in bodies of revolution."""
+    own = cloud.triangles if triangles is None else triangles
+    a, b, around = (one[own] for one in (first, second, cloud.around(cloud.points)))
     products = np.einsum("ijk,ti,tjc,tkc->t", _TRIPLE, around, a, b, optimize=True)
-    return float(_areas(cloud, cloud.triangles) @ products)
+    return float(_areas(cloud.points[own]) @ products)
+
+
+def _areas(corners: FloatArray) -> FloatArray:
+    """Areas (t,) of triangles with ``corners`` (t, 3, 2)."""
+    (ux, uy), (vx, vy) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
+    return np.asarray(0.5 * (ux * vy - uy * vx))
 
 
 _TRIPLE = np.array(
@@ -55,13 +64,6 @@ _TRIPLE = np.array(
 )
 _TRIPLE /= 60.0
 """Means of products of three of a triangle's linear shape functions."""
-
-
-def _areas(cloud: Cloud, triangles: IntArray) -> FloatArray:
-    """Areas (t,) of ``triangles`` (t, 3)."""
-    corners = cloud.points[triangles]
-    (ux, uy), (vx, vy) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
-    return np.asarray(0.5 * (ux * vy - uy * vx))
 
 
 def along_surface(surface: Surface, first: FloatArray, second: FloatArray) -> float:
@@ -108,25 +110,20 @@ def extended(cloud: Cloud, values: FloatArray, known: BoolArray) -> FloatArray:
         free = np.flatnonzero(~known[:, component])
         if len(free) < count:
             rest = -(matrix @ result[:, component])[free]
-            result[free, component] = _by_conjugate_gradients(matrix[free][:, free], rest)
+            # Importing scipy's conjugate gradients takes longer.
+            inner, found, left, direction = matrix[free][:, free], np.zeros(len(free)), rest.copy(), rest
+            square = first = float(left @ left)
+            for _ in range(MAX_STEPS):
+                if square <= EXTENSION_TOLERANCE**2 * first:
+                    break
+                image = inner @ direction
+                length = square / float(direction @ image)
+                found += length * direction
+                left -= length * image
+                last, square = square, float(left @ left)
+                direction = left + square / last * direction
+            result[free, component] = found
     return result
-
-
-def _by_conjugate_gradients(matrix: sparse.csr_array, rest: FloatArray) -> FloatArray:
-    """Approximate solution (m,) of equations with a positive definite ``matrix``. Importing scipy's function
-    takes longer."""
-    found, left, direction = np.zeros(len(rest)), rest.copy(), rest.copy()
-    square = first = float(left @ left)
-    for _ in range(MAX_STEPS):
-        if square <= EXTENSION_TOLERANCE**2 * first:
-            break
-        image = matrix @ direction
-        length = square / float(direction @ image)
-        found += length * direction
-        left -= length * image
-        last, square = square, float(left @ left)
-        direction = left + square / last * direction
-    return found
 
 
 def twice_strain_energy(cloud: Cloud, material: PlaneMaterial, stress: FloatArray) -> float:
@@ -188,15 +185,13 @@ def _beyond_linear(
         c = c - model.material.bulk_part
     compliance = np.linalg.inv(model.material.stiffness)
     linear = stress - stress_of(model.stencils.derivatives(displacement), c, model.stencils.radius)
-    total, areas = 0.0, _areas(cloud, own)
+    total, areas = 0.0, _areas(cloud.points[own])
     for share, weight in zip(shares, weights, strict=True):
         points = np.einsum("k,tkc->tc", share, cloud.points[own])
         fitted = stress_of(model.stencils_at(points, 1).derivatives(displacement), c, cloud.radius(points))
         here = fitted + np.einsum("k,tkc->tc", share, linear[own])
         total += weight * float((areas * cloud.around(points)) @ ((here @ compliance) * here).sum(axis=1))
-    values, around = stress[own], cloud.around(cloud.points[own])
-    products = np.einsum("ijk,ti,tjc,tkc->t", _TRIPLE, around, values @ compliance, values, optimize=True)
-    return total - float(areas @ products)
+    return total - over_body(cloud, stress @ compliance, stress, own)
 
 
 def rigid_part(cloud: Cloud, displacement: FloatArray, levels: Sequence[FloatArray]) -> FloatArray:

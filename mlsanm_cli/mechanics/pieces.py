@@ -21,6 +21,7 @@ Equations (3) and (3a) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping
+from itertools import product
 from types import MappingProxyType
 from typing import TypeAlias
 
@@ -171,12 +172,10 @@ class Pieces:
     def _hoop(self, owner: IntArray, points: FloatArray, weight: FloatArray) -> sparse.csr_array:
         """Matrix (3k, e t) from the hoop stress at ``points`` (e, t, 2) of areas ``weight`` (e, t) in the
         cells of nodes ``owner`` (e, t) to the forces and moments on pieces that resist it."""
-        at, nodes = points.reshape(-1, 2), owner.ravel()
+        nodes, around = owner.ravel(), 2.0 * np.pi * weight.ravel()
         # A turn displaces a circle by minus its height, which strains it by that over the radius.
-        around, none = 2.0 * np.pi * weight.ravel(), np.zeros(len(nodes))
-        column = np.arange(len(nodes))
-        forces = np.stack([around, none], axis=1)
-        return self.per_column(nodes, at, forces, column, len(nodes))
+        forces = np.stack([around, np.zeros(len(nodes))], axis=1)
+        return self.per_column(nodes, points.reshape(-1, 2), forces, np.arange(len(nodes)), len(nodes))
 
     def _faces(
         self, held: Held, wanted: BoolArray, rule: Rule
@@ -198,20 +197,21 @@ class Pieces:
                 halves = Halves.of(surface, rule)
                 points, normals = _along(self.cloud, surface, halves)
                 kept = sparse.diags_array(np.repeat([*components, False], len(points)).astype(float))
-                parts = (self._spread(level[surface.index[halves.own]], points) for level in self.levels)
-                spread = sum(parts, sparse.csr_array((3 * self.count, 3 * len(points))))
+                spread = self._spread_from(surface.index[halves.own], points)
                 yield sparse.csr_array(-spread @ kept), points, points[:, None], normals[:, None]
 
     def _spread(self, owner: IntArray, center: FloatArray) -> sparse.csr_array:
         """Matrix (3k, 3e) from forces x, y and moments about ``center`` (e, 2) to those on pieces ``owner``
         (e,), -1 for none."""
-        total, number = len(owner), np.flatnonzero(owner >= 0)
-        owner, center = owner[number], center[number]
-        return gathering(number, owner, np.ones(len(owner)), self.arm(owner, center), self.size, total)
+        number = np.flatnonzero(owner >= 0)
+        own = owner[number]
+        arm = (center[number] - self.middle[own]) / self.size[own][:, None]
+        return gathering(number, own, np.ones(len(own)), arm, self.size, len(owner))
 
-    def arm(self, owner: IntArray, points: FloatArray) -> FloatArray:
-        """Arms (e, 2) of ``points`` (e, 2) about the centroids of pieces ``owner`` (e,), over their size."""
-        return np.asarray((points - self.middle[owner]) / self.size[owner][:, None])
+    def _spread_from(self, nodes: IntArray, points: FloatArray) -> sparse.csr_array:
+        """The same to the pieces of ``nodes`` (e,) on all levels, from ``points`` (e, 2)."""
+        empty = sparse.csr_array((3 * self.count, 3 * len(nodes)))
+        return sum((self._spread(level[nodes], points) for level in self.levels), empty)
 
     def loads(self, first_row: Mapping[str, int], rows: int, held: Held) -> sparse.csr_array:
         """Force and moment (3k, rows) on the pieces per right-hand side of a body's rows, the last 3k of
@@ -243,23 +243,28 @@ class Pieces:
         count = 2 * len(nodes)
         entries = (force.T.ravel(), (np.arange(count), np.tile(column, 2)))
         nodal = sparse.csr_array(entries, shape=(count, columns))
-        parts = (self._spread(level[nodes], points)[:, :count] @ nodal for level in self.levels)
-        return sparse.csr_array(sum(parts, sparse.csr_array((3 * self.count, columns))))
+        return sparse.csr_array(self._spread_from(nodes, points)[:, :count] @ nodal)
 
     def of_traction(self, surface: Surface, traction: FloatArray) -> FloatArray:
         """Force and moment (3k,) on the pieces by a ``traction`` (g, 2) at the FINE points of a surface."""
         halves = Halves.of(surface, FINE)
         points = surface.curve.points(halves.arc)
         force = (halves.length * self.cloud.around(points))[:, None] * traction
-        owners = [level[surface.index[halves.own]] for level in self.levels]
-        return np.asarray(sum(self.gathered(owner, points, force) for owner in owners))
+        return self.gathered(surface.index[halves.own], points, force)
 
     def of_force(self, force: FloatArray) -> FloatArray:
         """Force and moment (3k,) on the pieces by a body force, linear between nodal values ``force`` (n,
         2)."""
-        if self.cloud.revolved:
-            return self._of_ring_force(force)
-        total, mean = np.zeros(3 * self.count), np.zeros((self.count + 1, 2))
+        cloud, total = self.cloud, np.zeros(3 * self.count)
+        if cloud.revolved:
+            node, at, area, share = cell_quadrature(cloud.points, cloud.triangles)
+            parts = [(node[:, 0], at, area, (share[:, :, None] * force[node]).sum(axis=1))]
+            for own, _, middle, weight in list(self._rings(GAUSS[2]))[1:]:
+                parts.append((own[:, 0], middle[:, 0], weight[:, 0], force[own[:, 0]]))
+            for own, at, area, values in parts:
+                total += self.gathered(own, at, (area * cloud.around(at))[:, None] * values)
+            return total
+        mean = np.zeros((self.count + 1, 2))
         for level in self.levels:
             nodes = np.bincount(level[level >= 0], minlength=self.count)
             for axis in (0, 1):
@@ -267,31 +272,12 @@ class Pieces:
                 mean[:-1, axis] += sums / np.maximum(nodes, 1)
         # A uniform force has no moment about the centroid of the piece with its exact outline.
         total[: 2 * self.count] = (self.size[:, None] ** 2 * mean[:-1]).T.ravel()
-        if np.ptp(force, axis=0).any():
-            for level in self.levels:
-                total += self._of_linear_force(level, force, mean)
-        return total
-
-    def _of_ring_force(self, force: FloatArray) -> FloatArray:
-        """The same in a body of revolution."""
-        points, total = self.cloud.points, np.zeros(3 * self.count)
-        node, at, area, share = cell_quadrature(points, self.cloud.triangles)
-        parts = [(node[:, 0], at, area, (share[:, :, None] * force[node]).sum(axis=1))]
-        for own, _, middle, weight in list(self._rings(GAUSS[2]))[1:]:
-            parts.append((own[:, 0], middle[:, 0], weight[:, 0], force[own[:, 0]]))
-        for own, at, area, values in parts:
-            acting = (area * self.cloud.around(at))[:, None] * values
-            for level in self.levels:
-                total += self.gathered(level[own], at, acting)
-        return total
-
-    def _of_linear_force(self, level: IntArray, force: FloatArray, mean: FloatArray) -> FloatArray:
-        """Force and moment (3k,) on the pieces of one ``level`` (n,) by the difference of a body force,
-        linear between nodal values ``force`` (n, 2), from its ``mean`` (k + 1, 2)."""
-        points, first, second = self.cloud.points, *corner_moments()
-        total = np.zeros(3 * self.count)
-        for turn in range(3):
-            corners = np.roll(self.cloud.triangles, -turn, axis=1)
+        if not np.ptp(force, axis=0).any():
+            return total
+        # The difference from the mean, cell by cell.
+        points, first, second = cloud.points, *corner_moments()
+        for level, turn in product(self.levels, range(3)):
+            corners = np.roll(cloud.triangles, -turn, axis=1)
             corners = corners[level[corners[:, 0]] >= 0]
             owner = level[corners[:, 0]]
             a, b, c = np.moveaxis(points[corners], 1, 0)
@@ -306,11 +292,11 @@ class Pieces:
                 total[span] += np.bincount(owner, area * values, self.count)
         return total
 
-    def gathered(self, owner: IntArray, points: FloatArray, force: FloatArray) -> FloatArray:
-        """Force and moment (3k, ...) on the pieces ``owner`` (e,), -1 for none, by forces (e, 2, ...) at
-        ``points`` (e, 2)."""
-        spread = self._spread(owner, points)[:, : 2 * len(owner)]
-        flat = np.concatenate([force[:, 0], force[:, 1]]).reshape(2 * len(owner), -1)
+    def gathered(self, nodes: IntArray, points: FloatArray, force: FloatArray) -> FloatArray:
+        """Force and moment (3k, ...) on the pieces of ``nodes`` (e,) by forces (e, 2, ...) at ``points`` (e,
+        2)."""
+        spread = self._spread_from(nodes, points)[:, : 2 * len(nodes)]
+        flat = np.concatenate([force[:, 0], force[:, 1]]).reshape(2 * len(nodes), -1)
         return np.asarray(spread @ flat).reshape(3 * self.count, *force.shape[2:])
 
     def totals(self, center: tuple[float, float]) -> sparse.csr_array:
@@ -384,12 +370,8 @@ def reaction_rows(
 ) -> sparse.csr_array:
     """Rows (3, 2N) of force x, y and moment about ``center`` of a held surface on its body, in ``held``
     components, as in the rows of the pieces."""
-    points, normals = _along(model.cloud, surface, Halves.of(surface, rule_of(model)))
-    forces, count = (through or model.forces_through)(points, points[:, None], normals[:, None]), len(points)
-    x, y = (points - np.array(center)).T
-    along, one, none = np.array(held, dtype=float), np.ones(count), np.zeros(count)
-    lines = [[one * along[0], none, none], [none, one * along[1], none], [-y * along[0], x * along[1], none]]
-    sums = sparse.csr_array(np.stack([np.concatenate(line) for line in lines]))
+    points, normals, sums = _held_side(model, surface, held, center)
+    forces = (through or model.forces_through)(points, points[:, None], normals[:, None])
     return sparse.csr_array(sums @ forces)
 
 
@@ -401,7 +383,18 @@ def reaction_of(
     stress: Callable[[FloatArray], FloatArray],
 ) -> FloatArray:
     """The same force and moment (3,) for a ``stress`` function of points (g, 2), values (g, 3)."""
+    points, normals, sums = _held_side(model, surface, held, center)
+    x, y = traction_of(stress(points), normals).T
+    return np.asarray(sums @ np.concatenate([x, y, np.zeros(len(x))]))
+
+
+def _held_side(
+    model: BodyModel, surface: Surface, held: tuple[bool, bool], center: tuple[float, float]
+) -> tuple[FloatArray, FloatArray, sparse.csr_array]:
+    """Quadrature points (g, 2) of a surface, normals times weights (g, 2), and the sums (3, 3g) of forces x
+    and y there in ``held`` components and of their moments about ``center``."""
     points, normals = _along(model.cloud, surface, Halves.of(surface, rule_of(model)))
-    x, y = (traction_of(stress(points), normals) * np.array(held)).T
-    arm = points - np.array(center)
-    return np.array([x.sum(), y.sum(), arm[:, 0] @ y - arm[:, 1] @ x])
+    x, y = (points - np.array(center)).T
+    along, one, none = np.array(held, dtype=float), np.ones(len(points)), np.zeros(len(points))
+    lines = [[one * along[0], none, none], [none, one * along[1], none], [-y * along[0], x * along[1], none]]
+    return points, normals, sparse.csr_array(np.stack([np.concatenate(line) for line in lines]))

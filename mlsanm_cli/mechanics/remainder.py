@@ -61,7 +61,17 @@ def remainder_sources(
             source[body.condition_rows(name, component)] = values[:, :, component]
         loads += _on_pieces(body, name, surface, forces, sent.get(name))
     for node in dict.fromkeys(node for node, _ in body.held_nodes):
-        felt = pins[node] if node in pins else _felt(body, forces, node)
+        felt = pins.get(node)
+        if felt is None:
+            # Of forces next to it at the nearest node inside: the reaction spreads over a spacing, and
+            # displacements next to closer forces are unbounded.
+            inside = np.delete(np.arange(len(cloud.points)), cloud.boundary_nodes)
+            away = np.hypot(*(cloud.points[inside] - cloud.points[node]).T)
+            z = as_complex(cloud.points[[node, inside[np.argmin(away)]]])
+            here, within = forces.displacement(z)
+            near = smooth_step(np.abs(forces.place - z[0]) / (HELD_RANGE * cloud.spacing[node]))
+            near = near[:, None, None]
+            felt = (1.0 - near) * here + near * within
         for component, row in body.pin_rows(node):
             source[row] = -felt[:, component]
     if centred:
@@ -70,19 +80,6 @@ def remainder_sources(
     missing = loads.reshape(3 * pieces.count, -1) - body.loads @ flat
     flat[body.rows - len(missing) :] = missing
     return np.ascontiguousarray(np.moveaxis(source, 2, 1)).reshape(body.rows, -1)
-
-
-def _felt(body: ElasticBody, forces: Forces, node: int) -> FloatArray:
-    """Displacements (k, 2, 2) of the fields at a held ``node``, those of forces next to it at the nearest
-    node inside: the reaction spreads over a spacing, and displacements next to closer forces are unbounded,
-    so that the node would follow them more than they move themselves."""
-    cloud = body.model.cloud
-    inside = np.delete(np.arange(len(cloud.points)), cloud.boundary_nodes)
-    away = np.hypot(*(cloud.points[inside] - cloud.points[node]).T)
-    z = as_complex(cloud.points[[node, inside[np.argmin(away)]]])
-    here, within = forces.displacement(z)
-    near = smooth_step(np.abs(forces.place - z[0]) / (HELD_RANGE * cloud.spacing[node]))[:, None, None]
-    return np.asarray((1.0 - near) * here + near * within)
 
 
 def _mean_motion(body: ElasticBody, forces: Forces) -> FloatArray:
@@ -114,14 +111,11 @@ def _on_pieces(
     along = restrained.any() or sent is not None
     if not (along or isinstance(forces, CorneredForces)):
         *ends, own = _parts(surface)
-        through = forces.through(*ends)
-        at_center = None if forces.center is None else forces.through_center(*ends)
-        for level in pieces.levels:
-            owner = level[surface.index[own]]
-            total -= _along_lines(body, owner, through, as_real(forces.place))
-            if at_center is not None and forces.center is not None:
-                center = as_real(np.array([forces.center]))
-                total -= _along_lines(body, owner, np.repeat(at_center[:, None], count, axis=1), center)
+        nodes = surface.index[own]
+        total -= _along_lines(body, nodes, forces.through(*ends), as_real(forces.place))
+        if forces.center is not None:
+            by_center = np.repeat(forces.through_center(*ends)[:, None], count, axis=1)
+            total -= _along_lines(body, nodes, by_center, as_real(np.array([forces.center])))
     if along or springs.any():
         halves = _halves(surface, forces)
         points, z = surface.curve.points(halves.arc), as_complex(surface.curve.points(halves.arc))
@@ -129,22 +123,21 @@ def _on_pieces(
         if along:
             values = values - (_tractions(surface, forces, halves) if sent is None else sent)
         force = halves.length[:, None, None, None] * np.where(restrained[:, None], 0.0, values)
-        for level in pieces.levels:
-            owner = level[surface.index[halves.own]]
-            total += pieces.gathered(owner, points, np.moveaxis(force, 2, 1))
+        total += pieces.gathered(surface.index[halves.own], points, np.moveaxis(force, 2, 1))
     return total
 
 
 def _balancing(body: ElasticBody, forces: CorneredForces, sent: Mapping[str, FloatArray]) -> FloatArray:
     """Loads of the pieces (3p, k, 2) that compensate the quadrature error of the tractions ``sent`` by
     surface, distributed like a rigid motion along the loaded surfaces."""
-    missing = -_moment(as_real(forces.place), np.broadcast_to(np.eye(2), (len(forces.place), 2, 2)))
-    bearing = []
+    loaded, bearing = as_real(forces.place), []
+    missing = -_moment(loaded, np.broadcast_to(np.eye(2), (len(loaded), 2, 2)))
     for name, surface in body.model.cloud.surfaces.items():
         halves = _halves(surface, forces)
         points = surface.curve.points(halves.arc)
         missing -= _moment(points[:, None], halves.length[:, None, None, None] * sent[name]).sum(axis=1)
-        if _bears(surface, forces.place):
+        away = surface.curve.points(surface.curve.closest(loaded)) - loaded
+        if (np.abs(away) <= COARSE_ROUND_OFF * surface.curve.length).all(axis=1).any():
             bearing.append((surface.index[halves.own], points, halves.length))
     own, points, length = (np.concatenate(some) for some in zip(*bearing, strict=True))
     arm = points - points.mean(axis=0)
@@ -155,17 +148,7 @@ def _balancing(body: ElasticBody, forces: CorneredForces, sent: Mapping[str, Flo
     sums = _moment(points, shapes.transpose(0, 2, 1)).sum(axis=1)
     share = np.linalg.solve(sums, missing.reshape(3, -1)).reshape(missing.shape)
     force = -np.einsum("esc,skf->ekcf", shapes, share)
-    total = np.zeros((3 * body.pieces.count, *missing.shape[1:]))
-    for level in body.pieces.levels:
-        total += body.pieces.gathered(level[own], points, np.moveaxis(force, 2, 1))
-    return total
-
-
-def _bears(surface: Surface, place: ComplexArray) -> bool:
-    """Whether some of the forces at ``place`` (k,) act on a surface."""
-    points = as_real(place)
-    away = surface.curve.points(surface.curve.closest(points)) - points
-    return bool((np.abs(away) <= COARSE_ROUND_OFF * surface.curve.length).all(axis=1).any())
+    return body.pieces.gathered(own, points, np.moveaxis(force, 2, 1))
 
 
 def _halves(surface: Surface, forces: Forces) -> Halves:
@@ -202,11 +185,11 @@ def _parts(surface: Surface) -> tuple[ComplexArray, ComplexArray, IntArray]:
     return first, last, np.concatenate([np.arange(len(middles)), after])
 
 
-def _along_lines(body: ElasticBody, owner: IntArray, force: FloatArray, at: FloatArray) -> FloatArray:
-    """Force and moment (3p, k, 2) on the pieces ``owner`` (e,), -1 for none, by ``force`` (e, k, 2, 2) with
-    lines of action through ``at`` (k or 1, 2)."""
+def _along_lines(body: ElasticBody, nodes: IntArray, force: FloatArray, at: FloatArray) -> FloatArray:
+    """Force and moment (3p, k, 2) on the pieces of ``nodes`` (e,) by ``force`` (e, k, 2, 2) with lines of
+    action through ``at`` (k or 1, 2)."""
     pieces = body.pieces
-    sums = pieces.gathered(owner, pieces.middle[owner], np.moveaxis(force, 2, 1))
+    sums = pieces.gathered(nodes, body.model.cloud.points[nodes], np.moveaxis(force, 2, 1))
     x, y, _ = sums.reshape(3, pieces.count, *sums.shape[1:])
     arm = (at - pieces.middle[:, None]) / pieces.size[:, None, None]
     return np.concatenate([x, y, arm[:, :, :1] * y - arm[:, :, 1:] * x])

@@ -60,12 +60,7 @@ def freedom(points: FloatArray, areas: FloatArray, held: BoolArray) -> RigidBody
     center = (float(middle[0]), float(middle[1]))
     whole = RigidBodyModes(center, (0, 1, ROTATION)).patterns(points)
     whole[:, ROTATION] /= size
-    return left_free(whole[held.ravel()], center, size)
-
-
-def left_free(rows: FloatArray, center: tuple[float, float], size: float) -> RigidBodyModes:
-    """Rigid motions left free by constraints on the displacements ``rows`` (m, 3) under unit motions x, y and
-    rotation by 1/``size`` about ``center``."""
+    rows = whole[held.ravel()]
     if not len(rows) or not np.abs(rows).max():
         return RigidBodyModes(center, (0, 1, ROTATION))
     _, sizes, motions = np.linalg.svd(np.linalg.qr(rows, mode="r"))

@@ -52,9 +52,8 @@ def restraining(springs: Springs, cloud: Cloud, material: PlaneMaterial) -> list
 
 def soft(springs: Springs, cloud: Cloud, material: PlaneMaterial) -> dict[str, tuple[float, float]]:
     """The soft springs, 0 in the other components."""
-    limits = {name: stiffest_soft(cloud, material, name) for name in springs}
-    kept = {
-        name: (x if x <= limits[name] else 0.0, y if y <= limits[name] else 0.0)
-        for name, (x, y) in springs.items()
-    }
-    return {name: both for name, both in kept.items() if any(both)}
+    found = {}
+    for name, (x, y) in springs.items():
+        limit = stiffest_soft(cloud, material, name)
+        found[name] = (x if x <= limit else 0.0, y if y <= limit else 0.0)
+    return {name: both for name, both in found.items() if any(both)}

@@ -7,7 +7,6 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.body import ElasticBody
-from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 ITERATIONS = 8
@@ -20,12 +19,10 @@ def bulk_stability(body: ElasticBody) -> float:
 
         sigma = min |S u| / |u|        stability = sigma max_b |u_b| / |S b|        0 < stability
 
-    b are linearly varying body forces and u_b their displacements; free rigid parts of displacements, which
-    depend on the pins of the body, do not count. In a sound discretisation hardly any residual causes more
-    displacement than these; one that amplifies some rough residual a hundred times as much amplifies its own
-    discretisation error likewise. The rows of pieces, thousands of times as strong, count in S u but not in
-    S b. sigma is computed by a few steps of subspace iteration with the available
-    factor (Golub and Van Loan, Matrix Computations, section 8.2) from a fixed start.
+    b are linearly varying body forces and u_b their displacements without free rigid parts. In a sound
+    discretisation hardly any residual causes more displacement than these. The rows of pieces count in S u
+    but not in S b. sigma is computed by a few steps of subspace iteration with the available factor (Golub
+    and Van Loan, Matrix Computations, section 8.2) from a fixed start.
     """
     model, system = body.model, body.system
     measure = np.repeat(model.cloud.spacing, 2)[:, None]
@@ -36,7 +33,11 @@ def bulk_stability(body: ElasticBody) -> float:
         measured = measure * displacements
         return measured - rigid @ (rigid.T @ measured)
 
-    forces = [body.force_source(force) for force in _linear_forces(model)]
+    # Body forces in x and in y: uniform, linear in x, and linear in y.
+    points = model.cloud.points
+    middle, extent = points.mean(axis=0), np.ptp(points, axis=0).max()
+    shapes = np.column_stack([np.ones(len(points)), (points - middle) / extent])
+    forces = [body.force_source(np.outer(shape, axis)) for axis in np.eye(2) for shape in shapes.T]
     loads = sparse.csc_array(np.stack(forces, axis=1))
     response = deforming(system.solve(loads))
     scaled = system.scaled(loads, strong=False)
@@ -52,11 +53,3 @@ def bulk_stability(body: ElasticBody) -> float:
         largest = np.linalg.eigvalsh(0.5 * (space.T @ image + image.T @ space))[-1]
         space = image
     return float(np.sqrt(smooth / largest))
-
-
-def _linear_forces(model: BodyModel) -> list[FloatArray]:
-    """Body forces (n, 2) in x and in y: uniform, linear in x, and linear in y."""
-    points = model.cloud.points
-    middle, extent = points.mean(axis=0), np.ptp(points, axis=0).max()
-    shapes = np.column_stack([np.ones(len(points)), (points - middle) / extent])
-    return [np.outer(shape, axis) for axis in np.eye(2) for shape in shapes.T]

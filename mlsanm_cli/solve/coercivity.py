@@ -4,6 +4,7 @@ contact."""
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -14,21 +15,16 @@ from mlsanm_cli.contact.laws.contact_state import ContactState
 from mlsanm_cli.contact.response.coercivity import contact_stability, stiffness_ratio
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import UnstableError
-from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.mechanics.stability import bulk_stability
 from mlsanm_cli.memo import Memo, digest
 from mlsanm_cli.solve.state import CONTACT_LIMIT
 
 BULK_LIMIT = 0.03
-"""Smallest accepted estimate of a body. Free faces of nearly incompressible rings have 0.065 to 0.15 at
-degree 4, with errors of 2e-4; 300 random bodies were above 0.13."""
-
-
+"""Smallest accepted estimate of a body."""
 EQUAL_SPACING_RATIO = 1.5
 """Ratio of facing spacings below which they are not the cause of instability."""
 COARSER = "larger spacings along the contact, which flexible bodies need"
-"""A fine surface resists short waves little, and what of them the cloud takes for bending grows past that."""
 
 
 def check_coercivity(
@@ -39,11 +35,13 @@ def check_coercivity(
     contact by themselves."""
     closed = np.any([state.closed for state in ends], axis=0) if ends else np.zeros(0, dtype=bool)
     estimates = _estimates(case, scene, condensed, closed, memo)
-    spoken_for = {
-        body for pairing in condensed.pairings if pairing.name in estimates for body in pairing.bodies
-    }
-    bulk = {name: _bulk(body, memo) for name, body in scene.bodies.items() if name not in spoken_for}
-    for name, value in bulk.items():
+    touching = {one for pairing in condensed.pairings if pairing.name in estimates for one in pairing.bodies}
+    bulk = dict[str, float]()
+    for name, body in scene.bodies.items():
+        if name in touching:
+            continue
+        key = digest(body.model.content, body.equations.content)
+        bulk[name] = value = memo.value("stability", key, partial(bulk_stability, body))
         if not value >= BULK_LIMIT:
             raise UnstableError(
                 f"the discrete equations of body {name} amplify errors "
@@ -70,12 +68,21 @@ def _estimates(
 ) -> dict[str, float]:
     """Estimates of all contacts with ``closed`` nodes (m,). UnstableError if one is too small."""
     loose = {one.name for one in scene.rigid_constraints if one.floats}
-    names = [name for name in scene.bodies if name in loose]
-    estimates = {
-        pairing.name: _contact(condensed, _bearing(closed, condensed.spans[pairing.name]), names, memo)
-        for pairing in condensed.pairings
-        if closed[condensed.spans[pairing.name]].any()
-    }
+    names, estimates = [name for name in scene.bodies if name in loose], dict[str, float]()
+    for pairing in condensed.pairings:
+        span, own = condensed.spans[pairing.name], np.zeros_like(closed)
+        own[span] = closed[span]
+        if not own.any():
+            continue
+        # Closed nodes between two other ones, if there are any: modes of the last nodes at a corner of the
+        # slave are local, and affect neither the patch test nor punches.
+        inner = own.copy()
+        inner[1:] &= own[:-1]
+        inner[:-1] &= own[1:]
+        inner[[0, -1]] = False
+        bearing = inner if inner.any() else own
+        key, make = digest(condensed.content, bearing, names), partial(contact_stability, condensed)
+        estimates[pairing.name] = memo.value("contact stability", key, partial(make, bearing, names))
     for name, value in estimates.items():
         if not value >= CONTACT_LIMIT:
             raise UnstableError(
@@ -85,28 +92,6 @@ def _estimates(
                 value,
             )
     return estimates
-
-
-def _contact(condensed: Condensed, bearing: BoolArray, loose: Sequence[str], memo: Memo) -> float:
-    key = digest(condensed.content, bearing, list(loose))
-    return memo.value("contact stability", key, lambda: contact_stability(condensed, bearing, loose))
-
-
-def _bulk(body: ElasticBody, memo: Memo) -> float:
-    key = digest(body.model.content, body.equations.content)
-    return memo.value("stability", key, lambda: bulk_stability(body))
-
-
-def _bearing(closed: BoolArray, span: slice) -> BoolArray:
-    """Closed nodes (m,) of a contact between two other closed ones, or all if there are none such. Modes of
-    the last nodes at a corner of the slave are local, and affect neither the patch test nor punches."""
-    own = np.zeros_like(closed)
-    own[span] = closed[span]
-    inner = own.copy()
-    inner[1:] &= own[:-1]
-    inner[:-1] &= own[1:]
-    inner[[0, -1]] = False
-    return inner if inner.any() else own
 
 
 def _contact_hint(scene: Scene, condensed: Condensed, name: str) -> str:

@@ -14,7 +14,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from mlsanm_cli.case import Case, Contact
+from mlsanm_cli.case import Case
 from mlsanm_cli.contact.complementarity.problem import ContactStatus
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
@@ -38,12 +38,10 @@ TURN_ABOVE, TURN_TOLERANCE, MAX_TURNS = 1e-3, 3e-4, 4
 second, at most so many times, or twice as many if a motion along them is fixed."""
 EXACT_FACTOR, FRICTION_FACTOR = 0.25, 1.7
 """Estimated error of a grid over the requested accuracy at which refinement ends: without friction, at hardly
-any cost; with friction, where every node that starts to slide is an event of the path; and with regularised
-friction, which is 0.6 % off partial slip whatever the grid."""
+any cost; and with it, where every node that starts to slide is an event of the path."""
 MAX_PATCHES, MAX_ENDS = 2, 10
 """Frictionless contacts with more patches, or on paths with more ends of stages and requested states, are
-refined to the requested accuracy only: their unknowns are solved for together, and one grid is fine at the
-ends of contact in all states."""
+refined to the requested accuracy only: one grid is fine at the ends of contact in all states."""
 
 Wanted: TypeAlias = Literal["ends", "known", "every", "between"]
 """States at the ends of the stages, of those that had one to start from, all that count, or some on the way
@@ -73,7 +71,10 @@ def find_grids(
     starts, common = list[ContactStatus](), dict[str, float]()
     places = len(case.contact) + sum(one.places - 1 for one in ranges.values())
     few = places <= MAX_PATCHES and len({*range(1, len(case.stage) + 1), *case.output.at}) <= MAX_ENDS
-    accuracy = {contact.name: contact.accuracy * _effort(contact, few) for contact in case.contact}
+    effort = EXACT_FACTOR if few else 1.0
+    accuracy = {
+        one.name: one.accuracy * (FRICTION_FACTOR if one.friction else effort) for one in case.contact
+    }
     exact = all(one.regularization.law == "exact" and not one.friction for one in case.contact)
     limits = COMPRESSED_LIMITS if exact else DENSE_LIMITS
     responses = resolved = None
@@ -108,7 +109,11 @@ def find_grids(
         if _same(wanted, grids) and responses is not resolved:
             wanted, resolved = sampled(scene, responses, grids), responses
         if _same(wanted, grids):
-            wanted = refined(condensed, grids, ranges, _loaded(states), accuracy, not every, limits)
+            # States with pressures above round-off of the largest of all.
+            peaks = [float(state.pressure.max(initial=0.0)) for state in states]
+            least = ROUND_OFF * max(peaks, default=0.0)
+            loaded = [state for state, peak in zip(states, peaks, strict=True) if peak > least]
+            wanted = refined(condensed, grids, ranges, loaded, accuracy, not every, limits)
             settled = flows
         if _same(wanted, grids):
             turned = None
@@ -144,12 +149,6 @@ def find_grids(
         starts = [_moved(condensed, later, state) for state in states]
         condensed = None
     return None
-
-
-def _loaded(states: Sequence[ContactState]) -> list[ContactState]:
-    """States with pressures above round-off of the largest of all."""
-    largest = max((float(state.pressure.max(initial=0.0)) for state in states), default=0.0)
-    return [state for state in states if state.pressure.max(initial=0.0) > ROUND_OFF * largest]
 
 
 def _turned(
@@ -193,14 +192,6 @@ def _turned(
     return {**grids, **changed} if changed else None
 
 
-def _effort(contact: Contact, few: bool) -> float:
-    """Estimated error up to which a contact's grid is refined, over its accuracy, on paths with ``few``
-    patches and states or not."""
-    if not contact.friction:
-        return EXACT_FACTOR if few else 1.0
-    return FRICTION_FACTOR
-
-
 def _same(one: Mapping[str, ContactGrid], other: Mapping[str, ContactGrid]) -> bool:
     return all(one[name] is other[name] for name in one)
 
@@ -218,26 +209,27 @@ def _on_grids(
 def _starting_status(pairings: Sequence[Pairing]) -> ContactStatus:
     """Initial sets of a search: wide patches around the places of closest approach. Searches from few nodes
     may roll a body out of its contact."""
-    found = [np.zeros(0, dtype=bool)]
+    closed, stuck = [np.zeros(0, dtype=bool)], [np.zeros(0, dtype=bool)]
     for pairing in pairings:
         gap = pairing.gap[pairing.candidate]
-        if pairing.nodal:
-            found.append(gap <= gap.min())
-            continue
-        place, least = pairing.grid.hats.place, int(np.argmin(gap))
-        close = np.abs(place - place[least]) <= FIRST_HALF_WIDTH * (pairing.grid.last - pairing.grid.first)
-        found.append(gap <= gap[close].max())
-    stuck = [closed for closed, pairing in zip(found[1:], pairings, strict=True) if pairing.friction]
-    sticking = np.concatenate([np.zeros(0, dtype=bool), *stuck])
-    return ContactStatus(np.concatenate(found), sticking, np.zeros(len(sticking)))
+        most = gap.min()
+        if not pairing.nodal:
+            place, least = pairing.grid.hats.place, int(np.argmin(gap))
+            close = np.abs(place - place[least]) <= FIRST_HALF_WIDTH * (
+                pairing.grid.last - pairing.grid.first
+            )
+            most = gap[close].max()
+        closed.append(gap <= most)
+        stuck += [closed[-1]] if pairing.friction else []
+    sticking = np.concatenate(stuck)
+    return ContactStatus(np.concatenate(closed), sticking, np.zeros(len(sticking)))
 
 
 def _moved(condensed: Condensed, after: Sequence[Pairing], state: ContactState) -> ContactStatus:
     """Sets of a state interpolated to other grids."""
     closed, stuck, slip_sign = ([np.zeros(0)] for _ in range(3))
     for old, new in zip(condensed.pairings, after, strict=True):
-        span = condensed.spans[old.name]
-        own = [state.closed[span].astype(float)]
+        own = [state.closed[condensed.spans[old.name]].astype(float)]
         if old.friction:
             rubbing = condensed.tangential[old.name]
             own += [state.status.stuck[rubbing], np.sign(state.traction[rubbing])]
@@ -250,6 +242,5 @@ def _moved(condensed: Condensed, after: Sequence[Pairing], state: ContactState) 
             stuck.append(stick)
             slips = (touch >= 0.5) & (stick < 0.5)
             slip_sign.append(np.where(slips, np.where(sign < 0.0, -1.0, 1.0), 0.0))
-    return ContactStatus(
-        np.concatenate(closed) >= 0.5, np.concatenate(stuck) >= 0.5, np.concatenate(slip_sign)
-    )
+    touch, stick, sign = map(np.concatenate, (closed, stuck, slip_sign))
+    return ContactStatus(touch >= 0.5, stick >= 0.5, sign)

@@ -1,4 +1,4 @@
-"""First-order rotation of the directions of contact pressures with the bodies.
+"""First-order rotation of the directions of contact pressures with the bodies, and bodies that loads rotate.
 
 Directions vary along a contact as the normals of the flatter surface, the base. As bodies rotate and move
 along each other the patch moves to where both normals agree: its direction is the initial normal of the base
@@ -184,13 +184,10 @@ class Turned:
 
     @property
     def hint(self) -> str:
-        """Hint for the user."""
-        hold = (
-            f'hold {self.names} with a [[support]], take away what turns it, or use model.strain = "finite"'
-        )
         # No body turns that far before its strains are absurd.
         large = "check the units of the loads against those of the moduli; " if self.angle > np.pi else ""
-        return large + hold
+        hold = f"hold {self.names} with a [[support]], take away what turns it, or use"
+        return f'{large}{hold} model.strain = "finite"'
 
     @property
     def error(self) -> UnbalancedError | None:
@@ -222,8 +219,14 @@ def turned_by_loads(
         angle = abs(float(motion[number]))
         if one.component == ROTATION and constraint.bodies and angle > MIN_ROTATION:
             forces = _forces(condensed, constraint.bodies, pressure, traction)
-            if any(_moved(*each, constraint.center, angle) for each in forces):
-                turning.append((number, constraint, forces))
+            for points, force in forces:
+                # Whether the contact moves along the surface as its body rotates.
+                pressed = np.hypot(*force.T)
+                width = np.hypot(*np.ptp(points[pressed > 0.0], axis=0))
+                arm = np.hypot(*(np.average(points, axis=0, weights=pressed) - constraint.center))
+                if angle * arm > MIN_SHIFT * width:
+                    turning.append((number, constraint, forces))
+                    break
     if not turning:
         return None
     try:
@@ -232,14 +235,12 @@ def turned_by_loads(
         return None
     if system.holds:
         return None
-    numbers = [number for number, *_ in turning]
+    numbers, (gap, slip) = [number for number, *_ in turning], map(np.zeros_like, (pressure, traction))
     rotations = np.zeros((len(numbers), len(numbers)))
     for column, (number, constraint, forces) in enumerate(turning):
         moment = np.zeros(len(motion))
         moment[number] = sum(float(((at - constraint.center) * force).sum()) for at, force in forces)
-        rotations[:, column] = system.response(
-            np.zeros(len(pressure)), np.zeros(len(traction)), moment
-        ).motion[numbers]
+        rotations[:, column] = system.response(gap, slip, moment).motion[numbers]
     shares, ways = np.linalg.eig(rotations)
     worst = int(np.argmax(shares.real))
     number, constraint, _ = turning[int(np.argmax(np.abs(ways[:, worst])))]
@@ -259,13 +260,11 @@ def moment_error(
     for (constraint, one), angle in zip(scene.unknown_motions, np.abs(motion), strict=True):
         if not constraint.floats or one.component != ROTATION or angle <= MIN_ROTATION:
             continue
-        center, none = np.array(constraint.center), np.zeros(len(pressure))
+        center = np.array(constraint.center)
         both = _forces(condensed, constraint.bodies, pressure, traction)
+        along = _forces(condensed, constraint.bodies, np.zeros(len(pressure)), traction)
         omitted = angle * abs(sum(float(((at - center) * force).sum()) for at, force in both))
-        carried = 0.0
-        for at, force in _forces(condensed, constraint.bodies, none, traction):
-            arm = at - center
-            carried += abs(float(cross(arm, force).sum()))
+        carried = sum(abs(float(cross(at - center, force).sum())) for at, force in along)
         if carried > 0.0:
             found.append(Turned(constraint.bodies, float(angle), omitted / carried))
     return max(found, key=lambda one: one.share, default=None)
@@ -286,11 +285,3 @@ def _forces(
                 places = (pairing.points if slave else pairing.partner)[chosen]
                 found.append((places, sign * condensed.weight[span, None] * force))
     return found
-
-
-def _moved(points: FloatArray, force: FloatArray, center: tuple[float, float], angle: float) -> bool:
-    """Whether a contact moves along the surface as its body rotates by an angle."""
-    pressed = np.hypot(*force.T)
-    width = np.hypot(*np.ptp(points[pressed > 0.0], axis=0))
-    arm = np.hypot(*(np.average(points, axis=0, weights=pressed) - center))
-    return bool(angle * arm > MIN_SHIFT * width)

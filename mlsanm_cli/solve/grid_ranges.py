@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.laws.contact_state import ContactState
@@ -118,22 +118,15 @@ def ranged(
     are paired in directions other than those of the grid, and may be open on it."""
     touched = [condensed.touched(*state.unknowns, state.shift) for state in states]
     result = dict(grids)
-    for pairing in condensed.pairings:
-        name = pairing.name
-        if name not in grids:
-            continue
-        grid, room, nodes = grids[name], ranges[name], grids[name].hats.nodes
-        closed = np.any([_pressed(state, condensed.spans[name]) for state in states], axis=0)
+    for name, grid in grids.items():
+        room, nodes, steps = ranges[name], grid.hats.nodes, grid.hats.steps
+        arc = condensed.pairing_of(name).arc
+        places = np.flatnonzero(_pressed(condensed, name, states))
         seen = summits(condensed, name, room, states)
-        beyond = np.concatenate(
-            [
-                pairing.arc[np.any([masks[name] for masks in touched], axis=0)],
-                seen[(seen < grid.first) | (seen > grid.last)],
-            ]
-        )
+        outside = seen[(seen < grid.first) | (seen > grid.last)]
+        beyond = np.concatenate([arc[np.any([masks[name] for masks in touched], axis=0)], outside])
         if len(beyond) and not grid.provisional:
             passed[name] = np.concatenate([passed.get(name, np.zeros(0)), beyond])
-        places = np.flatnonzero(closed)
         if not len(places):
             if len(beyond):
                 result[name] = first_grid(room)
@@ -142,50 +135,43 @@ def ranged(
         width = high - low
         reached = np.concatenate([[low, high], beyond, seen, passed.get(name, np.zeros(0))])
         low, high = float(reached.min()), float(reached.max())
-        short = low <= room.first and not room.whole[0], high >= room.last and not room.whole[1]
-        if any(short):
-            coarse = _coarse_ends(grid, places)
-            if not coarse.any():
+        if (low <= room.first and not room.whole[0]) or (high >= room.last and not room.whole[1]):
+            # Intervals at a closed end that are too long to tell whether the contact reaches it.
+            ends = np.zeros(len(steps), dtype=bool)
+            ends[:2] |= places[0] == 0
+            ends[-2:] |= places[-1] == len(steps) - 2
+            ends &= steps > MIN_END_INTERVAL * (grid.last - grid.first)
+            if not ends.any():
                 return None
-            result[name] = replace(grid, hats=grid.hats.halved(coarse))
+            result[name] = replace(grid, hats=grid.hats.halved(ends))
             continue
         first, last = room.extended(low - RANGE_MARGIN * width, high + RANGE_MARGIN * width)
         if room.around and (first == room.first or last == room.last):
             first, last = room.first, room.last
-        outgrown = room.first < grid.first >= low or room.last > grid.last <= high
-        if outgrown or len(beyond):
-            inner = nodes[(nodes > grid.first) & (nodes < grid.last)]
+        long, count = room.last - room.first, INTERVALS_PER_MINIMUM * room.places
+        if room.first < grid.first >= low or room.last > grid.last <= high or len(beyond):
             first, last = min(first, grid.first), max(last, grid.last)
             # Coarser than at the final contact: the contact may have moved far.
-            steps = max(float(np.median(grid.hats.steps)), width / FIRST_INTERVALS)
-            widest = max(
-                steps, (room.last - room.first) / max(FIRST_INTERVALS, INTERVALS_PER_MINIMUM * room.places)
-            )
-            more = [
-                grid.first - _growing(grid.first - first, steps, widest),
-                grid.last + _growing(last - grid.last, steps, widest),
-            ]
-            nodes = np.concatenate([[first], *more, inner, [last]])
-            finest = float(grid.hats.steps[grid.hats.steps > 0.0].min())
-            wider = room.hats(spaced_apart(nodes, 0.5 * finest))
+            step = max(float(np.median(steps)), width / FIRST_INTERVALS)
+            widest = max(step, long / max(FIRST_INTERVALS, count))
+            before = grid.first - _growing(grid.first - first, step, widest)
+            after = grid.last + _growing(last - grid.last, step, widest)
+            inner = nodes[(nodes > grid.first) & (nodes < grid.last)]
+            nodes = np.concatenate([[first], before, after, inner, [last]])
+            wider = room.hats(spaced_apart(nodes, 0.5 * float(steps[steps > 0.0].min())))
             result[name] = replace(grid, first=first, last=last, hats=wider)
         elif len(places) < MIN_CLOSED:
-            result[name] = replace(grid, hats=grid.hats.halved(_beside(places, len(grid.hats.steps))))
+            # Intervals within two of closed places; those between contacts are not refined.
+            near = np.zeros(len(steps), dtype=bool)
+            near[np.clip(places[:, None] + np.arange(-1, 3), 0, len(steps) - 1)] = True
+            result[name] = replace(grid, hats=grid.hats.halved(near))
         elif grid.provisional or last - first < MIN_NARROWING * (grid.last - grid.first):
-            share = INTERVALS_PER_MINIMUM * room.places * (last - first) / (room.last - room.first)
-            even = room.hats(np.linspace(first, last, max(FIRST_INTERVALS, round(share)) + 1))
+            intervals = max(FIRST_INTERVALS, round(count * (last - first) / long))
+            even = room.hats(np.linspace(first, last, intervals + 1))
             result[name] = replace(
                 grid, first=first, last=last, count=FIRST_SAMPLES, hats=even, provisional=False
             )
     return result
-
-
-def _beside(places: IntArray, count: int) -> BoolArray:
-    """Mask of ``count`` intervals within two of closed ``places``; intervals between contacts are not
-    refined."""
-    near = np.zeros(count, dtype=bool)
-    near[np.clip(places[:, None] + np.arange(-1, 3), 0, count - 1)] = True
-    return near
 
 
 def begun_open(
@@ -202,13 +188,11 @@ def begun_open(
         room = ranges[name]
         if not room.around or (grid.first, grid.last) != (room.first, room.last):
             continue
-        closed = np.any([_pressed(state, condensed.spans[name]) for state in states], axis=0)
-        places = np.flatnonzero(closed)
-        if not len(places) or (places[0] > 0 and places[-1] < len(closed) - 1):
+        places = np.flatnonzero(_pressed(condensed, name, states))
+        if not len(places) or (places[0] > 0 and places[-1] < len(grid.hats.place) - 1):
             continue
         long, at = room.last - room.first, grid.hats.place[places]
-        after = np.roll(at, -1)
-        after[-1] += long
+        after = np.append(at[1:], at[0] + long)
         widest = int(np.argmax(after - at))
         if after[widest] - at[widest] > MAX_OPEN_SHARE * long:
             middle = 0.5 * float(at[widest] + after[widest])
@@ -218,23 +202,16 @@ def begun_open(
     return found
 
 
-def _pressed(state: ContactState, span: slice) -> BoolArray:
-    """Mask (m,) of closed places with pressures above round-off; a body without loads touches at one place
-    however fine the grid is."""
-    nothing = float(state.pressure[span].max(initial=0.0)) <= ZERO_PRESSURE * float(
-        state.pressure.max(initial=0.0)
-    )
-    return np.zeros_like(state.closed[span]) if nothing else state.closed[span]
-
-
-def _coarse_ends(grid: ContactGrid, places: IntArray) -> BoolArray:
-    """Mask (m + 1,) of intervals at a closed end of the range that are too long to tell whether the contact
-    reaches it."""
-    steps = grid.hats.steps
-    ends = np.zeros(len(steps), dtype=bool)
-    ends[:2] |= places[0] == 0
-    ends[-2:] |= places[-1] == len(steps) - 2
-    return ends & (steps > MIN_END_INTERVAL * (grid.last - grid.first))
+def _pressed(condensed: Condensed, name: str, states: Sequence[ContactState]) -> BoolArray:
+    """Mask (m,) of places closed in some state with pressures above round-off; a body without loads touches
+    at one place however fine the grid is."""
+    span = condensed.spans[name]
+    some = [
+        state.closed[span]
+        & (state.pressure[span].max(initial=0.0) > ZERO_PRESSURE * state.pressure.max(initial=0.0))
+        for state in states
+    ]
+    return np.asarray(np.any(some, axis=0))
 
 
 def passed_beyond(
@@ -285,18 +262,12 @@ def summits(
         apart = ~(touching[:-3] | touching[1:-2] | touching[2:-1] | touching[3:])
         shallow = MIN_OVERLAP * float(np.abs(moved[: len(own)][closed]).max(initial=0.0))
         way = moved[order]
-        # Between distant nodes a rotating body moves along a curve.
+        # Between distant nodes a rotating body moves along a curve: the error of linear interpolation, from
+        # second differences.
+        steps, second = np.maximum(np.diff(at[order]), np.finfo(float).tiny), np.zeros(len(way))
+        second[1:-1] = np.abs(np.diff(np.diff(way) / steps)) / (at[order][2:] - at[order][:-2])
         between = np.clip(np.searchsorted(at[order], places) - 1, 0, len(way) - 2)
-        unsure = _bends(at[order], way)[between]
+        unsure = (0.25 * steps**2 * np.maximum(second[:-1], second[1:]))[between]
         overlap = drawn + np.interp(places, at[order], way) < np.where(beyond, -unsure, unsure) - shallow
         chosen |= overlap & (apart[interval] | beyond)
     return places[chosen]
-
-
-def _bends(at: FloatArray, values: FloatArray) -> FloatArray:
-    """Estimated error (n - 1,) of linear interpolation of ``values`` (n,) between increasing places ``at``
-    (n,), from second differences."""
-    steps = np.maximum(np.diff(at), np.finfo(float).tiny)
-    second = np.zeros(len(at))
-    second[1:-1] = np.abs(np.diff(np.diff(values) / steps)) / (at[2:] - at[:-2])
-    return np.asarray(0.25 * steps**2 * np.maximum(second[:-1], second[1:]))

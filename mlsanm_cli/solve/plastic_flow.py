@@ -17,7 +17,7 @@ Equation (34) of docs/method.md.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 
@@ -30,9 +30,7 @@ from mlsanm_cli.contact.laws.coulomb import increment, unloaded
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.contact_fields import NearFields
 from mlsanm_cli.contact.response.eigenstress import NOTHING
-from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.defect import NextDegree
 from mlsanm_cli.mechanics.elasticity import divergence_of_stress, stress_of
 from mlsanm_cli.mechanics.laws.von_mises import HISTORY, plastic_stress
@@ -86,52 +84,42 @@ class Flow:
         return float(np.linalg.norm(self.misfit)) / self.size if self.size else 0.0
 
 
-@dataclass(frozen=True, eq=False)
-class ElasticStress:
-    """Stresses (3n,) of a body's nodes, xx of all, yy, xy, per driver (3n, d) and, by the near field of each
-    contact ``grids`` names, per nodal pressure and traction (3n, 2m)."""
+def _elastic_stress(
+    built: CondensedScene, name: str
+) -> Callable[[Condensed, Sequence[FloatArray]], FloatArray]:
+    """The stress (n, 3) of a body in states f, q, p, t of a scene, also by its eigenstresses: from the
+    responses to each driver and, by the near fields of contacts on grids, to each pressure and traction."""
+    condensed, body, model = built.condensed, built.scene.bodies[name], built.scene.bodies[name].model
 
-    model: BodyModel
-    by_drivers: FloatArray
-    by_grids: Mapping[str, FloatArray]
+    def stresses(displacement: FloatArray) -> FloatArray:
+        return np.asarray(model.stress(displacement.reshape(-1, 2)).T.ravel())
 
-    @classmethod
-    def of(cls, built: CondensedScene, name: str) -> ElasticStress:
-        """The responses of a body, one solution per driver."""
-        condensed, body = built.condensed, built.scene.bodies[name]
-        solutions = condensed.solutions.get(name)
-        if solutions is None:
-            solutions = body.system.solve(condensed.sources[name], FUNCTIONAL_TOLERANCE)
-        model, grids = body.model, dict[str, FloatArray]()
-        z, count = as_complex(model.cloud.points), 3 * len(model.cloud.points)
-        for pairing in condensed.drivers.on_grids:
-            if name not in pairing.bodies:
-                continue
-            unit = np.eye(len(pairing.grid.hats.place))
-            none = np.zeros_like(unit)
-            total = np.zeros((count, 2 * len(unit)))
-            for slave, sign in pairing.sides_of(name):
-                fields = NearFields.at(pairing.grid, model.kernel, slave, z)
-                parts = [fields(*pair)[1] for pair in ((unit, none), (none, unit))]
-                near = np.concatenate(parts, axis=2).transpose(1, 0, 2)
-                total += sign * near.reshape(count, -1)
-            grids[pairing.name] = total
-        return cls(model, np.stack([_stresses(model, one) for one in solutions.T], axis=1), grids)
+    solutions = condensed.solutions.get(name)
+    if solutions is None:
+        solutions = body.system.solve(condensed.sources[name], FUNCTIONAL_TOLERANCE)
+    by_drivers = np.stack([stresses(one) for one in solutions.T], axis=1)
+    z, by_grids = as_complex(model.cloud.points), dict[str, FloatArray]()
+    for pairing in condensed.drivers.on_grids:
+        if name not in pairing.bodies:
+            continue
+        unit = np.eye(len(pairing.grid.hats.place))
+        none, total = np.zeros_like(unit), np.zeros((3 * len(z), 2 * len(unit)))
+        for slave, sign in pairing.sides_of(name):
+            fields = NearFields.at(pairing.grid, model.kernel, slave, z)
+            parts = [fields(*pair)[1] for pair in ((unit, none), (none, unit))]
+            near = np.concatenate(parts, axis=2).transpose(1, 0, 2)
+            total += sign * near.reshape(len(total), -1)
+        by_grids[pairing.name] = total
 
-    def __call__(self, condensed: Condensed, unknowns: Sequence[FloatArray]) -> FloatArray:
-        """The stress (n, 3) in a state f, q, p, t of a scene, also by its eigenstresses."""
-        total = self.by_drivers @ condensed.drive(unknowns)
-        total += _stresses(self.model, condensed.inner[self.model.name][1])
-        for pairing in condensed.reported:
-            if pairing.name in self.by_grids:
-                values = np.concatenate(condensed.contact_values(pairing, unknowns))
-                total += self.by_grids[pairing.name] @ values
+    def stress(now: Condensed, unknowns: Sequence[FloatArray]) -> FloatArray:
+        total = by_drivers @ now.drive(unknowns)
+        total += stresses(now.inner[name][1])
+        for pairing in now.reported:
+            if pairing.name in by_grids:
+                total += by_grids[pairing.name] @ np.concatenate(now.contact_values(pairing, unknowns))
         return np.asarray(total.reshape(3, -1).T)
 
-
-def _stresses(model: BodyModel, displacement: FloatArray) -> FloatArray:
-    """Nodal stresses (3n,) of a displacement (2N,)."""
-    return np.asarray(model.stress(displacement.reshape(-1, 2)).T.ravel())
+    return stress
 
 
 class PlasticScene:
@@ -152,9 +140,9 @@ class PlasticScene:
         levers = [length if one.component == ROTATION else 1.0 for _, one in built.scene.unknown_motions]
         self._sections = volume / length * np.array(levers)
         known = built.condensed
-        gap, slip, balance = map(_homogeneous, (known.gap, known.slip, known.balance))
+        gap, slip, balance = (one.shifted(-one.constant) for one in (known.gap, known.slip, known.balance))
         self._linear = replace(known, gap=gap, slip=slip, balance=balance)
-        self._elastic = {name: ElasticStress.of(built, name) for name in self.bodies}
+        self._elastic = {name: _elastic_stress(built, name) for name in self.bodies}
 
     def unloaded(self) -> Flow:
         """The state without loads, strains and contact pressures."""
@@ -189,7 +177,14 @@ class PlasticScene:
                 raise FlowError("the contact slides as a whole while bodies flow") from error
             change, count = gmres(partial(self._product, now, linear), now.misfit, forcing)
             products += count
-            now = self._stepped(before, now, change, max(seen[-MEMORY:]))
+            most, part = max(seen[-MEMORY:]), 1.0
+            trial = self._trial(before, factors, now.unknowns + change / self._root, now.contact)
+            while float(np.linalg.norm(trial.misfit)) > (1.0 - DECREASE * part) * most:
+                part *= 0.5
+                if part < LEAST_STEP:
+                    raise FlowError("plastic strains do not settle")
+                trial = self._trial(before, factors, now.unknowns + part * change / self._root, now.contact)
+            now = trial
             seen.append(float(np.linalg.norm(now.misfit)))
             rate = seen[-1] / seen[-2]
             safe = FORCING * forcing**2
@@ -197,21 +192,9 @@ class PlasticScene:
             forcing = max(forcing, 0.5 * tolerance / max(now.error, tolerance))
         raise FlowError(f"plastic strains have not settled after {MOST_UPDATES} updates")
 
-    def _stepped(self, before: Flow, now: Flow, change: FloatArray, most: float) -> Flow:
-        """The state after a Newton step, or after a part of it with which the misfit is at most ``most``.
-        Raises FlowError."""
-        part = 1.0
-        while part >= LEAST_STEP:
-            unknowns = now.unknowns + part * change / self._root
-            found = self._trial(before, now.factors, unknowns, now.contact)
-            if float(np.linalg.norm(found.misfit)) <= (1.0 - DECREASE * part) * most:
-                return found
-            part *= 0.5
-        raise FlowError("plastic strains do not settle")
-
     def _trial(self, before: Flow, factors: FloatArray, unknowns: FloatArray, guess: ContactState) -> Flow:
         """The state for eigenstresses ``unknowns`` (u,), with the contact set searched from a ``guess``."""
-        scene, stresses = self.built.scene, dict(self._split(unknowns))
+        scene, stresses = self.built.scene, self._split(unknowns)
         condensed = self._eigen.within(self.built.condensed, stresses)
         contact = increment(condensed, before.contact, factors, guess=guess.status)
         if contact is None:
@@ -239,7 +222,7 @@ class PlasticScene:
         """The largest residual of a state: of its plastic strains, and of contacts and balances, relative to
         the root mean square of stresses and their forces and moments on sections as long as the root of the
         area."""
-        stresses = dict(self._split(now.unknowns))
+        stresses = self._split(now.unknowns)
         stress = now.size / np.sqrt(self._area)
         condensed = self._eigen.within(self.built.condensed, stresses)
         return max(now.error, residual(condensed, now.contact, stress, stress * self._sections))
@@ -264,7 +247,7 @@ class PlasticScene:
         With fits B+ of the next degree stresses change by D (B+ - B) u, and their divergence by that of the
         better fits of nodal stresses. Raises NumericalError if the cloud is too small for these.
         """
-        scene, stresses = self.built.scene, dict(self._split(now.unknowns))
+        scene, stresses = self.built.scene, self._split(now.unknowns)
         condensed = self._eigen.within(self.built.condensed, stresses)
         defect, more = np.zeros(len(now.unknowns)), {}
         for name, body in self.bodies.items():
@@ -303,7 +286,7 @@ class PlasticScene:
     ) -> tuple[Condensed, ContactState]:
         """The scene without initial gaps under eigenstresses ``unknowns`` (u,) and ``more`` right-hand sides
         (r,), and the response of the contacts to both and to load ``factors`` (L,)."""
-        condensed = self._eigen.within(self._linear, dict(self._split(unknowns)), quick=True, more=more)
+        condensed = self._eigen.within(self._linear, self._split(unknowns), quick=True, more=more)
         rows = condensed.unscaled_rows(factors)
         m, n = len(condensed.gap.constant), len(condensed.slip.constant)
         response = linear.response(rows[:m], rows[m : m + n], rows[m + n :])
@@ -329,11 +312,6 @@ class PlasticScene:
             parts.append((elastic - np.einsum("nij,nj->ni", tangent, strain)).T.ravel())
         return strains, np.asarray(np.concatenate(parts))
 
-    def _split(self, unknowns: FloatArray) -> Iterator[tuple[str, FloatArray]]:
+    def _split(self, unknowns: FloatArray) -> dict[str, FloatArray]:
         """Eigenstresses (n, 3) by body."""
-        for name, place in self._places.items():
-            yield name, unknowns[place].reshape(3, -1).T
-
-
-def _homogeneous(linear: LinearMap) -> LinearMap:
-    return replace(linear, constant=np.zeros_like(linear.constant))
+        return {name: unknowns[place].reshape(3, -1).T for name, place in self._places.items()}

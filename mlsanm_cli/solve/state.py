@@ -32,10 +32,7 @@ unstable."""
 Fields: TypeAlias = Mapping[str, FloatArray]
 """Fields of a body in a state by name: ``displacement`` (n, 2), ``stress`` (n, 3), ``stress_zz`` and
 ``von_mises`` (n,), ``strain`` (n, 3) as xx, yy, xy including thermal strain; ``rest`` (N, 2), the
-displacement of its elastic system, and ``near`` (n, 3), the stress of the near fields of
-contacts."""
-
-
+displacement of its elastic system, and ``near`` (n, 3), the stress of the near fields of contacts."""
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 

@@ -28,10 +28,6 @@ Measure = Callable[[Stop, State], float]
 """Returns the value in a state of the quantity of a stop."""
 
 
-class _NotSaved(Exception):
-    """A path saves no state at a requested position."""
-
-
 class StoppedPath:
     """A path, or its remaining part, up to one of the ``stops``. ``reached`` is that stop once the path has
     ended at it."""
@@ -63,6 +59,8 @@ class StoppedPath:
                 ends = [(self._end(stops[k], begin, before, step), k) for k in passed]
                 end, number = min(ends, key=lambda one: one[0].state.position)
                 self.reached = stops[number]
+                if all(one.position != end.state.position for one in end.saved):
+                    end = replace(end, saved=(*end.saved, end.state))
                 yield replace(end, checkpoint=Checkpoint(end.state, armed=armed, ended_by=number))
                 return
             armed = armed | (values < 0.0)
@@ -85,7 +83,7 @@ class StoppedPath:
         if stop.what == "fold":
             highest = turning(step)
             assert highest is not None
-            return self._to(begin, highest - near) or _ended(step)
+            return self._to(begin, highest - near) or step
         value = self._excess(stop, step.state)
         found = {last: (value, step)}
         first = last if before is None else before.position
@@ -95,17 +93,17 @@ class StoppedPath:
                 return self._excess(stop, before) if before and place == first else value
             end = self._to(begin, place)
             if end is None:
-                raise _NotSaved
+                raise LookupError("the path saves no state at a requested position")
             found[place] = self._excess(stop, end.state), end
             return found[place][0]
 
         if last - first > near and value > 0.0:
             from mlsanm_cli.continuation.roots import root  # for few runs
 
-            with suppress(_NotSaved):
+            with suppress(LookupError):
                 root(beyond, first, last, near)
         slack = LIMIT_TOLERANCE * max(abs(stop.above or 0.0), abs(stop.below or 0.0))
-        return _ended(found[min(place for place, (value, _) in found.items() if value >= -slack)][1])
+        return found[min(place for place, (value, _) in found.items() if value >= -slack)][1]
 
     def _to(self, begin: Checkpoint | None, place: float) -> PathStep | None:
         """The step that ends at a position, None if the path saves no state there."""
@@ -165,13 +163,6 @@ def turning(step: PathStep) -> float | None:
     highest = float(values[best])
     end = branch.evaluate(length)[1]
     return highest if highest > end + LIMIT_TOLERANCE * max(1.0, abs(end)) else None
-
-
-def _ended(step: PathStep) -> PathStep:
-    """A step whose end is that of the path, and is saved."""
-    if any(state.position == step.state.position for state in step.saved):
-        return step
-    return replace(step, saved=(*step.saved, step.state))
 
 
 def _along(stop: Stop, vector: FloatArray) -> float:

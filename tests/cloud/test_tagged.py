@@ -10,7 +10,7 @@ import pytest
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.elements import boundary_loops
 from mlsanm_cli.cloud.membership import first_crossing, signed_area
-from mlsanm_cli.cloud.tagged import TaggedNodes, check_normals, tagged_loops
+from mlsanm_cli.cloud.tagged import TaggedNodes, tagged_loops
 from mlsanm_cli.errors import GeometryError
 
 
@@ -87,17 +87,16 @@ def test_what_is_no_boundary_is_refused_with_its_place(given: TaggedNodes, words
 
 def test_normals_that_do_not_point_outward_are_refused() -> None:
     given = nodes(("rim", ring(24, 1.0)), ("", np.zeros((1, 2))))
-    loops = tagged_loops(given)
     given = replace(given, normals=np.concatenate([ring(24, 1.0), [[np.nan, np.nan]]]))
-    check_normals(given, loops)
+    tagged_loops(given)
     for factor, words in ((-1.0, "line 9: the normal at .* points inward"), (0.0, "points sideways")):
         wrong = given.normals.copy()
         wrong[7] = factor * wrong[7] + (1.0 - abs(factor)) * np.array([-wrong[7, 1], wrong[7, 0]])
         with pytest.raises(GeometryError, match=words):
-            check_normals(replace(given, normals=wrong), loops)
+            tagged_loops(replace(given, normals=wrong))
     given.normals[24] = (1.0, 0.0)
     with pytest.raises(GeometryError, match="line 26: a normal at a node without a tag"):
-        check_normals(given, loops)
+        tagged_loops(given)
 
 
 def test_crossings_of_an_outline_are_found() -> None:

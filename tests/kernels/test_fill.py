@@ -13,9 +13,9 @@ from scipy.spatial.distance import cdist
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud import front as slices
-from mlsanm_cli.cloud.cloud import CANDIDATES, _strips, build_cloud
+from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import Arc, Outline, Segment, disk, rectangle
-from mlsanm_cli.cloud.front import fill_region
+from mlsanm_cli.cloud.front import CANDIDATES, fill_region
 from mlsanm_cli.cloud.membership import inside_polygon
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.errors import RunError
@@ -28,8 +28,7 @@ def front(outline: Outline, spacing: Spacing, seed: int) -> tuple[FloatArray, in
     """Nodes (n, 2) as the front leaves them, and how many of them lie on the boundary."""
     chain = np.concatenate([curve.points(spacing.steps_along(curve)[:-1]) for curve in outline.curves])
     edges = np.hstack([chain, np.roll(chain, -1, axis=0)])
-    table = spacing.table()
-    points = fill_region(chain, edges, _strips(edges), spacing.far, table, CANDIDATES, seed, 10**6)
+    points = fill_region(chain, edges, spacing, seed, 10**6)
     return points, len(chain)
 
 

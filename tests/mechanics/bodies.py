@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sparse
@@ -91,8 +92,8 @@ def with_body_force(body: ElasticBody, source: FloatArray, force: Field) -> Floa
     exact = np.append((pieces.size[:, None] ** 2 * mean).T.ravel(), np.zeros(pieces.count))
     node, points, area = _fine_cells(cloud)
     for level in pieces.levels:
-        owner = level[node]
-        exact += pieces.gathered(owner, points, area[:, None] * (force(points) - mean[owner]))
+        values = area[:, None] * (force(points) - mean[level[node]])
+        exact += replace(pieces, levels=(level,)).gathered(node, points, values)
     loaded[body.rows - len(exact) :] = exact
     return source + loaded
 

@@ -46,8 +46,7 @@ from mlsanm_cli.memo import digest
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.solve.coercivity import stability_limit
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.fields import fields_of
-from mlsanm_cli.solve.functionals import cone_ratio, plates_turned, quantities, slave_arc
+from mlsanm_cli.solve.fields import cone_ratio, fields_of, plates_turned, quantities, slave_arc
 from mlsanm_cli.solve.limit_loads import at_limit
 from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import Checkpoint, Fields, PathStep, State, output_positions

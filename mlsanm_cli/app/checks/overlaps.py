@@ -30,7 +30,7 @@ from mlsanm_cli.cloud.membership import cross, inside_polygon
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.functionals import platen_displacements
+from mlsanm_cli.solve.fields import platen_displacements
 from mlsanm_cli.solve.state import State
 
 CORNER_ANGLE = 0.1

@@ -263,8 +263,8 @@ def loaded_length(model: Quality) -> Iterator[Check]:
             continue
         surfaces, names = model.clouds[load.owner].surfaces, model.prepared.boundaries.names[load.place]
         found = sum(surfaces[name].curve.length for name in names)
-        body = next(one for one in model.case.body if one.name == load.owner)
-        wanted = sum(run.part.length for run in runs_of(body.shape, load.place))
+        outline = model.prepared.boundaries.drawn[load.owner]
+        wanted = sum(run.part.length for run in runs_of(outline, load.place))
         message = (
             f"load.{load.name} acts on a length of {found:.4g} instead of {wanted:.4g}, as parts of body "
             f"{load.owner} end at nodes"

@@ -1,6 +1,5 @@
-"""``mlsanm compare``: several methods on the same scene and operators. The rules of the comparison are in
-docs/methods-compared.md.
-"""
+"""``mlsanm compare``: several methods on the same scene and operators, by the rules of
+docs/methods-compared.md."""
 
 from __future__ import annotations
 
@@ -17,10 +16,10 @@ import numpy as np
 from mlsanm_cli.app.checks.references import check_reference
 from mlsanm_cli.app.context import Clock, Console, RunContext
 from mlsanm_cli.app.output.checkpoint import attributes
-from mlsanm_cli.app.run import RESULTS
 from mlsanm_cli.app.scene.outlines import load_with_files
 from mlsanm_cli.case import Case, LoadedCase
 from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.inputs import results_of
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.files import write_json_atomic
 from mlsanm_cli.io.plots.curves import Curve, Panel, Picture, draw
@@ -41,9 +40,8 @@ States = Mapping[float, State]
 
 @dataclass
 class Measured:
-    """``states`` by position, as far as the path was followed by the method ``name``, and the counts of the
-    whole path. ``seconds`` is the median CPU time of the path; ``failure`` and ``hint`` are empty if it was
-    completed."""
+    """``states`` by position, as far as the method ``name`` followed the path, and its counts. ``seconds`` is
+    the median CPU time; ``failure`` is empty if the path was completed."""
 
     name: str
     law: str
@@ -56,11 +54,6 @@ class Measured:
     failure: str = ""
     hint: str = ""
 
-    @property
-    def done(self) -> bool:
-        """Whether the path was completed."""
-        return not self.failure
-
 
 class Comparison(ABC):
     """A scene set up for several ``methods``, ANM first, with states saved at the ``levels``; ``changed``
@@ -68,6 +61,8 @@ class Comparison(ABC):
 
     methods: Sequence[str]
     warnings: list[str]
+    sizes: Mapping[str, Any]
+    """Numbers of nodes and unknowns."""
     phases: ClassVar[tuple[str, ...]] = ("cloud", "operators")
     """Set-up phases of all methods."""
 
@@ -93,11 +88,6 @@ class Comparison(ABC):
     def limits(self, tolerance: float | None) -> dict[str, float]:
         """The largest differences, first that of methods with the same law."""
 
-    @property
-    @abstractmethod
-    def sizes(self) -> dict[str, Any]:
-        """Numbers of nodes and unknowns."""
-
     def setup(self, name: str) -> tuple[Sequence[str], tuple[int, int] | None]:
         """The phases in which a method is set up, and the sparse factorisations and solutions before a path
         on the condensed system, None for other paths."""
@@ -119,6 +109,47 @@ class Comparison(ABC):
         """Work-precision curves; empty if there are none."""
         return {}
 
+    def figures(
+        self,
+        row: Measured,
+        rows: Sequence[Measured],
+        clock: Clock,
+        analytic: bool,
+        limits: Mapping[str, float],
+    ) -> dict[str, Any]:
+        """One method as in comparison.json, with the seconds of its set-up, and its differences from the
+        first of the preceding methods with the same law, else from ANM."""
+        setup, condensed = self.setup(row.name)
+        own, none = (row.factorizations, row.solves), (0, 0)
+        dense, sparse = (none, own) if condensed is None else (own, condensed)
+        found: dict[str, Any] = {
+            "method": row.name,
+            "law": row.law,
+            "status": "failed" if row.failure else "done",
+            "steps": row.steps,
+            "iterations": row.iterations,
+            "dense_factorizations": dense[0],
+            "sparse_factorizations": sparse[0],
+            "dense_solves": dense[1],
+            "sparse_solves": sparse[1],
+            "seconds_setup": sum(clock.seconds[phase] for phase in setup),
+            "seconds_path": row.seconds,
+        }
+        if row.failure:
+            return found | {"reason": row.failure, "hint": row.hint}
+        if analytic:
+            found["reference_error"] = self.reference_error(row)
+        before = [one for one in rows[: rows.index(row)] if not one.failure]
+        against = next(iter([*(one for one in before if one.law == row.law), *before]), None)
+        if against is None:
+            return found
+        same = against.law == row.law
+        limit = next(iter(limits.values())) if same else limits["other_law"]
+        apart = self.difference(row.states, against.states)
+        agrees = all(value <= limit for value in apart.values())
+        found |= {"against": against.name, "difference": apart, "limit": limit, "agrees": agrees}
+        return found if same or agrees else found | self.convergence(row, against)
+
 
 def followed(
     name: str,
@@ -127,35 +158,30 @@ def followed(
     repeat: int,
     check: Callable[[PathStep], None],
 ) -> Measured:
-    """Follows a ``path`` ``repeat`` times; ``check`` is called with every step, and may raise
-    NumericalError."""
-    runs = [_once(Measured(name, law), path(), check) for _ in range(repeat)]
+    """Follows a ``path`` ``repeat`` times; ``check`` is called with every step, may raise NumericalError."""
+    runs = [Measured(name, law) for _ in range(repeat)]
+    for found in runs:
+        steps, count = path(), 0
+        try:
+            while True:
+                begun = time.process_time()
+                try:
+                    step = next(steps, None)
+                finally:
+                    found.seconds += time.process_time() - begun
+                if step is None:
+                    break
+                # The first state, at the start of the path, is not a step.
+                found.steps, count = count, count + 1
+                found.iterations += step.iterations
+                found.factorizations += step.factorizations
+                found.solves += step.solves
+                check(step)
+                for state in step.saved:
+                    found.states.setdefault(state.position, state)
+        except NumericalError as error:
+            found.failure, found.hint = error.message, error.hint
     return replace(runs[0], seconds=median(run.seconds for run in runs))
-
-
-def _once(found: Measured, path: Iterator[PathStep], check: Callable[[PathStep], None]) -> Measured:
-    # The first state, at the start of the path, is not a step.
-    steps = -1
-    try:
-        while True:
-            begun = time.process_time()
-            try:
-                step = next(path, None)
-            finally:
-                found.seconds += time.process_time() - begun
-            if step is None:
-                break
-            steps += 1
-            found.iterations += step.iterations
-            found.factorizations += step.factorizations
-            found.solves += step.solves
-            check(step)
-            for state in step.saved:
-                found.states.setdefault(state.position, state)
-    except NumericalError as error:
-        found.failure, found.hint = error.message, error.hint
-    found.steps = max(steps, 0)
-    return found
 
 
 def compare(
@@ -189,7 +215,7 @@ def compare(
     def changed(*changes: str) -> LoadedCase:
         return load_with_files(case_path, (*overrides, *changes))
 
-    loaded, directory = changed(), out or RESULTS / case_path.stem
+    loaded, directory = changed(), out or results_of(case_path)
     check_reference(loaded)
     kind: type[Comparison]
     if loaded.case.model.strain == "small":
@@ -198,25 +224,30 @@ def compare(
         from mlsanm_cli.app.comparison.finite_strain import FiniteComparison as kind
     kind.refuse(loaded.case, methods, analytic)
     run_dir.check_comparison(directory, force)
-    scene = kind(methods, context, changed, _levels(loaded.case, levels))
+    # Ends of stages, positions of the case, and even levels; rounded, so that equal ones are one number.
+    stages = range(len(loaded.case.stage))
+    even = {round(stage + i / levels, 12) for stage in stages for i in range(1, levels + 1)}
+    even |= {position for position in loaded.case.output.at if position > 0.0}
+    scene = kind(methods, context, changed, sorted(even))
     rows = []
     for name in scene.methods:
         console.phase(f"following the path: {name}")
         rows.append(scene.measure(name, repeat))
     scene.judge(rows[0])
     limits = scene.limits(tolerance)
-    table = [_figures(scene, row, rows, context.clock, analytic, limits) for row in rows]
+    table = [scene.figures(row, rows, context.clock, analytic, limits) for row in rows]
+    agree = all(row["status"] == "done" and row.get("agrees", True) for row in table)
     result = {
         "case": str(loaded.path),
         "title": loaded.case.title,
         "overrides": list(overrides),
-        "status": agreement(table),
+        "status": "failed" if rows[0].failure else "agree" if agree else "disagree",
         "levels": sorted(rows[0].states),
         "limits": limits,
         **scene.sizes,
         "methods": table,
     }
-    curves = scene.curves(rows) if picture and rows[0].done else {}
+    curves = scene.curves(rows) if picture and not rows[0].failure else {}
     result |= {"precision": curves} if curves else {}
     for warning in scene.warnings:
         console.warning(warning)
@@ -232,84 +263,23 @@ def compare(
     return {**result, "directory": str(directory)}
 
 
-def _levels(case: Case, count: int) -> list[float]:
-    """Ends of stages, positions of the case, and ``count`` even levels per stage."""
-    stages = range(len(case.stage))
-    # Rounded, so that equal levels of the case are the same number.
-    even = {round(stage + i / count, 12) for stage in stages for i in range(1, count + 1)}
-    return sorted(even | {position for position in case.output.at if position > 0.0})
-
-
-def _figures(
-    scene: Comparison,
-    row: Measured,
-    rows: Sequence[Measured],
-    clock: Clock,
-    analytic: bool,
-    limits: Mapping[str, float],
-) -> dict[str, Any]:
-    """One method as in comparison.json, with the seconds of its set-up, and its differences from the first of
-    the preceding methods with the same law, else from ANM."""
-    setup, condensed = scene.setup(row.name)
-    own, none = (row.factorizations, row.solves), (0, 0)
-    dense, sparse = (none, own) if condensed is None else (own, condensed)
-    found: dict[str, Any] = {
-        "method": row.name,
-        "law": row.law,
-        "status": "done" if row.done else "failed",
-        "steps": row.steps,
-        "iterations": row.iterations,
-        "dense_factorizations": dense[0],
-        "sparse_factorizations": sparse[0],
-        "dense_solves": dense[1],
-        "sparse_solves": sparse[1],
-        "seconds_setup": sum(clock.seconds[phase] for phase in setup),
-        "seconds_path": row.seconds,
-    }
-    if not row.done:
-        return found | {"reason": row.failure, "hint": row.hint}
-    if analytic:
-        found["reference_error"] = scene.reference_error(row)
-    before = [one for one in rows[: rows.index(row)] if one.done]
-    against = next(iter([*(one for one in before if one.law == row.law), *before]), None)
-    if against is None:
-        return found
-    same = against.law == row.law
-    limit = next(iter(limits.values())) if same else limits["other_law"]
-    apart = scene.difference(row.states, against.states)
-    agrees = all(value <= limit for value in apart.values())
-    found |= {"against": against.name, "difference": apart, "limit": limit, "agrees": agrees}
-    return found if same or agrees else found | scene.convergence(row, against)
-
-
-def agreement(table: Sequence[Mapping[str, Any]]) -> str:
-    """The status of a comparison from its rows, ANM first: "agree", "disagree", or "failed" if ANM failed."""
-    if table[0]["status"] == "failed":
-        return "failed"
-    agree = all(row["status"] == "done" and row.get("agrees", True) for row in table)
-    return "agree" if agree else "disagree"
-
-
-FACTORIZATIONS = "factorisations of tangents"
-
-
 def draw_precision(directory: Path, curves: Mapping[str, Any]) -> None:
     """Draws errors against CPU seconds and against factorisations, one curve per method, in the directory of
     comparison.json. The cost for the exact law, the reference of the errors, is a vertical line."""
     errors = [point["error"] for points in curves["smooth"].values() for point in points]
     panels = []
-    for key, label in (("seconds", "CPU seconds of the path"), ("factorizations", FACTORIZATIONS)):
+    labels = {"seconds": "CPU seconds of the path", "factorizations": "factorisations of tangents"}
+    for key, label in labels.items():
         drawn, notes = [], []
         for name, points in curves["smooth"].items():
             cost, error = (np.array([point[part] for point in points]) for part in (key, "error"))
             drawn.append(Curve(cost, error, name))
-            if label == FACTORIZATIONS:
+            if key == "factorizations":
                 notes += [(f"eta {one['eta']:.2g}", one[key], one["error"]) for one in points]
         if curves["exact"] and errors:
             cost = np.full(2, curves["exact"][key])
-            drawn.append(
-                Curve(cost, np.array([min(errors), max(errors)]), "active set, exact law", REFERENCE_LINE)
-            )
+            ends = np.array([min(errors), max(errors)])
+            drawn.append(Curve(cost, ends, "active set, exact law", REFERENCE_LINE))
         panels.append(Panel(drawn, label, "pressure, error against the exact law", notes=notes, scale="log"))
     picture = Picture(panels, "", "outside upper center", (8.4, 3.8), beside=True)
     draw(directory / run_dir.picture_name("comparison", "png"), picture)

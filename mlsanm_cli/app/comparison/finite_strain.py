@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -45,28 +44,25 @@ class FiniteComparison(Comparison):
         self.methods, self.warnings = (ANM, NEWTON), []
         with context.phase("operators"):
             self._scene = finite_scene(loaded.case, prepared)
+        self.sizes = {"nodes": self._scene.unknowns // 2, "contact_unknowns": 0}
         self._renewals: dict[str, tuple[State, ...]] = {}
 
     @classmethod
     def refuse(cls, case: Case, methods: Sequence[str], analytic: bool) -> None:
-        if case.contact or len(case.body) > 1:
-            raise RunError(
+        other = next((name for name in methods if name != NEWTON), None)
+        for wrong, message, hint in (
+            (
+                case.contact or len(case.body) > 1,
                 "finite strain with contact or several bodies has a single method: there is nothing to "
-                "compare"
-            )
-        for name in methods:
-            if name != NEWTON:
-                raise RunError(
-                    f"--{name}: finite strain has power series and Newton's method only", "--newton"
-                )
-        if analytic:
-            raise RunError("--analytic: there is no closed formula for finite strain", "--newton")
-        if not methods:
-            raise RunError("nothing to compare ANM with", "add --newton")
-
-    @property
-    def sizes(self) -> dict[str, Any]:
-        return {"nodes": self._scene.unknowns // 2, "contact_unknowns": 0}
+                "compare",
+                "",
+            ),
+            (other, f"--{other}: finite strain has power series and Newton's method only", "--newton"),
+            (analytic, "--analytic: there is no closed formula for finite strain", "--newton"),
+            (not methods, "nothing to compare ANM with", "add --newton"),
+        ):
+            if wrong:
+                raise RunError(message, hint)
 
     def measure(self, name: str, repeat: int = 1) -> Measured:
         case = self._scene.case

@@ -99,6 +99,11 @@ class SmallComparison(Comparison):
         announce(shared.case, prepared, context, self._verdicts)
         _, built, *_ = set_up(shared.case, prepared, context, self._verdicts)
         self._built = replace(built, case=cases[0])
+        self.sizes = {
+            "nodes": sum(len(body.model.cloud.points) for body in built.scene.bodies.values()),
+            "contact_unknowns": len(built.condensed.weight) + len(built.condensed.friction_nodes),
+            "eta": {contact.name: contact.regularization.eta for contact in self._case.contact},
+        }
 
     def _changed_case(self, name: str, softer: float = 1.0) -> Case:
         return self._changed(self._levels, *changes_for(self._case, name, softer)).case
@@ -116,15 +121,6 @@ class SmallComparison(Comparison):
             raise RunError("--analytic: the case names no reference", "add [reference] with its solution")
         if len(chosen_methods(case, methods)) == 1 and not analytic:
             raise RunError("no method to compare with ANM", "add --newton, --active-set or --analytic")
-
-    @property
-    def sizes(self) -> dict[str, Any]:
-        condensed = self._built.condensed
-        return {
-            "nodes": sum(len(body.model.cloud.points) for body in self._built.scene.bodies.values()),
-            "contact_unknowns": len(condensed.weight) + len(condensed.friction_nodes),
-            "eta": {contact.name: contact.regularization.eta for contact in self._case.contact},
-        }
 
     def setup(self, name: str) -> tuple[Sequence[str], tuple[int, int] | None]:
         if name != ACTIVE_SET:
@@ -145,7 +141,7 @@ class SmallComparison(Comparison):
 
     def judge(self, series: Measured) -> None:
         self.warnings += factor_notes(self._built.scene)
-        if series.done:
+        if not series.failure:
             built, last = self._built, series.states[max(series.states)]
             fields, _ = fields_of(built, [last], stress=True)[0]
             end = End(built, None, last, 0.0, energy_error(built, last, fields), {})
@@ -160,27 +156,25 @@ class SmallComparison(Comparison):
         }
 
     def difference(self, found: States, reference: States) -> dict[str, float]:
-        pressure = traction = displacement = peak = largest = 0.0
+        condensed, scene, apart = self._built.condensed, self._built.scene, np.zeros(3)
+        peak = largest = 0.0
+
+        def moved(unknowns: tuple[FloatArray, ...]) -> float:
+            bodies = [condensed.displacement(scene, name, unknowns) for name in scene.bodies]
+            return max(float(np.hypot(*u.T).max()) for u in bodies)
+
         for position in found.keys() & reference.keys():
             one, other = found[position], reference[position]
-            change = tuple(a - b for a, b in zip(one.unknowns, other.unknowns, strict=True))
-            pressure = np.maximum(pressure, np.abs(one.pressure - other.pressure).max(initial=0.0))
-            traction = np.maximum(traction, np.abs(one.traction - other.traction).max(initial=0.0))
+            _, _, pressure, traction = change = tuple(
+                a - b for a, b in zip(one.unknowns, other.unknowns, strict=True)
+            )
             # Displacements are linear in the unknowns.
-            displacement = np.maximum(displacement, self._largest_displacement(change))
+            sizes = np.abs(pressure).max(initial=0.0), np.abs(traction).max(initial=0.0), moved(change)
+            apart = np.maximum(apart, sizes)
             peak = max(peak, float(other.pressure.max(initial=0.0)))
-            largest = max(largest, self._largest_displacement(other.unknowns))
-        return {
-            "pressure": float(pressure) / (peak or 1.0),
-            "traction": float(traction) / (peak or 1.0),
-            "displacement": float(displacement) / (largest or 1.0),
-        }
-
-    def _largest_displacement(self, unknowns: tuple[FloatArray, ...]) -> float:
-        """Largest displacement of a node for given unknowns."""
-        condensed, scene = self._built.condensed, self._built.scene
-        moved = [condensed.displacement(scene, name, unknowns) for name in scene.bodies]
-        return max(float(np.hypot(*u.T).max()) for u in moved)
+            largest = max(largest, moved(other.unknowns))
+        apart /= (peak or 1.0, peak or 1.0, largest or 1.0)
+        return dict(zip(("pressure", "traction", "displacement"), apart.tolist(), strict=True))
 
     def surface_error(self, found: States, exact: States) -> float:
         """Largest L2 norm over all levels of the difference of pressures and tractions from the exact ones,
@@ -199,7 +193,7 @@ class SmallComparison(Comparison):
     def convergence(self, row: Measured, against: Measured) -> dict[str, Any]:
         smooth, exact = (against, row) if row.law == "exact" else (row, against)
         softer = self.measure(smooth.name, softer=SOFTER)
-        before = self.surface_error(softer.states, exact.states) if softer.done else 0.0
+        before = self.surface_error(softer.states, exact.states) if not softer.failure else 0.0
         now = self.surface_error(smooth.states, exact.states)
         return {"convergence": (before, now), "agrees": now <= CONVERGENCE_RATIO * before}
 
@@ -210,9 +204,9 @@ class SmallComparison(Comparison):
 
     def curves(self, rows: Sequence[Measured]) -> Mapping[str, Any]:
         self._context.console.phase("following the paths at larger eta, for the picture")
-        exact = next((row for row in rows if row.done and row.name == ACTIVE_SET), None)
+        exact = next((row for row in rows if not row.failure and row.name == ACTIVE_SET), None)
         reference = self.measure(ACTIVE_SET) if exact is None else exact
-        if not reference.done:
+        if reference.failure:
             self.warnings.append("no picture: the exact law has no state at some level")
             return {"smooth": {}, "exact": None}
         eta = max(contact.regularization.eta for contact in self._case.touching)
@@ -228,7 +222,7 @@ class SmallComparison(Comparison):
                     "factorizations": found.factorizations,
                 }
                 for value, found in (*points, (eta, row))
-                if found.done
+                if not found.failure
             ]
         cost = exact and {"seconds": exact.seconds, "factorizations": exact.factorizations}
         return {"smooth": smooth, "exact": cost}

@@ -18,7 +18,6 @@ from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.contact.laws.contact_state import ContactState
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.body_model import BodyModel
-from mlsanm_cli.mechanics.eigenstress import values_at
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.solve.condensed_scene import CondensedScene
@@ -50,7 +49,7 @@ class View:
     @cached_property
     def values(self) -> sparse.csr_array:
         """A nodal field at the points (e, n)."""
-        return values_at(self.model, self.cloud.points)
+        return self.model.field_rows(self.cloud.points)
 
 
 def finer_views(built: CondensedScene, boundaries: Boundaries, memo: Memo = NO_CACHE) -> dict[str, View]:

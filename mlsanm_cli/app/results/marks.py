@@ -3,7 +3,7 @@ the picture of a scene before it is solved."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +24,6 @@ from mlsanm_cli.case import (
     Platen,
     Pressure,
     Temperature,
-    Traction,
     value_at,
 )
 from mlsanm_cli.io.plots.cloud import BodyPicture, CloudBody, plot_bodies
@@ -48,10 +47,9 @@ def marks_of(
 ) -> ConditionMarks:
     """The symbols of the supports, loads and obstacles of a case.
 
-    ``touching`` are points (m, 2) of the contacts, at which loads of obstacles are drawn; ``moved`` the
-    displacements (2,) of platens and obstacles by load, ``displaced`` the nodal displacements (n, 2) of
-    bodies, both drawn ``scale`` times as large. Loads with a factor of zero in ``factors`` are omitted,
-    arrows of negative ones reversed; factors also rotate obstacles.
+    Loads of obstacles are drawn at points (m, 2) of contacts, ``touching``. Displacements (2,) of platens and
+    obstacles by load, ``moved``, and of nodes, ``displaced``, are drawn ``scale`` times as large. Loads with
+    a factor of zero are omitted, arrows of negative ones reversed; factors also rotate obstacles.
     """
     points = np.concatenate([body.points for body in bodies.values()])
     lines = obstacles(case, points)
@@ -74,15 +72,16 @@ def marks_of(
         for point, vector, normal in _acting(load, bodies, shown, touching, shift):
             if factor and vector.any():
                 arrows.append((point, np.sign(factor) * vector / np.hypot(*vector), normal, load.name))
-    return ConditionMarks(
-        held=tuple(held),
-        nodes=tuple(nodes),
-        arrows=tuple(arrows),
-        obstacles=tuple(
-            _turned(case, name, line, factors) + scale * obstacle_shift(case, name, moved)
-            for name, (line, _) in lines.items()
-        ),
-    )
+    drawn, given = [], {one.name: one.obstacle for one in case.contact if one.obstacle is not None}
+    for name, (line, _) in lines.items():
+        angle, pivot = 0.0, (0.0, 0.0)
+        for load in case.load:
+            if isinstance(load, ObstacleMotion) and load.obstacle == name and load.rotation:
+                angle += load.rotation * factors.get(load.name, 0.0)
+                pivot = load.pivot_on(given[name]) or pivot
+        turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        drawn.append(pivot + (line - pivot) @ turn + scale * obstacle_shift(case, name, moved))
+    return ConditionMarks(tuple(held), tuple(nodes), tuple(arrows), tuple(drawn))
 
 
 def marks_at(run: RunData, case: Case, state: SavedState, scale: float) -> ConditionMarks:
@@ -98,18 +97,6 @@ def marks_at(run: RunData, case: Case, state: SavedState, scale: float) -> Condi
         name: fields["displacement"] for name, fields in state.bodies.items() if "displacement" in fields
     }
     return marks_of(case, run.bodies, touching, moved, scale, factors, displaced)
-
-
-def _turned(case: Case, contact: str, line: FloatArray, factors: Mapping[str, float]) -> FloatArray:
-    """Points (k, 2) of an obstacle, rotated by its loads."""
-    angle, pivot = 0.0, (0.0, 0.0)
-    obstacle = next(described.obstacle for described in case.contact if described.name == contact)
-    for load in case.load:
-        if isinstance(load, ObstacleMotion) and load.obstacle == contact and load.rotation and obstacle:
-            angle += load.rotation * factors.get(load.name, 0.0)
-            pivot = load.pivot_on(obstacle) or pivot
-    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
-    return np.asarray(pivot + (line - pivot) @ turn)
 
 
 def boundary_nodes(body: Dataset, place: Place) -> tuple[IntArray, FloatArray]:
@@ -148,11 +135,8 @@ def _acting(
         if place is not None:
             index, _ = _along(bodies[load.owner], place, 3)
             middle = shown[load.owner][index[len(index) // 2]]
-        yield (
-            middle,
-            _numbers(load.total if isinstance(load, Force) else load.body_force, middle),
-            np.zeros(2),
-        )
+        force = load.total if isinstance(load, Force) else load.body_force
+        yield middle, _numbers(force, middle), np.zeros(2)
     elif isinstance(load, ObstacleMotion):
         if load.obstacle in touching:
             # An obstacle pushes: its arrow ends at the contact.
@@ -165,35 +149,33 @@ def _acting(
         body, places = bodies[load.place.body], shown[load.place.body]
         index, normals = _along(body, load.place, MAX_ARROWS)
         for point, normal, place in zip(places[index], normals, body.points[index], strict=True):
-            yield point, _vector(load, normal, place), normal
+            if isinstance(load, Pressure):
+                # A table is drawn as a positive pressure.
+                size = 1.0 if load.pressure is None else np.sign(_numbers([load.pressure], place)[0])
+                vector = -size * normal
+            elif isinstance(load, Displacement):
+                vector = _numbers(load.components, place)
+            elif load.traction is not None:
+                vector = _numbers(load.traction, place)
+            else:
+                vector = np.array(load.table)[:, 1:].mean(axis=0)
+            yield point, vector, normal
 
 
 def _control(load: Platen | ObstacleMotion) -> FloatArray:
     return np.array([load.control[axis][1] if axis in load.control else 0.0 for axis in ("x", "y")])
 
 
-def _vector(load: Traction | Pressure | Displacement, normal: FloatArray, place: FloatArray) -> FloatArray:
-    """The direction of a load along a boundary, at a ``place`` (2,) with an outward ``normal`` (2,)."""
-    if isinstance(load, Pressure):
-        # A table is drawn as a positive pressure.
-        return -normal if load.pressure is None else -np.sign(_at(load.pressure, place)) * normal
-    if isinstance(load, Displacement):
-        return _numbers(load.components, place)
-    if load.traction is not None:
-        return _numbers(load.traction, place)
-    return np.asarray(np.array(load.table)[:, 1:].mean(axis=0), dtype=np.float64)
-
-
-def _numbers(given: tuple[float | str | None, float | str | None], place: FloatArray) -> FloatArray:
-    return np.array([0.0 if part is None else _at(part, place) for part in given])
-
-
-def _at(given: float | str, place: FloatArray) -> float:
-    try:
-        return value_at(given, *place.tolist()) if isinstance(given, str) else given
-    except ExpressionError:
-        # Expressions need values at nodes only; a drawn point may lie elsewhere.
-        return 1.0
+def _numbers(given: Sequence[float | str | None], place: FloatArray) -> FloatArray:
+    """The values of numbers and expressions at a ``place`` (2,)."""
+    values = []
+    for part in given:
+        try:
+            values.append(value_at(part, *place.tolist()) if isinstance(part, str) else part or 0.0)
+        except ExpressionError:
+            # Expressions need values at nodes only; a drawn point may lie elsewhere.
+            values.append(1.0)
+    return np.array(values)
 
 
 def draw_model(path: Path, case: Case, prepared: SceneModel) -> None:

@@ -27,8 +27,9 @@ OF_CONTACTS = (*MAIN, "force", "closed_nodes")
 MAX_VARIED = 15
 """Largest number of different keys of several cases that are listed."""
 SIZES = ("position", "steps", "nodes", "contact_unknowns", "wall_seconds", "peak_memory_mb")
-OUTCOMES = {"passed": html.GOOD + "passes", "warned": html.BAD + "warns", "failed": html.BAD + "fails"}
+OUTCOMES = {"failed": html.BAD + "fails", "warned": html.BAD + "warns", "passed": html.GOOD + "passes"}
 ORIGINS = {"git": "commit", "argv": "command", "cpu": "processor"}
+CHECK = ("name", "place", "value", "limit", "outcome")
 CAPTIONS = {
     "bodies": "The deformed bodies, with supports, loads and obstacles",
     "pressure": "Contact pressure along {subject}",
@@ -42,8 +43,7 @@ CAPTIONS = {
 
 def report(rundirs: Sequence[Path], out: Path | None = None) -> Path:
     """Writes a page about one run or several, by default to ``report.html`` in the run directory or, for
-    several runs, in the current one. Raises RunError for directories without a readable run, and if the file
-    cannot be written or is not a report of mlsanm."""
+    several runs, in the current one. Raises RunError for unreadable runs and other files of that name."""
     runs = [read_run(place) for place in rundirs]
     path = out or (runs[0].directory / run_dir.REPORT_FILE if len(runs) == 1 else Path(run_dir.REPORT_FILE))
     if path.suffix.lower() not in (".html", ".htm"):
@@ -86,7 +86,12 @@ def _one(run: RunData, case: Case) -> Iterator[str]:
     yield from _figures(summary, case)
     if summary.get("checks"):
         yield element("h3", "Error estimates and checks")
-        yield _checks(summary["checks"])
+        checks = sorted(summary["checks"], key=lambda check: list(OUTCOMES).index(check["outcome"]))
+        rows = [
+            [name.replace("_", " "), place, _number(value), _number(limit), OUTCOMES[outcome]]
+            for name, place, value, limit, outcome in map(itemgetter(*CHECK), checks)
+        ]
+        yield html.table("Checks", ["check", "of", "value", "limit", "outcome"], rows)
     if run.rows:
         yield element("h3", "Pictures")
         yield from _pictures(run, case)
@@ -103,10 +108,18 @@ def _figures(summary: Mapping[str, Any], case: Case) -> Iterator[str]:
     if contacts:
         figures = [one for one in schema.CONTACT_FIGURES if one.path.rpartition("}.")[2] in OF_CONTACTS]
         yield _table("Contacts at the end", "contact", contacts, figures, case)
-    forces = _joined_forces(summary.get("forces") or {}, case)
-    if forces:
+    forces: Mapping[str, Any] = summary.get("forces") or {}
+    places = {load.name: load.place for load in case.load if isinstance(load, Displacement)}
+    zero = ROUND_OFF * max((abs(part) for force in forces.values() for part in force), default=0.0)
+    # Displacement loads on the same boundary have one force.
+    joined: dict[Any, tuple[list[str], list[str]]] = {}
+    for name, force in forces.items():
+        if not name.startswith("contact "):
+            shown = [_number(part if abs(part) > zero else 0.0) for part in force]
+            joined.setdefault(places.get(name, name), ([], shown))[0].append(name)
+    if joined:
         columns = [case.units.label(f"force {axis}", "force") for axis in "xy"]
-        rows = [[name, *force] for name, force in forces]
+        rows = [[", ".join(names), *shown] for names, shown in joined.values()]
         yield html.table("Forces on the bodies", ["load or support", *columns], rows)
     if summary.get("probes"):
         yield _table("Probes at the end", "probe", summary["probes"], schema.PROBES, case)
@@ -145,31 +158,6 @@ def _table(
     return html.table(title, columns, list(rows.values()))
 
 
-def _joined_forces(forces: Mapping[str, Any], case: Case) -> list[tuple[str, list[str]]]:
-    """Names and forces of loads and supports; displacement loads on one boundary have one force."""
-    places = {load.name: load.place for load in case.load if isinstance(load, Displacement)}
-    zero = ROUND_OFF * max((abs(part) for force in forces.values() for part in force), default=0.0)
-    joined: dict[Any, tuple[list[str], list[str]]] = {}
-    for name, force in forces.items():
-        if not name.startswith("contact "):
-            shown = [_number(part if abs(part) > zero else 0.0) for part in force]
-            joined.setdefault(places.get(name, name), ([], shown))[0].append(name)
-    return [(", ".join(names), shown) for names, shown in joined.values()]
-
-
-CHECK = ("name", "place", "value", "limit", "outcome")
-
-
-def _checks(checks: Sequence[Mapping[str, Any]]) -> str:
-    """All checks, those that did not pass first."""
-    ordered = sorted(checks, key=lambda check: list(OUTCOMES)[::-1].index(check["outcome"]))
-    rows = [
-        [name.replace("_", " "), place, _number(value), _number(limit), OUTCOMES[outcome]]
-        for name, place, value, limit, outcome in map(itemgetter(*CHECK), ordered)
-    ]
-    return html.table("Checks", ["check", "of", "value", "limit", "outcome"], rows)
-
-
 def _pictures(run: RunData, case: Case) -> Iterator[str]:
     peaks = {name: float(contact.pressure.max(initial=0.0)) for name, contact in run.contacts.items()}
     drawn = sorted(peaks, key=lambda name: -peaks[name])[:MAX_CONTACTS]
@@ -187,20 +175,15 @@ def _pictures(run: RunData, case: Case) -> Iterator[str]:
             except RunError:
                 # Not available in this run, as a force without loads.
                 continue
-            caption = CAPTIONS[kind].format(subject=subject)
-            yield html.image(file.read_bytes(), _described(run, kind, subject), caption)
-
-
-def _described(run: RunData, kind: str, subject: str) -> str:
-    """The alternative text of a picture."""
-    caption = CAPTIONS[kind].format(subject=subject)
-    if kind != "pressure":
-        return f"{caption}, of bodies {', '.join(run.bodies)}" if kind == "bodies" else caption
-    pressure = run.contacts[subject].pressure[-1]
-    arc = run.contacts[subject].arc_length
-    peak = float(pressure.max(initial=0.0))
-    where = f" at arc length {arc[pressure.argmax()]:.4g}" if peak > 0.0 else ""
-    return f"{caption}: at most {peak:.5g}{where}, at the end of the path"
+            caption = text = CAPTIONS[kind].format(subject=subject)
+            if kind == "bodies":
+                text = f"{caption}, of bodies {', '.join(run.bodies)}"
+            elif kind == "pressure":
+                pressure, arc = run.contacts[subject].pressure[-1], run.contacts[subject].arc_length
+                peak = float(pressure.max(initial=0.0))
+                where = f" at arc length {arc[pressure.argmax()]:.4g}" if peak > 0.0 else ""
+                text = f"{caption}: at most {peak:.5g}{where}, at the end of the path"
+            yield html.image(file.read_bytes(), text, caption)
 
 
 def _compared(runs: Sequence[RunData], titles: Sequence[str]) -> str:
@@ -212,17 +195,14 @@ def _compared(runs: Sequence[RunData], titles: Sequence[str]) -> str:
     varied = keys[keys.index("status") + 1 : last]
     # The files of very different cases are shown below.
     varied = varied if len(varied) <= MAX_VARIED else []
-    chosen = [*varied, *(key for key in COMPARED if key in keys), *figures]
-    lines = [[_named(key), *(_number(row[key]) for row in rows)] for key in chosen]
+    lines = []
+    for key in (*varied, *(key for key in COMPARED if key in keys), *figures):
+        # contacts.nose.reference.peak_pressure is nose: reference peak pressure.
+        kind, _, named = key.partition(".")
+        name, _, words = named.partition(".")
+        label = f"{name}: {words.replace('.', ' ').replace('_', ' ')}" if kind == "contacts" else key
+        lines.append([label, *(_number(row[key]) for row in rows)])
     return html.table("The runs side by side", ["", *titles], lines)
-
-
-def _named(key: str) -> str:
-    """A column in words: contacts.nose.reference.peak_pressure is nose: reference peak pressure."""
-    if not key.startswith("contacts."):
-        return key
-    _, name, *words = key.split(".")
-    return f"{name}: {' '.join(words).replace('_', ' ')}"
 
 
 def _number(value: Any) -> str:

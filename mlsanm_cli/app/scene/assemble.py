@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.scene.boundaries import Boundaries, conditions, prescribes, refuse_conflicts
+from mlsanm_cli.app.scene.boundaries import Boundaries, prescribes, refuse_conflicts
 from mlsanm_cli.app.scene.contact_pairs import check_tips, pair
 from mlsanm_cli.app.scene.contact_ranges import contact_ranges, directed
 from mlsanm_cli.app.scene.free_motions import Restrained, constrain_free_rigid_modes
@@ -169,7 +169,7 @@ def _refuse_on_axis(
     case, hint, problems = boundaries.case, "leave out the sides on x = 0", list[CaseProblem]()
     sides = [(name, side, s) for name, cloud in clouds.items() for side, s in cloud.surfaces.items()]
     axis = {(name, side) for name, side, surface in sides if clouds[name].on_axis(surface)}
-    placed = [(key, place) for key, one, place in conditions(case) if prescribes(one) != (True, False)]
+    placed = [(key, place) for key, one, place in boundaries.conditions if prescribes(one) != (True, False)]
     for contact in case.contact:
         roles = zip(("slave", "master"), contact.sides, strict=False)
         placed += [(f"contact.{contact.name}.{role}", side) for role, side in roles]
@@ -257,7 +257,7 @@ def _held_surfaces(
     }
     fixed: dict[str, set[str]] = {body: set() for body in clouds}
     moving: dict[str, set[str]] = {body: set() for body in clouds}
-    for _, condition, place in conditions(boundaries.case):
+    for _, condition, place in boundaries.conditions:
         x, y = prescribes(condition)
         if not (x or y):
             continue

@@ -8,7 +8,7 @@ supports and loads act on each piece. A contact joins its pieces to one surface.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import TypeAlias
 
@@ -21,7 +21,7 @@ from mlsanm_cli.case.model.conditions import Kind, Support, compatible
 from mlsanm_cli.case.model.loads import OnBoundary
 from mlsanm_cli.case.model.shapes import Mesh, Points
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment, turn
+from mlsanm_cli.cloud.curves import Arc, Outline, Segment, turn
 from mlsanm_cli.cloud.joined import SMOOTH_ANGLE, BoundaryRun
 from mlsanm_cli.cloud.surface import Surface, joined_surface
 from mlsanm_cli.errors import CaseError, CaseProblem
@@ -42,16 +42,6 @@ Cuts = Mapping[int, Sequence[float]]
 Condition: TypeAlias = Support | OnBoundary
 
 
-def conditions(case: Case) -> Iterator[tuple[str, Condition, Place]]:
-    """Key, support or load, and place of all conditions on boundaries; of plates for each of their bodies."""
-    for index, support in enumerate(case.support):
-        if support.place is not None:
-            yield f"support.{index}", support, support.place
-    for load in case.load:
-        if isinstance(load, OnBoundary):
-            yield from ((f"load.{load.name}", load, place) for place in load.places)
-
-
 def prescribes(condition: Condition) -> tuple[bool, bool]:
     """Whether a condition prescribes the displacements, or makes them rigid, in x and in y."""
     if isinstance(condition, Platen):
@@ -67,14 +57,16 @@ def prescribes(condition: Condition) -> tuple[bool, bool]:
 
 @dataclass(frozen=True, eq=False)
 class Boundaries:
-    """The ``drawn`` outline of every body of a ``case`` and its ``cuts``; the ``sides`` of every contact and
-    their keys in the case, slave first; the ``names`` of the surfaces of every place with a condition or a
-    contact, in order along the outline. Loads of kind `force` are body forces and tractions in this case."""
+    """The ``drawn`` outline of every body of a ``case`` and its ``cuts``; the ``conditions`` on boundaries:
+    key, support or load, and place, of plates for each of their bodies; the ``sides`` of every contact as
+    drawn, slave first; the ``names`` of the surfaces of every place with a condition or a contact, in order
+    along the outline. Loads of kind `force` are body forces and tractions in this case."""
 
     case: Case
     drawn: Mapping[str, Outline]
     cuts: Mapping[str, Cuts]
-    sides: Mapping[str, tuple[tuple[Place, str], ...]]
+    conditions: Sequence[tuple[str, Condition, Place]]
+    sides: Mapping[str, tuple[tuple[Place, BoundaryRun], ...]]
     names: Mapping[Place, tuple[str, ...]]
 
     @classmethod
@@ -82,27 +74,39 @@ class Boundaries:
         """Raises CaseError for invalid parts, and for pieces of a contact's side that do not join."""
         outlines = {body.name: drawn(body.shape) for body in case.body}
         case = with_spread_forces(case, outlines)
-        sides = {contact.name: _sides(case, outlines, contact) for contact in case.contact}
-        placed = [(key, place) for key, _, place in conditions(case)]
-        placed += [(key.rpartition(".")[0], place) for keyed in sides.values() for place, key in keyed]
+        conditions: list[tuple[str, Condition, Place]] = [
+            (f"support.{number}", support, support.place)
+            for number, support in enumerate(case.support)
+            if support.place is not None
+        ]
+        for load in case.load:
+            if isinstance(load, OnBoundary):
+                conditions += [(f"load.{load.name}", load, place) for place in load.places]
+        sides: dict[str, tuple[tuple[Place, BoundaryRun], ...]] = {}
+        placed = [(key, place) for key, _, place in conditions]
+        for contact in case.contact:
+            key, both = f"contact.{contact.name}", len(contact.sides) > 1
+            keys = [f"{key}.{role}" for role in ("slave", "master")]
+            places = [
+                _facing_part(outlines, contact, number)
+                if contact.bonded and both
+                else _with_roundings(case, conditions, outlines, contact, place, keys[number])
+                for number, place in enumerate(contact.sides)
+            ]
+            placed += [(key, place) for place in places]
+            runs = [run_of(outlines, place, role) for place, role in zip(places, keys, strict=False)]
+            sides[contact.name] = tuple(zip(places, runs, strict=True))
         cuts = {body.name: _cuts_of(case, body, outlines, placed) for body in case.body}
         places = [place for _, place in placed] + [side for one in case.contact for side in one.sides]
         names = {place: _names(outlines[place.body], cuts[place.body], place) for place in places}
-        return cls(case, outlines, cuts, sides, names)
+        return cls(case, outlines, cuts, conditions, sides, names)
 
     def outline(self, body: str) -> Outline:
         """The outline of a body with its cuts."""
         return self.drawn[body].cut(self.cuts[body])
 
-    def curve(self, place: Place, key: str) -> tuple[Curve, tuple[Curve, ...]]:
-        """The curve of a side of a contact, and the other curves of the body's outline. Raises CaseError."""
-        run = run_of(self.drawn, place, key)
-        others = tuple(curve for k, curve in enumerate(run.outline.curves) if k not in run.numbers)
-        return run.part, others
-
-    def surface(self, cloud: Cloud, place: Place, key: str) -> Surface:
-        """A side of a contact as one surface. Raises CaseError if its pieces do not join."""
-        run = run_of(self.drawn, place, key)
+    def surface(self, cloud: Cloud, place: Place, run: BoundaryRun) -> Surface:
+        """A side of a contact as one surface."""
         pieces = [cloud.surfaces[name] for name in self.names[place]]
         return joined_surface(place.label.partition(".")[2], pieces, run.around and run.ends is None)
 
@@ -130,12 +134,8 @@ class Boundaries:
 
     def bond_ends(self, contact: str) -> list[tuple[float, float]]:
         """The points at which a bond ends on a surface that continues."""
-        found = []
-        for place, _ in self.sides[contact]:
-            if place.ends is not None:
-                run = run_of(self.drawn, place, f"contact.{contact}")
-                found += [point for point in place.ends if run.continues(run.nearest(point)[0])]
-        return found
+        ends = [(run, point) for place, run in self.sides[contact] for point in place.ends or ()]
+        return [point for run, point in ends if run.continues(run.nearest(point)[0])]
 
 
 def _names(outline: Outline, cuts: Cuts, place: Place) -> tuple[str, ...]:
@@ -175,7 +175,7 @@ def _cuts_of(
             raise CaseError((CaseProblem(f"{key}.to", message, hint="give two different points"),))
     for load in case.load:
         if isinstance(load, Pressure | Traction) and load.owner == body.name:
-            for profile in profiles(body.shape, load):
+            for profile in profiles(outlines[body.name], load):
                 run = profile.run
                 marks += [(run, (run.range[0] + jump) % run.starts[-1]) for jump in profile.jumps]
     cuts: dict[int, list[float]] = {}
@@ -192,18 +192,13 @@ def _cuts_of(
     return cuts
 
 
-def _sides(case: Case, outlines: Mapping[str, Outline], contact: Contact) -> tuple[tuple[Place, str], ...]:
-    """The slave and, if there is one, the master of a contact, with the rounded corners at their ends; for
-    bonds only the parts that face each other, at whose ends tractions may be singular."""
-    keys = [f"contact.{contact.name}.{role}" for role in ("slave", "master")]
-    if not contact.bonded or len(contact.sides) < 2:
-        pairs = zip(contact.sides, keys, strict=False)
-        return tuple((_with_roundings(case, outlines, contact, place, key), key) for place, key in pairs)
-    return (_facing_part(outlines, contact, 0), keys[0]), (_facing_part(outlines, contact, 1), keys[1])
-
-
 def _with_roundings(
-    case: Case, outlines: Mapping[str, Outline], contact: Contact, place: Place, key: str
+    case: Case,
+    conditions: Sequence[tuple[str, Condition, Place]],
+    outlines: Mapping[str, Outline],
+    contact: Contact,
+    place: Place,
+    key: str,
 ) -> Place:
     """The side of a contact, extended by adjacent rounded corners: the contact zone of a face may extend into
     them. Roundings with conditions of their own but tractions, or between two sides in contact, are excluded.
@@ -216,7 +211,7 @@ def _with_roundings(
     outline, found = run.outline, list[tuple[str, int]]()
     others = {name for other in case.contact if other is not contact for name in other.boundaries}
     taken = others | {*contact.boundaries}
-    for _, condition, where in conditions(case):
+    for _, condition, where in conditions:
         taken |= set() if isinstance(condition, Pressure | Traction) else {*where.boundaries}
     for last, ahead in ((run.numbers[0], 0), (run.numbers[-1], 1)):
         adjacent = outline.neighbours(last)[ahead]
@@ -269,7 +264,7 @@ def refuse_conflicts(boundaries: Boundaries) -> None:
     case = boundaries.case
     taken: dict[tuple[str, str], list[tuple[int, Kind, str, str, bool]]] = {}
     problems: dict[tuple[str, str], CaseProblem] = {}
-    for key, condition, place in conditions(case):
+    for key, condition, place in boundaries.conditions:
         owner = condition.label if isinstance(condition, Platen) else place.label
         outline = boundaries.outline(place.body)
         for name in boundaries.names[place]:

@@ -11,7 +11,7 @@ from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.clouds import clouds
 from mlsanm_cli.app.scene.contact_pairs import refuse_overlap
 from mlsanm_cli.app.scene.size_estimate import refuse_too_large, refuse_too_many_contacts
-from mlsanm_cli.case import Case, LoadedCase, resolved_mapping
+from mlsanm_cli.case import LoadedCase, resolved_mapping
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.errors import CaseError
 from mlsanm_cli.kernels.aot.jit import is_warm, load
@@ -20,10 +20,10 @@ from mlsanm_cli.memo import digest
 
 ANNOUNCED_NODES = 50_000
 """Scenes with more nodes are announced: they take long, and may be due to a typing error."""
-_SECTIONS_WITHOUT_SIZE = {"load", "stage", "output"}
-_CONTACT_KEYS_WITHOUT_SIZE = {"friction", "regularization"}
+SECTIONS_WITHOUT_SIZE = {"load", "stage", "output"}
+CONTACT_KEYS_WITHOUT_SIZE = {"friction", "regularization"}
 """Sections of a case and keys of its contacts that do not affect its size."""
-_OUTPUT_SECTIONS = {"title", "output"}
+OUTPUT_SECTIONS = {"title", "output"}
 """Sections of a case that only affect what is written."""
 
 
@@ -45,8 +45,14 @@ def build_scene(loaded: LoadedCase, context: RunContext, zones: tuple[Zone, ...]
     try:
         with context.phase("cloud"):
             boundaries = Boundaries.of(loaded.case)
-            key, estimate = _size_key(loaded.case), partial(refuse_too_large, boundaries)
-            nodes, memory = context.memo.value("size", key, estimate)
+            content = resolved_mapping(loaded.case)
+            sized = {key: part for key, part in content.items() if key not in SECTIONS_WITHOUT_SIZE}
+            contacts = [
+                {key: part for key, part in contact.items() if key not in CONTACT_KEYS_WITHOUT_SIZE}
+                for contact in sized.pop("contact", [])
+            ]
+            estimate = partial(refuse_too_large, boundaries)
+            nodes, memory = context.memo.value("size", digest(sized, contacts), estimate)
         if nodes > ANNOUNCED_NODES:
             context.console.note(
                 f"about {nodes:.2g} nodes, which need about {memory / 1024:.2g} GB of memory"
@@ -59,27 +65,6 @@ def build_scene(loaded: LoadedCase, context: RunContext, zones: tuple[Zone, ...]
     return prepared
 
 
-def placing_key(case: Case) -> str:
-    """A key that is equal for cases that differ only in output and in positive coefficients of friction."""
-    content = {key: part for key, part in resolved_mapping(case).items() if key not in _OUTPUT_SECTIONS}
-    contacts = zip(content.pop("contact", []), case.contact, strict=True)
-    kinds = [
-        (part, contact.friction if contact.bonded else contact.coefficient > 0.0)
-        for part, contact in contacts
-    ]
-    return digest(content, [{**part, "friction": kind} for part, kind in kinds])
-
-
-def _size_key(case: Case) -> str:
-    """A key that is equal for cases of equal size."""
-    content = {key: part for key, part in resolved_mapping(case).items() if key not in _SECTIONS_WITHOUT_SIZE}
-    contacts = [
-        {key: part for key, part in contact.items() if key not in _CONTACT_KEYS_WITHOUT_SIZE}
-        for contact in content.pop("contact", [])
-    ]
-    return digest(content, contacts)
-
-
 def place(
     boundaries: Boundaries,
     context: RunContext,
@@ -88,22 +73,22 @@ def place(
 ) -> SceneModel:
     """Clouds, stencils, pairs and conditions; ``zones`` refine every body in addition to the case, and bodies
     equal to those ``before`` are reused. Cases that differ in coefficients of friction share them."""
+
+    def placed() -> SceneModel:
+        with context.phase("cloud", "placing nodes"):
+            nodes = clouds(boundaries, zones, context.memo)
+        with context.phase("operators", "building operators"):
+            return prepare(boundaries, nodes, context.memo, before.models if before is not None else NOTHING)
+
     if zones or before is not None:
-        return _placed(boundaries, context, zones, before)
+        return placed()
     case = boundaries.case
-    kept = context.memo.value("placed", placing_key(case), partial(_placed, boundaries, context))
+    content = {key: part for key, part in resolved_mapping(case).items() if key not in OUTPUT_SECTIONS}
+    contacts = [
+        {**part, "friction": contact.friction if contact.bonded else contact.coefficient > 0.0}
+        for part, contact in zip(content.pop("contact", []), case.contact, strict=True)
+    ]
+    kept = context.memo.value("placed", digest(content, contacts), placed)
     friction = {contact.name: contact.coefficient for contact in case.contact}
     pairings = (replace(pairing, friction=friction[pairing.name]) for pairing in kept.pairings)
     return replace(kept, boundaries=replace(kept.boundaries, case=case), pairings=tuple(pairings))
-
-
-def _placed(
-    boundaries: Boundaries,
-    context: RunContext,
-    zones: tuple[Zone, ...] = (),
-    before: SceneModel | None = None,
-) -> SceneModel:
-    with context.phase("cloud", "placing nodes"):
-        placed = clouds(boundaries, zones, context.memo)
-    with context.phase("operators", "building operators"):
-        return prepare(boundaries, placed, context.memo, before.models if before is not None else NOTHING)

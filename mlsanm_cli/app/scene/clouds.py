@@ -29,7 +29,7 @@ def spacing_of(boundaries: Boundaries, body: Body) -> Spacing:
     """The size function of a body whose nodes are placed."""
     far, zones = body.spacing, list[Zone]()
     if isinstance(far, str):
-        domain = Domain.of(boundaries, body)
+        domain = Domain(boundaries, body)
         far = domain.far
         for source in (*OUTLINE_SOURCES, *CONDITION_SOURCES):
             for zone in source(domain):

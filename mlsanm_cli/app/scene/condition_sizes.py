@@ -1,4 +1,4 @@
-"""The size function of a body, and its sources by what acts on it.
+"""Sources of the size function of a body by what acts on it.
 
 Tractions and displacements that end where a boundary continues, or vary along it, have a length scale
 independent of the size of the body: a pressure on a fiftieth of a block's side would fall between two nodes.
@@ -7,14 +7,14 @@ independent of the size of the body: a pressure on a fiftieth of a block's side 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from functools import lru_cache
 
 import numpy as np
 
 from mlsanm_cli.app.scene.boundaries import prescribes
 from mlsanm_cli.app.scene.contact_pairs import shape_of
-from mlsanm_cli.app.scene.load_profiles import profiles, runs_of
-from mlsanm_cli.app.scene.outlines import drawn
+from mlsanm_cli.app.scene.load_profiles import amounts_of, profiles, runs_of
 from mlsanm_cli.app.scene.sizes import (
     GROWTH,
     LEVELS,
@@ -28,19 +28,15 @@ from mlsanm_cli.app.scene.sizes import (
 )
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import (
-    BodyForce,
-    Centrifugal,
     Contact,
     Displacement,
     ExpressionError,
     Pressure,
-    Temperature,
     Traction,
     value_at,
 )
 from mlsanm_cli.case.model.conditions import Support
-from mlsanm_cli.case.model.shapes import AnyShape
-from mlsanm_cli.cloud.curves import Curve, turn
+from mlsanm_cli.cloud.curves import Curve, Outline, turn
 from mlsanm_cli.cloud.joined import BoundaryRun
 from mlsanm_cli.cloud.membership import inside_polygon
 from mlsanm_cli.cloud.spacing import Zone
@@ -82,20 +78,15 @@ def clamped_ends(domain: Domain) -> Iterator[Zone]:
     stiffness of the clamping, which matters to bodies that bend, that extend so far from their clamped sides
     that these turn them, or that have no contact."""
     held = [place for condition, place in domain.conditions if all(prescribes(condition))]
-    curves = [run.part for place in held for run in runs_of(domain.body.shape, place)]
+    curves = [run.part for place in held for run in runs_of(domain.outline, place)]
     sides = [side for contact in domain.case.contact for side in contact.sides]
     length = sum(domain.length(curve) for curve in curves)
     leans = domain.material.stretch * domain.area > length**2
     if domain.bends or leans or all(side.body != domain.body.name for side in sides):
         for curve in curves:
-            if not curve.closed:
-                yield from _singular_ends(domain, curve)
-
-
-def _singular_ends(domain: Domain, curve: Curve) -> Iterator[Zone]:
-    ends = curve.points(np.array([0.0, curve.length]))
-    for end in ends[~domain.on_plane(ends)]:
-        yield zone_at(end, domain.far / SINGULAR_RATIO)
+            ends = curve.points(np.array([0.0, curve.length]))
+            for end in () if curve.closed else ends[~domain.on_plane(ends)]:
+                yield zone_at(end, domain.far / SINGULAR_RATIO)
 
 
 def loaded_parts(domain: Domain) -> Iterator[Zone]:
@@ -104,7 +95,7 @@ def loaded_parts(domain: Domain) -> Iterator[Zone]:
     for condition, place in domain.conditions:
         sprung = isinstance(condition, Support) and condition.spring is not None
         loose = sprung or isinstance(condition, Pressure | Traction)
-        for run in runs_of(domain.body.shape, place):
+        for run in runs_of(domain.outline, place):
             curve, first, length = run.part, run.range[0], domain.length(run.part)
             ends = np.array([0.0, curve.length])
             edges = [k for k in (0, 1) if not curve.closed and _continues(run, first + float(ends[k]), k)]
@@ -130,7 +121,7 @@ def varying_loads(domain: Domain) -> Iterator[Zone]:
     for load in domain.case.load:
         if not isinstance(load, Pressure | Traction | Displacement) or load.owner != domain.body.name:
             continue
-        for profile in profiles(domain.body.shape, load):
+        for profile in profiles(domain.outline, load):
             curve = profile.run.part
             arc = np.linspace(0.0, curve.length, len(profile.values))
             sizes = resolved_sizes(profile.values, curve.length, far)
@@ -170,18 +161,17 @@ def resolved_sizes(values: FloatArray, length: float, far: float) -> FloatArray:
 def varying_fields(domain: Domain) -> Iterator[Zone]:
     """Zones where temperatures and body forces vary within a spacing."""
     for load in domain.case.load:
-        if isinstance(load, Temperature | BodyForce | Centrifugal) and load.body == domain.body.name:
-            given = [load.temperature] if isinstance(load, Temperature) else load.body_force
-            for expression in given:
-                if isinstance(expression, str):
-                    yield from _field_zones(domain.body.shape, expression, domain.far)
+        if load.owner == domain.body.name and not load.places:
+            for amount in amounts_of(load):
+                if isinstance(amount, str):
+                    yield from _field_zones(domain.outline, amount, domain.far)
 
 
 @lru_cache(maxsize=64)
-def _field_zones(shape: AnyShape, expression: str, far: float) -> tuple[Zone, ...]:
+def _field_zones(outline: Outline, expression: str, far: float) -> tuple[Zone, ...]:
     """Zones of squares, halved until the field is linear in each."""
-    curves, found = drawn(shape).curves, list[Zone]()
-    chains = [curve.points(np.linspace(0.0, curve.length, CURVE_SAMPLES + 1)) for curve in curves]
+    found, samples = list[Zone](), np.linspace(0.0, 1.0, CURVE_SAMPLES + 1)
+    chains = [curve.points(curve.length * samples) for curve in outline.curves]
     edges = np.concatenate([np.hstack([points[:-1], points[1:]]) for points in chains])
     low, high = edges[:, :2].min(axis=0), edges[:, :2].max(axis=0)
     size = float((high - low).max())
@@ -193,11 +183,20 @@ def _field_zones(shape: AnyShape, expression: str, far: float) -> tuple[Zone, ..
     for level in range(LEVELS):
         near = OVERLAP * size * np.linspace(-0.5, 0.5, FIELD_SAMPLES)
         points = centers[:, None] + np.stack(np.meshgrid(near, near), axis=-1).reshape(-1, 2)
-        values = _sampled(expression, edges, points)
-        if not level:
-            scale = float(np.nanmax(np.abs(values), initial=0.0))
-        parts = zip(values, points, strict=True)
-        bent = np.array([_nonlinearity(*square) > LINEARITY_TOLERANCE * scale for square in parts])
+        inside = inside_polygon(edges, points.reshape(-1, 2)).reshape(points.shape[:2])
+        values, off = np.full(points.shape[:2], np.nan), np.zeros(len(points))
+        for row, column in np.argwhere(inside).tolist():
+            # Points without a value are reported when loads are evaluated at the nodes.
+            with suppress(ExpressionError):
+                values[row, column] = value_at(expression, *points[row, column].tolist())
+        for square, known in enumerate(np.isfinite(values)):
+            if known.sum() > FIELD_SAMPLES:
+                # Deviation from the best linear function.
+                away, inner = points[square] - points[square].mean(axis=0), values[square, known]
+                basis = np.column_stack([np.ones(len(inner)), away[known]])
+                off[square] = np.abs(inner - basis @ np.linalg.lstsq(basis, inner)[0]).max()
+        scale = float(np.nanmax(np.abs(values), initial=0.0)) if not level else scale
+        bent = off > LINEARITY_TOLERANCE * scale
         if scale == 0.0 or not bent.any() or (level and bent.sum() > MAX_SQUARES):
             break
         size *= 0.5
@@ -207,47 +206,37 @@ def _field_zones(shape: AnyShape, expression: str, far: float) -> tuple[Zone, ..
     return tuple(found)
 
 
-def _sampled(expression: str, edges: FloatArray, points: FloatArray) -> FloatArray:
-    """Values (k, s) at ``points`` (k, s, 2), nan outside the ``edges`` of the body and without a value, which
-    is reported when loads are evaluated at the nodes."""
-    values = np.full(points.shape[:2], np.nan)
-    inside = inside_polygon(edges, points.reshape(-1, 2)).reshape(values.shape)
-    for row, column in np.argwhere(inside).tolist():
-        try:
-            values[row, column] = value_at(expression, *points[row, column].tolist())
-        except ExpressionError:
-            continue
-    return values
-
-
-def _nonlinearity(values: FloatArray, points: FloatArray) -> float:
-    """Largest deviation of values (s,) at points (s, 2) from the best linear function."""
-    known = np.isfinite(values)
-    if known.sum() <= FIELD_SAMPLES:
-        return 0.0
-    basis = np.column_stack([np.ones(int(known.sum())), points[known] - points.mean(axis=0)])
-    return float(np.abs(values[known] - basis @ np.linalg.lstsq(basis, values[known])[0]).max())
-
-
 def contacts(domain: Domain) -> Iterator[Zone]:
-    """Zones at all contacts of a body."""
+    """Zones at all contacts of a body. Bonds have the spacing of the finer body along them; one that ends on
+    a surface that continues, where stresses are singular, has half of it, and finer nodes at its ends and at
+    those of cracks beside it."""
     boundaries, name = domain.boundaries, domain.body.name
     bonds = [contact.name for contact in domain.case.contact if contact.bonded]
-    tips = [end for bond in bonds for end in boundaries.bond_ends(bond)]
+    bond_ends = {bond: boundaries.bond_ends(bond) for bond in bonds}
     for contact in domain.case.contact:
-        places = boundaries.sides[contact.name]
-        curves = [boundaries.curve(place, key) for place, key in places]
-        for (place, _), (own, rest), (other, _) in zip(places, curves, curves[::-1], strict=True):
-            partner = next((p.body for p, _ in places[::-1] if p is not place), name)
-            if place.body == name and contact.bonded:
-                yield from _bond(own, boundaries.bond_ends(contact.name), _finest(domain, partner))
-            elif place.body == name:
-                if domain.case.model.revolved and partner != name:
-                    # Nodal pressures need similar spacings on both surfaces.
-                    fine = _finest(domain, partner)
-                    yield Zone(other, fine, fine, GROWTH)
-                yield from _contact(domain, contact, own, rest, other if len(curves) > 1 else None)
-                yield from _crack(curves[0][0], tips)
+        sides = boundaries.sides[contact.name]
+        for (place, run), (other_place, other_run) in zip(sides, sides[::-1], strict=True):
+            if place.body != name:
+                continue
+            partner, own, other = other_place.body, run.part, other_run.part
+            if contact.bonded:
+                fine, ends = _finest(domain, partner), bond_ends[contact.name]
+                yield Zone(own, fine / (BOND_RATIO if ends else 1.0), 0.0, GROWTH)
+                for tip in ends:
+                    yield Zone.around(tip, fine / SINGULAR_RATIO, 0.0, GROWTH)
+                continue
+            if domain.case.model.revolved and partner != name:
+                # Nodal pressures need similar spacings on both surfaces.
+                fine = _finest(domain, partner)
+                yield Zone(other, fine, fine, GROWTH)
+            outline = domain.outline
+            rest = [curve for k, curve in enumerate(outline.curves) if k not in run.numbers]
+            yield from _contact(domain, contact, own, rest, other if len(sides) > 1 else None)
+            slave = sides[0][1].part
+            for end in slave.points(np.array([0.0, slave.length])):
+                away = [np.hypot(*(end - tip)) for tips in bond_ends.values() for tip in tips]
+                if min(away, default=np.inf) <= COARSE_ROUND_OFF * slave.length:
+                    yield zone_at(end, slave.length / PER_CRACK)
 
 
 def _finest(domain: Domain, partner: str) -> float:
@@ -255,22 +244,7 @@ def _finest(domain: Domain, partner: str) -> float:
     body = next(body for body in domain.case.body if body.name == partner)
     if isinstance(body.spacing, float) or body.has_nodes:
         return min(domain.far, body.spacing if isinstance(body.spacing, float) else np.inf)
-    return min(domain.far, Domain.of(domain.boundaries, body).far)
-
-
-def _bond(own: Curve, ends: Sequence[tuple[float, float]], fine: float) -> Iterator[Zone]:
-    """Zones along a bonded boundary with the spacing ``fine`` of the finer body, and at the ``ends`` of the
-    bond where a surface continues, at which stresses are singular; then also finer along it."""
-    yield Zone(own, fine / (BOND_RATIO if ends else 1.0), 0.0, GROWTH)
-    for end in ends:
-        yield Zone.around(end, fine / SINGULAR_RATIO, 0.0, GROWTH)
-
-
-def _crack(part: Curve, tips: Sequence[tuple[float, float]]) -> Iterator[Zone]:
-    """Zones where the ``part`` of a surface in contact ends at one of the ``tips`` of bonds."""
-    for end in part.points(np.array([0.0, part.length])):
-        if any(np.hypot(*(end - tip)) <= COARSE_ROUND_OFF * part.length for tip in tips):
-            yield zone_at(end, part.length / PER_CRACK)
+    return min(domain.far, Domain(domain.boundaries, body).far)
 
 
 def _contact(

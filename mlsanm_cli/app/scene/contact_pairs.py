@@ -64,8 +64,8 @@ def pair(boundaries: Boundaries, clouds: Mapping[str, Cloud]) -> list[Pairing]:
 def _paired(boundaries: Boundaries, contact: Contact, clouds: Mapping[str, Cloud]) -> Pairing:
     case, key = boundaries.case, f"contact.{contact.name}"
     sides = [
-        (place.body, boundaries.surface(clouds[place.body], place, role))
-        for place, role in boundaries.sides[contact.name]
+        (place.body, boundaries.surface(clouds[place.body], place, run))
+        for place, run in boundaries.sides[contact.name]
     ]
     exchanged = False
     if case.model.strain == "finite" and len(sides) > 1:

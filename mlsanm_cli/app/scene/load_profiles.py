@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from mlsanm_cli.app.scene.outlines import drawn, run_of
+from mlsanm_cli.app.scene.outlines import run_of
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import (
     AnyLoad,
@@ -24,7 +24,6 @@ from mlsanm_cli.case import (
     Traction,
     value_at,
 )
-from mlsanm_cli.case.model.shapes import AnyShape
 from mlsanm_cli.cloud.curves import Outline
 from mlsanm_cli.cloud.joined import BoundaryRun
 from mlsanm_cli.errors import CaseError, CaseProblem
@@ -114,9 +113,8 @@ class LoadProfile:
     jumps: tuple[float, ...]
 
 
-def runs_of(shape: AnyShape, place: Place) -> list[BoundaryRun]:
-    """The runs of a place on the outline of a shape. Loaded boundaries need not join."""
-    outline = drawn(shape)
+def runs_of(outline: Outline, place: Place) -> list[BoundaryRun]:
+    """The runs of a place on the outline of its body. Loaded boundaries need not join."""
     groups = [place.edges] if place.ends else [(edge,) for edge in place.edges]
     return [
         BoundaryRun(outline, *chain, place.ends)
@@ -125,20 +123,20 @@ def runs_of(shape: AnyShape, place: Place) -> list[BoundaryRun]:
     ]
 
 
-def profiles(shape: AnyShape, load: Pressure | Traction | Displacement) -> tuple[LoadProfile, ...]:
-    """The profiles of a load that varies along the boundaries of a body of this ``shape``; empty if an
-    expression has no value."""
+def profiles(outline: Outline, load: Pressure | Traction | Displacement) -> tuple[LoadProfile, ...]:
+    """The profiles of a load that varies along boundaries of its body's ``outline``; empty if an expression
+    has no value."""
     expressions = tuple(amount for amount in amounts_of(load) if isinstance(amount, str))
     table = table_of(load)
-    return _profiles(shape, load.place, expressions, table) if expressions or table else ()
+    return _profiles(outline, load.place, expressions, table) if expressions or table else ()
 
 
 @lru_cache(maxsize=256)
 def _profiles(
-    shape: AnyShape, place: Place, expressions: tuple[str, ...], table: Table
+    outline: Outline, place: Place, expressions: tuple[str, ...], table: Table
 ) -> tuple[LoadProfile, ...]:
     found, start = [], 0.0
-    for run in runs_of(shape, place):
+    for run in runs_of(outline, place):
         curve = run.part
 
         def values(arc: FloatArray, run: BoundaryRun = run, start: float = start) -> FloatArray:

@@ -13,28 +13,16 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Geometry, LoadedCase, Place, load_case
-from mlsanm_cli.case.model.shapes import (
-    Annulus,
-    AnyShape,
-    Disk,
-    FileShape,
-    HalfDisk,
-    Mesh,
-    Points,
-    Polygon,
-    Rectangle,
-    Sector,
-    hole_names,
-    side_names,
-)
+from mlsanm_cli.case.model import shapes
+from mlsanm_cli.case.model.shapes import AnyShape, FileShape, Mesh, Points
 from mlsanm_cli.cloud import drawing
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Outline, annulus, disk, half_disk, rectangle, sector
 from mlsanm_cli.cloud.elements import boundary_loops
 from mlsanm_cli.cloud.joined import BoundaryRun
-from mlsanm_cli.cloud.loops import Loop, cloud_of_nodes, trace
+from mlsanm_cli.cloud.loops import cloud_of_nodes, trace
 from mlsanm_cli.cloud.membership import first_crossing
-from mlsanm_cli.cloud.tagged import TaggedNodes, check_normals, tagged_loops
+from mlsanm_cli.cloud.tagged import TaggedNodes, tagged_loops
 from mlsanm_cli.errors import CaseError, CaseProblem, GeometryError, RunError
 from mlsanm_cli.inputs import MB, read_input
 from mlsanm_cli.io.meshes import read_mesh
@@ -52,27 +40,26 @@ def drawn(shape: AnyShape) -> Outline:
     """The outline of a shape: closed loops of named curves, "name/1" and so on for several pieces of a name.
     Raises GeometryError for shapes that are not the closed boundary of a body."""
     match shape:
-        case Rectangle(x=x, y=y):
+        case shapes.Rectangle(x=x, y=y):
             return rectangle(x, y)
-        case Disk(center=center, radius=radius):
+        case shapes.Disk(center=center, radius=radius):
             return disk(center, radius)
-        case HalfDisk(center=center, radius=radius, side=side):
+        case shapes.HalfDisk(center=center, radius=radius, side=side):
             return half_disk(center, radius, side)
-        case Annulus(center=center, radii=radii):
+        case shapes.Annulus(center=center, radii=radii):
             return annulus(center, radii)
-        case Sector(center=center, radii=radii, angles=(first, last)):
+        case shapes.Sector(center=center, radii=radii, angles=(first, last)):
             return sector(center, radii, (math.radians(first), math.radians(last)))
         case Mesh() | Points():
             return imported_geometry(shape).outline
-    holes = [
-        (name, hole.center, hole.radius) for name, hole in zip(hole_names(shape), shape.holes, strict=True)
-    ]
-    if isinstance(shape, Polygon):
-        outer = drawing.polygon(shape.points, shape.names, shape.rounding, shape.corners)
-        return drawing.with_holes(outer, holes, "points")
-    targets, curves = [side.to for side in shape.sides], [side.points for side in shape.sides]
-    outer = drawing.closed_chain(side_names(shape), targets, curves)
-    return drawing.with_holes(outer, holes, "sides")
+        case shapes.Polygon():
+            outer = drawing.polygon(shape.points, shape.names, shape.rounding, shape.corners)
+        case _:
+            targets, curves = [side.to for side in shape.sides], [side.points for side in shape.sides]
+            outer = drawing.closed_chain(shapes.side_names(shape), targets, curves)
+    named = zip(shapes.hole_names(shape), shape.holes, strict=True)
+    holes = [(name, hole.center, hole.radius) for name, hole in named]
+    return drawing.with_holes(outer, holes, "points" if isinstance(shape, shapes.Polygon) else "sides")
 
 
 def run_of(outlines: Mapping[str, Outline], place: Place, key: str) -> BoundaryRun:
@@ -81,9 +68,9 @@ def run_of(outlines: Mapping[str, Outline], place: Place, key: str) -> BoundaryR
     chains = outline.chains(outline.numbers(*place.edges))
     if len(chains) == 1:
         return BoundaryRun(outline, *chains[0], place.ends)
-    names = (dict.fromkeys(outline.names[k].partition("/")[0] for k in chain) for chain, _ in chains)
-    groups = [f'"{"+".join(some)}"' for some in names]
-    message = f"{', '.join(groups[:-1])} and {groups[-1]} do not join end to end"
+    names = [dict.fromkeys(outline.names[k].partition("/")[0] for k in chain) for chain, _ in chains]
+    *groups, last = (f'"{"+".join(some)}"' for some in names)
+    message = f"{', '.join(groups)} and {last} do not join end to end"
     hint = "the pieces of one surface are consecutive along the outline"
     raise CaseError((CaseProblem(key, message, hint=hint),))
 
@@ -123,9 +110,7 @@ def imported_geometry(shape: FileShape) -> ImportedGeometry:
 
 @lru_cache(maxsize=16)
 def _read(shape: FileShape) -> ImportedGeometry:
-    path = Path(shape.file)
-    normals = None
-    loops: tuple[Loop, ...]
+    path, normals = Path(shape.file), None
     if isinstance(shape, Mesh):
         mesh = read_mesh(path, shape.group)
         points = mesh.points
@@ -134,14 +119,12 @@ def _read(shape: FileShape) -> ImportedGeometry:
         nodes = TaggedNodes(*read_points(path))
         points, normals = nodes.points, nodes.normals
         loops = tagged_loops(nodes)
-        check_normals(nodes, loops)
-    chords = [np.hstack([p, np.roll(p, -1, axis=0)]) for p in (points[loop.nodes] for loop in loops)]
-    crossing = first_crossing(np.concatenate(chords))
+    chains = [points[loop.nodes] for loop in loops]
+    crossing = first_crossing(np.vstack([np.hstack([p, np.roll(p, -1, axis=0)]) for p in chains]))
     if crossing is not None:
         raise GeometryError(f"the outline crosses itself near ({crossing[0]:.6g}, {crossing[1]:.6g})")
-    return ImportedGeometry(
-        str(shape.sha256), points, trace(points, loops, math.radians(shape.corner)), normals
-    )
+    outline = trace(points, loops, math.radians(shape.corner))
+    return ImportedGeometry(str(shape.sha256), points, outline, normals)
 
 
 def load_with_files(path: Path, overrides: tuple[str, ...] = ()) -> LoadedCase:

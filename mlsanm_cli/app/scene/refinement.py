@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -29,7 +29,8 @@ class Refinement:
     @classmethod
     def read(cls, plain: Mapping[str, Any]) -> Refinement:
         """From its plain values."""
-        return cls(**{**plain, "zones": tuple(_zones(plain["zones"])), "passes": tuple(plain["passes"])})
+        zones = [Zone(Segment((a, b), (c, d)), *asked) for a, b, c, d, *asked in plain["zones"]]
+        return cls(**{**plain, "zones": tuple(zones), "passes": tuple(plain["passes"])})
 
     @property
     def plain(self) -> dict[str, Any]:
@@ -41,11 +42,6 @@ class Refinement:
 def _row(zone: Zone) -> list[float]:
     assert isinstance(zone.curve, Segment)
     return [*zone.curve.start, *zone.curve.end, zone.spacing, zone.radius, zone.growth]
-
-
-def _zones(rows: Sequence[Sequence[float]]) -> Iterator[Zone]:
-    for a, b, c, d, spacing, radius, growth in rows:
-        yield Zone(Segment((a, b), (c, d)), spacing, radius, growth)
 
 
 def has_automatic_spacings(case: Case, names: Collection[str]) -> bool:

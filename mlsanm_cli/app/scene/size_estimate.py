@@ -10,7 +10,7 @@ from mlsanm_cli.app.scene.assemble import SceneModel, mls_settings
 from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.clouds import spacing_of
 from mlsanm_cli.app.scene.outlines import imported_geometry
-from mlsanm_cli.case import Body, Case, Mesh, Points
+from mlsanm_cli.case import Case, Mesh, Points
 from mlsanm_cli.cloud.spacing import Spacing, estimate_nodes
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
@@ -28,7 +28,14 @@ DENSE = 8.0
 
 def node_counts(boundaries: Boundaries) -> dict[str, float]:
     """Nodes by body: by quadrature of the spacing field, or counted."""
-    return {body.name: _nodes(boundaries, body) for body in boundaries.case.body}
+    counts = {}
+    for body in boundaries.case.body:
+        if isinstance(body.shape, Mesh | Points) and body.shape.has_nodes:
+            counts[body.name] = float(len(imported_geometry(body.shape).points))
+        else:
+            spacing = spacing_of(boundaries, body)
+            counts[body.name] = estimate_nodes(boundaries.outline(body.name), spacing, COUNT_LIMIT)
+    return counts
 
 
 def memory_mb(case: Case, nodes: Mapping[str, float], stencil: int | None = None) -> float:
@@ -40,20 +47,11 @@ def memory_mb(case: Case, nodes: Mapping[str, float], stencil: int | None = None
     per_level, without = (CHOLESKY, 8.0) if built_in else (SUPERLU, 7.2)
     counts = list(nodes.values())
     kept = sum((150.0 * stencil + 1950.0) * count for count in counts)
-    factors = sum(per_level * count * stencil * _levels(count, without) for count in counts)
+    # The last levels of nested dissection hardly cause fill.
+    levels = [max(math.log2(max(count, 2.0)) - without, 1.0) for count in counts]
+    factors = sum(per_level * n * stencil * level for n, level in zip(counts, levels, strict=True))
     made = (115.0 * stencil + 1400.0) * max(counts)
     return PROCESS_MB + (kept + factors + made) / 1e6
-
-
-def _levels(nodes: float, without: float) -> float:
-    """Number of levels of nested dissection, without the last ones, which hardly cause fill."""
-    return max(math.log2(max(nodes, 2.0)) - without, 1.0)
-
-
-def _nodes(boundaries: Boundaries, body: Body) -> float:
-    if isinstance(body.shape, Mesh | Points) and body.shape.has_nodes:
-        return float(len(imported_geometry(body.shape).points))
-    return estimate_nodes(boundaries.outline(body.name), spacing_of(boundaries, body), COUNT_LIMIT)
 
 
 def refuse_too_large(boundaries: Boundaries) -> tuple[float, float]:
@@ -114,12 +112,9 @@ REFERENCE_STENCIL = 16.0
 
 
 def cpu_seconds(case: Case, prepared: SceneModel) -> float:
-    """Estimated CPU seconds of ``mlsanm run``, fitted to the published cases and to clouds of up to 34,000
-    nodes; accurate to about a factor of two on one core with compiled kernels.
-
-    Clouds, operators and fields take time of order n, the number of nodes, the factorisation n^1.5 (nested
-    dissection in the plane).
-    """
+    """Estimated CPU seconds of ``mlsanm run`` with compiled kernels, to about a factor of two: clouds,
+    operators and fields of n nodes take time of order n, the factorisation n^1.5 (nested dissection in the
+    plane)."""
     sizes = [len(model.cloud.points) for model in prepared.models.values()]
     settings, stages = mls_settings(case), len(case.stage)
     stencil = settings.stencil_size / REFERENCE_STENCIL

@@ -16,23 +16,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from mlsanm_cli.app.scene.boundaries import Boundaries, Condition, conditions, prescribes
+from mlsanm_cli.app.scene.boundaries import Boundaries, prescribes
 from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.case import Body, Case, Place
+from mlsanm_cli.case import Body
 from mlsanm_cli.case.model.conditions import Support
 from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment, turn
 from mlsanm_cli.cloud.sight import OPPOSITE_COSINE
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.cloud.tips import SMOOTH_TURN
-from mlsanm_cli.mechanics.material import PlaneMaterial
-from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
 PER_SIZE, PER_THICKNESS = 20.0, 6.0
@@ -63,53 +60,63 @@ SAMPLES_PER_SPACING = 2
 four times as many."""
 
 
-@dataclass(frozen=True, eq=False)
 class Domain:
-    """A ``body`` whose spacing is asked for, and the ``planes`` of symmetry on its outline: axis and
-    coordinate by the number of the curve on them."""
+    """A ``body`` whose spacing is asked for: its ``conditions`` and ``outline`` without cuts; the ``planes``
+    of symmetry on it, axis and coordinate by the number of the curve on them, and the other, ``free`` curves;
+    the whole of all ``copies``, with its ``area``, mean ``thickness`` and ``size``, the longer side of the
+    smallest bounding box parallel to a straight side, or the largest width without one, both invariant under
+    rotation; the coarse spacing ``far``, and whether the thickness determines it (``bends``).
 
-    boundaries: Boundaries
-    body: Body
-    planes: dict[int, tuple[int, float]]
+    Spacings are ``finer`` than those of an isotropic elastic body by the geometric mean of the rates at which
+    fields decay along the axes, and in bodies that flow.
+    """
 
-    @classmethod
-    def of(cls, boundaries: Boundaries, body: Body) -> Domain:
-        return cls(boundaries, body, _planes(boundaries, body))
+    def __init__(self, boundaries: Boundaries, body: Body) -> None:
+        self.boundaries, self.body, self.case = boundaries, body, boundaries.case
+        self.outline, name = boundaries.drawn[body.name], body.name
+        self.conditions = [(one, place) for _, one, place in boundaries.conditions if place.body == name]
+        self.material = materials(self.case)[body.material]
+        self.finer = math.sqrt(self.material.stretch) * (FLOW_RATIO if self.material.flows else 1.0)
+        chains = [along(curve) for curve in self.outline.curves]
+        self.planes = {} if self.case.model.revolved else self._planes(np.concatenate(chains))
+        self.free = [curve for k, curve in enumerate(self.outline.curves) if k not in self.planes]
+        self.copies = int(2 ** len(self.planes))
+        self.area = 0.0
+        for points in chains:
+            (x, y), (ahead_x, ahead_y) = points[:-1].T, points[1:].T
+            self.area += 0.5 * self.copies * float((x * ahead_y - ahead_x * y).sum())
+        self.thickness = 2.0 * self.area / (self.copies * sum(curve.length for curve in self.free))
+        straight = [np.array(curve.ends) for curve in self.free if isinstance(curve, Segment)]
+        chains = [points for k, points in enumerate(chains) if k not in self.planes]
+        axes = np.concatenate([np.diff(chain, axis=0) for chain in straight or chains])
+        axes = axes[np.hypot(*axes.T) > 0.0]
+        axes /= np.hypot(*axes.T)[:, None]
+        both = np.stack([axes, axes[:, ::-1] * [-1.0, 1.0]])
+        sides = np.ptp(np.einsum("nc,bkc->bkn", self.unfolded(np.concatenate(chains)), both), axis=2)
+        self.size = float(sides.max(axis=0).min() if straight else sides.max())
+        self.far = min(self.size / PER_SIZE, self.thickness / PER_THICKNESS) / self.finer
+        self.bends = self.thickness / PER_THICKNESS < self.size / PER_SIZE
 
-    @property
-    def case(self) -> Case:
-        return self.boundaries.case
-
-    @property
-    def outline(self) -> Outline:
-        """The outline without cuts."""
-        return self.boundaries.drawn[self.body.name]
-
-    @cached_property
-    def conditions(self) -> list[tuple[Condition, Place]]:
-        """Supports and loads on the boundaries of the body."""
-        return [(one, place) for _, one, place in conditions(self.case) if place.body == self.body.name]
-
-    @cached_property
-    def material(self) -> PlaneMaterial:
-        """The material of the body."""
-        return materials(self.case)[self.body.material]
-
-    @property
-    def finer(self) -> float:
-        """Ratio by which spacings are smaller than those of an isotropic elastic body: the geometric mean for
-        fields that decay at different rates along the axes, and that of bodies that flow."""
-        return math.sqrt(self.material.stretch) * (FLOW_RATIO if self.material.flows else 1.0)
-
-    @cached_property
-    def free(self) -> list[Curve]:
-        """The curves of the outline that are not on planes of symmetry."""
-        return [curve for number, curve in enumerate(self.outline.curves) if number not in self.planes]
-
-    @cached_property
-    def copies(self) -> int:
-        """The body and its images in the whole."""
-        return int(2 ** len(self.planes))
+    def _planes(self, points: FloatArray) -> dict[int, tuple[int, float]]:
+        """The straight sides that are held in their normal component only, with all ``points`` (n, 2) of the
+        body on one side. Of two parallel ones, between which the whole is without end, none; nor in bodies of
+        revolution, which are supported rather than cut there."""
+        held, planes = dict[int, set[int]](), dict[int, tuple[int, float]]()
+        for condition, place in self.conditions:
+            roller = isinstance(condition, Support) and place.ends is None
+            # What moves, or holds a part of a side, is no symmetry.
+            components = {axis for axis, fixed in enumerate(prescribes(condition)) if fixed or not roller}
+            for number in self.outline.numbers(*place.edges):
+                held.setdefault(number, set()).update(components)
+        slack = ROUND_OFF * float(np.ptp(points, axis=0).max())
+        for number, components in held.items():
+            curve = self.outline.curves[number]
+            if isinstance(curve, Segment) and len(components) == 1:
+                (axis,), (at,), (normal,) = components, curve.points(np.zeros(1)), curve.normals(np.zeros(1))
+                if abs(normal[axis]) > 1.0 - ROUND_OFF and ((points - at) @ normal).max() <= slack:
+                    planes[number] = axis, float(at[axis])
+        axes = [axis for axis, _ in planes.values()]
+        return {number: plane for number, plane in planes.items() if axes.count(plane[0]) == 1}
 
     def unfolded(self, vectors: FloatArray, directions: bool = False) -> FloatArray:
         """Points or ``directions`` (n, 2), followed by their images behind the planes of symmetry."""
@@ -128,75 +135,7 @@ class Domain:
 
     def length(self, curve: Curve) -> float:
         """The length of a curve and of its images that continue it."""
-        ends = curve.points(np.array([0.0, curve.length]))
-        return float(curve.length * 2 ** self.on_plane(ends).sum())
-
-    @cached_property
-    def area(self) -> float:
-        """Area of the whole."""
-        area = 0.0
-        for curve in self.outline.curves:
-            (x, y), (ahead_x, ahead_y) = (points := along(curve))[:-1].T, points[1:].T
-            area += 0.5 * float((x * ahead_y - ahead_x * y).sum())
-        return self.copies * area
-
-    @cached_property
-    def size(self) -> float:
-        """The longer side of the smallest bounding box of the whole parallel to a straight side, or the
-        largest width of a body without one: invariant under rotation."""
-        points = [along(curve) for curve in self.free]
-        straight = [c.points(np.array([0.0, c.length])) for c in self.free if isinstance(c, Segment)]
-        axes = np.concatenate([np.diff(chain, axis=0) for chain in straight or points])
-        axes = axes[np.hypot(*axes.T) > 0.0]
-        axes /= np.hypot(*axes.T)[:, None]
-        both = np.stack([axes, axes[:, ::-1] * [-1.0, 1.0]])
-        places = self.unfolded(np.concatenate(points))
-        sides = np.ptp(np.einsum("nc,bkc->bkn", places, both), axis=2).max(axis=0)
-        return float(sides.min() if straight else sides.max())
-
-    @cached_property
-    def thickness(self) -> float:
-        """Mean thickness of the whole."""
-        return 2.0 * self.area / (self.copies * sum(curve.length for curve in self.free))
-
-    @property
-    def bends(self) -> bool:
-        """Whether the thickness, and not the size, determines the coarse spacing."""
-        return self.thickness / PER_THICKNESS < self.size / PER_SIZE
-
-    @cached_property
-    def far(self) -> float:
-        """The coarse spacing."""
-        return min(self.size / PER_SIZE, self.thickness / PER_THICKNESS) / self.finer
-
-
-def _planes(boundaries: Boundaries, body: Body) -> dict[int, tuple[int, float]]:
-    """The straight sides that are held in their normal component only, with all of the body on one side, by
-    number: axis and coordinate. Of two parallel ones, between which the whole is without end, none; nor in
-    bodies of revolution, which are supported rather than cut there."""
-    if boundaries.case.model.revolved:
-        return {}
-    outline, held, planes = boundaries.drawn[body.name], dict[int, set[int]](), dict[int, tuple[int, float]]()
-    for _, condition, place in conditions(boundaries.case):
-        if place.body != body.name:
-            continue
-        roller = isinstance(condition, Support) and place.ends is None
-        components = {axis for axis, fixed in enumerate(prescribes(condition)) if fixed}
-        for number in outline.numbers(*place.edges):
-            # What moves, or holds a part of a side, is no symmetry.
-            held.setdefault(number, set()).update(components if roller else {0, 1})
-    points = np.concatenate([along(curve) for curve in outline.curves])
-    for number, components in held.items():
-        curve = outline.curves[number]
-        if not isinstance(curve, Segment) or len(components) != 1:
-            continue
-        (axis,), at = components, curve.points(np.zeros(1))[0]
-        across = abs(curve.normals(np.zeros(1))[0, axis]) > 1.0 - ROUND_OFF
-        away = (points - at) @ curve.normals(np.zeros(1))[0]
-        if across and away.max() <= ROUND_OFF * float(np.ptp(points, axis=0).max()):
-            planes[number] = axis, float(at[axis])
-    axes = [axis for axis, _ in planes.values()]
-    return {number: plane for number, plane in planes.items() if axes.count(plane[0]) == 1}
+        return float(curve.length * 2 ** self.on_plane(np.array(curve.ends)).sum())
 
 
 def along(curve: Curve) -> FloatArray:
@@ -265,9 +204,8 @@ def _turns(angle: FloatArray, width: int, closed: bool) -> tuple[FloatArray, Flo
         start, end = angle[len(angle) - 1 - before : -1] - around, angle[1 : 1 + after] + around
     else:
         start, end = np.full(before, angle[0]), np.full(after, angle[-1])
-    windows = np.lib.stride_tricks.sliding_window_view(
-        np.concatenate([start, angle, end]), before + after + 1
-    )
+    chain = np.concatenate([start, angle, end])
+    windows = np.lib.stride_tricks.sliding_window_view(chain, before + after + 1)
     return windows.min(axis=1), windows.max(axis=1), windows[:, -1] - windows[:, 0]
 
 
@@ -283,8 +221,7 @@ def short_sides(domain: Domain) -> Iterator[Zone]:
 
 def _reentrant(outline: Outline, number: int) -> bool:
     """Whether the corner at which a curve begins points into the material."""
-    before = outline.curves[outline.neighbours(number)[0]]
-    return turn(before, outline.curves[number]) < -SMOOTH_TURN
+    return turn(outline.curves[outline.neighbours(number)[0]], outline.curves[number]) < -SMOOTH_TURN
 
 
 def reentrant_corners(domain: Domain) -> Iterator[Zone]:
@@ -292,15 +229,13 @@ def reentrant_corners(domain: Domain) -> Iterator[Zone]:
     follow the trace of the singular field into the corner; nor have those at finite strain."""
     if domain.case.model.strain == "finite":
         return
-    boundaries = domain.boundaries
-    keyed = [side for sides in boundaries.sides.values() for side in sides]
-    touching = [boundaries.curve(side, key)[0] for side, key in keyed if side.body == domain.body.name]
+    sides = [side for sides in domain.boundaries.sides.values() for side in sides]
+    touching = [run.part for place, run in sides if place.body == domain.body.name]
     for number, curve in enumerate(domain.outline.curves):
         if _reentrant(domain.outline, number):
             corner = curve.points(np.zeros(1))
             away = [np.hypot(*(side.points(side.closest(corner)) - corner)[0]) for side in touching]
-            small = [COARSE_ROUND_OFF * side.length for side in touching]
-            if all(distance > slack for distance, slack in zip(away, small, strict=True)):
+            if all(far > COARSE_ROUND_OFF * side.length for far, side in zip(away, touching, strict=True)):
                 yield zone_at(corner[0], domain.far / SINGULAR_RATIO)
 
 
@@ -308,17 +243,18 @@ def narrow_parts(domain: Domain) -> Iterator[Zone]:
     """Zones with as many spacings between opposite faces as over the thickness. Faces that meet in a corner
     are excluded: wedges would have arbitrarily fine nodes."""
     outline, far, across = domain.outline, domain.far, PER_THICKNESS * domain.finer
-    arcs = [_places(curve, far) for curve in domain.free]
-    count = len(domain.free)
+    arcs, count = list[FloatArray](), len(domain.free)
+    for curve in domain.free:
+        parts = 4 * max(SAMPLES_PER_SPACING, math.ceil(0.25 * SAMPLES_PER_SPACING * curve.length / far))
+        arcs.append(np.asarray((np.arange(parts) + 0.5) * (curve.length / parts)))
     owner = np.tile(np.repeat(np.arange(count), [len(s) for s in arcs]), domain.copies)
     copy = np.repeat(np.arange(domain.copies), len(owner) // domain.copies)
     step = np.concatenate([np.full(len(s), 2.0 * s[0]) for s in arcs])
-    parts = zip(domain.free, arcs, strict=True)
-    points, normals = (
-        np.concatenate(one) for one in zip(*((c.points(s), c.normals(s)) for c, s in parts), strict=True)
-    )
-    points, normals = domain.unfolded(points), domain.unfolded(normals, directions=True)
-    beside = np.array([[_beside(outline, one, other) for other in domain.free] for one in domain.free])
+    placed = list(zip(domain.free, arcs, strict=True))
+    points = domain.unfolded(np.concatenate([curve.points(s) for curve, s in placed]))
+    normals = domain.unfolded(np.concatenate([curve.normals(s) for curve, s in placed]), directions=True)
+    numbers = [number for number in range(len(outline.curves)) if number not in domain.planes]
+    beside = np.array([[b != a and b in outline.neighbours(a) for b in numbers] for a in numbers])
     pairs = cKDTree(points).query_pairs(across * far, output_type="ndarray")
     near, opposite = np.concatenate([pairs, pairs[:, ::-1]]).T
     kept = (normals[near] * normals[opposite]).sum(axis=1) < -OPPOSITE_COSINE
@@ -335,18 +271,6 @@ def narrow_parts(domain: Domain) -> Iterator[Zone]:
     sizes = far * WIDTH_RATIO ** np.clip(level, 0, LEVELS)
     for number, curve in enumerate(domain.free):
         yield from banded(curve, sizes[owner[: len(step)] == number], 0.5 * across)
-
-
-def _places(curve: Curve, far: float) -> FloatArray:
-    """Arc lengths (m,) in the middle of equal parts of a curve, shorter than the spacing ``far``."""
-    count = 4 * max(SAMPLES_PER_SPACING, math.ceil(0.25 * SAMPLES_PER_SPACING * curve.length / far))
-    return np.asarray((np.arange(count) + 0.5) * (curve.length / count))
-
-
-def _beside(outline: Outline, one: Curve, other: Curve) -> bool:
-    """Whether two curves of an outline meet at an end."""
-    number, following = outline.curves.index(one), outline.curves.index(other)
-    return number != following and following in outline.neighbours(number)
 
 
 OUTLINE_SOURCES = (curved_parts, short_sides, reentrant_corners, narrow_parts)

@@ -68,7 +68,6 @@ class Place:
 
     @property
     def body(self) -> str:
-        """The body."""
         return split_boundary(self.boundaries[0])[0]
 
     @property
@@ -218,7 +217,6 @@ class Stop(Section):
 
     @property
     def description(self) -> str:
-        """The condition in words."""
         if self.what == "fold":
             return "fold (limit point of the load)"
         along = f" in {self.component}" if self.component != "size" else ""

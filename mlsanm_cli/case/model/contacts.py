@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 from itertools import pairwise
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 from pydantic import Field
 
@@ -126,8 +126,12 @@ class Contact(BoundaryPart):
 
     @property
     def bonded(self) -> bool:
-        """Whether its surfaces are tied together."""
         return self.friction == "bonded"
+
+    def regularized(self) -> Self:
+        """The contact with the regularised law."""
+        law = self.regularization.model_copy(update={"law": "hyperbolic"})
+        return self.model_copy(update={"regularization": law})
 
     @property
     def coefficient(self) -> float:
@@ -147,7 +151,6 @@ class Contact(BoundaryPart):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the sides."""
         return tuple(side.label for side in self.sides)
 
     def faults(self, scope: Scope) -> Iterator[Fault]:

@@ -43,7 +43,6 @@ class Load(Section):
 
     @property
     def owners(self) -> tuple[str, ...]:
-        """The loaded bodies."""
         return tuple(place.body for place in self.places)
 
     @property
@@ -69,7 +68,6 @@ class OnBoundary(BoundaryPart, Load):
 
     @property
     def place(self) -> Place:
-        """The loaded region, on its first body."""
         return self.places[0]
 
 
@@ -187,7 +185,6 @@ class Force(BoundaryPart, Load):
 
     @property
     def total(self) -> Point:
-        """The force."""
         return self.force or (self.fx or 0.0, self.fy or 0.0)
 
     @property
@@ -238,7 +235,6 @@ class Centrifugal(_InBody):
 
     @property
     def body_force(self) -> tuple[Amount, Amount]:
-        """Force per volume in x and y."""
         return f"{self.density * self.omega**2!r}*x", 0.0
 
     def faults(self, scope: Scope) -> Iterator[Fault]:

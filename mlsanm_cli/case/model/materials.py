@@ -169,7 +169,6 @@ class Material(Section):
 
     @property
     def flows(self) -> bool:
-        """Whether the material has a yield stress."""
         return self.yield_stress is not None
 
     @property
@@ -216,7 +215,6 @@ class Material(Section):
             yield Fault(("alpha",), message, "give the plane strains per degree, [xx, yy, 2xy]")
 
     def _constant_faults(self, confined: bool) -> Iterator[Fault]:
-        """Constants that give no positive definite stiffness, or no positive shear modulus."""
         if self.stiffness is not None:
             c = self.stiffness
             largest = max(abs(value) for row in c for value in row)
@@ -263,7 +261,6 @@ class Material(Section):
             yield Fault(("nu12",), message, "reduce them")
 
     def _law_faults(self, scope: Scope) -> Iterator[Fault]:
-        """A law that does not fit the strain, or constants that it cannot have there."""
         finite = self.law == KIRCHHOFF or not self.elastic
         yield from scope.finite_only(finite, ("law",), f'"{self.law}"')
         if scope.strain != "finite":
@@ -282,7 +279,6 @@ class Material(Section):
             yield from scope.refused(self.nu > limit, ("nu",), what, hint)
 
     def _plastic_faults(self, scope: Scope) -> Iterator[Fault]:
-        """Keys of plasticity that contradict others, soften, or are not supported."""
         first = next(key for key in PLASTIC if getattr(self, key) is not None)
         key, case, what = (first,), scope.case, "plasticity with"
         if not self.flows:

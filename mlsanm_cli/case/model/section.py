@@ -62,12 +62,10 @@ class Scope:
 
     @property
     def strain(self) -> str:
-        """Small or finite strain."""
         return self.case.model.strain
 
     @property
     def confined(self) -> bool:
-        """Whether out-of-plane strains are prescribed."""
         return self.case.model.confined
 
     def names(self, section: str) -> tuple[str, ...]:

@@ -240,7 +240,6 @@ AnyShape = DrawnShape | FileShape
 
 
 def side_names(shape: Polygon | OutlineShape) -> tuple[str, ...]:
-    """Names of all sides, default ones included."""
     given = shape.names if isinstance(shape, Polygon) else tuple(side.name for side in shape.sides)
     count = len(shape.points) if isinstance(shape, Polygon) else len(shape.sides)
     given = (*given, *[None] * (count - len(given)))

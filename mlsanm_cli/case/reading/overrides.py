@@ -211,7 +211,6 @@ def flat(content: Any, key: str = "") -> dict[str, Any]:
 
 
 def _even(start: Any, stop: Any, count: Any) -> tuple[str, ...]:
-    """Evenly spaced values, whole numbers if all of them are."""
     for value in (start, stop, count):
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise RunError(f"{toml_value(value)} is not a number", "as in 0.0:0.5:11")

@@ -16,7 +16,6 @@ def kinds() -> dict[str, str]:
 
 
 def starter(kind: str) -> str:
-    """The text of a starter."""
     return _read(f"{kind}{SUFFIX}")
 
 

@@ -124,7 +124,6 @@ def draw_bodies(figure: Figure, wanted: BodyPicture, views: Sequence[Window], li
 
 
 def _aspect(view: Window) -> float:
-    """Width over height."""
     return (view[1] - view[0]) / (view[3] - view[2])
 
 

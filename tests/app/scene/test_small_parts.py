@@ -13,7 +13,7 @@ from mlsanm_cli.app.check import check
 from mlsanm_cli.app.results.fields import boundary_edges
 from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.run import run
-from mlsanm_cli.app.scene import condition_sizes
+from mlsanm_cli.app.scene import clouds, condition_sizes
 from mlsanm_cli.cloud.sight import triangulate, visibility_criterion
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.runs import warned
@@ -98,7 +98,7 @@ def test_a_hot_spot_has_the_nodes_it_needs(tmp_path: Path) -> None:
 def test_nodes_that_miss_a_hot_spot_are_warned_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     known = condition_sizes.CONDITION_SOURCES
     sources = [source for source in known if source is not condition_sizes.varying_fields]
-    monkeypatch.setattr(condition_sizes, "CONDITION_SOURCES", sources)
+    monkeypatch.setattr(clouds, "CONDITION_SOURCES", sources)
     summary = solve(hot_spot(), tmp_path / "run")
     assert summary["probes"]["middle"]["stress"][0] < 2.0 * stresses(0.0)[0]
     assert "load.heat varies faster" in summary["warnings"][0]
