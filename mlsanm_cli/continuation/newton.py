@@ -23,8 +23,9 @@ from mlsanm_cli.continuation.expansion import ExpansionPoint
 from mlsanm_cli.continuation.path import Follower, Step, Stopped, StopReason
 from mlsanm_cli.continuation.problem import MIN_LENGTH, FloatArray, NewtonOptions, SingularTangentError
 from mlsanm_cli.continuation.series import Branch
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
-# The direction may turn by an angle of at least this cosine within a step.
+# With arc-length control the direction may turn by an angle of at least this cosine within a step.
 _MIN_COSINE = 0.3
 
 
@@ -42,10 +43,16 @@ _Leg: TypeAlias = tuple[Branch, Correction, ExpansionPoint]
 
 
 class NewtonFollower(Follower):
-    """Follows a path from state to state; steps are shortened until they stay on the path."""
+    """Follows a path from state to state. With load control the load factor goes straight to ``lam_end`` and
+    may jump over a fold to another branch; with arc-length control steps are shortened until they stay on the
+    path."""
 
     _options: NewtonOptions
     _step_length = 0.0
+
+    @property
+    def _load_control(self) -> bool:
+        return self._options.control == "load"
 
     def _follow(self, here: ExpansionPoint, toward: tuple[FloatArray, float]) -> Iterator[Step]:
         along = self._along(here, toward)
@@ -59,29 +66,40 @@ class NewtonFollower(Follower):
             here, along = ahead, self._along(ahead, along)
 
     def _along(self, here: ExpansionPoint, toward: tuple[FloatArray, float]) -> tuple[FloatArray, float]:
-        """Return the tangent of the path by arc length."""
+        """Return the tangent of the path by the step's parameter: load factor or arc length."""
+        if self._load_control:
+            side = float(np.sign(self._lam_end - here.lam)) or float(np.sign(toward[1]))
+            return side * here.slope, side
         size = np.copysign(self._metric.norm(here.slope, 1.0), self._metric.product(here.slope, 1.0, *toward))
         return here.slope / size, float(1.0 / size)
 
     def _advance(self, here: ExpansionPoint, along: tuple[FloatArray, float]) -> _Leg:
         """Return the next step, as long as the step length, the levels and convergence allow."""
-        length, targets = self._step_length, sorted({*self._levels, self._lam_end})
+        length, level, targets = self._step_length, None, sorted({*self._levels, self._lam_end})
+        if self._load_control:
+            ways = {v: abs(v - here.lam) for v in targets if (v - here.lam) * along[1] > 0.0}
+            level = min(ways, key=ways.__getitem__)
+            room = ways[level]
+            length, level = (room, level) if length >= (1.0 - COARSE_ROUND_OFF) * room else (length, None)
         shortest, effort = MIN_LENGTH / self._metric.norm(*along), self._effort
         while True:
             straight = Branch(np.array([here.x, along[0]]), np.array([here.lam, along[1]]), length)
             before = effort["updates"]
             effort["updates"] += 1
             try:
-                leg = self._solved(here, along, straight, length)
+                leg = self._solved(here, along, straight, length, level)
                 ease = np.sqrt(_WANTED / (effort["updates"] - before))
                 pace = length * float(np.clip(ease, 0.5, _GROWTH))
                 self._step_length = max(self._step_length, pace) if ease >= 1.0 else pace
+                if self._load_control:
+                    return leg
                 # A shorter step to the first level that is crossed after its start.
                 found = [(leg[0].first_crossing(v), v) for v in targets if v != here.lam]
                 crossings = [(a, v) for a, v in found if a is not None and a > 0.0]
                 return self._solved(here, along, leg[0], *min(crossings)) if crossings else leg
             except _Failed as failure:
-                length = self._step_length = 0.5 * length
+                length, level = 0.5 * length, None
+                self._step_length = length
                 if length < shortest:
                     place = f"at load factor {here.lam:.9g}"
                     raise Stopped(failure.reason, f"{failure.message}, and no shorter step {place}") from None
@@ -103,7 +121,7 @@ class NewtonFollower(Follower):
         def in_normal_plane(dx: FloatArray, slope: FloatArray) -> float:
             return -product(dx, 0.0, *along) / product(slope, 1.0, *along)
 
-        if level is None:
+        if not self._load_control and level is None:
             load_update, lam = in_normal_plane, here.lam + part * (lam - here.lam)
         place = f"near load factor {lam:.9g}"
         try:
@@ -114,15 +132,18 @@ class NewtonFollower(Follower):
             ahead = self._expansion_point(point.x, point.lam, self._effort)
         except SingularTangentError:
             raise _Failed(StopReason.SINGULAR_TANGENT, f"the tangent is singular {place}") from None
-        if self._metric.norm(point.x - x, point.lam - lam) > a:
+        if not self._load_control and self._metric.norm(point.x - x, point.lam - lam) > a:
             raise _Failed(StopReason.CORRECTION_FAILED, f"iterations lead to another branch {place}")
         return self._cubic(here, along, ahead), point, ahead
 
     def _cubic(self, here: ExpansionPoint, along: tuple[FloatArray, float], ahead: ExpansionPoint) -> Branch:
         """Return the cubic with the values and tangents of both ends. Raises _Failed."""
         x, lam = ahead.x - here.x, ahead.lam - here.lam
-        slope, rise = self._along(ahead, along)
-        length, turn = (self._metric.product(*one, *along) for one in ((x, lam), (slope, rise)))
+        if self._load_control:
+            length, turn, slope, rise = abs(lam), 1.0, along[1] * ahead.slope, along[1]
+        else:
+            slope, rise = self._along(ahead, along)
+            length, turn = (self._metric.product(*one, *along) for one in ((x, lam), (slope, rise)))
         if not (length > 0.0 and turn >= _MIN_COSINE):
             message = f"the path turns too far before load factor {ahead.lam:.9g}"
             raise _Failed(StopReason.CORRECTION_FAILED, message)

@@ -3,7 +3,7 @@ package contains no mechanics."""
 
 from __future__ import annotations
 
-from typing import ClassVar, Protocol, TypeAlias
+from typing import ClassVar, Literal, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,7 +87,8 @@ class AnmOptions(PathOptions):
 
 @dataclass(frozen=True)
 class NewtonOptions(PathOptions):
-    """Newton-Raphson iterations: every step solves on the plane normal to its first tangent, which passes
-    folds."""
+    """Newton-Raphson iterations: every step solves at a given load factor ("load"), or on the plane normal to
+    its first tangent ("arc-length"), which passes folds."""
 
     max_corrections: ClassVar[int] = 25
+    control: Literal["load", "arc-length"] = "load"

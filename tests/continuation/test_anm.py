@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from itertools import islice, pairwise
+from typing import Literal
 
 import numpy as np
 import pytest
 
-from mlsanm_cli.continuation import AnmOptions, Branch, NewtonOptions, Problem, Step, follow
+from mlsanm_cli.continuation import AnmOptions, Branch, NewtonOptions, Problem, Step, StopReason, follow
 from mlsanm_cli.continuation.problem import FloatArray
 
 from .problems import Circle, Contact, Scalar, Truss, Yielding, first_at, hertz
@@ -142,9 +143,11 @@ def test_units_of_the_unknowns_change_nothing() -> None:
     np.testing.assert_allclose(two[-1].x / other.scale, one[-1].x / plain.scale, rtol=0.0, atol=1e-9)
 
 
-def test_levels_are_ends_of_steps() -> None:
+@pytest.mark.parametrize("control", ["load", "arc-length"])
+def test_levels_are_ends_of_steps(control: Literal["load", "arc-length"]) -> None:
     levels = (0.3, 1.0 / 3.0, 7.0, 49.999)
-    follower = follow(Scalar(0.0, 1.0, 1.0), np.zeros(1), 0.0, 50.0, NewtonOptions(), levels=levels)
+    options = NewtonOptions(control=control)
+    follower = follow(Scalar(0.0, 1.0, 1.0), np.zeros(1), 0.0, 50.0, options, levels=levels)
     steps = {step.lam: step for step in follower.steps()}
     assert follower.reached
     assert {*levels, 50.0} <= steps.keys()
@@ -161,13 +164,21 @@ def test_levels_are_ends_of_steps() -> None:
 
 def test_the_truss_snaps_through_both_folds() -> None:
     target = 2.0 / (3.0 * np.sqrt(3.0))
-    follower = follow(Truss(), np.ones(1), 0.0, target, NewtonOptions())
+    follower = follow(Truss(), np.ones(1), 0.0, target, NewtonOptions(control="arc-length"))
     steps = list(follower.steps())
     assert follower.reached
     assert np.all(np.diff([step.x[0] for step in steps]) < 0.0)
     assert min(step.lam for step in steps) < -0.45 * target
     roots = np.roots([-0.5, 0.0, 0.5, -target])
     assert follower.x[0] == pytest.approx(float(roots[np.abs(roots.imag) < 1e-9].real[0]), abs=1e-8)
+
+
+def test_load_control_says_that_it_cannot_pass_a_fold() -> None:
+    follower = follow(Circle(), np.ones(1), 0.0, 1.5, NewtonOptions())
+    steps = list(follower.steps())
+    assert not follower.reached
+    assert follower.reason in (StopReason.CORRECTION_FAILED, StopReason.SINGULAR_TANGENT)
+    assert 0.99 < steps[-1].lam <= 1.0 + 1e-8
 
 
 def test_round_off_of_the_tangent_shortens_steps_only() -> None:

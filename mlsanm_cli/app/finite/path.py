@@ -90,7 +90,7 @@ class _Path:
         self._scene, self._given, self._spent = scene, renewals, Effort()
         solver = scene.case.solver
         # Steps are counted over the whole path, not here.
-        self._options: AnmOptions | NewtonOptions = NewtonOptions(solver.tolerance)
+        self._options: AnmOptions | NewtonOptions = NewtonOptions(solver.tolerance, "arc-length")
         if solver.method != "newton":
             self._options = AnmOptions(solver.tolerance, solver.order, solver.pade)
         self.x, self._lam = np.zeros(scene.unknowns), 0.0
