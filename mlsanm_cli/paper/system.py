@@ -98,14 +98,12 @@ class Collocation:
 
 
 class System:
-    """R(x, lam) over a stage between load factors (L,), a problem for the continuation.
-
-    ``places`` are the ranges of the ``size`` unknowns and of their rows, ``scale`` typical values of the
-    unknowns and ``divisor`` of the rows, which are divided by these. Q has the products ``factor``
-    x[``first``] x[``second``] in rows ``first``. The ``bodies`` form their residuals themselves; ``matrix``
-    and ``load`` make the other rows. ``ordered`` is M in scaled unknowns and in the ``order`` of elimination,
-    with ``threshold`` of pivoting.
-    """
+    """R(x, lam) over a stage between load factors (L,), a problem for the continuation: ``places`` are the
+    ranges of the ``size`` unknowns and of their rows, ``scale`` typical values of the unknowns and
+    ``divisor`` of the rows, which are divided by these. Q has the products ``factor`` x[``first``]
+    x[``second``] in rows ``first``. The ``bodies`` form their residuals themselves; ``matrix`` and ``load``
+    make the other rows. ``ordered`` is M in scaled unknowns and in the ``order`` of elimination, with
+    ``threshold`` of pivoting."""
 
     def __init__(self, built: CondensedScene) -> None:
         """The equations of a scene in its first stage. Raises NumericalError if contacts carry nothing."""

@@ -10,8 +10,8 @@ from functools import partial
 import numpy as np
 
 from mlsanm_cli.app.finite.accuracy import missed_alone
+from mlsanm_cli.app.finite.checks import path_failure
 from mlsanm_cli.app.finite.scene import FiniteScene
-from mlsanm_cli.app.finite.states import path_failure
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.continuation import (
     AnmOptions,

@@ -70,11 +70,6 @@ class FiniteScene:
         return bool(self.contacts.pairs or self.contacts.free) or len(self.bodies) > 1
 
     @property
-    def by_series(self) -> bool:
-        """Whether the path is followed by power series."""
-        return not self.in_increments and self.case.solver.method != "newton"
-
-    @property
     def alone(self) -> tuple[str, FiniteBody]:
         """Name and body of a scene with one body."""
         ((name, body),) = self.bodies.items()
