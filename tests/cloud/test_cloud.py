@@ -14,7 +14,8 @@ from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Outline, annulus, disk, half_disk, rectangle, sector
 from mlsanm_cli.cloud.quality import measure
 from mlsanm_cli.cloud.search import BATCH_SIZE, nearest
-from mlsanm_cli.cloud.spacing import Spacing, Zone, estimate_nodes
+from mlsanm_cli.cloud.spacing import Spacing, Zone
+from mlsanm_cli.cloud.zones import estimate_nodes
 from tests.cloud.shapes import polygon
 
 BLOCK = rectangle((-2.0, 2.0), (-2.0, 0.0))

@@ -11,9 +11,8 @@ from scipy.spatial import cKDTree
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Arc, Outline, disk, rectangle
-from mlsanm_cli.cloud.front import relax
 from mlsanm_cli.cloud.mirror import SymmetryLine
-from mlsanm_cli.cloud.spacing import Spacing, Zone
+from mlsanm_cli.cloud.spacing import Spacing, Zone, relax
 
 BLOCK = rectangle((0.0, 2.0), (0.0, 1.0))
 
