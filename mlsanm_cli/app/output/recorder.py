@@ -264,7 +264,7 @@ def summarise(analysis: Analysis, ending: Ending, recorder: Recorder) -> dict[st
     if isinstance(ending.error, UnstableError) and summary.get("stability") is None:
         summary["stability"] = ending.error.stability
     return summary | {
-        "quality": analysis.quality.figures,
+        "quality": analysis.quality.figures(analysis.models),
         "limits": analysis.limits(),
         "seconds": context.clock.seconds,
         "wall_seconds": context.clock.wall_seconds,
