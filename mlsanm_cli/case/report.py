@@ -114,9 +114,6 @@ def line_of(lines: Mapping[KeyPath, int], path: KeyPath) -> int:
     return next((lines[place] for place in enclosing if place in lines), 0)
 
 
-MAX_SHOWN_CHARACTERS = 500
-"""Longer keys are shown without their middle."""
-
 _OTHER_NAMES = {
     "E": "young youngs_modulus e_modulus elastic_modulus",
     "nu": "poisson poissons_ratio poisson_ratio",
@@ -203,7 +200,7 @@ class Report:
             if not created and not any(path[: len(one)] == one for one in self.changed):
                 line, source = max(line_of(self.lines, path), 1), self.source
             key = dotted(self.data, path) or "(file)"
-            if len(key) > MAX_SHOWN_CHARACTERS:
+            if len(key) > 500:
                 key = f"{key[:60]}[...]{key[-60:]}"
             problem = CaseProblem(key, fault.message, line, source, fault.hint)
             self._found.setdefault((path, fault.message), problem)

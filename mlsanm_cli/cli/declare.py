@@ -17,9 +17,6 @@ from mlsanm_cli.inputs import is_text
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-MAX_WALL_SECONDS = 1e9
-"""About thirty years, a time that timers accept on all systems."""
-
 
 class File(click.Path):
     """A path that is valid text, as results contain file names; ``-``, the standard input, if it is
@@ -186,7 +183,8 @@ THREADS = count("--threads", "Number of threads.")
 MAX_WALL = option(
     "--max-wall",
     "Stop after this wall-clock time, with exit code 75; `mlsanm resume` continues.",
-    type=Seconds(min=0.0, min_open=True, max=MAX_WALL_SECONDS),
+    # About thirty years, a time that timers accept on all systems.
+    type=Seconds(min=0.0, min_open=True, max=1e9),
     metavar="SECONDS",
 )
 

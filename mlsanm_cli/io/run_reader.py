@@ -23,8 +23,6 @@ from mlsanm_cli.io.files import check_seal, read_summary
 from mlsanm_cli.io.run_dir import RUN_FILE, SUMMARY_FILE
 
 FORMAT = 1
-MAX_LISTED = 5
-"""Largest number of directories listed in a hint."""
 RESULTS = ("bodies", "path", "contacts", "probes", "maps", "fields")
 """The groups that are read by default; series and the checkpoint are read when they are needed."""
 
@@ -160,8 +158,8 @@ def _opened(rundir: Path) -> Iterator[tuple[Any, Path]]:
         inside = sorted(path.parent for path in rundir.glob(f"*/{RUN_FILE}"))
         hint = "give the directory written by `mlsanm run`"
         if inside:
-            more = ", ..." if len(inside) > MAX_LISTED else ""
-            hint = f"there are runs in it: {', '.join(map(str, inside[:MAX_LISTED]))}{more}"
+            more = ", ..." if len(inside) > 5 else ""
+            hint = f"there are runs in it: {', '.join(map(str, inside[:5]))}{more}"
         raise RunError(f"{rundir} is not a run: {what}", hint)
     try:
         check_seal(file)
