@@ -139,8 +139,8 @@ def _nodes_within(
     reach: float,
     near: FloatArray,
 ) -> tuple[FloatArray, int]:
-    """Accepted nodes of grid levels ``lowest`` to ``highest`` within ``reach`` of (x, y): ``near`` (c, 2),
-    enlarged if necessary, and their number."""
+    """Accepted nodes of grid levels ``lowest`` to ``highest`` within ``reach`` of (x, y): ``near``, enlarged
+    if necessary, and their number."""
     found = 0
     for level in range(lowest, highest + 1):
         cell = _cell(level, finest)

@@ -38,8 +38,8 @@ Field: TypeAlias = Callable[[SurfaceForces, ComplexArray], FloatArray]
 
 @dataclass(frozen=True)
 class Face:
-    """One face of a corner, starting at its ``tip``. Straight with unit tangent ``along`` and unit normal
-    ``inward`` into the material, or a ``curve`` that has the tip at its end (``at_end``) or at its start."""
+    """A face of a corner from its ``tip``: straight with unit tangent ``along`` and unit normal ``inward``,
+    or a ``curve`` that has the tip at its end (``at_end``) or at its start."""
 
     tip: complex
     along: complex
@@ -68,8 +68,8 @@ class Face:
 
 @dataclass(frozen=True)
 class FaceForces:
-    """A force distribution along a ``face``: point forces ``density`` (p, 2, c) at equidistant ``logarithm``
-    (p,) of the distance that represent a smooth density; the fields end at a ``center``, if any."""
+    """Point forces ``density`` (p, 2, c) along a ``face`` at equidistant ``logarithm`` (p,) of the distance
+    that represent a smooth density; the fields end at a ``center``, if any."""
 
     kernel: PointForceField
     face: Face

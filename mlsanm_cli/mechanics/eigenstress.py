@@ -26,7 +26,7 @@ from mlsanm_cli.operators.stencils import build_gradients
 from mlsanm_cli.records import dataclass
 
 PARTS = ((XX, XY), (XY, YY))
-"""Stresses whose derivatives, or products with a normal, by x and by y are the force x, and the force y."""
+"""Stresses whose derivatives, or products with a normal, by x and by y are the forces x and y."""
 
 
 def eigenstress_loads(body: ElasticBody) -> sparse.csr_array:
@@ -72,8 +72,8 @@ def forces_through(
 
 
 def eigenstress_reaction(body: ElasticBody, surface: str, center: tuple[float, float]) -> sparse.csr_array:
-    """Rows (3, 3n) of force x, y and moment about ``center`` of a held surface due to eigenstresses, to be
-    subtracted from those computed from displacements."""
+    """Rows (3, 3n) of force and moment about ``center`` of a held surface due to eigenstresses, to
+    subtract."""
     model = body.model
     where, held = model.cloud.surfaces[surface], body.restrained[surface]
     return reaction_rows(model, where, held, center, lambda *places: forces_through(model, *places))
@@ -97,8 +97,7 @@ class Field(Protocol):
 
 @dataclass(frozen=True)
 class Heating:
-    """Temperature change of a body at factor 1: a ``field``, and its ``values`` (n,) at the cloud's
-    points."""
+    """Temperature change of a body at factor 1: a ``field``, and its ``values`` (n,) at the nodes."""
 
     number: int
     body: str
@@ -119,8 +118,7 @@ class Heating:
         return source
 
     def reaction(self, body: ElasticBody, surface: str, center: tuple[float, float]) -> FloatArray:
-        """Force x, y and moment about ``center`` (3,) due to thermal expansion, to be subtracted from those
-        computed for a held surface from displacements."""
+        """Force and moment about ``center`` (3,) of a held surface due to thermal expansion, to subtract."""
         even, held = body.model.material.stress_of_expansion, body.restrained[surface]
         where = body.model.cloud.surfaces[surface]
         return reaction_of(body.model, where, held, center, lambda points: self._blocked(even, points))

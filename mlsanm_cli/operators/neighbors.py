@@ -16,8 +16,7 @@ EXTRA_NODES = 8
 TIE_TOLERANCE = 1e-7
 """Relative tolerance for equal distances."""
 CENTERED, HALF_DISK = 0.25, 4.0 / (3.0 * np.pi)
-"""Distance of a stencil's mean node from its target, in radii: from the second row of nodes inwards at most
-the first, at a straight boundary the second."""
+"""Distance of a stencil's mean node from its target, in radii: inside, and at a straight boundary."""
 
 
 def nearest_nodes(tree: cKDTree, targets: FloatArray, size: int) -> IndexArray:
@@ -66,8 +65,8 @@ def weight_radius(
 def _nearest(
     points: FloatArray, tree: cKDTree, targets: FloatArray, size: int, known: IndexArray
 ) -> tuple[FloatArray, IntArray]:
-    """Radii (e,) and numbers (e, size) of the nearest of the ``known`` nodes (e, k), ties broken by node
-    number. Without this rule round-off would decide, and results would depend on units."""
+    """Radii (e,) and numbers (e, size) of the nearest of the ``known`` nodes (e, k), ties broken by number:
+    round-off must not decide."""
     indices = known[:, :size].astype(np.int64)
     radius = distances(points, targets, known[:, size - 1 : size])[:, 0]
     if known.shape[1] > size:

@@ -23,8 +23,8 @@ from mlsanm_cli.operators.stencil_weights import Stencils
 ENLARGEMENT = 1.3
 MAX_GROWTH = 3.0
 CONDITION_MARGIN, MARGIN_DEGREE, MARGIN_GROWTH = 20.0, 3, 1.9
-"""From degree MARGIN_DEGREE on, fits are first sought CONDITION_MARGIN times above the rank tolerance, with
-up to MARGIN_GROWTH times the neighbours: a few fits below spoil the displacement of a structured mesh."""
+"""From degree MARGIN_DEGREE on, fits are first sought this far above the rank tolerance, with up to
+MARGIN_GROWTH times the neighbours."""
 BLOCK_SIZE = 4096
 """Stencils fitted at once: a tenth of a second at high degrees."""
 
@@ -85,8 +85,7 @@ def _built(
     tips: Tips | None,
     own: IntArray | None,
 ) -> Stencils:
-    """Stencils at ``centers`` (e, 2) with the derivatives of ``orders[0]`` to ``orders[1]`` at their
-    ``targets`` (e, t, 2)."""
+    """Stencils with the derivatives of ``orders[0]`` to ``orders[1]`` at the ``targets`` (e, t, 2)."""
     centers, targets = np.ascontiguousarray(centers), np.ascontiguousarray(targets)
     kinds = targets.shape[1] * sum(order + 1 for order in range(orders[0], orders[1] + 1))
     if not len(centers):
@@ -149,8 +148,8 @@ def _built(
 
 
 def reflected(stencils: Stencils, mirror: Mirror) -> Stencils:
-    """Stencils of all nodes (n) from those of the mirror's own nodes (h). Stencils on the line are averaged
-    with their images, as only one of two equidistant nodes may be included."""
+    """Stencils of all nodes (n) from those of the mirror's own nodes (h); those on the line are averaged with
+    their images, as only one of two equidistant nodes may be included."""
     times = np.where(mirror.side == 0, 2, 1)
     whole = stencils.take(np.repeat(mirror.place, times))
     first = np.concatenate([[0], np.cumsum(times)])

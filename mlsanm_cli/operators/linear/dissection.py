@@ -16,7 +16,7 @@ from mlsanm_cli.operators.linear.interface import structure
 from mlsanm_cli.records import dataclass
 
 LEAF_SIZE = 16
-"""Largest part that is not cut: with 32 the factor is 5 % larger, with 8 no smaller."""
+"""Largest part that is not cut."""
 DIRECTIONS = 8
 
 
@@ -27,12 +27,10 @@ Tree: TypeAlias = tuple[IntArray, IntArray, IntArray]
 
 
 def nested_dissection(points: FloatArray, graph: sparse.csr_array | sparse.bsr_array) -> Tree:
-    """Nested dissection: both halves of the vertices first, the separator between them last.
-
-    ``points`` (n, 2); ``graph`` is a symmetric pattern in rows or blocks. A part is bisected at its median
-    along the one of DIRECTIONS directions with the smallest separator: the vertices of one half that touch
-    the other. Raises ValueError for a graph of another number of vertices.
-    """
+    """Nested dissection: both halves of the vertices first, the separator between them last. A part of the
+    ``points`` (n, 2) with the symmetric pattern ``graph`` is bisected at its median along the one of
+    DIRECTIONS directions with the smallest separator. Raises ValueError for a graph of another number of
+    vertices."""
     if graph.shape[0] != graph.shape[1] or len(graph.indptr) != len(points) + 1:
         raise ValueError(f"a graph of {len(graph.indptr) - 1} vertices for {len(points)} points")
     angles = np.pi * np.arange(DIRECTIONS) / DIRECTIONS

@@ -21,8 +21,7 @@ MAX_ENTRIES = np.iinfo(np.int32).max
 
 
 def structure(matrix: sparse.csr_array | sparse.bsr_array) -> tuple[IndexArray, IndexArray]:
-    """Row offsets (n + 1,) and column indices of a matrix's entries or blocks. Raises NumericalError for more
-    entries than 32-bit indices can count."""
+    """Row offsets and column indices of a matrix's entries or blocks. Raises NumericalError for too many."""
     refuse_too_many(int(matrix.indptr[-1]))
     indptr, indices = (part.astype(np.int32, copy=False) for part in (matrix.indptr, matrix.indices))
     return indptr, indices
