@@ -41,7 +41,7 @@ from mlsanm_cli.mechanics.springs import FREE, NO_SPRING, Held, Springs, restrai
 from mlsanm_cli.memo import digest
 from mlsanm_cli.operators import least_squares
 from mlsanm_cli.operators.least_squares import Strong
-from mlsanm_cli.operators.linear.interface import LinearSolver, compact
+from mlsanm_cli.operators.linear.interface import LinearSolver, structure
 from mlsanm_cli.operators.rows import nodal_pairs, nodal_rows
 from mlsanm_cli.operators.system import LinearSystem
 
@@ -78,7 +78,9 @@ def assemble(
     # Computed on first use, by the equations or for the body's forces.
     loads = cache(partial(pieces.loads, first_row, count, restraints))
     pulls = spring_rows(cloud, springs, total)
-    rows = compact(sparse.csr_array(_rows(model, held, single) + pulls))
+    whole = sparse.csr_array(_rows(model, held, single) + pulls)
+    indptr, indices = structure(whole)
+    rows = sparse.csr_array((whole.data, indices, indptr), shape=whole.shape)
     weight = row_weights(model, held, single, springs, restraints, touching)
     known = pieces.rows_known(list(held_nodes[: len(held_nodes) - unloaded]))
 

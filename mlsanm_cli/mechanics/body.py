@@ -16,6 +16,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.pieces import Pieces, reaction_rows
@@ -125,8 +126,11 @@ class ElasticBody:
             if self.held.get(surface, FREE)[component] == held:
                 source[self.condition_rows(surface, component)] = values[:, component]
         if between is not None and not held:
-            taken = ~np.array(self.restrained.get(surface, FREE))
-            whole = self.pieces.of_traction(self.model.cloud.surfaces[surface], between * taken)
+            taken, where = ~np.array(self.restrained.get(surface, FREE)), self.model.cloud.surfaces[surface]
+            halves = Halves.of(where, FINE)
+            points = where.curve.points(halves.arc)
+            force = (halves.length * self.model.cloud.around(points))[:, None] * (between * taken)
+            whole = self.pieces.gathered(where.index[halves.own], points, force)
             source[self.rows - len(whole) :] = whole - self.loads @ source
         return source
 

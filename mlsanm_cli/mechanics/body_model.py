@@ -33,7 +33,7 @@ from mlsanm_cli.operators.rows import pair_rows, scalar_rows
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.singular_functions import isolated_tips
 from mlsanm_cli.operators.stencil_weights import Stencils
-from mlsanm_cli.operators.stencils import build_gradients, build_stencils, reflected, reflected_numbers
+from mlsanm_cli.operators.stencils import build_gradients, build_stencils, reflected
 from mlsanm_cli.records import dataclass
 
 INCOMPRESSIBLE_NEIGHBORS = 1.3
@@ -99,7 +99,8 @@ class BodyModel:
         if not foresight:
             near = near[:, :0]
         if mirror is not None:
-            stencils, near = reflected(stencils, mirror), reflected_numbers(near, mirror)
+            stencils, near, beyond = reflected(stencils, mirror), near[mirror.place], mirror.side < 0
+            near[beyond] = mirror.image[near[beyond]]
         return cls(name, cloud, material, settings, near, stencils)
 
     @cached_property

@@ -94,17 +94,6 @@ class Corner:
                 found[number] = on & (np.abs((normal * np.conj(face.along)).real) <= ROUND_OFF)
         return found[0], found[1]
 
-    def off_tip(self, z: ComplexArray, normal: ComplexArray) -> ComplexArray:
-        """Points (e,) with outward normals, those at the tip shifted along their curved face."""
-        least = SURFACE_INSET * self.span
-        for face in self.curved or ():
-            place, inward = face.places(np.array([least]))
-            at = (np.abs(z - self.tip) < least) & (
-                (normal * np.conj(-inward[0])).real > 1.0 - NORMAL_TOLERANCE
-            )
-            z = np.where(at, self.tip + place[0], z)
-        return z
-
     def mirrored(self, source: FloatArray) -> tuple[SurfaceForces, FloatArray] | None:
         """Images, behind a frictionless wall, of unit forces at distances ``source`` (k,), and their
         components (k, 2, 2) per component of the forces; None without a wall."""
@@ -214,7 +203,12 @@ class CorneredForces:
         """Tractions (e, k, 2, 2) at surface points ``z`` (e,); exactly zero on a corner's straight faces by
         the forces with this corner's densities."""
         for corner in self.corners:
-            z = corner.off_tip(z, normal)
+            # Points at the tip are shifted along their curved face.
+            least = SURFACE_INSET * corner.span
+            for face in corner.curved or ():
+                place, inward = face.places(np.array([least]))
+                same = (normal * np.conj(-inward[0])).real > 1.0 - NORMAL_TOLERANCE
+                z = np.where((np.abs(z - corner.tip) < least) & same, corner.tip + place[0], z)
         total = np.zeros((len(z), len(self.place), 2, 2))
         for image in (None, *self.images):
             at, outward = (z, normal) if image is None else (image.points(z), image.directions(normal))

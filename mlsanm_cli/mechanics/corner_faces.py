@@ -126,11 +126,11 @@ class FaceForces:
         total = summed(partial(by_all, self._forces), inside, self.density)
         if len(near):
             by = of_each(self._forces, inside[near, None]) * (1.0 - _window(apart))[..., None, None]
-            by += self._near_face(x[near], slope, of_each)
+            by += self._integrated(x[near], slope, of_each)
             total[near] = np.einsum("epcd,pdm->ecm", by, self.density, optimize=True)
         return total
 
-    def _near_face(self, x: FloatArray, slope: FloatArray, field_of_each: Field) -> FloatArray:
+    def _integrated(self, x: FloatArray, slope: FloatArray, field_of_each: Field) -> FloatArray:
         """Fields (e, p, c, 2) of the forces near distances ``x`` (e,), seen from a height of ``slope`` (e,)
         times x above the face: integrals over ln(x) + slope sinh(v)."""
         end = np.arcsinh(BLEND_END / slope)[:, None]

@@ -29,7 +29,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.cloud.cells import FINE, GAUSS, Halves, Rule, cell_quadrature, corner_moments, measure
+from mlsanm_cli.cloud.cells import GAUSS, Halves, Rule, cell_quadrature, corner_moments, measure
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.cloud.pieces import divide, pair_up
@@ -238,14 +238,8 @@ class Pieces:
         count = 2 * len(nodes)
         entries = (force.T.ravel(), (np.arange(count), np.tile(column, 2)))
         nodal = sparse.csr_array(entries, shape=(count, columns))
-        return sparse.csr_array(self._spread_from(nodes, points)[:, :count] @ nodal)
-
-    def of_traction(self, surface: Surface, traction: FloatArray) -> FloatArray:
-        """Force and moment (3k,) on the pieces by a ``traction`` (g, 2) at the FINE points of a surface."""
-        halves = Halves.of(surface, FINE)
-        points = surface.curve.points(halves.arc)
-        force = (halves.length * self.cloud.around(points))[:, None] * traction
-        return self.gathered(surface.index[halves.own], points, force)
+        parts = (self._spread(level[nodes], points)[:, :count] @ nodal for level in self.levels)
+        return sparse.csr_array(sum(parts, sparse.csr_array((3 * self.count, columns))))
 
     def of_force(self, force: FloatArray) -> FloatArray:
         """Force and moment (3k,) on the pieces by a body force, linear between nodal ``force`` (n, 2)."""

@@ -73,26 +73,20 @@ def remainder_sources(
             felt = (1.0 - near) * here + near * within
         for component, row in body.pin_rows(node):
             source[row] = -felt[:, component]
-    if centred:
-        source[body.first_pin : body.first_pin + len(body.free.components)] = -_mean_motion(body, forces)
+    motions = len(body.free.components)
+    if centred and motions:
+        # Minus the mean free motions of the fields over the body.
+        at, areas = graded_quadrature(cloud, as_real(forces.place))
+        patterns = body.free.patterns(at).reshape(len(at), 2, motions)
+        weighted = areas[:, None, None] * patterns
+        gram = np.einsum("ecd,ecf->df", weighted, patterns)
+        means = np.einsum("ecd,ekcf->dkf", weighted, forces.displacement(as_complex(at)), optimize=True)
+        means = np.linalg.solve(gram, means.reshape(motions, -1)).reshape(means.shape)
+        source[body.first_pin : body.first_pin + motions] = -means
     flat = source.reshape(body.rows, -1)
     missing = loads.reshape(3 * pieces.count, -1) - body.loads @ flat
     flat[body.rows - len(missing) :] = missing
     return np.ascontiguousarray(np.moveaxis(source, 2, 1)).reshape(body.rows, -1)
-
-
-def _mean_motion(body: ElasticBody, forces: Forces) -> FloatArray:
-    """Mean free motions (d, k, 2) of the fields over the body."""
-    count = len(body.free.components)
-    if not count:
-        return np.zeros((0, len(forces.place), 2))
-    points, areas = graded_quadrature(body.model.cloud, as_real(forces.place))
-    patterns = body.free.patterns(points).reshape(len(points), 2, count)
-    moved = forces.displacement(as_complex(points))
-    weighted = areas[:, None, None] * patterns
-    gram = np.einsum("ecd,ecf->df", weighted, patterns)
-    means = np.einsum("ecd,ekcf->dkf", weighted, moved, optimize=True)
-    return np.linalg.solve(gram, means.reshape(count, -1)).reshape(means.shape)
 
 
 def _on_pieces(

@@ -129,26 +129,10 @@ class VonMises(SaintVenantKirchhoff):
         volume = elastic[:, DIRECT].sum(axis=1)[:, None] * even
         stress = 2.0 * mu * elastic * np.array([1.0, 1.0, 1.0, 0.5]) + (bulk - 2.0 / 3.0 * mu) * volume
         q, normal = self._measure(stress, history)
-        amount, slope = self._flows(q, history[:, 4])
-        stiff = 3.0 * mu + self.hardening.kinematic
-        after = history.copy()
-        after[:, :4] += 1.5 * amount[:, None] * normal * np.array([1.0, 1.0, 1.0, 2.0])
-        after[:, 4] += amount
-        # Perfectly elastic points have no normal part.
-        left = 1.0 - 3.0 * mu * amount / np.where(q > 0.0, q, 1.0)
-        along = np.where(amount > 0.0, 3.0 * mu / (stiff + slope) - (1.0 - left), 0.0)
-        identity = np.diag([1.0, 1.0, 1.0, 0.5]) - np.outer(even, even) / 3.0
-        tangent = 2.0 * mu * left[:, None, None] * identity + bulk * np.outer(even, even)
-        tangent -= 3.0 * mu * along[:, None, None] * normal[:, :, None] * normal[:, None, :]
-        return stress - 3.0 * mu * amount[:, None] * normal, tangent, after
-
-    def _flows(self, q: FloatArray, before: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Plastic strain (n,) of an increment with trial stresses ``q`` (n,) from an amount ``before`` (n,),
-        and the slope of the flow stress after it: the root of q - (3 mu + H) x - Y(before + x), by Newton's
-        method in brackets."""
-        stiff = 3.0 * self.linear.shear + self.hardening.kinematic
-        amount, slope = np.zeros(len(q)), np.zeros(len(q))
-        flow = self.hardening.flow(before)[0]
+        stiff, before = 3.0 * mu + self.hardening.kinematic, history[:, 4]
+        amount, slope, flow = np.zeros(len(q)), np.zeros(len(q)), self.hardening.flow(before)[0]
+        # Plastic strain of the increment: the root of q - stiff x - Y(before + x), by Newton's method in
+        # brackets.
         on = np.flatnonzero(q > (1.0 + FINE_ROUND_OFF) * flow)
         low, high = np.zeros(len(on)), (q - flow)[on] / stiff
         x = 0.5 * high
@@ -162,7 +146,16 @@ class VonMises(SaintVenantKirchhoff):
             if done.all():
                 break
         amount[on], slope[on] = x, self.hardening.flow(before[on] + x)[1]
-        return amount, slope
+        after = history.copy()
+        after[:, :4] += 1.5 * amount[:, None] * normal * np.array([1.0, 1.0, 1.0, 2.0])
+        after[:, 4] += amount
+        # Perfectly elastic points have no normal part.
+        left = 1.0 - 3.0 * mu * amount / np.where(q > 0.0, q, 1.0)
+        along = np.where(amount > 0.0, 3.0 * mu / (stiff + slope) - (1.0 - left), 0.0)
+        identity = np.diag([1.0, 1.0, 1.0, 0.5]) - np.outer(even, even) / 3.0
+        tangent = 2.0 * mu * left[:, None, None] * identity + bulk * np.outer(even, even)
+        tangent -= 3.0 * mu * along[:, None, None] * normal[:, :, None] * normal[:, None, :]
+        return stress - 3.0 * mu * amount[:, None] * normal, tangent, after
 
 
 def plastic_stress(material: PlaneMaterial, history: FloatArray) -> FloatArray:

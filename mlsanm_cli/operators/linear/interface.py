@@ -27,12 +27,6 @@ def structure(matrix: sparse.csr_array | sparse.bsr_array) -> tuple[IndexArray, 
     return indptr, indices
 
 
-def compact(matrix: sparse.csr_array) -> sparse.csr_array:
-    """The same matrix with 32-bit indices. Raises NumericalError if it is too large."""
-    indptr, indices = structure(matrix)
-    return sparse.csr_array((matrix.data, indices, indptr), shape=matrix.shape)
-
-
 def refuse_too_many(entries: int) -> None:
     """Raise NumericalError for more ``entries`` than 32-bit indices can count."""
     if entries > MAX_ENTRIES:
