@@ -5,7 +5,7 @@ Exit codes other than 0, 2 and 3, tracebacks, children that hang, files outside 
 without a reason and results that contradict themselves are failures; their inputs are kept. Then runs are
 damaged, byte by byte, and read by every command that reads runs. Writes fuzz.json next to the other results.
 
-    python benchmarks/fuzz_cases.py [--count N] [--runs N] [--seed S] [--minutes M] [--keep DIR] [--first K]
+    python benchmarks/fuzz_cases.py [--count N] [--runs N] [--seed S] [--keep DIR] [--first K]
 """
 
 from __future__ import annotations
@@ -48,79 +48,28 @@ READERS = (
 
 def main() -> None:
     """Fuzz, print a line now and then, write the results."""
-    parser = argparse.ArgumentParser()
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--count", type=int, default=5000)
     parser.add_argument("--runs", type=int, default=500)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--minutes", type=float, default=1e9)
     parser.add_argument("--keep", type=Path, default=Path(tempfile.gettempdir()) / "mlsanm-fuzz")
     parser.add_argument("--out", type=Path, default=RESULTS / "fuzz.json")
     wishes = parser.parse_args()
-    wishes.keep.mkdir(parents=True, exist_ok=True)
     preload()
     began = time.monotonic()
-    numbers = range(wishes.first, wishes.first + wishes.count)
-    tally = _all(broken_case, wishes, numbers, began + 60.0 * wishes.minutes)
-    numbers = range(wishes.first, wishes.first + wishes.runs)
-    damaged = _all(damaged_run, wishes, numbers, began + 70.0 * wishes.minutes)
     result = {
         "seed": wishes.seed,
         "first": wishes.first,
+        "cases": tried(broken_case, wishes, wishes.count),
+        "damaged_runs": tried(damaged_run, wishes, wishes.runs),
         "seconds": round(time.monotonic() - began),
-        "cases": tally.figures,
-        "damaged_runs": damaged.figures,
     }
-    wishes.out.write_text(json.dumps(result, indent=2, ensure_ascii=False) + "\n")
-    print(json.dumps(result, indent=2, ensure_ascii=False))
-
-
-class FactorisationCount:
-    """Counts of what happened; what is wrong is kept with its input."""
-
-    def __init__(self, keep: Path) -> None:
-        self._keep = keep
-        self.codes: Counter[str] = Counter()
-        self.commands: Counter[str] = Counter()
-        self.reasons: Counter[str] = Counter()
-        self.wrong: list[str] = []
-        self.strays: list[str] = []
-        self.cpu: list[float] = []
-        self.peak = 0.0
-
-    def take(self, trial: Trial, outcome: Outcome, found: list[str]) -> None:
-        """Count one command's end."""
-        command = trial.job.arguments[0]
-        self.codes["hung" if outcome.hung else str(outcome.code)] += 1
-        self.commands[command] += 1
-        self.cpu.append(outcome.cpu)
-        self.peak = max(self.peak, outcome.peak_mb)
-        if outcome.code in (2, 3):
-            self.reasons[kind_of(outcome)] += 1
-        if found:
-            self.wrong.append(f"{trial.label}: {'; '.join(found)}")
-            print(f"WRONG {self.wrong[-1]}", flush=True)
-            kept = self._keep / trial.label
-            shutil.copytree(trial.job.folder, kept, dirs_exist_ok=True)
-            told = [f"{' '.join(trial.job.arguments)}: {outcome.code} {trial.damage}", *found]
-            (kept / "told.txt").write_text("\n".join([*told, outcome.out, outcome.err]))
-
-    @property
-    def figures(self) -> Table:
-        """What goes into the results."""
-        cpu = sorted(self.cpu) or [0.0]
-        return {
-            "count": len(self.cpu),
-            "commands": dict(self.commands.most_common()),
-            "exit_codes": dict(sorted(self.codes.items())),
-            "wrong": len(self.wrong),
-            "files_left_elsewhere": len(self.strays),
-            "wrong_ones": self.wrong[:50],
-            "median_cpu_seconds": round(cpu[len(cpu) // 2], 2),
-            "largest_cpu_seconds": round(cpu[-1], 2),
-            "peak_memory_mb": round(self.peak),
-            "reasons": dict(self.reasons.most_common(60)),
-        }
+    text = json.dumps(result, indent=2, ensure_ascii=False)
+    wishes.out.write_text(text + "\n")
+    print(text)
 
 
 def kind_of(outcome: Outcome) -> str:
@@ -143,30 +92,49 @@ class Trial:
     damage: str = ""
 
 
-def _all(
-    make: Callable[[int, int, Path], Trial], wishes: argparse.Namespace, numbers: range, until: float
-) -> FactorisationCount:
-    """Trials by their numbers, a batch at a time."""
-    tally = FactorisationCount(wishes.keep)
-    began = time.monotonic()
-    for first in range(numbers.start, numbers.stop, BATCH):
-        if time.monotonic() > until:
-            break
+def tried(
+    make: Callable[[int, int, Path], Trial], wishes: argparse.Namespace, count: int
+) -> dict[str, object]:
+    """How trials ended, a batch at a time; what is wrong is kept with its input."""
+    counts = {name: Counter[str]() for name in ("commands", "exit_codes", "reasons")}
+    cpu: list[float] = []
+    wrong: list[str] = []
+    strays, peak = 0, 0.0
+    for first in range(wishes.first, wishes.first + count, BATCH):
         with tempfile.TemporaryDirectory() as box:
-            for folder in ("home", "tmp"):
-                (Path(box) / folder).mkdir()
-            os.environ["HOME"], os.environ["TMPDIR"] = f"{box}/home", f"{box}/tmp"
-            batch = range(first, min(first + BATCH, numbers.stop))
-            trials = [make(wishes.seed, number, Path(box) / str(number)) for number in batch]
+            for variable, folder in (("HOME", Path(box) / "home"), ("TMPDIR", Path(box) / "tmp")):
+                folder.mkdir()
+                os.environ[variable] = str(folder)
+            numbers = range(first, min(first + BATCH, wishes.first + count))
+            trials = [make(wishes.seed, number, Path(box) / str(number)) for number in numbers]
             outcomes = run_all([trial.job for trial in trials], seconds=SECONDS)
             for trial, outcome in zip(trials, outcomes, strict=True):
-                tally.take(trial, outcome, faults(trial, outcome))
-            tally.strays += [
-                str(path) for folder in ("home", "tmp") for path in (Path(box) / folder).iterdir()
-            ]
-        if batch.stop % 100 == 0:
-            print(f"{batch.stop} trials, {time.monotonic() - began:.0f} s: {dict(tally.codes)}", flush=True)
-    return tally
+                counts["commands"][trial.job.arguments[0]] += 1
+                counts["exit_codes"]["hung" if outcome.hung else str(outcome.code)] += 1
+                if outcome.code in (2, 3):
+                    counts["reasons"][kind_of(outcome)] += 1
+                cpu.append(outcome.cpu)
+                peak = max(peak, outcome.peak_mb)
+                if found := faults(trial, outcome):
+                    wrong.append(f"{trial.label}: {'; '.join(found)}")
+                    print(f"WRONG {wrong[-1]}", flush=True)
+                    kept = wishes.keep / trial.label
+                    shutil.copytree(trial.job.folder, kept, dirs_exist_ok=True)
+                    told = [f"{' '.join(trial.job.arguments)}: {outcome.code} {trial.damage}", *found]
+                    (kept / "told.txt").write_text("\n".join([*told, outcome.out, outcome.err]))
+            strays += sum(1 for folder in ("home", "tmp") for _ in (Path(box) / folder).iterdir())
+        if first // 100 != (first + BATCH) // 100:
+            print(f"{first + BATCH} trials: {dict(counts['exit_codes'])}", flush=True)
+    return {
+        "count": len(cpu),
+        **{name: dict(count.most_common(60)) for name, count in counts.items()},
+        "wrong": len(wrong),
+        "wrong_ones": wrong[:50],
+        "files_left_elsewhere": strays,
+        "median_cpu_seconds": round(sorted(cpu)[len(cpu) // 2], 2) if cpu else 0.0,
+        "largest_cpu_seconds": round(max(cpu, default=0.0), 2),
+        "peak_memory_mb": round(peak),
+    }
 
 
 def broken_case(seed: int, number: int, box: Path) -> Trial:

@@ -162,6 +162,12 @@ class Frame:
     stress: float = 1.0
     force: float = 1.0
 
+    @classmethod
+    def turned(cls, angle: float, length: float = 1.0, stress: float = 1.0) -> Frame:
+        """Turned by an angle in degrees."""
+        c, s = (float(np.round(v, 15)) for v in (np.cos(np.radians(angle)), np.sin(np.radians(angle))))
+        return cls(np.array([[c, -s], [s, c]]), length, stress)
+
     @property
     def _sign(self) -> float:
         return float(round(np.linalg.det(self.matrix)))
@@ -184,7 +190,7 @@ class Frame:
         for one in made.get("support", []):
             self._axes(one, ("ux", "uy"), 1.0)
             if "spring" in one:
-                one["spring"] = np.abs(self.unit((-1, 1)) * self.matrix @ one["spring"]).tolist()
+                one["spring"] = (self.unit((-1, 1)) * self.matrix**2 @ one["spring"]).tolist()
         for one in made.get("load", []):
             self.load(one)
         for one in made.get("contact", []):

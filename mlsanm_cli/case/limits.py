@@ -84,7 +84,7 @@ def number_faults(value: Any, path: KeyPath = ()) -> Iterator[Fault]:
 
 
 def magnitude_problem(value: int | float, coordinate: bool = True) -> str:
-    """What makes a number unfit for floating-point arithmetic, "" if it is not; coordinates and components
+    """What makes a number unfit for floating-point arithmetic, "" if nothing does; coordinates and components
     may be 0 up to round-off."""
     small = 0.0 < abs(value) < MIN_MAGNITUDE and not coordinate
     if not small and not MAX_MAGNITUDE < abs(value) < float("inf"):

@@ -110,36 +110,25 @@ def _names(content: Any) -> Iterator[str]:
 
 def line_of(lines: Mapping[KeyPath, int], path: KeyPath) -> int:
     """Line of the path or of the innermost enclosing table in the file; 0 if there is none."""
-    for length in range(len(path), 0, -1):
-        line = lines.get(path[:length])
-        if line is not None:
-            return line
-    return 0
+    enclosing = (path[:length] for length in range(len(path), 0, -1))
+    return next((lines[place] for place in enclosing if place in lines), 0)
 
 
 MAX_SHOWN_CHARACTERS = 500
 """Longer keys are shown without their middle."""
 
-SYNONYMS = {
-    "young": "E",
-    "youngs_modulus": "E",
-    "e_modulus": "E",
-    "elastic_modulus": "E",
-    "poisson": "nu",
-    "poissons_ratio": "nu",
-    "poisson_ratio": "nu",
-    "mu": "friction",
-    "h": "spacing",
-    "size": "spacing",
-    "mesh_size": "spacing",
-    "type": "kind",
-    "steps": "max_steps",
-    "tol": "tolerance",
-    "bc": "support",
-    "boundary_condition": "support",
-    "force": "platen",
-    "moment": "platen",
+_OTHER_NAMES = {
+    "E": "young youngs_modulus e_modulus elastic_modulus",
+    "nu": "poisson poissons_ratio poisson_ratio",
+    "friction": "mu",
+    "spacing": "h size mesh_size",
+    "kind": "type",
+    "max_steps": "steps",
+    "tolerance": "tol",
+    "support": "bc boundary_condition",
+    "platen": "force moment",
 }
+SYNONYMS = {name: key for key, names in _OTHER_NAMES.items() for name in names.split()}
 """Names used by other codes and textbooks that no comparison of letters would find."""
 
 
@@ -156,11 +145,11 @@ def nearest(word: object, valid: Iterable[str]) -> str:
         return options[synonym]
     import difflib
 
-    found = difflib.get_close_matches(wanted, options, n=1, cutoff=0.6)
-    if found:
-        return options[found[0]]
-    longer = [name for name in options if wanted and (name.startswith(wanted) or wanted.startswith(name))]
-    return options[longer[0]] if len(longer) == 1 else ""
+    near = difflib.get_close_matches(wanted, options, n=1, cutoff=0.6)
+    if not near:
+        longer = [name for name in options if wanted and (name.startswith(wanted) or wanted.startswith(name))]
+        near = longer if len(longer) == 1 else []
+    return options[near[0]] if near else ""
 
 
 def suggestion(word: object, valid: Iterable[str], what: str = "valid") -> str:
@@ -219,7 +208,8 @@ class Report:
         """Adds a problem for each fault, once for the same path and message."""
         for fault in faults:
             path, line, source = fault.key, 0, "--set"
-            if not self._is_set(path):
+            created = path not in self.lines and any(one[: len(path)] == path for one in self.changed)
+            if not created and not any(path[: len(one)] == one for one in self.changed):
                 line, source = max(line_of(self.lines, path), 1), self.source
             key = shortened(dotted(self.data, path)) or "(file)"
             problem = CaseProblem(key, fault.message, line, source, fault.hint)
@@ -228,12 +218,6 @@ class Report:
     @property
     def paths(self) -> frozenset[KeyPath]:
         return frozenset(path for path, _ in self._found)
-
-    def _is_set(self, path: KeyPath) -> bool:
-        if any(path[: len(changed)] == changed for changed in self.changed):
-            return True
-        created = path not in self.lines
-        return created and any(changed[: len(path)] == path for changed in self.changed)
 
     @property
     def problems(self) -> tuple[CaseProblem, ...]:

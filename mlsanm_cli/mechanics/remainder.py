@@ -15,8 +15,7 @@ from types import MappingProxyType
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.cloud.cells import FINE, Halves
-from mlsanm_cli.cloud.quadrature import graded_quadrature
+from mlsanm_cli.cloud.cells import FINE, Halves, graded_quadrature
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.corner import CorneredForces, Forces
@@ -76,7 +75,7 @@ def remainder_sources(
     motions = len(body.free.components)
     if centred and motions:
         # Minus the mean free motions of the fields over the body.
-        at, areas = graded_quadrature(cloud, as_real(forces.place))
+        at, areas = graded_quadrature(cloud.points, cloud.triangles, as_real(forces.place))
         patterns = body.free.patterns(at).reshape(len(at), 2, motions)
         weighted = areas[:, None, None] * patterns
         gram = np.einsum("ecd,ecf->df", weighted, patterns)

@@ -1,17 +1,23 @@
-"""Fields of the bodies in states of the path."""
+"""Quantities of states at small strain: fields of the bodies, forces, plates, probes and contacts."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TypeAlias
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, TypeAlias
 
 import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.contact.complementarity.problem import STICK
+from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.io.columns import Quantities
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.laws.von_mises import ZZ, VonMises, plastic_stress
 from mlsanm_cli.mechanics.material import PlaneMaterial
+from mlsanm_cli.mechanics.rigid import ROTATION
+from mlsanm_cli.mechanics.scene import RigidConstraint, RigidMotion
+from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import NOTHING, Fields, State
 
@@ -29,29 +35,21 @@ def fields_of(
         some = states[first : first + MAX_STATES]
         bodies = {name: _displacements(built, name, some, starts.get(name)) for name in built.scene.bodies}
         for number, state in enumerate(some):
+            fields = dict[str, Fields]()
+            for name, (displacements, _) in bodies.items():
+                rest, model = displacements[number], built.scene.bodies[name].model
+                moved, near = built.condensed.contact_fields(built.scene, name, state.unknowns)
+                sigma, degrees = np.zeros((0, near.shape[1])), np.zeros(0)
+                if stress:
+                    degrees = built.scene.degrees(name, state.factors)
+                    sigma = model.stress(rest) + near
+                    sigma = sigma - degrees[:, None] * model.material.stress_of_expansion
+                flow = flow_of(built, name, state)
+                named = named_fields(model.material, rest + moved, sigma, degrees, flow)
+                fields[name] = {**named, "rest": rest, "near": near if stress else sigma}
             # Unlike the built-in max, np.max propagates nan.
-            worst = float(np.max([worth[number] for _, worth in bodies.values()]))
-            fields = {
-                name: _fields(built, name, state, displacements[number], stress)
-                for name, (displacements, _) in bodies.items()
-            }
-            found.append((fields, worst))
+            found.append((fields, float(np.max([worth[number] for _, worth in bodies.values()]))))
     return found
-
-
-def _fields(built: CondensedScene, name: str, state: State, displacement: FloatArray, stress: bool) -> Fields:
-    """Fields of a body from the ``displacement`` (n, 2) of its elastic system."""
-    model = built.scene.bodies[name].model
-    moved, stressed = built.condensed.contact_fields(built.scene, name, state.unknowns)
-    none, flow = np.zeros((0, len(model.material.stiffness))), flow_of(built, name, state)
-    sigma, degrees, near = none, np.zeros(0), none
-    if stress:
-        degrees = built.scene.degrees(name, state.factors)
-        near = stressed
-        sigma = model.stress(displacement) + near
-        sigma = sigma - degrees[:, None] * model.material.stress_of_expansion
-    whole = displacement + moved
-    return {**named_fields(model.material, whole, sigma, degrees, flow), "rest": displacement, "near": near}
 
 
 FlowState: TypeAlias = tuple[VonMises, FloatArray]
@@ -78,39 +76,25 @@ def named_fields(
 ) -> dict[str, FloatArray]:
     """Fields at n points from displacement (n, 2), stress (n, 3 | 4) and temperature (n,), or no stress. The
     stress of bodies that flow is that of their whole strain."""
+    across, strain = material.out_of_plane_stress(stress, degrees), material.strain(stress, degrees)
+    # Of elastic bodies in scenes with a yield stress.
+    amount = limit = ratio = np.zeros(len(stress))
     if flow is not None and len(stress):
-        return _flowing_fields(*flow, displacement, stress, degrees)
-    across = material.out_of_plane_stress(stress, degrees)
+        law, history = flow
+        stress = stress - plastic_stress(material, history)
+        across = material.out_of_plane_stress(stress, degrees) - material.across_modulus * history[:, ZZ]
+        amount = np.maximum(history[:, 4], 0.0)
+        limit = law.hardening.flow(amount)[0]
+        ratio = law.equivalent(np.column_stack([stress[:, :2], across, stress[:, 2]]), history) / limit
     return {
         "displacement": displacement,
         "stress": stress[:, :3],
         "stress_zz": across,
         "von_mises": von_mises(stress, across),
-        "strain": material.strain(stress, degrees),
-        # Of elastic bodies in scenes with a yield stress.
-        **dict.fromkeys(("plastic_strain", "flow_stress", "yield_ratio"), np.zeros(len(stress))),
-    }
-
-
-def _flowing_fields(
-    law: VonMises, history: FloatArray, displacement: FloatArray, whole: FloatArray, degrees: FloatArray
-) -> dict[str, FloatArray]:
-    """Fields of a body that flows from the stress (n, 3) of its ``whole`` strain: also the accumulated
-    plastic strain, the flow stress, and the equivalent stress over it."""
-    material, amount = law.linear, np.maximum(history[:, 4], 0.0)
-    stress = whole - plastic_stress(material, history)
-    across = material.out_of_plane_stress(stress, degrees) - material.across_modulus * history[:, ZZ]
-    flow = law.hardening.flow(amount)[0]
-    equivalent = law.equivalent(np.column_stack([stress[:, :2], across, stress[:, 2]]), history)
-    return {
-        "displacement": displacement,
-        "stress": stress,
-        "stress_zz": across,
-        "von_mises": von_mises(stress, across),
-        "strain": material.strain(whole, degrees),
+        "strain": strain,
         "plastic_strain": amount,
-        "flow_stress": flow,
-        "yield_ratio": equivalent / flow,
+        "flow_stress": limit,
+        "yield_ratio": ratio,
     }
 
 
@@ -127,3 +111,98 @@ def _displacements(
     sources = sparse.hstack([condensed.source(name, *state.unknowns) for state in states], format="csc")
     residual = built.scene.bodies[name].system.residual(sparse.csc_array(sources), solution)
     return [one.reshape(-1, 2) for one in solution.T], residual
+
+
+def quantities(built: CondensedScene, state: State) -> Quantities:
+    """The quantities of a state, as rows of run.h5 have them."""
+    condensed = built.condensed
+    return {
+        "factors": dict(zip(built.scene.loads, state.factors.tolist(), strict=True)),
+        "resultants": {name: force(*state.unknowns) for name, force in condensed.quantities["force"].items()},
+        "displacements": platen_displacements(built, state),
+        "contacts": {one.name: contact_values(built, one, state) for one in condensed.reported},
+        "probes": {name: probe_values(built, name, state) for name in condensed.quantities["probe"]},
+    }
+
+
+def contact_values(built: CondensedScene, pairing: Pairing, state: State) -> dict[str, Any]:
+    """Pressures (m,), tractions, gaps, slips and status of a contact, and its dissipated work. Without
+    friction there is no traction, and slip is not computed (nan); bonds stick, whatever they carry."""
+    if pairing.bonded:
+        pressure, traction = built.condensed.contact_values(pairing, state.unknowns)
+        gap, work = np.zeros(len(pressure)), 0.0
+        slip, status = gap, np.full(len(pressure), STICK, dtype=np.int8)
+    else:
+        span = built.condensed.spans[pairing.name]
+        pressure, gap, status = state.pressure[span], state.gap[span], state.status[span]
+        traction, slip, work = np.zeros(len(pressure)), np.full(len(pressure), np.nan), 0.0
+        if pairing.name in built.condensed.tangential:
+            own = built.condensed.tangential[pairing.name]
+            traction, slip = state.traction[own], state.slip[own]
+            work = float(built.condensed.areas[span] @ state.work[own])
+    values = {"pressure": pressure, "traction": traction, "gap": gap, "slip": slip, "status": status}
+    return values | {"dissipated_work": work}
+
+
+def cone_ratio(built: CondensedScene, contact: str, state: State) -> float:
+    """Largest of |t| / (mu p) over the closed nodes of a contact with friction."""
+    span, own = built.condensed.spans[contact], built.condensed.tangential[contact]
+    pressure = state.pressure[span]
+    pressed = state.closed[span] & (pressure > ROUND_OFF * pressure.max(initial=0.0))
+    limit = built.condensed.friction[own][pressed] * pressure[pressed]
+    return float((np.abs(state.traction[own][pressed]) / limit).max(initial=0.0))
+
+
+def slave_arc(pairing: Pairing) -> FloatArray:
+    """Increasing arc lengths (m,) of a contact's candidates along the slave surface, from its start; on a
+    closed surface the first of them is in the first turn."""
+    arc, curve = pairing.arc[pairing.candidate], pairing.slave.curve
+    if not pairing.nodal and not pairing.grid.facing.slave_first:
+        # Grid places run in the direction of the master, opposite to the slave.
+        arc = curve.closest(pairing.points[pairing.candidate])
+        arc = np.maximum.accumulate(np.unwrap(arc, period=curve.length) if curve.closed else arc)
+    return arc - curve.length * np.floor(arc[0] / curve.length) if curve.closed and len(arc) else arc
+
+
+def platen_displacements(built: CondensedScene, state: State | None = None) -> dict[str, FloatArray]:
+    """Displacement (2,) of the platen or obstacle that each load moves, in a state or initially."""
+    loads = built.scene.loads
+    found = {loads[number]: np.zeros(2) for one in built.scene.rigid_constraints for number in one.loads}
+    for constraint, motion, value in _motions(built, state) if state is not None else ():
+        for number in constraint.loads:
+            found[loads[number]] = found[loads[number]] + value * motion.direction[:2]
+    return found
+
+
+def plates_turned(built: CondensedScene, state: State) -> dict[str, dict[str, float]]:
+    """``rotation`` (radian) and ``moment`` on the bodies about the hinge, of every plate that rotates."""
+    found = {}
+    for constraint, motion, angle in _motions(built, state):
+        if constraint.held and motion.component == ROTATION:
+            moment = built.condensed.quantities["moment"][constraint.name](*state.unknowns)[0]
+            found[constraint.name] = {"rotation": angle, "moment": float(moment)}
+    return found
+
+
+def _motions(built: CondensedScene, state: State) -> Iterator[tuple[RigidConstraint, RigidMotion, float]]:
+    """Rigid motions with their values in a state."""
+    unknown = iter(state.motion)
+    for constraint in built.scene.rigid_constraints:
+        for motion in constraint.motions:
+            given = motion.prescribed
+            yield constraint, motion, float(next(unknown) if given is None else given @ state.factors)
+
+
+def probe_values(built: CondensedScene, name: str, state: State) -> dict[str, Any]:
+    """Displacement (2,), stress xx, yy, xy (3,) and von Mises stress at a probe, in bodies of revolution
+    the hoop stress, too."""
+    values = built.condensed.quantities["probe"][name](*state.unknowns)
+    body, point = next((probe.body, probe.point) for probe in built.scene.probes if probe.name == name)
+    stress, material = values[2:], built.scene.bodies[body].model.material
+    across = material.out_of_plane_stress(stress[None], built.scene.degrees(body, state.factors, point))
+    if body in built.laws:
+        plastic = built.scene.bodies[body].model.field_rows(point) @ state.history(body)[:, ZZ]
+        across = across - material.across_modulus * plastic
+    mises = float(von_mises(stress[None], across)[0])
+    found = {"displacement": values[:2], "stress": stress[:3], "von_mises": mises}
+    return found | {"stress_zz": float(across[0])} if material.revolved else found

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 import tomli_w
 
-from benchmarks import random_friction
 from benchmarks.forked import mlsanm, preload, run_all
 from benchmarks.fuzz_cases import CASES, Trial, broken_case, damaged_run, faults
+from benchmarks.scenes import random_friction
 from mlsanm_cli.app.check import check
 from mlsanm_cli.app.sweep import sweep
 from mlsanm_cli.case.starters import starter

@@ -19,7 +19,6 @@ VALUES: list[Row] = [
     (("spacing = 4.0", "h = 4.0"), "body.cylinder.h", 'did you mean "spacing"'),
     (("format = 1", "format = 1\nfriction = 0.2"), "friction", "did you mean contact.friction?"),
     ("body.0.spacing=-4.0", "body.cylinder.spacing", "a number above 0"),
-    ("body.0.spacing=nan", "body.cylinder.spacing", "nan and inf"),
     ("body.0.seed=1.0", "body.cylinder.seed", "whole number"),
     ("body.0.name='my.block'", "body.my.block.name", "letters, digits"),
     ("body.0.shape=3", "body.cylinder.shape", "expected a table"),
@@ -28,54 +27,33 @@ VALUES: list[Row] = [
     (('kind = "half-disk"\n', ""), "body.cylinder.shape.kind", "missing"),
     ("body.0.refine.0.spacing='4'", "body.cylinder.refine.0.spacing", 'without quotes: "4" is text'),
     ("body=[]", "body", "the list is empty"),
-    ("material.steel.E=0", "material.steel.E", "greater than 0"),
     (("E = 210e3\n", ""), "material.steel.E", "missing"),
     (("E = 210e3", 'E = "210 GPa"'), "material.steel.E", "numbers have no units"),
     ("material.steel.nu=0.51", "material.steel.nu", "at most 0.5"),
     ("model.plane='strian'", "model.plane", 'did you mean "strain"'),
     ("model.plane='shell'", "model.plane", "valid: strain, stress"),
     (("[model]", "[[model]]"), "model", "single brackets"),
-    ("format=3", "format", "not a valid value"),
     (("format = 1\n", ""), "format", "write format = 1"),
     (("[[support]]", "[support]"), "support", "write [[support]]"),
-    ("load.press.kind='platten'", "load.press.kind", 'did you mean "platen"'),
     ("load.press.force=[0.0]", "load.press.force", "two numbers"),
     ("load.press.force=[0.0, nan]", "load.press.force.1", "nan and inf"),
     (("force = [0.0, -350.0]", "fy = '-350 N'"), "load.press.fy", "no units"),
     ("contact.0.master=7", "contact.interface.master", '"<body>.<boundary>"'),
-    ("contact.0.master='top'", "contact.interface.master", "<body>.<boundary>"),
     ("contact.0.regularization.eta=-1e-4", "contact.interface.regularization.eta", "greater than 0"),
-    ("contact.0.friction=-0.1", "contact.interface.friction", "at least 0"),
     ("solver.order=1", "solver.order", "at least 2"),
     ("solver.tolerance=1.0", "solver.tolerance", "less than 1"),
     ("solver.pade=1", "solver.pade", "true or false"),
-    ("solver.linear='mumps'", "solver.linear", "valid: auto, superlu"),
-    ("mls.degree=7", "mls.degree", "from 1 to 6"),
-    ("output.fields=['stres']", "output.fields.0", 'did you mean "stress"'),
-    ("reference.solution='hertz'", "reference.solution", 'did you mean "hertz-line"'),
     ("[[stage]]\npress = nan", "stage.0.press", "nan and inf"),
 ]
 RING = "body.1.shape={kind='annulus', center=[0, 0], radii=[2.0, 1.0]}"
 ON_DISK = 'friction = "bonded"\nobstacle = {kind = "disk", center = [0, 0], radius = 1}'
-YIELDS = "E = 210e3\nyield_stress = 250.0"
+YIELDS, ROWS = "E = 210e3\nyield_stress = 250.0", "hardening_table"
 RELATIONS: list[Row] = [
     (("E = 210e3", "E = 210e3\nhardening = 1e3"), "material.steel.yield_stress", "missing"),
-    (
-        ("E = 210e3", f"{YIELDS}\nludwik = [1e3, 0.2]\nhardening = 1.0"),
-        "material.steel.ludwik",
-        "is given too",
-    ),
+    (("E = 210e3", f"{YIELDS}\nludwik = [1e3, 0.2]\nhardening = 1"), "material.steel.ludwik", "is given too"),
     (("E = 210e3", f"{YIELDS}\nludwik = [1e3, 1.2]"), "material.steel.ludwik", "at most 1"),
-    (
-        ("E = 210e3", f"{YIELDS}\nhardening_table = [[0.01, 240.0]]"),
-        "material.steel.hardening_table.0",
-        "do not decrease",
-    ),
-    (
-        ("E = 210e3", f"{YIELDS}\nhardening_table = [[0.02, 260.0], [0.01, 270.0]]"),
-        "material.steel.hardening_table.1",
-        "strains increase",
-    ),
+    (("E = 210e3", f"{YIELDS}\n{ROWS} = [[0.01, 240.0]]"), f"material.steel.{ROWS}.0", "do not decrease"),
+    (("E = 210e3", f"{YIELDS}\n{ROWS} = [[0.02, 260], [0.01, 270]]"), f"material.steel.{ROWS}.1", "increase"),
     (("E = 210e3", f'{YIELDS}\nlaw = "neo-hookean"'), "material.steel.yield_stress", 'law = "linear"'),
     ("body.0.material='steal'", "body.cylinder.material", 'did you mean "steel"'),
     (('name = "block"', 'name = "cylinder"'), "body.cylinder.name", "already"),
@@ -87,7 +65,6 @@ RELATIONS: list[Row] = [
     ("contact.0.master='cylinder.flat'", "contact.interface", "not supported yet"),
     ("load.0.boundary='cylinder.top'", "load.press.boundary", "no boundary"),
     ("body.1.refine.0.along='cylinder.arc'", "body.block.refine.0.along", "boundaries: "),
-    ("body.1.refine.0.along='block.tpo'", "body.block.refine.0.along", 'did you mean "top"'),
     ("body.1.shape.x=[1.0, 1.0]", "body.block.shape.x", "not a range"),
     (RING, "body.block.shape.radii", "the inner and the outer"),
     ("body.0.spacing=101.0", "body.cylinder.spacing", "larger than the body"),
@@ -98,7 +75,6 @@ RELATIONS: list[Row] = [
     (("force = [0.0, -350.0]\n", ""), "load.press", "needs a direction"),
     (("force = [", "displacement = [0.0, 1.0]\nforce = ["), "load.press.displacement", '"force" is given'),
     (("force = [", "uy = 1.0\nforce = ["), "load.press.uy", '"force" gives both'),
-    (("force = [", "fx = 1.0\ndisplacement = ["), "load.press.fx", '"displacement" gives both'),
     (("force = [0.0, -350.0]", "ux = 0.0\nfx = 1.0"), "load.press.fx", '"ux" is given'),
     ("[[stage]]\npres = 1.0\npress = 1.0", "stage.0.pres", 'did you mean "press"'),
     ("[[stage]]\n[[stage]]\npress = 1.0", "stage.0", "loads: press"),
@@ -112,54 +88,42 @@ RELATIONS: list[Row] = [
     ("[[stop]]\nwhat = 'force'\nof = 'press'", "stop.0", 'one of "above", "below"'),
     ("[[stop]]\nwhat = 'force'\nof = 'press'\nabove = 1.0\nbelow = 2.0", "stop.0.below", "is given too"),
     ("[[stop]]\nwhat = 'slip'\nof = 'interface'\nabove = 1.0", "stop.0.of", "frictionless"),
-    (
-        "[[stop]]\nwhat = 'area'\nof = 'interface'\nabove = 1.0\ncomponent = 'x'",
-        "stop.0.component",
-        "no components",
-    ),
+    ("stop=[{what='area', of='interface', above=1.0, component='x'}]", "stop.0.component", "no components"),
     ("[[stop]]\nwhat = 'fold'\nabove = 1.0", "stop.0.above", "fold"),
 ]
 PARTS: list[Row] = [
     ("[[support]]\nbody = 'square'\nux = 0", "support.1", "near"),
-    ("[[support]]\nnear = [0, 0]\nux = 0", "support.1", "near"),
     ("[[support]]\nboundary = 'square.top'\nnear = [0, 0]\nux = 0", "support.1", "either"),
     ("[[support]]\nux = 0", "support.1", "near"),
     ("[[support]]\nbody = 'sqare'\nnear = [0, 0]\nux = 0", "support.1.body", 'did you mean "square"'),
     ("[[support]]\nboundary = 'square.top'\nspring = [-1, 2]", "support.1.spring", "above 0"),
-    ("[[support]]\nboundary = 'square.top'\nspring = 3", "support.1.spring", "two numbers"),
     ("[[support]]\nbody = 'square'\nnear = [0, 0]\nspring = [1, 1]", "support.1.spring", "boundary"),
     ("support.0.uy=0.1", "support.0.uy", "not supported yet"),
     ("support.0.from=[0, 0]", "support.0.from", 'needs "to" too'),
     ("stage=[{}]", "load.pull", "no stage applies"),
     (PLATEN + "moment = 1.0\nrotation = 'fixed'", "load.plate.moment", "free to rotate"),
-    (PLATEN + "moment = 1.0\nrotation = 0.1", "load.plate.moment", "free to rotate"),
     (PLATEN + "hinge = [0.0, 0.0]\nrotation = 'fixed'", "load.plate.hinge", "can rotate"),
     (PLATEN + "rotation = 'loose'", "load.plate.rotation", 'expected "fixed", "free", or an angle'),
-    ("load.0.traction=[1, 'x +']", "load.pull.traction.1", "not an expression"),
 ]
 BOLT = "[{center=[1.0, 1.0], radius=0.4}"
 OUTLINES = [
     ("plate", "points=[[0.0, 0.0], [1.0, 0.0]]", "points", "at least 3"),
     ("plate", "names=['a', 'b']", "names", "2 items for 6 points"),
-    ("plate", "rounding=[0.1]", "rounding", "1 items for 6 points"),
     ("plate", "rounding=[0.0, 0.0, -1.0, 0.0, 0.0, 0.0]", "rounding.2", "at least 0"),
     ("plate", "rounding=[0.0, 0.0, 0.0, 2.5, 0.0, 0.0]", "rounding.3", "at most 2"),
     ("plate", "rounding=[0.0, 0.0, 1.2, 1.0, 0.0, 0.0]", "rounding.2", "has 1 left"),
     ("plate", "names=['bolt', 'tip', 'a', 'b', 'c', 'bolt']", "names.0", "two boundaries"),
     ("plate", "names=['x', 'tip', 'corner3', 'b', 'c', 'left']", "names.2", "two boundaries"),
-    ("plate", "corners=['', '']", "corners", "2 items for 6 points"),
     ("plate", "holes.bolt.name='left'", "names.5", "two boundaries"),
     ("plate", "holes.bolt.radius=1.1", "holes.bolt.radius", "cuts the boundary"),
     ("plate", "holes.bolt.center=[3.0, 3.0]", "holes.bolt.center", "outside"),
     ("plate", "holes.bolt.center=[2.0, 2.0]", "holes.bolt.radius", '"corner4"'),
     ("plate", f"holes={BOLT}, {{center=[1.6, 1.0], radius=0.3}}]", "holes.1.center", "holes"),
-    ("plate", "holes.bolt.radiu=1.0", "holes.bolt.radiu", 'did you mean "radius"'),
     ("block", "sides.right.to=[4.0, 2.0]", "sides", "cross or touch"),
     ("block", "sides.left.to=[0.0, -0.5]", "sides.top", '"left" ends at (0, -0.5)'),
     ("block", "sides.right.points=[[4.0, 0.0], [4.0, -1.0]]", "sides.right.points", '"to" is given too'),
     ("block", "sides.top.points=[[0.0, 0.0], [0.0, 0.0]]", "sides.top.points.1", "repeats"),
     ("block", "sides=[{to = [1.0, 0.0]}, {}]", "sides.0", "is missing"),
-    ("block", "sides.left.too=[0.0, 0.0]", "sides.left.too", 'did you mean "to"'),
 ]
 REGIONS = [
     ("load.press.to=[1.0, 0.1]", "load.press.to", "the same point"),
@@ -181,15 +145,12 @@ MATERIALS = [
     (ISOTROPIC + "angle = 3\n", "stress", "E", "E1, E2, G12, nu12"),
     (WOOD, "strain", "E3", "plane strain"),
     (WOOD.replace("0.3", "3.2"), "stress", "nu12", "not between -3.16228 and 3.16228"),
-    (WOOD.replace("0.3", "-3.2"), "stress", "nu12", "E1/E2"),
     (WOOD + THIRD.replace("0.2", "0.8"), "stress", "nu23", "E2/E3"),
     (WOOD.replace("0.3", "2.5") + THIRD.replace("0.3", "1.8"), "strain", "nu12", "together"),
-    (FULL.replace("[1, 2, 0]", "[1, -2, 0]"), "stress", "stiffness", "positive definite"),
     (FULL.replace("[3, 1, 0], [1", "[3, 4, 0], [4"), "stress", "stiffness", "positive definite"),
     ("stiffness = [[3, 1, 2.5], [1, 2, 0], [2.5, 0, 1]]\n", "stress", "stiffness", "positive definite"),
     (FULL.replace("[3, 1, 0]", "[3, 1.1, 0]"), "stress", "stiffness", "not symmetric"),
     ("stiffness = [[3, 1], [1, 2]]\n", "stress", "stiffness", "three rows of three numbers"),
-    (FULL.replace("3, 1, 0", "3, 1, nan"), "stress", "stiffness", "nan and inf"),
     (ISOTROPIC + "alpha = [1, 2, 3]\n", "stress", "alpha", "isotropic"),
     (WOOD + "alpha = [1, 2]\n", "stress", "alpha", "a list of three"),
     (FULL + "alpha = 1e-5\n", "strain", "alpha", "[xx, yy, 2xy]"),
@@ -201,21 +162,15 @@ LOADS = [
     (TOP + 'kind = "pressure"', "", 'needs one of "pressure", "table"'),
     (TOP + 'kind = "pressure"\npressure = 1\ntable = [[0, 1], [1, 1]]', "table", '"pressure" is given too'),
     (TOP + 'kind = "pressure"\npressure = "os.remove(1)"', "pressure", '"os.remove" cannot be called'),
-    (TOP + 'kind = "pressure"\npressure = "2*q"', "pressure", '"q" is not defined'),
     (TOP + 'kind = "pressure"\npressure = true', "pressure", "expression in x and y"),
-    (TOP + 'kind = "pressure"\npressure = inf', "pressure", "nan and inf"),
     (TOP + 'kind = "pressure"\ntable = [[0, 1]]', "table", "two rows"),
     (TOP + 'kind = "pressure"\ntable = [[0, 1], [0, 2]]', "table", "row 2 has 0 after 0"),
-    (TOP + 'kind = "pressure"\ntable = [[0, 1], [1, nan]]', "table.1.1", "nan and inf"),
     (TOP + 'kind = "pressure"\ntable = "none.csv"', "table", "there is no file"),
     (TOP + 'kind = "displacement"', "", 'needs one of "displacement", "ux", "uy"'),
     (TOP + 'kind = "displacement"\nux = 1\ndisplacement = [1, 1]', "ux", '"displacement" is given too'),
-    (TOP + 'kind = "displacement"\nux = 1\ntable = "a.csv"', "table", "unknown key"),
     (TOP + 'kind = "body-force"\nbody-force = [0, 1]', "body", "missing"),
     (BODY + 'kind = "body-force"\nbody_force = [0, 1]', "body_force", 'did you mean "body-force"'),
-    ('body = "sqare"\nkind = "body-force"\nbody-force = [0, 1]', "body", 'did you mean "square"'),
     (BODY + 'kind = "temperature"\nvalue = 3', "value", 'is called "temperature"'),
-    (BODY + 'kind = "temperature"\ntemperature = "hot"', "temperature", '"hot" is not defined'),
     (BODY + 'kind = "temperature"\ntemperature = [1]', "temperature", "expected a number"),
 ]
 PLANE = '\nobstacle = {kind = "plane", point = [-0.1, 0.0], normal = [1.0, 0.0]}'
@@ -255,6 +210,7 @@ def _material(keys: str, plane: str) -> str:
     return PULLED.replace(ISOTROPIC, keys).replace('"stress"', f'"{plane}"')
 
 
+DRAWN = {"plate": PLATE, "block": WAVY}
 ALL: list[tuple[str, Change, str, str]] = [
     *((HERTZ, *row) for row in (*VALUES, *RELATIONS)),
     *((PULLED, *row) for row in PARTS),
@@ -263,18 +219,10 @@ ALL: list[tuple[str, Change, str, str]] = [
     (FOLLOWER, "model.plane='stress'", "load.press.follows", "plane stress"),
     *((text, NOT_FINITE, key, words) for text, key, words in SMALL),
     *((_material(keys, plane), "", f"material.rubber.{key}", words) for keys, plane, key, words in MATERIALS),
+    *((PULLED, MORE + keys, f"load.more.{key}".strip("."), words) for keys, key, words in LOADS),
     *(
-        (PULLED, f'[[load]]\nname = "more"\n{keys}', f"load.more.{key}".strip("."), words)
-        for keys, key, words in LOADS
-    ),
-    *(
-        (
-            {"plate": PLATE, "block": WAVY}[name],
-            f"body.{name}.shape.{change}",
-            f"body.{name}.shape.{key}",
-            words,
-        )
-        for name, change, key, words in OUTLINES
+        (DRAWN[name], f"body.{name}.shape.{a}", f"body.{name}.shape.{b}", words)
+        for name, a, b, words in OUTLINES
     ),
 ]
 

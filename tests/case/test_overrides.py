@@ -142,9 +142,5 @@ def test_absurd_sweeps_are_refused() -> None:
 
 def test_flat_keys_are_those_of_set() -> None:
     content = {"contact": [{"name": "c", "law": {"eta": 1.0}}], "stage": [{"p": 1.0}], "at": [1.0, 2.0]}
-    assert flat(content) == {
-        "contact.c.name": "c",
-        "contact.c.law.eta": 1.0,
-        "stage.0.p": 1.0,
-        "at": [1.0, 2.0],
-    }
+    values = {"contact.c.name": "c", "contact.c.law.eta": 1.0, "stage.0.p": 1.0, "at": [1.0, 2.0]}
+    assert flat(content) == values

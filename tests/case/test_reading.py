@@ -15,7 +15,7 @@ import tomli_w
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mlsanm_cli.case import Case, Platen, Pressure, Traction, load_case, parse_case, resolved_mapping
+from mlsanm_cli.case import Case, Pressure, Traction, load_case, parse_case, resolved_mapping
 from mlsanm_cli.errors import CaseError, CaseProblem, RunError
 from tests.case.scenes import CLAMP, HERTZ, PULL, SQUARE, only, parse
 
@@ -37,6 +37,7 @@ master = "block.top"
     [
         ((), "exact"),
         ((RUBS,), "exact"),
+        (('contact.interface.regularization={law="exact", eta=1e-5}',), "exact"),
         (('contact.interface.regularization.law="hyperbolic"',), "hyperbolic"),
         (("contact.interface.regularization.eta=1e-5",), "hyperbolic"),
         ((RUBS, "contact.interface.regularization.stick=1e-5"), "hyperbolic"),
@@ -47,28 +48,6 @@ master = "block.top"
 )
 def test_contacts_are_exact_unless_the_regularised_law_is_chosen(chosen: tuple[str, ...], law: str) -> None:
     assert [one.regularization.law for one in parse(HERTZ + ROLLER, chosen).case.contact] == [law, law]
-
-
-def test_a_contact_that_names_the_exact_law_asks_for_no_other() -> None:
-    named = 'contact.interface.regularization={law="exact", eta=1e-5}'
-    assert {one.regularization.law for one in parse(HERTZ + ROLLER, (named,)).case.contact} == {"exact"}
-
-
-@pytest.mark.parametrize(
-    ("keys", "control"),
-    [
-        ("force = [1, -2]", {"x": ("force", 1.0), "y": ("force", -2.0)}),
-        ("displacement = [0, -1]", {"x": ("displacement", 0.0), "y": ("displacement", -1.0)}),
-        ("ux = 0.0\nfy = -3", {"x": ("displacement", 0.0), "y": ("force", -3.0)}),
-        ("uy = 2.0", {"y": ("displacement", 2.0)}),
-    ],
-)
-def test_platen_control(keys: str, control: object) -> None:
-    text = SQUARE + CLAMP + f'[[load]]\nname = "p"\nboundary = "square.right"\nkind = "platen"\n{keys}\n'
-    load = parse(text).case.load[0]
-    assert isinstance(load, Platen)
-    assert load.control == control
-    assert load.rotation == "fixed"
 
 
 JUNK = st.one_of(
@@ -160,6 +139,11 @@ def test_unreadable_files(tmp_path: Path) -> None:
     binary.write_bytes(b"format = 1\n\xff\xfe")
     with pytest.raises(RunError, match=r"UTF-8 text \(line 2, "):
         load_case(binary)
+    folder = tmp_path / "\udcff"
+    folder.mkdir()
+    (folder / "case.toml").write_text(HERTZ)
+    with pytest.raises(RunError, match="not UTF-8 text"):
+        load_case(folder / "case.toml")
 
 
 def test_load_case_reads_the_file_and_keeps_its_text(tmp_path: Path) -> None:
@@ -207,14 +191,6 @@ def test_a_key_without_end_is_shown_in_part() -> None:
     found = only(HERTZ + "\n[output]\n" + "k" * 100_000 + " = 1\n")
     assert found.key.startswith("output.kkk")
     assert len(str(found)) < 300
-
-
-def test_a_directory_whose_name_is_no_text(tmp_path: Path) -> None:
-    folder = tmp_path / "\udcff"
-    folder.mkdir()
-    (folder / "case.toml").write_text(HERTZ)
-    with pytest.raises(RunError, match="not UTF-8 text"):
-        load_case(folder / "case.toml")
 
 
 @pytest.mark.parametrize(("given", "kept"), [(1e-30, 0.0), (1e-12, 0.0), (1e-6, 1e-6), (0.3, 0.3)])

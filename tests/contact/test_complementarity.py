@@ -39,6 +39,12 @@ def _block(
     return problem, problem.rows * weight, problem.rows * push
 
 
+def _loaded(problem: Problem, state: State, free: FloatArray, lam: float) -> State:
+    found = increment(problem, state, free, lam)
+    assert found is not None
+    return found
+
+
 def _followed(problem: Problem, state: State, constant: FloatArray, load: FloatArray, end: float) -> State:
     for found in follow(problem, state, constant, load, [end]):
         state = found
@@ -48,7 +54,7 @@ def _followed(problem: Problem, state: State, constant: FloatArray, load: FloatA
 @pytest.mark.parametrize(("friction", "limit", "moves"), [(0.4, 0.4, 0), (1.3, 1.0, 2)])
 def test_a_pushed_block_slides_or_tips_at_its_limit_load(friction: float, limit: float, moves: int) -> None:
     problem, weight, push = _block(friction)
-    state = increment(problem, unloaded(problem, np.zeros(7)), weight, 0.0)
+    state = _loaded(problem, unloaded(problem, np.zeros(7)), weight, 0.0)
     with pytest.raises(Ray) as caught:
         _followed(problem, state, weight, push, 2.0)
     assert caught.value.lam == pytest.approx(limit, rel=1e-9)
@@ -96,7 +102,7 @@ def test_paths_do_not_depend_on_order_sides_axes_and_units(
     for left, right in ((np.eye(10), np.eye(10)), (rows, unknowns)):
         problem = Problem.of(left @ matrix @ np.linalg.inv(right), np.arange(4), np.full(4, 0.4), 4)
         constant, load = problem.rows * (left @ pressed), problem.rows * (left @ pushed)
-        state, end = increment(problem, unloaded(problem, 0.0 * load), constant, 0.0), 1.0
+        state, end = _loaded(problem, unloaded(problem, 0.0 * load), constant, 0.0), 1.0
         try:
             state = _followed(problem, state, constant, load, 1.0)
         except Ray as ray:
@@ -132,7 +138,7 @@ def test_a_jammed_node_that_is_pulled_off_snaps_open_at_the_fold() -> None:
     on open."""
     problem = Problem.of(np.array([[1.0, 2.0], [2.0, 5.0]]), np.arange(1), np.array([0.8]), 1)
     drawn, pulled = problem.rows * np.array([-1.0, 1.5]), problem.rows * np.array([1.0, 0.0])
-    state = increment(problem, unloaded(problem, np.zeros(2)), drawn, -1.0)
+    state = _loaded(problem, unloaded(problem, np.zeros(2)), drawn, -1.0)
     assert state.status.stuck.all()
     path = list(follow(problem, state, drawn + pulled, pulled, [0.44, 1.0]))
     stuck, last = next(one for one in path if one.lam == 0.44), path[-1]
@@ -164,7 +170,7 @@ def test_a_plate_dragged_between_equal_contacts_may_follow_either(
     problem = Problem.of(matrix, np.arange(2), np.array([below, above]), 2)
     pressed = problem.rows * np.array([0.0, -2.0, 0.0, 0.0, 0.0, 0.0])
     dragged = pressed + problem.rows * np.array([0.0, 0.0, 0.0, drag, 0.0, 0.0])
-    state = increment(problem, unloaded(problem, np.zeros(6)), pressed, 0.0)
+    state = _loaded(problem, unloaded(problem, np.zeros(6)), pressed, 0.0)
     state = _followed(problem, state, pressed, dragged - pressed, 1.0)
     none = np.zeros((0, 2))
     assert (undetermined(problem, state.status, state.x, none) is not None) == free

@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 from numpy.polynomial.legendre import leggauss
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.geometry.grid import MAX_RATIO, Hats
+from mlsanm_cli.contact.geometry.grid import MAX_RATIO, Hats, chebyshev, lagrange, on_panels
 from mlsanm_cli.contact.geometry.hat_pairs import HatPairs
-from mlsanm_cli.contact.geometry.panels import chebyshev, lagrange, on_panels
 from mlsanm_cli.contact.geometry.profile import THRESHOLD, half_width
 from mlsanm_cli.solve.grid_ranges import spaced_apart
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.geometry.panels import chebyshev
+from mlsanm_cli.contact.geometry.grid import chebyshev
 from mlsanm_cli.contact.geometry.transfer import surface_fit
 from mlsanm_cli.contact.laws.coulomb import increment, unloaded
 from mlsanm_cli.contact.response import condensation

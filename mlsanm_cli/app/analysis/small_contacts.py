@@ -20,8 +20,7 @@ from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.fields import fields_of
-from mlsanm_cli.solve.functionals import contact_values, platen_displacements, slave_arc
+from mlsanm_cli.solve.fields import contact_values, fields_of, platen_displacements, slave_arc
 from mlsanm_cli.solve.state import Fields, State
 
 MAX_NEIGHBOR_DISTANCE = 3.0
@@ -49,7 +48,6 @@ def contact_lines(
 
 
 def obstacle_lines(built: CondensedScene, state: State) -> dict[str, VtuPart]:
-    """The rigid obstacles in one state, by the contact that they belong to."""
     moved = platen_displacements(built, state)
     points = np.concatenate([body.model.cloud.points for body in built.scene.bodies.values()])
     lines = {}

@@ -4,7 +4,7 @@ of length, force per unit thickness and stress can be used. All defaults are set
 from collections.abc import Collection, Iterator
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field
 from pydantic_core import PydanticKnownError
 
 from mlsanm_cli.case.model.conditions import Stop, Support
@@ -12,7 +12,7 @@ from mlsanm_cli.case.model.contacts import Contact
 from mlsanm_cli.case.model.materials import Material
 from mlsanm_cli.case.model.motions import AnyLoad, ObstacleMotion, Platen
 from mlsanm_cli.case.model.section import Name, Scope, Section
-from mlsanm_cli.case.model.settings import Adapt, Mls, Output, Probe, Reference, Solver, Units, with_defaults
+from mlsanm_cli.case.model.settings import Adapt, Mls, Output, Probe, Reference, Solver, Units
 from mlsanm_cli.case.model.shapes import Body
 from mlsanm_cli.case.report import KeyPath, suggestion
 from mlsanm_cli.errors import Fault
@@ -111,10 +111,32 @@ class Case(Section):
                 hint = f"write {load.name} = 1.0 in a [[stage]]"
                 yield Fault(("load", index), "no stage applies this load", hint)
 
-    _defaults = model_validator(mode="before")(with_defaults)
-
 
 _LONG_BODIES = 'write plane = "strain" for long bodies, or remove it'
+
+
+def completed(case: Case) -> Case:
+    """The case with the defaults that depend on other tables."""
+    contacts, solver = case.contact, case.solver
+    given = [contact.regularization.model_fields_set for contact in contacts]
+    regularized = solver.method in ("anm", "newton") or solver.formulation == "monolithic"
+    for contact, keys in zip(contacts, given, strict=True):
+        # Parameters of the regularised law name it.
+        named = contact.regularization.law == "hyperbolic" if "law" in keys else bool(keys)
+        regularized = regularized or named
+    if regularized and case.model.strain == "small":
+        contacts = tuple(
+            contact if contact.bonded or "law" in keys else contact.regularized()
+            for contact, keys in zip(contacts, given, strict=True)
+        )
+    platens = [load for load in case.load if isinstance(load, Platen)]
+    loads = tuple(load.beside(platens) if isinstance(load, Platen) else load for load in case.load)
+    stages = case.stage if "stage" in case.model_fields_set else (dict.fromkeys(case.moved, 1.0),)
+    # An interference that no stage names is applied in the first one.
+    fits = (contact.name for contact in contacts if contact.interference is not None)
+    growing = {name: 1.0 for name in fits if not any(name in stage for stage in stages)}
+    stages = tuple({**growing, **stage} if number == 0 else stage for number, stage in enumerate(stages))
+    return case.model_copy(update={"contact": contacts, "load": loads, "stage": stages})
 
 
 def _refused_of_revolution(case: Case, scope: Scope) -> Iterator[Fault]:

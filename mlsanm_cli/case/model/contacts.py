@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 from itertools import pairwise
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 from pydantic import Field
 
@@ -127,6 +127,11 @@ class Contact(BoundaryPart):
     @property
     def bonded(self) -> bool:
         return self.friction == "bonded"
+
+    def regularized(self) -> Self:
+        """The contact with the regularised law."""
+        law = self.regularization.model_copy(update={"law": "hyperbolic"})
+        return self.model_copy(update={"regularization": law})
 
     @property
     def coefficient(self) -> float:

@@ -107,9 +107,19 @@ def _compiled(node: ast.expr, depth: int) -> Value:
 
     match node:
         case ast.Constant(constant):
-            return _number(constant)
+            if isinstance(constant, bool) or not isinstance(constant, int | float):
+                raise ExpressionError(f"{constant!r} is not a number")
+            try:
+                number = float(constant)
+            except OverflowError as error:
+                raise ExpressionError("a number is too large") from error
+            return lambda x, y: number
+        case ast.Name(name) if name in NAMES:
+            return NAMES[name]
+        case ast.Name(name) if name in FUNCTIONS:
+            raise ExpressionError(f"{name} is a function", f"write {name}(...)")
         case ast.Name(name):
-            return _name(name)
+            raise ExpressionError(f'"{name}" is not defined', suggestion(name, [*NAMES, *FUNCTIONS], "known"))
         case ast.UnaryOp(ast.USub() | ast.UAdd() as sign, operand):
             value = part(operand)
             return value if isinstance(sign, ast.UAdd) else lambda x, y: -value(x, y)
@@ -133,34 +143,12 @@ def _compiled(node: ast.expr, depth: int) -> Value:
                 raise ExpressionError(f"{name} takes {wanted} arguments, not {len(arguments)}")
             return _applied(function, list(map(part, arguments)))
         case ast.Call(called):
-            hint = suggestion(_quoted(called), FUNCTIONS, "functions")
-            raise ExpressionError(f"{_quoted(called)} cannot be called", hint)
+            quoted = f'"{ast.unparse(called)}"'
+            raise ExpressionError(f"{quoted} cannot be called", suggestion(quoted, FUNCTIONS, "functions"))
     power = isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitXor)
     hint = "powers are written x**2" if power else ""
-    raise ExpressionError(f"{_quoted(node)} is not allowed in an expression in x and y", hint)
+    raise ExpressionError(f'"{ast.unparse(node)}" is not allowed in an expression in x and y', hint)
 
 
 def _applied(operation: Operation, parts: list[Value]) -> Value:
     return lambda x, y: operation(*(part(x, y) for part in parts))
-
-
-def _number(value: object) -> Value:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ExpressionError(f"{value!r} is not a number")
-    try:
-        number = float(value)
-    except OverflowError as error:
-        raise ExpressionError("a number is too large") from error
-    return lambda x, y: number
-
-
-def _name(name: str) -> Value:
-    if name in NAMES:
-        return NAMES[name]
-    if name in FUNCTIONS:
-        raise ExpressionError(f"{name} is a function", f"write {name}(...)")
-    raise ExpressionError(f'"{name}" is not defined', suggestion(name, [*NAMES, *FUNCTIONS], "known"))
-
-
-def _quoted(node: ast.expr) -> str:
-    return f'"{ast.unparse(node)}"'

@@ -1,7 +1,7 @@
 """Loads that move rigid plates and obstacles."""
 
-from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from collections.abc import Iterator, Sequence
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import model_validator
 
@@ -91,6 +91,17 @@ class Platen(OnBoundary, _RigidMotion):
         """Plates with a hinge or a moment are free to rotate."""
         turned = isinstance(data, dict) and ("hinge" in data or "moment" in data)
         return {"rotation": "free", **data} if turned else data
+
+    def beside(self, platens: Sequence[Self]) -> Self:
+        """The load with the hinge of the other loads on its plate and, unless it sets its own, their kind of
+        rotation."""
+        plate = [load for load in platens if (load.boundary, load.ends) == (self.boundary, self.ends)]
+        hinges = [load.hinge for load in plate if load.hinge is not None]
+        turning = [load.rotation for load in plate if "rotation" in load.model_fields_set]
+        common: dict[str, Any] = {"hinge": hinges[0]} if hinges and self.hinge is None else {}
+        if turning and "rotation" not in self.model_fields_set:
+            common["rotation"] = 0.0 if isinstance(turning[0], float) else turning[0]
+        return self.model_copy(update=common)
 
     @property
     def label(self) -> str:

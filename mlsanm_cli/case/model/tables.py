@@ -4,6 +4,7 @@ self-contained; its context is the folder to which names of files are relative, 
 from __future__ import annotations
 
 import io
+from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -32,16 +33,16 @@ class OrFile:
         self.header = header
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        return core_schema.with_info_before_validator_function(self._read, handler(source))
+        def read(value: Any, info: ValidationInfo) -> Any:
+            named = isinstance(value, str) and info.context is not None
+            return _rows(info.context / value, self.header, MAX_ITEMS["table"]) if named else value
+
+        return core_schema.with_info_before_validator_function(read, handler(source))
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> JsonSchemaValue:
         return {"anyOf": [handler(schema), {"type": "string"}]}
-
-    def _read(self, value: Any, info: ValidationInfo) -> Any:
-        named = isinstance(value, str) and info.context is not None
-        return _rows(info.context / value, self.header, MAX_ITEMS["table"]) if named else value
 
 
 def with_points(side: Any, info: ValidationInfo) -> Any:
@@ -70,21 +71,21 @@ def _rows(path: Path, header: tuple[str, ...], most: int) -> Rows:
         raise _problem(f"{path} must begin with the line {','.join(header)}")
     if len(lines) > most + 1:
         raise _problem(f"{path} has more than {most} rows")
-    for number, row in lines[1:]:
+
+    def numbers(line: int, row: list[str]) -> Iterator[float]:
         if len(row) != len(header):
-            raise _problem(f"{path}, line {number}: {len(row)} columns instead of {len(header)}")
-    return tuple(tuple(_number(path, number, cell) for cell in row) for number, row in lines[1:])
+            raise _problem(f"{path}, line {line}: {len(row)} columns instead of {len(header)}")
+        for cell in map(str.strip, row):
+            try:
+                number = float(cell)
+            except ValueError as error:
+                raise _problem(f'{path}, line {line}: "{cell}" is not a number') from error
+            problem = magnitude_problem(number) if abs(number) < float("inf") else f"{cell} is not allowed"
+            if problem:
+                raise _problem(f"{path}, line {line}: {problem}")
+            yield number
 
-
-def _number(path: Path, line: int, cell: str) -> float:
-    try:
-        number = float(cell)
-    except ValueError as error:
-        raise _problem(f'{path}, line {line}: "{cell.strip()}" is not a number') from error
-    problem = magnitude_problem(number) if abs(number) < float("inf") else f"{cell.strip()} is not allowed"
-    if problem:
-        raise _problem(f"{path}, line {line}: {problem}")
-    return number
+    return tuple(tuple(numbers(line, row)) for line, row in lines[1:])
 
 
 def _increasing(rows: Rows) -> Rows:

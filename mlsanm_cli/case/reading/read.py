@@ -16,7 +16,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from mlsanm_cli.case.limits import number_faults, size_faults, text_problem
-from mlsanm_cli.case.model.case import Case
+from mlsanm_cli.case.model.case import Case, completed
 from mlsanm_cli.case.model.conditions import listed
 from mlsanm_cli.case.model.section import Geometry, Scope, all_faults, split_boundary
 from mlsanm_cli.case.model.shapes import AnyShape
@@ -100,7 +100,7 @@ def parse_case(
     content, changed, bad_overrides = apply_overrides(content, overrides)
     if changed:
         _refuse_sizes(content, Report(content, text, source, changed))
-    data = {key: _frozen(value) for key, value in content.items()}
+    data = _frozen(content)
     report = Report(data, text, source, changed)
     report.add(number_faults(data))
     case, faulty = _validated(data, path.parent, report)
@@ -131,7 +131,7 @@ def _validated(data: Any, folder: Path, report: Report) -> tuple[Case | None, fr
         # Faults of tables that every case has hide none of others.
         rest = {**(REQUIRED if faulty else {}), **_without(data, removed)}
         try:
-            return Case.model_validate(rest, context=folder), frozenset(faulty)
+            return completed(Case.model_validate(rest, context=folder)), frozenset(faulty)
         except ValidationError as error:
             from mlsanm_cli.case.schema_errors import UNKNOWN_KEY, faults_of
 
@@ -256,7 +256,7 @@ def stored_case(text: str) -> Case:
     """The resolved case of a run; the files that it names need not exist any more. Raises RunError if the
     text is not a case."""
     try:
-        return Case.model_validate({key: _frozen(value) for key, value in tomllib.loads(text).items()})
+        return completed(Case.model_validate(_frozen(tomllib.loads(text))))
     except ValueError as error:
         raise RunError("the case stored in the run is damaged or from another version") from error
 

@@ -18,7 +18,7 @@ from typing import TypeAlias
 import numpy as np
 from scipy.linalg.lapack import dgecon, dgesv, dgetrf, dgetrs
 
-from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.complementarity.problem import (
     DOUBTFUL,
     FEASIBLE,
@@ -27,7 +27,6 @@ from mlsanm_cli.contact.complementarity.problem import (
     ContactStatus,
     Problem,
 )
-from mlsanm_cli.records import dataclass
 
 MAX_BORDERS, BORDER_SHARE = 64, 1 / 16
 """Largest number of borders, and part of the unknowns: more cost more than new factors."""
@@ -41,6 +40,9 @@ ENTERS, LEAVES, TURNS = range(3)
 
 Key: TypeAlias = tuple[int, int, float]
 """Kind and index of a border, and the side of its node's slip."""
+Border: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray, float]
+"""Coefficients (r,) of the equation of a border, the column (N,) of its unknown, the response (r,) of the
+factors to it, scales (2,) of row and column, and the size of what cancels in the scaled pivot."""
 
 
 class Ray(ArithmeticError):
@@ -59,43 +61,6 @@ class SingularError(Ray):
         super().__init__(np.zeros(0))
 
 
-@dataclass(frozen=True, eq=False)
-class _Borders:
-    """Borders with ``keys`` (b): the ``columns`` (N, b) of their unknowns and the ``responses`` (r, b) of the
-    factors to them, the coefficients ``rows`` (b, r) of their equations, the ``schur`` complement (b, b), the
-    ``scales`` (2, b) of its rows and columns, and the ``size`` (b,) of what cancels in a scaled pivot."""
-
-    keys: list[Key]
-    columns: FloatArray
-    responses: FloatArray
-    rows: FloatArray
-    schur: FloatArray
-    scales: FloatArray
-    size: FloatArray
-
-    @classmethod
-    def none(cls, total: int, count: int) -> _Borders:
-        """No borders of ``count`` of the ``total`` unknowns."""
-        empty = np.zeros(0)
-        columns, rows = np.zeros((total, 0)), np.zeros((0, count))
-        return cls([], columns, rows.T, rows, np.zeros((0, 0)), np.zeros((2, 0)), empty)
-
-    def kept(self, keys: list[Key]) -> _Borders:
-        """Those with some of the ``keys``."""
-        k = [number for number, key in enumerate(self.keys) if key in keys]
-        if len(k) == len(self.keys):
-            return self
-        left, schur = [self.keys[number] for number in k], self.schur[np.ix_(k, k)]
-        columns, responses, rows = self.columns[:, k], self.responses[:, k], self.rows[k]
-        return _Borders(left, columns, responses, rows, schur, self.scales[:, k], self.size[k])
-
-    def of_kind(self, kind: int) -> tuple[IntArray, IntArray]:
-        """Positions among the borders, and indices of unknowns, of one kind."""
-        found = [(number, key[1]) for number, key in enumerate(self.keys) if key[0] == kind]
-        at, indices = np.array(found, dtype=np.int64).reshape(-1, 2).T
-        return at, indices
-
-
 class Basis:
     """The equations of a ``status``: factors of this or an earlier one, with borders. Motions that no active
     row resists and no load drives are held. ``missed`` is the residual of the last solution over ``grain``.
@@ -108,7 +73,7 @@ class Basis:
     @property
     def updates(self) -> int:
         """Number of borders."""
-        return len(self._borders.keys)
+        return len(self._borders)
 
     def to(self, status: ContactStatus) -> Basis:
         """The basis of another status, by borders if these are few."""
@@ -143,7 +108,7 @@ class Basis:
         p = self.problem
         self.status, self._side, self._active = status, status.slip_sign, status.active(p.k)
         self._based, self._base = self._active, np.flatnonzero(self._active)
-        self._borders, self._inverse = _Borders.none(len(p.rows), len(self._base)), np.zeros((0, 0))
+        self._borders = dict[Key, Border]()
         self.held = self.left = np.zeros((p.k, 0))
         matrix, own = p.matrix[np.ix_(self._base, self._base)], p.owner[self._base]
         slides = np.flatnonzero((own >= 0) & (self._side[own] != 0.0)) if p.n else own[:0]
@@ -180,80 +145,64 @@ class Basis:
     def _bordered(self, status: ContactStatus, keys: list[Key], least: float) -> bool:
         """Make the borders those with ``keys`` if all their pivots exceed the part ``least`` of the terms
         that cancel in them."""
-        borders = self._borders.kept(keys)
-        for key in keys:
-            if key not in borders.keys:
-                borders = self._with(borders, key)
-        across, along = borders.scales
-        inverse, singular = np.zeros((0, 0)), 0
+        borders = {key: self._borders.get(key) or self._border(key) for key in keys}
         if keys:
-            schur = across[:, None] * borders.schur * along
+            index = np.array([key[1] for key in keys])
+            kind = np.array([key[0] for key in keys])
+            rows, columns, responses, scales, size = zip(*borders.values(), strict=True)
+            row, response, terms = np.stack(rows), np.stack(responses, axis=1), np.array(size)
+            across, along = np.stack(scales, axis=1)
+            corner = np.stack([column[index] for column in columns], axis=1)
+            corner = np.where((kind == ENTERS)[:, None], corner, np.diag(np.where(kind == TURNS, -1.0, 0.0)))
+            schur = across[:, None] * (corner - row @ response) * along
             *_, inverse, singular = dgesv(schur, np.eye(len(keys)))
-        if singular:
-            return False
-        pivots = 1.0 / _positive(np.abs(inverse.diagonal()))
-        terms = borders.size.copy()
-        enter = borders.of_kind(ENTERS)[0]
-        terms[enter] += pivots[enter]
-        if not (pivots > least * terms).all():
-            return False
+            if singular:
+                return False
+            pivots = 1.0 / _positive(np.abs(inverse.diagonal()))
+            terms[kind == ENTERS] += pivots[kind == ENTERS]
+            if not (pivots > least * terms).all():
+                return False
+            self._rows, self._responses = row, response
+            self._inverse = along[:, None] * inverse * across
+            self._enter = np.flatnonzero(kind == ENTERS)
+            self._entered = index[self._enter]
         self.status, self._active = status, status.active(self.problem.k)
-        self._borders, self._inverse = borders, along[:, None] * inverse * across
+        self._borders = borders
         return True
 
-    def _with(self, borders: _Borders, key: Key) -> _Borders:
-        """The borders and one more."""
+    def _border(self, key: Key) -> Border:
         p, (kind, index, side), (rows, columns) = self.problem, key, self.problem.levels
         row, column, corner = np.zeros(len(p.rows)), np.zeros(len(p.rows)), 0.0
-        enter, entered = borders.of_kind(ENTERS)
-        beside = np.zeros(len(borders.keys))
+        own = int(p.owner[index])
         if kind == ENTERS:
             row, column = p.matrix[index].copy(), p.matrix[:, index].copy()
             row[p.nodes] += self._side * p.friction * row[p.m : p.contacts]
-            own = int(p.owner[index])
             if own >= 0 and side:
                 column += side * p.friction[own] * p.matrix[:, p.m + own]
-            beside, corner = borders.columns[index].copy(), float(column[index])
-            scales = np.array([rows[index], columns[index]])
+            scales, corner = np.array([rows[index], columns[index]]), float(column[index])
         elif kind == LEAVES:
             row[index] = column[index] = 1.0
             if index >= p.m:
-                own = index - p.m
-                row[p.nodes[own]] = -side * p.friction[own]
+                row[p.nodes[index - p.m]] = -side * p.friction[index - p.m]
             scales = 1.0 / np.array([columns[index], rows[index]])
         else:
-            own = int(p.owner[index])
             row[index], corner = 1.0, -1.0
             column = (side - self._side[own]) * p.friction[own] * p.matrix[:, p.m + own]
             scales = np.array([1.0 / columns[index], columns[index]])
-        response, row = self._factor.solve(column[self._base]), row[self._base]
-        above = -borders.rows @ response
-        above[enter] += column[entered]
-        beside -= row @ borders.responses
-        size = abs(corner) * scales[0] * scales[1]
+        response, size = self._factor.solve(column[self._base]), abs(corner) * scales[0] * scales[1]
         if kind == LEAVES:
             size = float(np.abs(response / columns[self._base]).max()) * scales[1]
-        return _Borders(
-            [*borders.keys, key],
-            np.column_stack([borders.columns, column]),
-            np.column_stack([borders.responses, response]),
-            np.vstack([borders.rows, row]),
-            np.block([[borders.schur, above[:, None]], [beside, corner - row @ response]]),
-            np.column_stack([borders.scales, scales]),
-            np.append(borders.size, size),
-        )
+        return row[self._base], column, response, scales, size
 
     def _response(self, values: FloatArray) -> FloatArray:
         """Unknowns (N,) for ``values`` (N,) of the active rows."""
-        p, borders, x = self.problem, self._borders, np.zeros(len(values))
-        solution = self._factor.solve(values[self._base])
-        if borders.keys:
-            right = -borders.rows @ solution
-            enter, entered = borders.of_kind(ENTERS)
-            right[enter] += values[entered]
+        p, x, solution = self.problem, np.zeros(len(values)), self._factor.solve(values[self._base])
+        if self._borders:
+            right = -self._rows @ solution
+            right[self._enter] += values[self._entered]
             more = self._inverse @ right
-            solution -= borders.responses @ more
-            x[entered] = more[enter]
+            solution -= self._responses @ more
+            x[self._entered] = more[self._enter]
         x[self._base] = solution
         x[: p.m][~self._active[: p.m]] = 0.0
         pressed, slips = p.friction * x[p.nodes], slice(p.m, p.contacts)
@@ -270,11 +219,13 @@ class Basis:
 
     def mechanism(self, status: ContactStatus) -> tuple[FloatArray, FloatArray]:
         """Unknowns and rows (N,) that change, while no other active row does, with the one change to a
-        singular ``status``: by 1 the unknown that enters, or the row of one that leaves."""
-        p, active = self.problem, status.active(self.problem.k)
+        singular ``status``: by 1 the unknown that enters, or the row of one that leaves. Friction falls below
+        its limit mu p, and slip opposes friction."""
+        p, active, before = self.problem, status.active(self.problem.k), self.status
         index = int(np.flatnonzero(active != self._active)[0])
-        unit = np.zeros(len(p.rows))
-        unit[index], values = 1.0, unit
+        unit, slid = np.zeros(len(p.rows)), (before if active[index] else status).slip_sign
+        unit[index] = -1.0 if index >= p.m and slid[index - p.m] > 0.0 else 1.0
+        values = unit
         if active[index]:
             own = int(p.owner[index])
             if own >= 0:

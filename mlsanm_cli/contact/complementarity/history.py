@@ -156,13 +156,16 @@ def increment(
     *starts: ContactStatus,
     allowed: Changes | None = None,
     pivoting: bool = True,
-) -> State:
+) -> State | None:
     """The state with ``free`` rows (N,) at ``lam`` after a jump, with slips opposed from those of a
-    ``state``, and all changes of status ``allowed`` if not given. The search begins with ``starts``, by
-    default with the status of the state. Raises Ray."""
+    ``state``, and all changes of status ``allowed`` if not given; None if it is not found. The search begins
+    with ``starts``, by default with the status of the state."""
     p, before = problem, state.w[problem.m : problem.contacts]
     search = Search(p, free, before, allowed or p.everything, state.x)
-    found = search.solved(*(starts or (state.status,)), pivoting=pivoting)
+    try:
+        found = search.solved(*(starts or (state.status,)), pivoting=pivoting)
+    except Ray:
+        return None
     slip, traction = found.w[p.m : p.contacts], found.x[p.m : p.contacts]
     slid = np.where(found.status.slip_sign != 0.0, slip - before, 0.0)
     reference = np.where(found.status.stuck, before, slip)
@@ -170,36 +173,21 @@ def increment(
     return replace(found, reference=reference, work=work, lam=lam, jumped=True, basis=None, missed=0.0)
 
 
-def increments(problem: Problem, state: State, free: FloatArray, *starts: ContactStatus) -> State:
+def increments(problem: Problem, state: State, free: FloatArray, *starts: ContactStatus) -> State | None:
     """The state with ``free`` rows (N,) after one increment, or more and smaller ones where Newton steps do
-    not find it. Raises Ray."""
+    not find it; None if there is none."""
     begun = state.w - problem.product(state.x)
     for parts in PARTS:
-        now: State | None = state
-        systems = 0
+        now, systems = state, 0
         for part in range(1, parts + 1):
-            if now is not None:
-                rows = begun + part / parts * (free - begun)
-                now = _tried(problem, now, rows, state.lam, *(() if part < parts else starts))
-                systems += now.systems if now is not None else 0
-        if now is not None:
+            rows, first = begun + part / parts * (free - begun), starts if part == parts else ()
+            found = increment(problem, now, rows, state.lam, *first, pivoting=False)
+            if found is None:
+                break
+            now, systems = found, systems + found.systems
+        else:
             return replace(now, systems=systems)
     return increment(problem, state, free, state.lam, *starts)
-
-
-def _tried(
-    problem: Problem,
-    state: State,
-    free: FloatArray,
-    lam: float,
-    *starts: ContactStatus,
-    pivoting: bool = False,
-) -> State | None:
-    """The state after an increment, None if it is not found."""
-    try:
-        return increment(problem, state, free, lam, *starts, pivoting=pivoting)
-    except Ray:
-        return None
 
 
 def _jumped(
@@ -219,26 +207,32 @@ def _jumped(
     if mechanism is not None:
         raise Ray(mechanism, state.lam) from ray
     reference, ahead = state.w[p.m : p.contacts], min(state.lam + GRAZING * span, most)
+
+    def reached(lam: float, *starts: ContactStatus, pivoting: bool = False) -> State | None:
+        return increment(p, state, constant + lam * load, lam, *starts, pivoting=pivoting)
+
     try:
         point, basis = (state.x, state.w), Basis(p, state.status)
         status = trace(basis, point, state.lam, load, reference, p.everything, ahead)[0].status
-        return increment(p, state, constant + ahead * load, ahead, status)
+        found = reached(ahead, status, pivoting=True)
+        if found is not None:
+            return found
     except Ray:
         pass
     ends = [min(state.lam + part * span, most) for part in INCREMENTS[jumps:]]
     for number, lam in enumerate(ends if not state.status.closed.any() else ()):
-        found = _tried(p, state, constant + lam * load, lam)
+        found = reached(lam)
         if found is None:
             continue
         # From a first touch to one at a smaller load.
         for nearer in reversed(ends[:number]):
-            first = _tried(p, state, constant + nearer * load, nearer, found.status)
+            first = reached(nearer, found.status)
             if first is None:
                 break
             found = first
         return found
     for lam in ends:
-        found = _tried(p, state, constant + lam * load, lam, pivoting=True)
+        found = reached(lam, pivoting=True)
         if found is not None:
             return found
     raise Ray(ray.direction, state.lam) from ray

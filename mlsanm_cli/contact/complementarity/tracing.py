@@ -77,7 +77,7 @@ def trace(
             elif basis.pivot(status):
                 break
             else:
-                (dx, dw), dlam = _mechanism(basis, change[2], status), 0.0
+                (dx, dw), dlam = basis.mechanism(status), 0.0
                 motions = np.abs(dx[p.contacts :]).max(initial=0.0)
                 if np.abs(dx[: p.contacts]).max(initial=0.0) > FEASIBLE * motions:
                     continue
@@ -138,14 +138,3 @@ def _next(
     tied = falling & (steps <= step + TIED * abs(step))
     change, at = np.unravel_index(int(np.argmax(np.where(tied, falls, -1.0))), steps.shape)
     return step, (int(change), int(at), status)
-
-
-def _mechanism(basis: Basis, before: ContactStatus, after: ContactStatus) -> Pair:
-    """Rates (dx, dw) in which the new variable of the node increases whose change makes a basis singular."""
-    p, (x, w) = basis.problem, basis.mechanism(after)
-    old, new = before.active(p.k), after.active(p.k)
-    own, enters = int(np.flatnonzero(old != new)[0]) - p.m, bool((new & ~old).any())
-    if own >= 0 and (before if enters else after).slip_sign[own] > 0.0:
-        # Friction falls below its limit mu p; slip opposes friction.
-        return -x, -w
-    return x, w

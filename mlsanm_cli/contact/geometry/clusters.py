@@ -18,8 +18,8 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.contact.geometry.grid import chebyshev, lagrange
 from mlsanm_cli.contact.geometry.hat_pairs import LOGARITHM, SIGN, Distance, HatPairs, couples
-from mlsanm_cli.contact.geometry.panels import chebyshev, lagrange
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 
@@ -99,7 +99,7 @@ class Clusters:
 
     def near(self, log: FloatArray, turn: FloatArray, along: FloatArray) -> sparse.csr_array:
         """Integrals (m, m) of :meth:`HatPairs.integrals` for hats in close clusters, with directions
-        ``along`` (g, 2) on either side; symmetric without a shift, since ``log`` is symmetric and ``turn``
+        ``along`` (g, 2) on either side; symmetric without a shift, since ``log`` is and ``turn`` is
         antisymmetric."""
         pairs, place, (one, other) = self.pairs, self.pairs.hats.place, self._close_pairs
         total = np.zeros(len(one))
@@ -120,15 +120,22 @@ class Clusters:
         return sparse.csr_array((values, (rows, columns)), shape=shape)
 
     def beyond(self, log: FloatArray, turn: FloatArray, along: FloatArray) -> list[Chain]:
-        """Matrix products to be added to :meth:`near` for far clusters."""
-        found = list[Chain]()
+        """Matrix products to be added to :meth:`near` for far clusters: kernel values between their Chebyshev
+        points, with shares."""
+        used, chains = np.unique(self.far), list[Chain]()
+        one, other = np.searchsorted(used, self.far).T
         for function, table in zip(self._kernels, (log, turn), strict=False):
             if not len(self.far) or not couples(along, table, along):
                 continue
             count = 1 if function is SIGN else CHEBYSHEV_POINTS
-            spans = self.bounds[self._used]
-            found += self._chains(table, along, self._between(function, count), spans, self._points(count))
-        return found
+            points = np.array([chebyshev(first, last, count) for first, last in self.supports[used]])
+            values = function.values(points[one][:, :, None] + self.shift - points[other][:, None, :])
+            place = np.arange(points.size).reshape(points.shape)
+            rows, columns = np.broadcast_arrays(place[one][:, :, None], place[other][:, None, :])
+            entries = values.ravel(), (rows.ravel(), columns.ravel())
+            between = sparse.csr_array(entries, shape=(points.size, points.size))
+            chains += self._chains(table, along, between, self.bounds[used], points)
+        return chains
 
     def around(self, log: FloatArray, turn: FloatArray, along: FloatArray) -> list[Chain]:
         """Matrix products for the rest of the kernels of a ring, without one turn forwards and backwards: it
@@ -155,27 +162,6 @@ class Clusters:
         for seen, by in product(shares, repeat=2):
             if abs(table[seen, by]) > FINE_ROUND_OFF * np.abs(table).max():
                 yield shares[seen], between, sparse.csr_array(table[seen, by] * shares[by].T)
-
-    @cached_property
-    def _used(self) -> IntArray:
-        """Clusters that have a far partner."""
-        return np.unique(self.far)
-
-    def _points(self, count: int) -> FloatArray:
-        """Chebyshev points (u, k) of every used cluster."""
-        return np.array([chebyshev(first, last, count) for first, last in self.supports[self._used]])
-
-    def _between(self, function: Distance, count: int) -> sparse.csr_array:
-        """Kernel values between the Chebyshev points of far clusters."""
-        one, other = np.searchsorted(self._used, self.far).T
-        points, within = self._points(count), np.arange(count)
-        values = function.values(points[one][:, :, None] + self.shift - points[other][:, None, :])
-        rows, columns = np.broadcast_arrays(
-            (one[:, None] * count + within)[:, :, None], (other[:, None] * count + within)[:, None, :]
-        )
-        return sparse.csr_array(
-            (values.ravel(), (rows.ravel(), columns.ravel())), shape=(points.size, points.size)
-        )
 
     def _shares(self, values: FloatArray, spans: IntArray, places: FloatArray) -> sparse.csr_array:
         """Integrals (m, u k) of ``values`` (g,) times every hat times the Lagrange polynomials of ``places``

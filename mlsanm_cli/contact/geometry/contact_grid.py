@@ -28,7 +28,6 @@ from mlsanm_cli.contact.geometry.hat_pairs import HatPairs
 from mlsanm_cli.contact.geometry.unfolding import Planes, Unfolding
 from mlsanm_cli.mechanics.corner import Corner, CorneredForces, Forces
 from mlsanm_cli.mechanics.near_field import (
-    ComplexArray,
     PointForceField,
     SurfaceForces,
     as_complex,
@@ -69,6 +68,11 @@ class ContactGrid:
     pins: tuple[Pin, ...] = ()
     provisional: bool = False
 
+    @property
+    def ends(self) -> FloatArray:
+        """The coordinates ``first`` and ``last`` (2,)."""
+        return np.array([self.first, self.last])
+
     def around(self, s: FloatArray) -> FloatArray:
         """Coordinates (e,), on a closed base shifted by whole periods to be nearest to the range."""
         base = self.facing.base
@@ -98,22 +102,24 @@ class ContactGrid:
         """Mask (m,) of hats at planes of symmetry without tractions: those along a surface at a right angle
         with the plane change their sign there."""
         found = np.zeros(len(self.hats.place), dtype=bool)
-        tangents = self.facing.directions(np.array([self.first, self.last]))[1]
-        for end, plane, tangent in zip((0, -1), self.mirrors, as_complex(tangents), strict=True):
+        tangents = as_complex(self.facing.directions(self.ends)[1])
+        for end, plane, tangent in zip((0, -1), self.mirrors, tangents, strict=True):
             if plane is not None:
                 found[end] = abs((tangent * np.conj(plane.along)).real) <= COARSE_ROUND_OFF
         return found
 
     def images_of(self, slave: bool) -> tuple[Image, ...]:
         """The images of one of the two bodies at these planes, which pass through the ends of its surface."""
-        tips = self.facing.side(np.array([self.first, self.last]), slave)[0]
-        return images_of(
-            [
-                replace(plane, point=complex(tip))
-                for plane, tip in zip(self.mirrors, tips, strict=True)
-                if plane is not None
-            ]
-        )
+        tips = zip(self.mirrors, self.facing.side(self.ends, slave)[0], strict=True)
+        return images_of([replace(one, point=complex(tip)) for one, tip in tips if one is not None])
+
+    def corners_of(self, slave: bool) -> tuple[Corner, ...]:
+        """The corners of one of the two bodies near the range."""
+        chosen = self.corners[0 if slave else 1]
+        if not chosen:
+            return ()
+        ends = self.facing.side(self.ends, slave)[0]
+        return tuple(one for one in chosen if one.distance(ends).min() < one.reach)
 
     @cached_property
     def pinned(self) -> tuple[Pin, ...]:
@@ -140,28 +146,13 @@ class ContactGrid:
         return self._forces[slave]
 
     @cached_property
-    def responses(self) -> dict[bool, Any]:
-        """What is known of the response of either body
-        (:mod:`mlsanm_cli.contact.geometry.surface_response`)."""
-        return {}
-
-    @cached_property
     def _forces(self) -> dict[bool, Forces]:
-        """Cache of :meth:`forces` by body."""
         return {}
 
-    def corners_of(self, slave: bool) -> tuple[Corner, ...]:
-        """The corners of one of the two bodies near the range."""
-        chosen = self.corners[0 if slave else 1]
-        if not chosen:
-            return ()
-        ends = self.facing.side(np.array([self.first, self.last]), slave)[0]
-        return tuple(one for one in chosen if one.distance(ends).min() < one.reach)
-
     @cached_property
-    def _shares(self) -> tuple[FloatArray, FloatArray]:
-        """Cardinal functions (g, k) of the samples at the hats' points, see :meth:`Unfolding.cardinals`."""
-        return self.unfolding.cardinals(self.hats.points)
+    def responses(self) -> dict[bool, Any]:
+        """Cache of :meth:`mlsanm_cli.contact.geometry.surface_response.SurfaceResponse.of` by body."""
+        return {}
 
     @cached_property
     def opposite(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -172,10 +163,6 @@ class ContactGrid:
     def directions(self) -> tuple[FloatArray, FloatArray]:
         """:meth:`Facing.directions` (g, 2) at the hats' points."""
         return self.opposite[2], turned(self.opposite[2])
-
-    def places(self, slave: bool) -> ComplexArray:
-        """The hats' points (g,) on one of the two surfaces."""
-        return as_complex(self.opposite[0 if slave else 1])
 
     @cached_property
     def gap(self) -> FloatArray:
@@ -200,26 +187,29 @@ class ContactGrid:
             normal = as_real(self.facing.side(s, True)[1])
         return np.stack([normal, turned(normal)])
 
-    def spread(self, direction: FloatArray) -> FloatArray:
-        """Forces (2k, m) x and y at the samples equivalent to hat tractions along ``direction`` (g, 2); the
-        transpose integrates displacements along it with the hats."""
-        parts = direction.T
-        if self.mirrored:
-            parts = (self._axes_at(self.hats.points) * direction).sum(axis=2)
-        along = [
-            (self.hats.integrals @ (part[:, None] * share)).T
-            for part, share in zip(parts, self._shares, strict=True)
-        ]
-        if not self.mirrored:
-            return np.concatenate(along)
-        (x, y) = np.einsum("akc,akm->ckm", self.axes, np.array(along))
-        return np.concatenate([x, y])
-
     @cached_property
     def spreads(self) -> tuple[FloatArray, FloatArray]:
-        """:meth:`spread` for pressures and for tractions."""
-        normal, tangent = self.directions
-        return self.spread(normal), self.spread(tangent)
+        """Forces (2k, m) x and y at the samples equivalent to hats of pressures, and of tractions; the
+        transpose integrates displacements along these with the hats."""
+        shares, found = self.unfolding.cardinals(self.hats.points), []
+        for direction in self.directions:
+            parts = direction.T
+            if self.mirrored:
+                parts = (self._axes_at(self.hats.points) * direction).sum(axis=2)
+            along = [
+                (self.hats.integrals @ (part[:, None] * share)).T
+                for part, share in zip(parts, shares, strict=True)
+            ]
+            if self.mirrored:
+                along = list(np.einsum("akc,akm->ckm", self.axes, np.array(along)))
+            found.append(np.concatenate(along))
+        return found[0], found[1]
+
+    @cached_property
+    def means(self) -> tuple[FloatArray, FloatArray]:
+        """Averages (m, 2k) over the hats of displacements at the samples, along pressures and tractions."""
+        normal, tangent = self.spreads
+        return normal.T / self.hats.weight[:, None], tangent.T / self.hats.weight[:, None]
 
     @cached_property
     def covers(self) -> bool:
@@ -229,14 +219,12 @@ class ContactGrid:
         straight = float(np.ptp(self.directions[0], axis=0).max()) <= ROUND_OFF
         if self.hats.whole != (True, True) or not straight:
             return False
-        ends = np.array([self.first, self.last])
         for slave in (True, False):
-            base = slave == self.facing.slave_first
-            curve = self.facing.base if base else self.facing.other
+            curve = self.facing.base if slave == self.facing.slave_first else self.facing.other
             if curve is not None:
                 if curve.closed:
                     return False
-                long = float(abs(np.diff(self.facing.side(ends, slave)[0])[0]))
+                long = float(abs(np.diff(self.facing.side(self.ends, slave)[0])[0]))
                 ends_known = len(self.corners_of(slave)) + sum(map(bool, self.mirrors)) == 2
                 if abs(long - curve.length) > ROUND_OFF * curve.length or not ends_known:
                     return False
@@ -248,43 +236,21 @@ class ContactGrid:
         at planes of symmetry."""
         return self.covers, self.covers and not self.mirrored
 
-    def deviation(self, values: FloatArray, which: int) -> FloatArray:
-        """Part of nodal pressures (``which`` 0) or tractions (1) (m, ...) that acts through near fields."""
-        if not self.evened[which]:
-            return values
-        return np.asarray(values - self.mean_weights @ values)
-
     @cached_property
     def mean_weights(self) -> FloatArray:
         """Weights (m,) of the mean along the contact."""
         return np.asarray(self.hats.weight / self.hats.weight.sum())
 
-    def mean_traction(self, pressure: FloatArray, traction: FloatArray) -> FloatArray:
-        """Mean traction (2,) on the slave for nodal ``pressure`` and ``traction`` (m,) of a covering grid."""
-        each = zip((pressure, traction), self.directions, self.evened, strict=True)
-        means = [even * (self.mean_weights @ values) * along[0] for values, along, even in each]
-        return np.asarray(means[0] + means[1])
+    def mean_traction(self, which: int) -> FloatArray:
+        """Mean traction (2, m) on the slave by unit pressures (``which`` 0), or tractions (1), of a covering
+        grid."""
+        return np.outer(self.evened[which] * self.directions[which][0], self.mean_weights)
 
-    @cached_property
-    def driver_matrices(self) -> tuple[FloatArray, FloatArray]:
-        """Matrices (d, m) from pressures, and from tractions, to the forces that represent them: x at all
-        samples, y at all samples and, if the grid :attr:`covers` the surfaces, the mean traction x and y."""
-        if not self.covers:
-            return self.spreads
-        share, unit = self.mean_weights, np.eye(len(self.mean_weights))
-        pressure, traction = (
-            np.vstack([spread @ self.deviation(unit, which), np.outer(even * direction[0], share)])
-            for which, (spread, direction, even) in enumerate(
-                zip(self.spreads, self.directions, self.evened, strict=True)
-            )
-        )
-        return pressure, traction
-
-    @cached_property
-    def means(self) -> tuple[FloatArray, FloatArray]:
-        """Averages (m, 2k) over the hats of displacements at the samples, along pressures and tractions."""
-        normal, tangent = self.spreads
-        return normal.T / self.hats.weight[:, None], tangent.T / self.hats.weight[:, None]
+    def deviation(self, values: FloatArray, which: int) -> FloatArray:
+        """Part of nodal pressures (``which`` 0) or tractions (1) (m, ...) that acts through near fields."""
+        if not self.evened[which]:
+            return values
+        return np.asarray(values - self.mean_weights @ values)
 
     @cached_property
     def unfolded(self) -> tuple[Hats, sparse.csr_array]:
@@ -296,19 +262,20 @@ class ContactGrid:
         """Double integrals of kernels with the hats of all copies."""
         return HatPairs(self.unfolded[0] if self.mirrored else self.hats)
 
-    @cached_property
-    def unfolded_directions(self) -> tuple[FloatArray, FloatArray]:
-        """:attr:`directions` at the points of these hats."""
-        if not self.mirrored:
-            return self.directions
-        at, copy = self.unfolding.located(self.pairs.hats.points)
+    def directions_at(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Directions (e, 2) of pressures and of tractions at ``points`` (e,) of the copies of the range."""
+        at, copy = self.unfolding.located(points)
         normal, tangent = self.facing.directions(at)
         return self.unfolding.turned(normal, copy), self.unfolding.turned(tangent, copy)
+
+    @cached_property
+    def _unfolded_directions(self) -> tuple[FloatArray, FloatArray]:
+        return self.directions_at(self.pairs.hats.points) if self.mirrored else self.directions
 
     def singular_integrals(self, log: FloatArray, turn: FloatArray, which: int, by: int) -> FloatArray:
         """Double integrals (m, m) with the hats of log ln|s - s'| + turn sgn(s - s') and its images, along
         pressures (0) or tractions (1)."""
-        directions = self.unfolded_directions
+        directions = self._unfolded_directions
         whole = self.pairs.integrals(log, turn, directions[which], directions[by])
         if not self.mirrored:
             return whole
@@ -317,23 +284,22 @@ class ContactGrid:
 
     def singular_chains(self, log: FloatArray, turn: FloatArray) -> tuple[sparse.csr_array, list[Chain]]:
         """:meth:`singular_integrals` of pressures as near entries (m, m) and matrix products."""
-        near, far = hierarchical(self.pairs, log, turn, self.unfolded_directions[0])
+        near, far = hierarchical(self.pairs, log, turn, self._unfolded_directions[0])
         if not self.mirrored:
             return near, far
         fold = self.unfolded[1]
         folded = sparse.csr_array(fold.T / len(self.unfolding.copies))
         return sparse.csr_array(folded @ near @ fold), [(folded, *chain, fold) for chain in far]
 
-    def resultants(self, slave: bool, center: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
+    def resultants(self, slave: bool, center: tuple[float, float]) -> list[FloatArray]:
         """Force x, y and moment about ``center`` (3, m) on one of the two bodies by unit pressures, and by
         unit tractions."""
-        z, sign = self.places(slave), 1.0 if slave else -1.0
-        x, y = z.real - center[0], z.imag - center[1]
-        found = []
+        x, y = (self.opposite[0 if slave else 1] - np.array(center)).T
+        sign, found = 1.0 if slave else -1.0, []
         for direction in self.directions:
             moment = x * direction[:, 1] - y * direction[:, 0]
             found.append(sign * (self.hats.integrals @ np.stack([*direction.T, moment], axis=1)).T)
-        return found[0], found[1]
+        return found
 
     def coefficients(self, kernel: FloatArray) -> FloatArray:
         """Largest Chebyshev coefficients (k,) of each order, in either argument, of a sampled kernel (2k,

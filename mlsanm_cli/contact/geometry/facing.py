@@ -52,11 +52,12 @@ class Facing:
         points, outward = self.base.points(arc), self.base.normals(arc)
         if self.other is None:
             assert self.obstacle is not None
-            return points, *self.obstacle.closest(points, outward), outward
-        there = self.other.closest(points)
+            there, normal = self.obstacle.closest(points, outward)
+            return points, there, normal, outward
+        place = self.other.closest(points)
         # At corners within the curves, normals of the sides that face each other.
-        normals = normals_towards(self.other, there, outward)
-        return points, self.other.points(there), normals, normals_towards(self.base, arc, normals)
+        normals = normals_towards(self.other, place, outward)
+        return points, self.other.points(place), normals, normals_towards(self.base, arc, normals)
 
     def opposite(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Points (e, 2) of the slave, opposite points of the master, and pressure directions (e, 2) on the
@@ -65,15 +66,15 @@ class Facing:
         normal = self._direction(normal)
         return (points, there, normal) if self.slave_first else (there, points, normal)
 
+    def normal(self, s: FloatArray) -> FloatArray:
+        """Pressure directions (e, 2) on the slave."""
+        return self.opposite(s)[2]
+
     def _direction(self, normal: FloatArray) -> FloatArray:
         """Pressure directions (e, 2) on the slave from the other surface's normals (e, 2)."""
         if self.turn:
             normal = as_real(as_complex(normal) * np.exp(1j * self.turn))
         return normal if self.slave_first else -normal
-
-    def normal(self, s: FloatArray) -> FloatArray:
-        """Pressure directions (e, 2) on the slave."""
-        return self.opposite(s)[2]
 
     def directions(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Directions (e, 2) of pressures and tractions on the slave: the master's outward normals, and these
@@ -95,23 +96,16 @@ class Facing:
         if slave == self.slave_first and (self.other is None or not len(self.base.corners)):
             arc = self._arc(s)
             return as_complex(self.base.points(arc)), -as_complex(self.base.normals(arc))
-        return self._side(self._places(s), slave)
+        return self.side_and_directions(s, slave)[:2]
 
     def side_and_directions(
         self, s: FloatArray, slave: bool
     ) -> tuple[ComplexArray, ComplexArray, tuple[FloatArray, FloatArray]]:
         """:meth:`side` and :meth:`directions` from one closest-point search."""
-        places = self._places(s)
-        normal = self._direction(places[2])
-        return *self._side(places, slave), (normal, turned(normal))
-
-    def _side(
-        self, places: tuple[FloatArray, FloatArray, FloatArray, FloatArray], slave: bool
-    ) -> tuple[ComplexArray, ComplexArray]:
-        points, there, normal, outward = places
-        if slave == self.slave_first:
-            return as_complex(points), -as_complex(outward)
-        return as_complex(there), -as_complex(normal)
+        points, there, normal, outward = self._places(s)
+        along = self._direction(normal)
+        seen = (points, outward) if slave == self.slave_first else (there, normal)
+        return as_complex(seen[0]), -as_complex(seen[1]), (along, turned(along))
 
     def locate(self, points: FloatArray) -> FloatArray:
         """Coordinates s (e,) of ``points`` (e, 2) on or near the base, unwrapped along it."""

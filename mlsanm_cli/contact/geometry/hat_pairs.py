@@ -11,13 +11,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.search import MAX_PAIRS
-from mlsanm_cli.contact.geometry.grid import Hats, logarithm
+from mlsanm_cli.contact.geometry.grid import Hats
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 
@@ -27,20 +27,18 @@ NEAR_WIDTHS = 5.0
 THREE = np.arange(3)
 
 
-@dataclass(frozen=True)
-class Distance:
+class Distance(NamedTuple):
     """A kernel of the distance along a contact: its ``values``, with all its ``images`` on a ring of a given
     circumference, its fourth to first repeated ``integrals``, and the ``reach`` in widths up to which pairs
     are integrated by these."""
 
     values: Table
     images: Callable[[FloatArray, float], FloatArray]
-    integrals: tuple[Table, Table, Table, Table]
+    integrals: tuple[Table, ...]
     reach: float
 
 
-@dataclass(frozen=True)
-class NearPairs:
+class NearPairs(NamedTuple):
     """Near pairs, ``chosen`` among others, of the hats ``first`` and ``second`` (e,), some of which
     ``overlap`` (e,), and the ``error`` (e,) of quadrature for a kernel of s + ``shift`` - s'."""
 
@@ -64,9 +62,8 @@ class HatPairs:
         """Second derivatives of the hats: strengths (m, 3) of delta functions at their three nodes, and (m,
         3) of first derivatives of delta functions, which only half hats have."""
         steps = self.hats.steps.astype(np.longdouble)
-        left, right = (
-            np.where(one > 0.0, 1.0 / np.where(one > 0.0, one, 1.0), 0.0) for one in (steps[:-1], steps[1:])
-        )
+        slopes = np.where(steps > 0.0, 1.0 / np.where(steps > 0.0, steps, 1.0), 0.0)
+        left, right = slopes[:-1], slopes[1:]
         impulses = np.stack([left, -(left + right), right], axis=1)
         doublets = np.zeros_like(impulses)
         doublets[:, 1] = (steps[:-1] == 0.0).astype(float) - (steps[1:] == 0.0)
@@ -117,20 +114,14 @@ class HatPairs:
         return np.asarray(exact, dtype=np.float64)
 
     def quadrature(
-        self,
-        function: Distance,
-        shift: float,
-        one: IntArray,
-        other: IntArray,
-        seen: FloatArray,
-        by: FloatArray,
+        self, function: Distance, shift: float, one: IntArray, other: IntArray, *along: FloatArray
     ) -> FloatArray:
-        """Double integrals (e,) of a kernel with pairs of hats and directions ``seen`` and ``by`` (g, c) at
-        the points, by Gauss quadrature."""
+        """Double integrals (e,) of a kernel with pairs of hats and directions ``along`` which it is seen and
+        acts (g, c) at the points, by Gauss quadrature."""
         points, weights = self.hats.own_points
         at = self.hats.points[points]
         values = function.values(at[one][:, :, None] + shift - at[other][:, None, :])
-        left, right = (weights[:, :, None] * side[points] for side in (seen, by))
+        left, right = (weights[:, :, None] * side[points] for side in along)
         return np.asarray(np.einsum("epc,epq,eqc->e", left[one], values, right[other]))
 
     def at(self, function: Distance, places: FloatArray) -> FloatArray:
@@ -143,13 +134,11 @@ class HatPairs:
         for shift in hats.shifts if function is LOGARITHM else (0.0,):
             apart = places[:, None] + shift - hats.place
             row, column = np.nonzero(np.abs(apart) <= 2.0 * function.reach * self.widths)
-            nodes: Any = hats.nodes.astype(np.longdouble)[column[:, None] + THREE]
-            away = places[row, None] + shift
-            exact = (impulses[column] * second(away - nodes) + doublets[column] * first(away - nodes)).sum(
-                axis=1
-            )
-            rough = weights[column] * function.values(away - hats.points[points[column]])
-            values[row, column] += np.asarray(exact, dtype=np.float64) - rough.sum(axis=1)
+            t: Any = (places[row, None] + shift) - hats.nodes.astype(np.longdouble)[column[:, None] + THREE]
+            exact = (impulses[column] * second(t) + doublets[column] * first(t)).sum(axis=1)
+            away = places[row, None] + shift - hats.points[points[column]]
+            rough = (weights[column] * function.values(away)).sum(axis=1)
+            values[row, column] += np.asarray(exact, dtype=np.float64) - rough
         return values
 
     def correction(self, near: NearPairs, seen: FloatArray, by: FloatArray) -> FloatArray:
@@ -164,10 +153,12 @@ class HatPairs:
 
     @cached_property
     def _near(self) -> list[NearPairs]:
-        """The near pairs of ln|s + shift - s'| for every shift, and of sgn(s - s')."""
+        """The near pairs of sgn(s - s'), and of ln|s + shift - s'| for every shift."""
         every = np.indices((len(self.widths),) * 2).reshape(2, -1)
-        logarithms = (self.near(LOGARITHM, shift, *every) for shift in self.hats.shifts)
-        return [self.near(SIGN, 0.0, *every), *logarithms]
+        return [
+            self.near(SIGN, 0.0, *every),
+            *(self.near(LOGARITHM, shift, *every) for shift in self.hats.shifts),
+        ]
 
     def integrals(self, log: FloatArray, turn: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
         """Double integrals (m, m) of one(s)^T (log ln|s - s'| + turn sgn(s - s')) other(s') with the hats,
@@ -196,42 +187,40 @@ def couples(one: FloatArray, table: FloatArray, other: FloatArray) -> bool:
     return bool(both.max() > FINE_ROUND_OFF * np.abs(table).max())
 
 
+def logarithm(distance: FloatArray) -> FloatArray:
+    """ln|distance|, 0 at zero distance."""
+    size = np.abs(distance)
+    size[size == 0.0] = 1.0
+    return np.asarray(np.log(size, out=size))
+
+
 def _power(t: FloatArray, order: int) -> FloatArray:
-    """t^order; numpy's power is ten times as slow for integer exponents in extended precision."""
-    return np.asarray(math.prod(order * (t,)))
+    """t^n / n!; products are ten times as fast as numpy's power in extended precision."""
+    return np.asarray(math.prod(order * (t,)) / math.factorial(order))
 
 
-def _logarithmic(order: int, factor: int, sum_of_inverses: tuple[int, int]) -> Table:
-    """Repeated integral of ln|t|; the fourth is t^4 / 24 (ln|t| - 25 / 12)."""
-    harmonic = np.longdouble(sum_of_inverses[0]) / sum_of_inverses[1]
-    return lambda t: _power(t, order) / factor * (logarithm(t) - harmonic)
+def _logarithmic(order: int, numerator: int, denominator: int) -> Table:
+    """Repeated integral t^n / n! (ln|t| - H_n) of ln|t|."""
+    harmonic = np.longdouble(numerator) / denominator
+    return lambda t: np.asarray(_power(t, order) * (logarithm(t) - harmonic))
 
 
-def _signed(order: int, factor: int) -> Table:
+def _signed(order: int) -> Table:
     """Repeated integral of sgn(t)."""
-    return lambda t: np.sign(t) * _power(t, order) / factor
-
-
-def _logarithm_around(t: FloatArray, period: float) -> FloatArray:
-    """ln|t| and its images at distances |t| up to one ``period``, up to a constant."""
-    return logarithm(np.sin(np.pi / period * t) * (period / np.pi))
-
-
-def _sign_around(t: FloatArray, period: float) -> FloatArray:
-    """sgn(t) and its images, which add up to a function of zero mean, at distances |t| up to one
-    ``period``."""
-    return np.asarray(np.sign(t) - 2.0 / period * t)
+    return lambda t: np.asarray(np.sign(t) * _power(t, order))
 
 
 LOGARITHM = Distance(
     logarithm,
-    _logarithm_around,
-    (
-        _logarithmic(4, 24, (25, 12)),
-        _logarithmic(3, 6, (11, 6)),
-        _logarithmic(2, 2, (3, 2)),
-        _logarithmic(1, 1, (1, 1)),
-    ),
+    lambda t, period: logarithm(np.sin(np.pi / period * t) * (period / np.pi)),
+    (_logarithmic(4, 25, 12), _logarithmic(3, 11, 6), _logarithmic(2, 3, 2), _logarithmic(1, 1, 1)),
     NEAR_WIDTHS,
 )
-SIGN = Distance(np.sign, _sign_around, (_signed(4, 24), _signed(3, 6), _signed(2, 2), np.abs), 1.0)
+"""ln|t|; on a ring up to a constant."""
+SIGN = Distance(
+    np.sign,
+    lambda t, period: np.asarray(np.sign(t) - 2.0 / period * t),
+    (_signed(4), _signed(3), _signed(2), np.abs),
+    1.0,
+)
+"""sgn(t); on a ring the images add up to a function of zero mean."""

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from functools import cached_property
 from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
-from scipy.spatial import cKDTree
 
-from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray, runs_of
 from mlsanm_cli.cloud.curves import Arc, Curve
-from mlsanm_cli.cloud.search import MAX_PAIRS, nearest
+from mlsanm_cli.cloud.search import MAX_PAIRS
 from mlsanm_cli.cloud.splines import NodeSpline, Spline
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
@@ -24,10 +22,6 @@ TURN_VARIATION, TURN_NEIGHBORS = 0.6, 2
 """Points are samples of a smooth curve if the turning angle differs from the mean of its neighbours by less
 than TURN_VARIATION times the largest among TURN_NEIGHBORS on either side. A single corner between straight
 sides differs by 1."""
-CLOSEST_SIDES = 8
-"""Number of nearest sides examined exactly, if there are more than twice as many."""
-SPLIT_RATIO = 4.0
-"""Sides longer than this times the median are split in the search tree."""
 MIN_SAMPLES = 3
 """Least number of consecutive samples of a curve; two corners are a chamfer."""
 STRAIGHT_RATIO = 3.0
@@ -87,8 +81,7 @@ class Chain:
     """A polyline through ``points`` (c, 2) with the obstacle on its left.
 
     Around an outward corner the normal rotates with the direction from the corner. Where the points are
-    samples of a smooth curve, the obstacle is a spline through them: pressure under a corner, however blunt,
-    is unbounded, which a tabulated profile is not meant to cause.
+    samples of a smooth curve, the obstacle is a spline through them, whose pressures are bounded.
     """
 
     points: FloatArray
@@ -97,11 +90,10 @@ class Chain:
     def smooth(self) -> BoolArray:
         """Mask (c,) of the points that are samples of a smooth curve; both ends are corners."""
         count = len(self.points)
-        along = np.diff(self.points, axis=0)
         result = np.zeros(count, dtype=bool)
         if count < MIN_SAMPLES + 2:
             return result
-        angle = np.arctan2(along[:, 1], along[:, 0])
+        angle = np.arctan2(*np.diff(self.points, axis=0).T[::-1])
         turn = np.angle(np.exp(1j * np.diff(angle)))
         turn[np.abs(turn) <= ROUND_OFF] = 0.0
         # Constant extrapolation of the turning angle beyond the ends.
@@ -113,22 +105,9 @@ class Chain:
         )
         even = np.abs(turn - mean) <= TURN_VARIATION * window.max(axis=1)
         result[1:-1] = even & (np.abs(turn) <= CORNER_ANGLE) & (window.max(axis=1) > 0.0)
-        for first, last in _runs(result):
+        for first, last in runs_of(result):
             result[first:last] &= last - first >= MIN_SAMPLES
         return result
-
-    @cached_property
-    def _middles(self) -> tuple[cKDTree, IntArray, float]:
-        """Search tree of the mid-points of sides or, if long, of their parts; the side of each; and the
-        largest distance of a side's point from the mid-point of its part."""
-        along = np.diff(self.points, axis=0)
-        length = np.hypot(along[:, 0], along[:, 1])
-        parts = np.ceil(length / max(SPLIT_RATIO * np.median(length), length.mean())).astype(np.int64)
-        side = np.repeat(np.arange(len(length)), parts)
-        number = np.arange(len(side)) - np.repeat(np.cumsum(parts) - parts, parts)
-        share = (number + 0.5) / parts[side]
-        reach = 0.5 * float((length / parts).max())
-        return cKDTree(self.points[:-1][side] + share[:, None] * along[side]), side, reach
 
     @cached_property
     def _curves(self) -> tuple[tuple[int, int, Spline], ...]:
@@ -139,7 +118,7 @@ class Chain:
             length <= STRAIGHT_RATIO * np.maximum(neighbours[:-2], neighbours[2:])
         )
         found = []
-        for first, last in _runs(curved):
+        for first, last in runs_of(curved):
             inner = np.flatnonzero(~self.smooth[first + 1 : last]) + first + 1
             ends = [first, *inner.tolist(), last]
             for a, b in pairwise(ends):
@@ -168,23 +147,21 @@ class Chain:
         """Closest points and normals of straight sides, the side, and the inner corner that defines the
         normal, or -1."""
         start, along = self.points[:-1], np.diff(self.points, axis=0)
-        length = np.hypot(along[:, 0], along[:, 1])
+        length = np.hypot(*along.T)
         tangent = along / length[:, None]
         side, s = np.zeros(len(points), dtype=np.int64), np.zeros(len(points))
-        for rows, chosen in self._candidates(points):
-            away = points[rows, None, :] - start[chosen]
-            way = np.clip((away * tangent[chosen]).sum(axis=2), 0.0, length[chosen])
-            distance = np.linalg.norm(away - way[:, :, None] * tangent[chosen], axis=2)
+        for rows in np.array_split(np.arange(len(points)), 1 + len(points) * len(length) // MAX_PAIRS):
+            away = points[rows, None, :] - start
+            way = np.clip((away * tangent).sum(axis=2), 0.0, length)
+            distance = np.linalg.norm(away - way[:, :, None] * tangent, axis=2)
             # Of two sides at a corner take the one faced more; for points at the corner, by their surface's
             # normal.
             nearest = distance <= distance.min(axis=1, keepdims=True) + ROUND_OFF * length.max()
-            across = away[:, :, 0] * tangent[chosen, 1] - away[:, :, 1] * tangent[chosen, 0]
-            out = outward[rows, None, :]
-            facing = out[:, :, 0] * tangent[chosen, 1] - out[:, :, 1] * tangent[chosen, 0]
+            across = away[:, :, 0] * tangent[:, 1] - away[:, :, 1] * tangent[:, 0]
+            facing = outward[rows] @ np.stack([tangent[:, 1], -tangent[:, 0]])
             faced = across - ROUND_OFF * length.max() * facing
-            best = np.argmax(np.where(nearest, faced, -np.inf), axis=1)[:, None]
-            side[rows] = np.take_along_axis(chosen, best, axis=1)[:, 0]
-            s[rows] = np.take_along_axis(way, best, axis=1)[:, 0]
+            side[rows] = np.argmax(np.where(nearest, faced, -np.inf), axis=1)
+            s[rows] = way[np.arange(len(rows)), side[rows]]
         partner = start[side] + s[:, None] * tangent[side]
         normal = np.stack([tangent[side, 1], -tangent[side, 0]], axis=1)
         # Beyond a corner the normal is the direction from it; above a side it is exactly the side's.
@@ -196,26 +173,3 @@ class Chain:
         turned = corner & inner
         normal = np.where(turned[:, None], past / np.where(size > 0.0, size, 1.0)[:, None], normal)
         return partner, normal, side, np.where(turned, np.where(s == 0.0, side, side + 1), -1)
-
-    def _candidates(self, points: FloatArray) -> Iterator[tuple[IntArray, IntArray]]:
-        """Rows (r,) of ``points`` with the sides (r, k) that contain the closest one: those of the nearest
-        mid-points if this is certain, else all."""
-        count, rows = len(self.points) - 1, np.arange(len(points))
-        if count > 2 * CLOSEST_SIDES:
-            tree, side, reach = self._middles
-            distance, chosen = nearest(tree, points, CLOSEST_SIDES)
-            chosen = side[chosen]
-            # No side beyond the last candidate can be closer than the first.
-            certain = distance[:, -1] - reach > distance[:, 0]
-            if certain.any():
-                yield rows[certain], np.sort(chosen[certain], axis=1)
-            rows = rows[~certain]
-        for first in range(0, len(rows), MAX_PAIRS // count + 1):
-            some = rows[first : first + MAX_PAIRS // count + 1]
-            yield some, np.tile(np.arange(count), (len(some), 1))
-
-
-def _runs(chosen: BoolArray) -> list[tuple[int, int]]:
-    """Start and exclusive end of every run of ``chosen`` (n,)."""
-    steps = np.flatnonzero(np.diff(np.pad(chosen.astype(np.int8), 1)))
-    return [(int(a), int(b)) for a, b in zip(steps[::2], steps[1::2], strict=True)]

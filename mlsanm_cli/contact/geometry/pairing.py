@@ -29,14 +29,13 @@ class Pairing:
     ``position`` (w,) are indices among the slave surface's nodes, -1 for points between nodes; ``points`` (w,
     2) their coordinates, ``arc`` (w,) arc lengths along the slave, increasing over the candidates and
     continuing past the start of a closed surface, ``weight`` (w,) surface lengths, ``around`` (w,) the
-    circumferences of these parts of bodies of revolution, else 1. ``partner``  (w, 2) are the
-    closest points of the master, ``normal`` (w, 2) its outward normals there, ``gap`` (w,) initial gaps.
-    ``candidate`` (w,) marks the points that can touch; the others are only monitored. ``friction`` is
-    Coulomb's coefficient, inf for bonded surfaces. ``interference`` reduces the gaps when the load of the
-    contact's name is 1, ``closed_by`` is their reduction to surfaces drawn touching. A contact with a rigid
-    obstacle has neither ``master_body`` nor ``master``. With a ``contact_grid`` the candidates are its nodes,
-    and gaps and normals are averages over its hats. ``exchanged``: slave and master are swapped
-    with respect to the case.
+    circumferences of these parts of bodies of revolution, else 1. ``partner``  (w, 2) are the closest points
+    of the master, ``normal`` (w, 2) its outward normals there, ``gap`` (w,) initial gaps. ``candidate`` (w,)
+    marks the m points that can touch; the others are only monitored. ``friction`` is Coulomb's coefficient,
+    inf for bonded surfaces. ``interference`` reduces the gaps when the load of the contact's name is 1,
+    ``closed_by`` is their reduction to surfaces drawn touching. A rigid obstacle has neither ``master_body``
+    nor ``master``. With a ``contact_grid`` the candidates are its nodes, and gaps and normals are averages
+    over its hats. ``exchanged``: slave and master are swapped with respect to the case.
     """
 
     name: str
@@ -147,8 +146,8 @@ def facing_parts(
     slave: Surface, position: IntArray, normal: FloatArray
 ) -> Iterator[tuple[Surface, IntArray, IntArray]]:
     """The body's own surfaces of a slave, each with the indices (k,) of its nodes among those at ``position``
-    (m,) that face the master's ``normal`` (m, 2), and their indices (k,) among the m. At a corner between two
-    surfaces a node lies on both, and may face the master with one only."""
+    (m,) that face the master's ``normal`` (m, 2), and their indices (k,) among the m: at a corner a node may
+    lie on two."""
     for part, place in slave.members:
         numbers = np.full(len(slave.index), -1, dtype=np.int64)
         numbers[place] = np.arange(len(place))
@@ -175,7 +174,6 @@ def on_grid(pairing: Pairing, grid: ContactGrid) -> Pairing:
     slack = COARSE_ROUND_OFF * (grid.last - grid.first)
     beyond = (place < grid.first - slack) | (place > grid.last + slack)
     points, partner, _ = facing.opposite(hats.place)
-    gap = grid.gap - pairing.closed_by
     count = len(hats.place)
 
     def joined(own: FloatArray, others: FloatArray) -> FloatArray:
@@ -189,7 +187,7 @@ def on_grid(pairing: Pairing, grid: ContactGrid) -> Pairing:
         weight=joined(hats.weight, pairing.weight),
         partner=joined(partner, pairing.partner),
         normal=joined(hats.at_places(grid.directions[0]), pairing.normal),
-        gap=joined(gap, pairing.gap),
+        gap=joined(grid.gap - pairing.closed_by, pairing.gap),
         spacing=joined(hats.weight, pairing.spacing),
         around=joined(np.ones(count), pairing.around),
         candidate=np.arange(count + int(beyond.sum())) < count,
@@ -206,8 +204,7 @@ def pair_surfaces(
     friction: float = 0.0,
 ) -> Pairing:
     """Pair the slave nodes with closest points that face them, of the exact curve of a ``master``, given by
-    its body and surface, or of a rigid obstacle. A node whose closest point is an end of the master, seen at
-    an angle, has no partner."""
+    its body and surface, or of a rigid obstacle; none to an end of the master seen at an angle."""
     points = slave_cloud.points[slave.index]
     body, surface = master if isinstance(master, tuple) else (None, None)
     if isinstance(master, tuple):

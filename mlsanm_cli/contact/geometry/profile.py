@@ -14,7 +14,7 @@ PEAK_SHARE, PEAK_RATIO = 0.02, 3.0
 length exceeds."""
 LEAST_POWER, HALVINGS, SINGULAR_REACH = 0.015, 5, 0.05
 """Or if pressures grow towards it by at least this power of the distance at every one of so many halvings
-within this part of the loaded length: at corners of blocks that slide, the power is 0.02 to 0.1."""
+within this part of the loaded length."""
 END_JUMP, END_SLOPE, LEAST_NODES = 0.01, 3.0, 10
 """Or if it exceeds that of its neighbour by this part of it, and its slope there the next one by this factor,
 on at least so many nodes: less than 2.8 for a profile that falls with the root of the distance."""
@@ -23,10 +23,8 @@ on at least so many nodes: less than 2.8 for a profile that falls with the root 
 def half_width(arc_length: FloatArray, pressure: FloatArray, axis: BoolArray | None = None) -> float:
     """Half the distance between the outermost crossings of 1 % of the regular peak, which unlike a singular
     one does not depend on the grid; the whole distance, a radius, if one of them is a node on an ``axis``
-    (m,) of revolution.
-
-    ``arc_length`` (m,) is increasing, ``pressure`` (m,) piecewise linear. A profile still above the threshold
-    at the last node ends there.
+    (m,) of revolution. ``arc_length`` (m,) is increasing, ``pressure`` (m,) piecewise linear; a profile still
+    above the threshold at the last node ends there.
 
     >>> place = np.array([0.0, 1.0, 2.0, 2.999, 3.0])
     >>> float(round(half_width(place, np.array([0.0, 1.0, 1.0, 1.0, 1e6])), 3))
@@ -36,11 +34,15 @@ def half_width(arc_length: FloatArray, pressure: FloatArray, axis: BoolArray | N
     above = np.flatnonzero(pressure > level)
     if level <= 0.0 or not len(above):
         return 0.0
-    part = 0.5 if axis is None or not axis[above[[0, -1]]].any() else 1.0
-    return part * (
-        _crossing(arc_length, pressure, level, above[-1], 1)
-        - _crossing(arc_length, pressure, level, above[0], -1)
-    )
+    ends = []
+    for last, step in ((above[0], -1), (above[-1], 1)):
+        beyond, place = last + step, arc_length[last]
+        if 0 <= beyond < len(arc_length):
+            fraction = (pressure[last] - level) / (pressure[last] - pressure[beyond])
+            place = place + fraction * (arc_length[beyond] - place)
+        ends.append(float(place))
+    radius = axis is not None and bool(axis[above[[0, -1]]].any())
+    return (ends[1] - ends[0]) * (1.0 if radius else 0.5)
 
 
 def unrolled(arc_length: FloatArray, around: float, pressure: FloatArray) -> tuple[IntArray, FloatArray]:
@@ -50,8 +52,6 @@ def unrolled(arc_length: FloatArray, around: float, pressure: FloatArray) -> tup
 
     >>> unrolled(np.arange(6.0), 6.0, np.array([2.0, 1.0, 0.0, 0.0, 0.0, 1.0]))
     (array([3, 4, 5, 0, 1, 2]), array([3., 4., 5., 6., 7., 8.]))
-    >>> unrolled(np.arange(13.0, 19.0), 6.0, np.array([2.0, 1.0, 0.0, 0.0, 0.0, 1.0]))[1]
-    array([4., 5., 6., 7., 8., 9.])
     """
     count, pressed = len(pressure), np.flatnonzero(pressure > 0.0)
     if not 0 < len(pressed) < count:
@@ -103,32 +103,17 @@ def _grows(arc: FloatArray, pressure: FloatArray, top: int, loaded: float) -> bo
 
 
 def is_singular(arc_length: FloatArray, pressure: FloatArray) -> bool:
-    """Whether the largest pressure (m,) is at a singular end.
-
-    >>> place = np.linspace(0.0, 1.0, 20) ** 2
-    >>> is_singular(place, 1.0 - place**2), is_singular(place, np.append(2.0, 1.0 - place[1:]))
-    (False, True)
-    """
+    """Whether the largest pressure (m,) is at a singular end."""
     return regular_peak(arc_length, pressure) < float(pressure.max(initial=0.0))
-
-
-def _crossing(arc: FloatArray, pressure: FloatArray, level: float, last: int, step: int) -> float:
-    """Arc length at which the profile falls to ``level``, going outwards from node ``last`` above it."""
-    beyond = last + step
-    if not 0 <= beyond < len(arc):
-        return float(arc[last])
-    fraction = (pressure[last] - level) / (pressure[last] - pressure[beyond])
-    return float(arc[last] + fraction * (arc[beyond] - arc[last]))
 
 
 @dataclass(frozen=True)
 class Patch:
-    """One run of closed nodes: ``middle`` (2,), ``half_width`` and the ``edges`` (0 to 2, 2) where it opens.
-
-    An end of the patch at an end of the surface is no edge, as it does not move with the load. ``spacing`` is
-    the node spacing in the middle, ``uncertainty`` (0 to 2,) the distance between the last closed and the
-    first open node at each edge, ``apart`` (0 to 2,) the initial gap there, ``finest`` the factor by which
-    its edges may be coarser than usual.
+    """One run of closed nodes: ``middle`` (2,), ``half_width`` and the ``edges`` (0 to 2, 2) where it opens,
+    not at ends of the surface, which do not move with the load. ``spacing`` is the node spacing in the
+    middle, ``uncertainty`` (0 to 2,) the distance between the last closed and the first open node at each
+    edge, ``apart`` (0 to 2,) the initial gap there, ``finest`` the factor by which its edges may be coarser
+    than usual.
     """
 
     middle: FloatArray

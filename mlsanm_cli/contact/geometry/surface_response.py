@@ -10,9 +10,9 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.geometry.contact_grid import ContactGrid, Pin
+from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
+from mlsanm_cli.contact.geometry.grid import on_panels
 from mlsanm_cli.contact.geometry.hat_pairs import LOGARITHM, SIGN
-from mlsanm_cli.contact.geometry.panels import on_panels
 from mlsanm_cli.mechanics.corner import Corner
 from mlsanm_cli.mechanics.near_field import ComplexArray, PointForceField, SurfaceForces
 from mlsanm_cli.records import dataclass
@@ -36,22 +36,15 @@ class SurfaceResponse:
     @classmethod
     def of(cls, grid: ContactGrid, kernel: PointForceField, slave: bool) -> SurfaceResponse:
         """The response, kept with the grid, which is condensed again while others are refined."""
-        if slave not in grid.responses:
-            grid.responses[slave] = cls(grid, kernel, slave)
-        found: SurfaceResponse = grid.responses[slave]
+        found: SurfaceResponse = grid.responses.setdefault(slave, cls(grid, kernel, slave))
         return found
-
-    @property
-    def _center(self) -> complex | None:
-        return self.grid.centers[0 if self.slave else 1]
 
     @cached_property
     def tensors(self) -> tuple[FloatArray, FloatArray]:
         """The tensors L and T (2, 2)."""
-        side, kernel = self.grid.facing.side, self.kernel
-        way, inward = self._way(self.grid.samples[:1])[0], side(self.grid.samples[:1], self.slave)[1][0]
-        tangent: ComplexArray = np.array([way / np.abs(way)])
-        base: ComplexArray = np.array([inward])
+        kernel, first = self.kernel, self.grid.samples[:1]
+        way, base = self._way(first), self.grid.facing.side(first, self.slave)[1]
+        tangent: ComplexArray = way / np.abs(way)
         ahead, behind = kernel.displacement(tangent, base)[0], kernel.displacement(-tangent, base)[0]
         log = (kernel.displacement(2.0 * tangent, base)[0] - ahead) / np.log(2.0)
         return log, 0.5 * (ahead - behind)
@@ -65,20 +58,27 @@ class SurfaceResponse:
     def smooth(self, at: FloatArray | None = None, by: FloatArray | None = None) -> FloatArray:
         """Near-field part of S (a, k, 2, 2) at coordinates ``at`` (a,) due to forces at coordinates ``by``
         (k,); both by default the samples."""
-        grid, kernel, center = self.grid, self.kernel, self._center
+        grid, kernel, (log, turn) = self.grid, self.kernel, self.tensors
+        center = grid.centers[0 if self.slave else 1]
         at, by = (grid.samples if one is None else one for one in (at, by))
         z, inward = grid.facing.side(by, self.slave)
         seen = grid.facing.side(at, self.slave)[0]
         w = seen[:, None] - z
         same = at[:, None] == by
         base = np.broadcast_to(inward if center is None else (seen - center)[:, None], w.shape)
-        found = kernel.displacement(np.where(same, 1.0, w), base) - self._folded(at, by)
+        # L ln|s - s'| + T sgn(s - s') of forces and all their images, zero of each to itself.
+        folded = np.zeros((len(at), len(by), 2, 2))
+        for sign, offset, matrix in grid.unfolding.copies:
+            apart = at[:, None] - (sign * by + offset)
+            values = [grid.pairs.kernel(one, apart)[..., None, None] for one in (LOGARITHM, SIGN)]
+            folded += (values[0] * log + values[1] * turn) @ matrix
+        found = kernel.displacement(np.where(same, 1.0, w), base) - folded
         row, column = np.nonzero(same)
         if len(row):
             way = self._way(at[row])
             stretch, tangent = np.abs(way), way / np.abs(way)
             both = [kernel.displacement(one, base[row, column]) for one in (tangent, -tangent)]
-            limit = 0.5 * (both[0] + both[1]) + np.log(stretch)[:, None, None] * self.tensors[0]
+            limit = 0.5 * (both[0] + both[1]) + np.log(stretch)[:, None, None] * log
             one = np.ones(len(row), dtype=np.complex128)
             found[row, column] += limit - kernel.displacement(one, base[row, column])
         if center is not None:
@@ -91,17 +91,6 @@ class SurfaceResponse:
             if corner.curved is not None:
                 found += corner.beyond_wedge(z, images, seen)
         return np.asarray(found)
-
-    def _folded(self, at: FloatArray, by: FloatArray) -> FloatArray:
-        """The kernel L ln|s - s'| + T sgn(s - s') (a, k, 2, 2) at coordinates ``at`` (a,) of places ``by``
-        (k,) and all their images, zero of each to itself."""
-        grid, (log, turn) = self.grid, self.tensors
-        total = np.zeros((len(at), len(by), 2, 2))
-        for sign, offset, matrix in grid.unfolding.copies:
-            apart = at[:, None] - (sign * by + offset)
-            values = [grid.pairs.kernel(one, apart)[..., None, None] for one in (LOGARITHM, SIGN)]
-            total += (values[0] * log + values[1] * turn) @ matrix
-        return total
 
     def singular(self, at: FloatArray) -> FloatArray:
         """Displacements (a, m, 2, 2) at coordinates ``at`` (a,) due to hats of unit tractions x and y, in
@@ -140,7 +129,6 @@ class SurfaceResponse:
 
     @cached_property
     def _by_corners(self) -> dict[tuple[int, int], FloatArray]:
-        """Cache of :meth:`cornered`."""
         return {}
 
     def corner_terms(
@@ -154,7 +142,7 @@ class SurfaceResponse:
         hats, fold = self.grid.unfolded
         points, integrals = hats.towards_ends
         integrals = sparse.csr_array(fold.T @ integrals) if self.grid.mirrored else integrals
-        directions = self._directions(points)
+        directions = self.grid.directions_at(points)
         present = [np.flatnonzero(np.abs(one).max(axis=0) > FINE_ROUND_OFF).tolist() for one in directions]
         for corner in corners:
             x, shares = on_panels(self._away(corner, points))
@@ -166,12 +154,6 @@ class SurfaceResponse:
             for c, d in product(present[which], present[by]):
                 yield parts[which, c], corner.wedge.compliance(x, x, c, d), parts[by, d]
 
-    def _directions(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Directions (e, 2) of pressures and of tractions at ``points`` (e,) of the copies of the range."""
-        at, copy = self.grid.unfolding.located(points)
-        normal, tangent = self.grid.facing.directions(at)
-        return self.grid.unfolding.turned(normal, copy), self.grid.unfolding.turned(tangent, copy)
-
     def _away(self, corner: Corner, points: FloatArray) -> FloatArray:
         """Distances (e,) of ``points`` (e,) of the copies of the range from a corner, above round-off."""
         at, copy = self.grid.unfolding.located(points)
@@ -180,25 +162,3 @@ class SurfaceResponse:
         for image in self.grid.images_of(self.slave):
             away = np.where(reflected, corner.reflected(away, image), away)
         return np.maximum(away, FINE_ROUND_OFF * corner.length)
-
-    def at_pin(self, place: float, which: int) -> FloatArray:
-        """Displacements x and y (2, m) at one coordinate ``place`` due to hats of pressures (``which`` 0) or
-        tractions (1), in addition to S."""
-        acting = self.grid.hats.at_places(self.grid.directions[which])
-        return np.asarray(np.einsum("mcd,md->cm", self.singular(np.array([place]))[0], acting))
-
-
-def pin_displacements(grid: ContactGrid, which: int) -> FloatArray:
-    """What the pins on the surfaces of a grid move by (2 n, m), x of all n, then y, to stay where they are
-    under hats of pressures (``which`` 0) or tractions (1), without what the samples represent."""
-    count, pins = len(grid.hats.place), grid.pinned
-    if not pins:
-        return np.zeros((0, count))
-    moved = [SurfaceResponse.of(grid, pin.kernel, pin.slave).at_pin(pin.place, which) for pin in pins]
-    whole = -np.array(moved).transpose(1, 0, 2).reshape(2 * len(pins), count)
-    return np.asarray(whole @ grid.deviation(np.eye(count), which))
-
-
-def pins_of(grid: ContactGrid, slave: bool) -> list[tuple[int, Pin]]:
-    """The pins on one of the two surfaces, with their numbers among all."""
-    return [(number, pin) for number, pin in enumerate(grid.pinned) if pin.slave == slave]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.joined import normals_towards
 from mlsanm_cli.cloud.surface import Surface
@@ -26,12 +26,9 @@ def transfer(pairing: Pairing, master_cloud: Cloud) -> sparse.csr_array:
     One-dimensional moving least squares of degree 1 along the slave, times the slave's length per length of
     the master: a constant pressure is reproduced where surfaces touch. Nodes outside the candidates' range
     receive none. The window fits the coarser spacing: a coarse master that only samples a fine slave's
-    pressures would see a smooth load as an oscillation, and the compliance would lose its positivity.
-
-    A pressure acts at the very point where its node's gap is measured, scaled by the slave's length there, so
-    that forces and work agree on both sides up to the fit. Transfer from the slave's closest point instead
-    shifts and stretches pressures by the order of (contact width / radius)^2 for any spacing, and costs
-    positivity on fine clouds.
+    pressures would see a smooth load as an oscillation, and the compliance would lose its positivity. A
+    pressure acts at the very point where its node's gap is measured, so that forces and work agree on both
+    sides up to the fit.
     """
     master = pairing.master
     assert master is not None, "an obstacle has no nodes"
@@ -53,8 +50,8 @@ def transfer(pairing: Pairing, master_cloud: Cloud) -> sparse.csr_array:
 
 def feet(pairing: Pairing, master: Surface, arc: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Sources on the slave of the pressures at ``arc`` (b,) along the master: arc lengths (b,), distances
-    (b,) by which they miss, and the slave's length per length of the master (b,). The master's closest point
-    to a source is the given point, found by Newton's method from the slave's closest point."""
+    (b,) by which they miss, and the slave's length per length of the master (b,). The given point is the
+    closest one to its source, which Newton's method finds from the slave's closest point."""
     slave, points = pairing.slave.curve, master.curve.points(arc)
     s = slave.closest(points)
     normal = normals_towards(master.curve, arc, slave.normals(s))
@@ -86,8 +83,8 @@ def slave_normals(pairing: Pairing, s: FloatArray) -> FloatArray:
 
 
 def candidates_fit(pairing: Pairing, s: FloatArray, reach: FloatArray) -> sparse.csr_array:
-    """Weights (r, m) of local linear fits to the candidates' values at arc lengths ``s`` (r,), with window
-    half-widths ``reach`` (r,); on a closed surface windows continue across the seam."""
+    """:func:`surface_fit` of the candidates' values; on a closed surface windows continue across the
+    seam."""
     arc, weight, _ = _unrolled(pairing)
     fit = surface_fit(arc, weight, s, reach).tocoo()
     rows, columns = fit.coords
@@ -108,17 +105,19 @@ def _unrolled(pairing: Pairing) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 def surface_fit(arc: FloatArray, weight: FloatArray, s: FloatArray, reach: FloatArray) -> sparse.csr_array:
     """Weights (r, m) of local linear fits to nodal values at ``arc`` (m,), evaluated at arc lengths ``s``
-    (r,). ``weight`` (m,) are the nodes' surface lengths, ``reach`` (r,) the half-widths of windows. Linear
-    functions are reproduced."""
-    first, last = _window(arc, s, reach)
+    (r,). ``weight`` (m,) are the nodes' surface lengths, ``reach`` (r,) the half-widths of windows, which
+    contain at least the two nearest nodes. Linear functions are reproduced."""
+    nearest = np.clip(np.searchsorted(arc, s), 1, max(len(arc) - 1, 1))
+    first = np.minimum(np.searchsorted(arc, s - reach), nearest - 1)
+    last = np.maximum(np.searchsorted(arc, s + reach, side="right"), np.minimum(nearest + 1, len(arc)))
     count = last - first
     start = np.cumsum(count) - count
     columns = np.repeat(first - start, count) + np.arange(count.sum())
     offset = (arc[columns] - np.repeat(s, count)) / np.repeat(reach, count)
     # Where even the nearest candidates lie outside the window, all weights would underflow: shift the
     # exponent, as only their ratios matter.
-    nearest = np.minimum.reduceat(offset**2, start) if len(start) else np.zeros(0)
-    shift = np.repeat(np.where(nearest > 1.0, nearest, 0.0), count)
+    least = np.minimum.reduceat(offset**2, start) if len(start) else np.zeros(0)
+    shift = np.repeat(np.where(least > 1.0, least, 0.0), count)
     share = np.exp(-2.0 * WINDOW_SHARPNESS * (offset**2 - shift)) * weight[columns]
     s0, s1, s2 = (np.repeat(np.add.reduceat(share * offset**k, start), count) for k in range(3))
     # A window with a single node can only carry its constant.
@@ -126,11 +125,3 @@ def surface_fit(arc: FloatArray, weight: FloatArray, s: FloatArray, reach: Float
     share = np.where(slope, share * (s2 - s1 * offset) / np.where(slope, s0 * s2 - s1**2, 1.0), share / s0)
     rows = np.repeat(np.arange(len(s)), count)
     return sparse.csr_array((share, (rows, columns)), shape=(len(s), len(arc)))
-
-
-def _window(arc: FloatArray, s: FloatArray, reach: FloatArray) -> tuple[IntArray, IntArray]:
-    """Ranges [first, last) of ``arc`` (m,) within ``reach`` (r,) of ``s`` (r,), at least the two nearest."""
-    nearest = np.clip(np.searchsorted(arc, s), 1, max(len(arc) - 1, 1))
-    first = np.minimum(np.searchsorted(arc, s - reach), nearest - 1)
-    last = np.maximum(np.searchsorted(arc, s + reach, side="right"), np.minimum(nearest + 1, len(arc)))
-    return first, last

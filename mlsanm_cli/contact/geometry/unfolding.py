@@ -22,8 +22,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.contact.geometry.grid import Hats
-from mlsanm_cli.contact.geometry.panels import chebyshev, lagrange
+from mlsanm_cli.contact.geometry.grid import Hats, chebyshev, lagrange
 from mlsanm_cli.mechanics.symmetry import SymmetryPlane, copies_around
 from mlsanm_cli.records import dataclass
 
@@ -41,23 +40,19 @@ class Unfolding:
     planes: Planes
 
     @property
-    def any(self) -> bool:
-        """Whether there is a plane."""
-        return self.planes != (None, None)
-
-    @property
     def length(self) -> float:
         return self.last - self.first
 
     @cached_property
-    def period(self) -> float | None:
-        """Circumference of the ring that two planes make."""
-        return None if self._around is None else self._around * self.length
-
-    @property
     def _around(self) -> int | None:
+        """Number of lengths of the ring that two planes make."""
         first, last = self.planes
         return None if first is None or last is None else copies_around(first, last)
+
+    @property
+    def period(self) -> float | None:
+        """Circumference of this ring."""
+        return None if self._around is None else self._around * self.length
 
     @cached_property
     def copies(self) -> tuple[tuple[float, float, FloatArray], ...]:
@@ -88,8 +83,8 @@ class Unfolding:
     def _every(self) -> FloatArray:
         """Chebyshev points of the range, or of the doubled one."""
         before, after = (plane is not None for plane in self.planes)
-        count = self.count * (2 if before or after else 1)
-        return chebyshev(self.first - before * self.length, self.last + after * self.length, count)
+        first, last = self.first - before * self.length, self.last + after * self.length
+        return chebyshev(first, last, self.count * (1 + (before or after)))
 
     @property
     def _kept(self) -> slice:
@@ -109,7 +104,7 @@ class Unfolding:
             odd = np.sin(np.outer(angle, order)) @ (weight[:, None] * np.sin(np.outer(order, nodes)))
             return even, odd
         values = lagrange(s, self._every)
-        if not self.any:
+        if self.planes == (None, None):
             return values, values
         own, image = values[:, self._kept], values[:, ::-1][:, self._kept]
         return own + image, own - image
@@ -117,18 +112,18 @@ class Unfolding:
     def spectrum(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Coefficients (k, ...) of the expansions that interpolate even, and odd, ``values`` (k, ...) at the
         samples, from the first to the last order: Chebyshev polynomials, or cosines and sines."""
-        if not self.any:
+        if self.planes == (None, None):
             found = _cosines(self.count, np.arange(self.count)) @ values
             return found, found
         if self.period is not None:
             angle = np.pi * (np.arange(self.count) + 0.5) / self.count
             sines = np.sin(np.outer(np.arange(1, self.count + 1), angle)) * (2.0 / self.count)
             return _cosines(self.count, np.arange(self.count)) @ values, sines @ values
-        both = []
-        for parity in (0, 1):
-            order = 2 * np.arange(self.count) + parity
-            both.append(2.0 * _cosines(2 * self.count, order)[:, self._kept] @ values)
-        return both[0], both[1]
+        even, odd = (
+            2.0 * _cosines(2 * self.count, 2 * np.arange(self.count) + parity)[:, self._kept] @ values
+            for parity in (0, 1)
+        )
+        return even, odd
 
     def waves(self, order: int) -> tuple[FloatArray, FloatArray]:
         """Even, and odd, functions (k, n) at the samples, up to an ``order`` per length of the range."""

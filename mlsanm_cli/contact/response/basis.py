@@ -9,7 +9,7 @@ themselves (:mod:`mlsanm_cli.contact.response.nodal`).
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any, TypeAlias
 
 import numpy as np
 import scipy.sparse as sparse
@@ -17,7 +17,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.geometry.surface_response import SurfaceResponse, pin_displacements
+from mlsanm_cli.contact.geometry.surface_response import SurfaceResponse
 from mlsanm_cli.contact.response.nodal import NodalBasis
 from mlsanm_cli.contact.response.smoothing import smoothing
 from mlsanm_cli.mechanics.body import ElasticBody
@@ -25,42 +25,10 @@ from mlsanm_cli.mechanics.near_field import Isotropic, as_real
 from mlsanm_cli.mechanics.remainder import remainder_sources
 
 
-class Basis(Protocol):
-    """A discretisation with numbers of ``drivers`` and ``samples``."""
-
-    @property
-    def drivers(self) -> int: ...
-
-    @property
-    def samples(self) -> int: ...
-
-    def by_values(self, which: int) -> Any:
-        """The drivers (d, m) of unit pressures (``which`` 0) or tractions (1)."""
-
-    def means(self, which: int) -> Any:
-        """Gaps (``which`` 0) or slips (1) at the nodes by unit motions of the samples (m, s)."""
-
-    def rows(self, body: ElasticBody, name: str) -> sparse.csr_array:
-        """Motions of the samples (s, 2N) by displacements of a body."""
-
-    def sources(self, body: ElasticBody, name: str, centred: bool) -> sparse.csc_array:
-        """Right-hand sides (r, d) of a body for unit drivers; ``centred`` where motions are held."""
-
-    def resultants(
-        self, body: ElasticBody, name: str, sources: sparse.csc_array, center: tuple[float, float]
-    ) -> list[FloatArray]:
-        """Force x, y and moment about ``center`` (3, m) on a body by unit pressures, and by unit
-        tractions."""
-
-
-def basis_of(pairing: Pairing) -> Basis:
-    """The discretisation of a contact."""
-    return NodalBasis(pairing) if pairing.nodal else GridBasis(pairing)
-
-
 class GridBasis:
-    """The discretisation of a contact by a contact grid. Its drivers are forces x and y at the samples, then
-    if it covers the surfaces the mean traction x and y, then displacements x and y of pins."""
+    """The discretisation of a contact by a contact grid, with numbers of ``drivers`` and ``samples``. Its
+    drivers are forces x and y at the samples, then if it covers the surfaces the mean traction x and y, then
+    displacements x and y of pins."""
 
     def __init__(self, pairing: Pairing) -> None:
         self._pairing, self._grid = pairing, pairing.grid
@@ -68,17 +36,35 @@ class GridBasis:
         self.drivers = self.samples + 2 * (self._grid.covers + len(self._grid.pinned))
 
     def by_values(self, which: int) -> Any:
-        grid = self._grid
-        return np.concatenate([grid.driver_matrices[which], pin_displacements(grid, which)])
+        """The drivers (d, m) of unit pressures (``which`` 0) or tractions (1)."""
+        grid, unit = self._grid, np.eye(self._pairing.count)
+        if not (grid.covers or grid.pinned):
+            return grid.spreads[which]
+        deviation = grid.deviation(unit, which)
+        blocks = [grid.spreads[which] @ deviation]
+        if grid.covers:
+            blocks.append(grid.mean_traction(which))
+        if grid.pinned:
+            # Pins stay where they are: what the samples do not represent moves them back.
+            acting, moved = grid.hats.at_places(grid.directions[which]), []
+            for pin in grid.pinned:
+                response = SurfaceResponse.of(grid, pin.kernel, pin.slave)
+                singular = response.singular(np.array([pin.place]))[0]
+                moved.append(-np.einsum("mcd,md->cm", singular, acting))
+            blocks += list(np.array(moved).transpose(1, 0, 2) @ deviation)
+        return np.concatenate(blocks)
 
     def means(self, which: int) -> Any:
+        """Gaps (``which`` 0) or slips (1) at the nodes by unit motions of the samples (m, s)."""
         return self._grid.means[which]
 
     def rows(self, body: ElasticBody, name: str) -> sparse.csr_array:
+        """Motions of the samples (s, 2N) by displacements of a body."""
         return sampled_rows(body, name, self._pairing)
 
     def sources(self, body: ElasticBody, name: str, centred: bool) -> sparse.csc_array:
-        """Those of the remainders of the near fields, uniform tractions, and displacements of pins."""
+        """Right-hand sides (r, d) of a body for unit drivers: for forces those of the remainders of their
+        near fields. ``centred`` where motions are held."""
         grid, total = self._grid, np.zeros((body.rows, self.drivers))
         for slave, sign in self._pairing.sides_of(name):
             pins = [(number, pin) for number, pin in enumerate(grid.pinned) if pin.slave == slave]
@@ -101,7 +87,18 @@ class GridBasis:
     def resultants(
         self, body: ElasticBody, name: str, sources: sparse.csc_array, center: tuple[float, float]
     ) -> list[FloatArray]:
-        return list(self._grid.resultants(name == self._pairing.slave_body, center))
+        """Force x, y and moment about ``center`` (3, m) on a body by unit pressures, and by unit
+        tractions."""
+        return self._grid.resultants(name == self._pairing.slave_body, center)
+
+
+Basis: TypeAlias = GridBasis | NodalBasis
+"""They have the same methods."""
+
+
+def basis_of(pairing: Pairing) -> Basis:
+    """The discretisation of a contact."""
+    return NodalBasis(pairing) if pairing.nodal else GridBasis(pairing)
 
 
 def sampled_rows(body: ElasticBody, name: str, pairing: Pairing, lost: bool = False) -> sparse.csr_array:

@@ -1,12 +1,9 @@
-"""Bonded surfaces: their tractions are eliminated as linear functions of the other unknowns.
-
-Bonded surfaces neither separate nor slide: their tractions cancel the relative motion caused by loads f,
-motions q, pressures p and tractions t of the other contacts.
+"""Bonded surfaces neither separate nor slide: their tractions, which cancel the relative motion caused by
+load factors f, motions q, pressures p and tractions t of the other contacts, are eliminated.
 
 Least squares respond less to tractions the shorter their waves, and tractions are singular at the ends of
 bonds. They are therefore linear between knots KNOT_SPACING spacings apart, and displacements averaged with
-the same hat functions agree on both sides (mortar method). With a knot at every node tractions oscillate; the
-correction used for friction (:mod:`mlsanm_cli.contact.response.short_waves`) would soften the bond.
+the same hat functions agree on both sides (mortar method).
 """
 
 from __future__ import annotations
@@ -19,7 +16,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.geometry.pairing import Pairing, facing_spacing
-from mlsanm_cli.contact.response.dense import DenseSystem, SingularSystemError
+from mlsanm_cli.contact.response.dense import SINGULAR
 from mlsanm_cli.contact.response.drivers import Drivers, spans
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.errors import NumericalError
@@ -92,10 +89,8 @@ class Bonds:
 
 
 def bind(scene: Scene, drivers: Drivers, gap: LinearMap, slip: LinearMap) -> Bonds:
-    """Solve for the bonded tractions, from the candidates' gaps (m,) and slips (n,) of all contacts.
-
-    Initial gaps remain. Raises NumericalError if the tractions are not determined.
-    """
+    """Solve for the bonded tractions, from the candidates' gaps (m,) and slips (n,) of all contacts; initial
+    gaps remain. Raises NumericalError if they are not determined."""
     bonded = tuple(pairing for pairing in drivers.pairings if pairing.bonded)
     if not bonded:
         return Bonds.none()
@@ -112,14 +107,20 @@ def bind(scene: Scene, drivers: Drivers, gap: LinearMap, slip: LinearMap) -> Bon
     whole = sparse.block_diag([*shapes, *shapes]).toarray()
     weight = np.concatenate([pairing.weight[pairing.candidate] for pairing in bonded])
     means = (np.tile(weight, 2)[:, None] * whole).T
-    try:
-        system = DenseSystem(means @ held[:, own] @ whole, whole.shape[1])
-        solved = -whole @ system.solve(means @ np.hstack([held[:, kept], np.eye(len(own))]))
-    except SingularSystemError as error:
+    matrix, known = means @ held[:, own] @ whole, means @ np.hstack([held[:, kept], np.eye(len(own))])
+    tiny = np.finfo(float).tiny
+    columns = 1.0 / np.maximum(np.abs(matrix).max(axis=0), tiny)
+    rows = 1.0 / np.maximum(np.abs(matrix * columns).max(axis=1), tiny)
+    scaled = rows[:, None] * (matrix * columns)
+    if not np.linalg.cond(scaled, 1) < 1.0 / SINGULAR:
         raise NumericalError(
             f"the tractions of bonded contact {bonded[0].name} are not determined",
             f"use more similar spacings along {' and '.join(bonded[0].names)}",
-        ) from error
+        )
+    solution = columns[:, None] * np.linalg.solve(scaled, rows[:, None] * known)
+    # One step of iterative refinement.
+    rest = rows[:, None] * (known - matrix @ solution)
+    solved = -whole @ (solution + columns[:, None] * np.linalg.solve(scaled, rest))
     by_others, response = np.split(solved, [len(kept)], axis=1)
     counts = loads, motions, pressures - len(gaps), tractions - len(slips)
     names = [one.name for one in bonded]

@@ -23,13 +23,9 @@ BLOCK, BLOCKS = 300, 8
 
 
 def contact_stability(condensed: Condensed, chosen: BoolArray, loose: Sequence[str] = ()) -> float:
-    """Smallest resistance to pressures, and with friction tractions, on the ``chosen`` candidates (m,);
-    the bodies ``loose`` are held by contact only.
-
-    See :func:`relative_resistance`. Nodes that never touch are excluded: the outermost candidates, whose
-    pressure only half arrives on the master, resist little and carry nothing. For many candidates only some
-    blocks are examined: the least-resisted pressures oscillate from node to node.
-    """
+    """Smallest resistance to pressures, and with friction tractions, on the ``chosen`` candidates (m,), see
+    :func:`relative_resistance`; the bodies ``loose`` are held by contact only. For many candidates only some
+    blocks are examined: the least-resisted pressures oscillate from node to node."""
     kept = np.flatnonzero(chosen)
     if compressed(condensed.gap.pressure) is None or len(kept) <= BLOCK:
         return _stability(condensed, kept, loose)
@@ -40,18 +36,12 @@ def contact_stability(condensed: Condensed, chosen: BoolArray, loose: Sequence[s
 
 
 def _stability(condensed: Condensed, kept: IntArray, loose: Sequence[str]) -> float:
-    """The same for the candidates ``kept``."""
-    chosen = np.isin(np.arange(len(condensed.weight)), kept)
-    friction_nodes = np.flatnonzero(chosen[condensed.friction_nodes])
+    """:func:`contact_stability` of the candidates ``kept``."""
+    friction_nodes = np.flatnonzero(np.isin(condensed.friction_nodes, kept))
     gap, slip = condensed.gap, condensed.slip
+    both = ((gap, kept), (slip, friction_nodes))
     compliance = np.block(
-        [
-            [gap.pressure[np.ix_(kept, kept)], gap.traction[np.ix_(kept, friction_nodes)]],
-            [
-                slip.pressure[np.ix_(friction_nodes, kept)],
-                slip.traction[np.ix_(friction_nodes, friction_nodes)],
-            ],
-        ]
+        [[one.pressure[np.ix_(rows, kept)], one.traction[np.ix_(rows, friction_nodes)]] for one, rows in both]
     )
     place = np.concatenate([kept, condensed.friction_nodes[friction_nodes]])
     root = np.sqrt(condensed.around[place])
@@ -83,33 +73,25 @@ def relative_resistance(
     The denominator is the energy on a half-plane of a pressure of alternating sign from node to node, the one
     it resists least (Johnson, Contact Mechanics, 1985, section 13.2: a wave of length l displaces the surface
     by p l / (pi E*)). Sound discretisations reach 0.3 to 1.5 for any spacing, grading and units; near zero or
-    below, pressures oscillate from node to node freely. Only pressures without ``unbalanced`` (r, m) forces
-    count.
+    below, pressures oscillate freely. Only pressures without ``unbalanced`` (r, m) forces count.
     """
     relative = _relative(weight, half_plane, compliance, unbalanced)
-    relative = 0.5 * (relative + relative.T)
-    return float(np.linalg.eigvalsh(relative)[0]) if relative.size else np.inf
+    return float(np.linalg.eigvalsh(0.5 * (relative + relative.T))[0]) if relative.size else np.inf
 
 
 def constrained_resistance(
     weight: FloatArray, half_plane: FloatArray, compliance: FloatArray, unbalanced: FloatArray
 ) -> float:
-    """The same for a body that may yield to dead loads but not to the prescribed gaps: 1 over the largest
-    modulus of an eigenvalue of the inverse.
-
-    Under pressures beyond its shear modulus, or as a column between plates, a body would buckle under dead
-    loads: eigenvalues of its compliance have become negative through infinity, those of the inverse through
-    zero. A body that does not resist oscillating pressures has a compliance near zero and a large inverse.
-    """
+    """:func:`relative_resistance` of a body that may yield to dead loads but not to the prescribed gaps: 1
+    over the largest modulus of an eigenvalue of the inverse. Beyond a critical dead load eigenvalues of the
+    compliance have become negative through infinity, those of the inverse through zero."""
     relative = _relative(weight, half_plane, compliance, unbalanced)
     if not relative.size:
         return np.inf
-    try:
-        inverse = np.linalg.inv(relative)
-    except np.linalg.LinAlgError:
+    if np.linalg.cond(relative) > 1.0 / np.finfo(float).eps:
         return 0.0
-    values = np.linalg.eigvalsh(0.5 * (inverse + inverse.T))
-    return float(1.0 / np.abs(values).max())
+    inverse = np.linalg.inv(relative)
+    return float(1.0 / np.abs(np.linalg.eigvalsh(0.5 * (inverse + inverse.T))).max())
 
 
 def _relative(

@@ -54,7 +54,7 @@ class Compressed:
     def __matmul__(self, values: FloatArray) -> FloatArray:
         total = self.near @ values
         for chain in (*self.far, *self.smooth):
-            total += _applied(chain, values)
+            total += reduce(lambda right, one: one @ right, reversed(chain), values)
         return np.asarray(total)
 
     def __getitem__(self, key: Any) -> Any:
@@ -131,11 +131,6 @@ class Compressed:
         return np.asarray(size[:, :, None] * values * size[:, None, :])
 
 
-def _applied(chain: Chain, values: FloatArray) -> FloatArray:
-    """A product of matrices applied to ``values`` (m, ...)."""
-    return np.asarray(reduce(lambda right, one: one @ right, reversed(chain), values))
-
-
 def _dense(matrix: Any) -> FloatArray:
     """A matrix as an array."""
     return matrix if isinstance(matrix, np.ndarray) else np.asarray(matrix.toarray())
@@ -160,23 +155,15 @@ def stacked(parts: Sequence[FloatArray]) -> FloatArray:
     matrices = [one for one in map(compressed, some) if one is not None]
     if not matrices or len(matrices) < len(some):
         return np.concatenate([np.asarray(part) for part in parts])
-    ends = np.cumsum([0, *map(len, matrices)]).tolist()
-    places = [
-        sparse.csr_array(sparse.eye_array(ends[-1], len(one), k=-first, format="csr"))
-        for one, first in zip(matrices, ends[:-1], strict=True)
-    ]
-    far, smooth = (
-        tuple(
-            (place @ chain[0], *chain[1:])
-            for place, chains in zip(places, both, strict=True)
-            for chain in chains
-        )
-        for both in ([one.far for one in matrices], [one.smooth for one in matrices])
-    )
+    ends, far, smooth = np.cumsum([0, *map(len, matrices)]).tolist(), list[Chain](), list[Chain]()
+    for one, first in zip(matrices, ends[:-1], strict=True):
+        placed = sparse.csr_array(sparse.eye_array(ends[-1], len(one), k=-first, format="csr"))
+        far += [(placed @ chain[0], *chain[1:]) for chain in one.far]
+        smooth += [(placed @ chain[0], *chain[1:]) for chain in one.smooth]
     near = sparse.csr_array(sparse.vstack([one.near for one in matrices], format="csr"))
     weight = np.concatenate([one.weight for one in matrices])
     along = tuple(one for part in matrices for one in part.places)
-    return as_array(Compressed(near, far, smooth, weight, along))
+    return as_array(Compressed(near, tuple(far), tuple(smooth), weight, along))
 
 
 def largest(matrix: FloatArray) -> float:

@@ -8,9 +8,7 @@ friction, and the unknown rigid motions q of platens, obstacles and floating bod
     balance 0 = B f + G q + F_n p + F_t t           (one row per unknown motion)
 
 p acts on the slave along the master's outward normal, t along the tangent, the normal rotated by -90 degrees;
-s is the slip of the slave relative to the master along it. The matrices A are the compliance.
-
-Equation (11) of docs/method.md.
+s is the slip of the slave relative to the master along it. Equation (11) of docs/method.md.
 """
 
 from __future__ import annotations
@@ -30,7 +28,7 @@ from mlsanm_cli.contact.response.bonds import Bonds
 from mlsanm_cli.contact.response.compressed import compressed, largest
 from mlsanm_cli.contact.response.contact_fields import NearFields
 from mlsanm_cli.contact.response.dense import Blocks, Bordered, Multiplier
-from mlsanm_cli.contact.response.drivers import Drivers
+from mlsanm_cli.contact.response.drivers import Drivers, spans
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.mechanics.near_field import as_complex
 from mlsanm_cli.mechanics.scene import Scene
@@ -49,21 +47,19 @@ MAX_KEPT, MAX_KEPT_UNKNOWNS = 50, 5000
 class Condensed:
     """Everything the contact laws need.
 
-    ``pairings`` are the contacts with a contact law; those of ``bonds`` are eliminated. ``spans[contact]`` is
-    the range of its candidates among the pressures (m,), ``weight`` (m,) their surface lengths, ``around``
-    (m,) their circumferences in bodies of revolution, else 1, ``half_plane`` (m, 2, 2) 1/E* there along
-    normal and tangent. ``tangential[contact]`` is the range of a frictional contact among the tractions
-    (n,); ``friction_nodes`` (n,) are the indices of these nodes among the pressures, ``friction`` (n,) their
-    coefficients. ``gap`` maps to the candidates' gaps (m,), ``slip`` to the slips (n,), ``watched`` to the
-    gaps of other paired nodes, ``balance`` to the force imbalance of the rigid constraints (k,). ``beyond``
-    (m + n, m + n) is the part of gaps and slips that is not due to displacements
-    (:func:`correct_short_waves`).
+    ``pairings`` are the contacts with a contact law; those of ``bonds`` are eliminated. Of every contact,
+    ``spans`` and, with friction, ``tangential`` are the ranges among the pressures (m,) and tractions (n,);
+    ``friction_nodes`` (n,) are the indices of nodes with friction among the pressures, ``friction`` (n,)
+    their coefficients. ``weight`` (m,) are surface lengths, ``around`` (m,) circumferences in bodies of
+    revolution, else 1, ``half_plane`` (m, 2, 2) 1/E* along normal and tangent. ``watched`` maps to the gaps
+    of points that are no candidates, ``balance`` to the force imbalance of the rigid constraints (k,), whose
+    moments are about their centres. ``beyond`` (m + n, m + n) is the part of gaps and slips that is not due
+    to displacements (:func:`correct_short_waves`), ``quantities`` the maps of other results by kind and
+    subject (:meth:`ForceSums.quantities`, and "probe" displacement and stress of each probe).
 
-    ``quantities`` are the maps of all other results by kind and subject
-    (:meth:`ForceSums.quantities`, and "probe" the displacement and stress (5,) of each probe). ``solves``
-    counts columns. ``content`` is a digest of everything except friction coefficients. ``kept`` are near
-    fields at points of the bodies. Bodies may have ``inner`` right-hand sides (r,) and their solutions (2N,),
-    by eigenstresses; ``eigen`` are the maps of these.
+    ``solves`` counts columns. ``content`` is a digest of everything except friction coefficients. ``kept``
+    are near fields at points of the bodies. Bodies may have ``inner`` right-hand sides (r,) and their
+    solutions (2N,), by eigenstresses; ``eigen`` are the maps of these.
     """
 
     pairings: tuple[Pairing, ...]
@@ -125,22 +121,9 @@ class Condensed:
         tangential = (m + span.start for span in self.tangential.values())
         return Blocks(self.whole, [*(span.start for span in self.spans.values()), *tangential, m, m + n])
 
-    @cached_property
-    def _elastic(self) -> Multiplier:
-        own = compressed(self.gap.pressure)
-        if own is not None:
-            return own
-        return Blocks(self.gap.pressure, [span.start for span in self.spans.values()])
-
     def elastic_gap(self, pressure: FloatArray) -> float:
         """Largest gap caused by pressures (m,) on any candidate."""
-        return float(np.abs(self._elastic @ pressure).max(initial=0.0))
-
-    @cached_property
-    def own(self) -> tuple[FloatArray, FloatArray]:
-        """Self-compliances: gap (m,) and slip (n,) at a node due to unit pressure and traction there.
-        Absolute values, as those of floating bodies depend on the reference of their motions."""
-        return np.abs(self.gap.pressure.diagonal()), np.abs(self.slip.traction.diagonal())
+        return float(np.abs(self.gap.pressure @ pressure).max(initial=0.0))
 
     @cached_property
     def largest_compliance(self) -> float:
@@ -181,12 +164,10 @@ class Condensed:
     ) -> dict[str, BoolArray]:
         """Mask (w,) per contact of paired nodes that overlap, after a ``shift`` (w,), without being
         candidates."""
-        overlap = self.watched(f, q, p, t) + shift < 0.0
-        masks = {}
+        overlap, masks = self.watched(f, q, p, t) + shift < 0.0, dict[str, BoolArray]()
         for pairing in self.pairings:
-            mask = np.zeros(len(pairing.position), dtype=bool)
-            mask[~pairing.candidate] = overlap[self.watched_of(pairing.name)]
-            masks[pairing.name] = mask
+            masks[pairing.name] = ~pairing.candidate
+            masks[pairing.name][~pairing.candidate] = overlap[self.watched_of(pairing.name)]
         return masks
 
     def cut(self, pressure: FloatArray) -> list[str]:
@@ -201,13 +182,8 @@ class Condensed:
 
     def watched_of(self, name: str) -> slice:
         """Range of a contact's paired nodes that are no candidates, among those of all contacts."""
-        first = 0
-        for pairing in self.pairings:
-            last = first + int((~pairing.candidate).sum())
-            if pairing.name == name:
-                return slice(first, last)
-            first = last
-        raise KeyError(name)
+        counts = [int((~one.candidate).sum()) for one in self.pairings]
+        return spans([one.name for one in self.pairings], counts)[name]
 
     def source(
         self, body: str, f: FloatArray, q: FloatArray, p: FloatArray, t: FloatArray
@@ -233,15 +209,14 @@ class Condensed:
     def closest(self, gap: FloatArray) -> BoolArray:
         """Mask (m,) of nodes with the smallest ``gap`` (m,) in every contact, enough to hold all rigid
         motions if possible."""
-        ordered = {name: np.sort(gap[span]) for name, span in self.spans.items()}
         chosen = np.zeros(len(gap), dtype=bool)
         held = np.vstack([self.gap.motion, self.slip.motion, self.balance.motion])
         size = np.abs(held).max(axis=0, initial=0.0)
         held, still = held / np.where(size > 0.0, size, 1.0), np.ones(held.shape[1], dtype=bool)
         most = np.linalg.matrix_rank(held, ROUND_OFF)
         for count in 2 ** np.arange(len(gap).bit_length() + 1):
-            for name, span in self.spans.items():
-                widest = ordered[name][:count].max(initial=-np.inf)
+            for span in self.spans.values():
+                widest = np.sort(gap[span])[:count].max(initial=-np.inf)
                 chosen[span] |= gap[span] <= widest + ROUND_OFF * self.weight[span]
             rows = np.concatenate([chosen, chosen[self.friction_nodes], still])
             if np.linalg.matrix_rank(held[rows], ROUND_OFF) == most:
@@ -251,10 +226,8 @@ class Condensed:
     def solution(
         self, scene: Scene, body: str, unknowns: Sequence[FloatArray]
     ) -> tuple[FloatArray, sparse.csc_array]:
-        """Solution (2N, 1) of a body's elastic system in a state f, q, p, t, and its right-hand side (r, 1).
-
-        Takes one solve; none without contact, as the few ``solutions`` (2N, loads + motions) are stored then.
-        """
+        """Solution (2N, 1) of a body's elastic system in a state f, q, p, t, and its right-hand side (r, 1):
+        one solve; none without contact, as the ``solutions`` (2N, drivers) are stored then."""
         f, q, p, t = unknowns
         source = self.source(body, f, q, p, t)
         if body in self.solutions:
@@ -272,8 +245,7 @@ class Condensed:
         self, scene: Scene, body: str, unknowns: Sequence[FloatArray], points: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Displacements (e, 2) and stresses (e, 3 | 4) of the near fields at ``points`` (e, 2) of a body, or
-        at its nodes, in a state f, q, p, t. The elastic system gives the rest of both. What depends on the
-        points alone is kept for other states."""
+        at its nodes, in a state f, q, p, t. The elastic system gives the rest of both."""
         model = scene.bodies[body].model
         seen = model.cloud.points if points is None else points
         displacement, stress = np.zeros((len(seen), 2)), np.zeros((len(seen), len(model.material.stiffness)))

@@ -1,42 +1,43 @@
 """Near-field displacements and stresses in a body under the pressures and tractions of a contact grid.
 
-Integrals along the contact use Gauss quadrature on each interval, with more points close to it. Where these
-are depends on the points of the body and the grid only, which a path leaves as they are.
+Integrals along the contact use Gauss quadrature on each interval, with more points close to it; on intervals
+next to the point the arc length is substituted by s0 + d sinh(v), which removes the nearby pole (Johnston and
+Elliott 2005, doi:10.1002/nme.1208). Where these are depends on the points of the body and the grid only,
+which a path leaves as they are.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import field
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 import scipy.sparse as sparse
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import AnyArray, BoolArray, FloatArray, IntArray
-from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
-from mlsanm_cli.contact.geometry.grid import RULE
-from mlsanm_cli.contact.response.loaded_intervals import (
-    Intervals,
-    close_matrix,
-    feet,
-    halves,
-    inside,
-)
+from mlsanm_cli.contact.geometry.grid import RULE, chebyshev, lagrange
 from mlsanm_cli.mechanics.corner import Corner
 from mlsanm_cli.mechanics.near_field import (
     BATCH_SIZE,
     NO_PAIRS,
+    SURFACE_INSET,
     ComplexArray,
     PointForceField,
     SurfaceForces,
-    as_complex,
+    as_real,
 )
 from mlsanm_cli.records import dataclass
+from mlsanm_cli.roundoff import FINE_ROUND_OFF
 
 GRID_POINT_DISTANCE = 2.0
 """Intervals farther away than this many of their lengths are integrated with the grid's quadrature points."""
+GAUSS_POINTS = ((0.0, 32), (0.05, 12), (0.5, 6))
+"""Distance in interval lengths, and number of Gauss points from there on, for nearby intervals."""
+NEWTON_STEPS = 3
+"""Newton steps to the closest point of the surface."""
 FAR_DISTANCE, FAR_SAMPLES, DISTANT_SAMPLES = 1.0 / 6.0, 48, 12
 """Beyond FAR_DISTANCE ranges FAR_SAMPLES samples represent all pressures, to 1e-7; beyond one range
 DISTANT_SAMPLES samples do."""
@@ -47,6 +48,94 @@ MAX_KEPT_PAIRS = 150_000
 contacts."""
 TIP_INSET = 2e-3
 """Points closer to a corner's tip than this fraction of its faces are shifted inside by as much."""
+
+
+@dataclass(frozen=True)
+class Intervals:
+    """The intervals (i,) between the ``ends`` (i + 1,) of a contact, as they load one body, and at the
+    quadrature points (q,) of each: ``share`` (q,) of the interval, ``place`` and ``inward`` normal (q, i),
+    directions of pressures and of tractions (q, i, 2)."""
+
+    grid: ContactGrid
+    slave: bool
+    kernel: PointForceField
+    ends: FloatArray
+    share: FloatArray
+    place: ComplexArray
+    inward: ComplexArray
+    directions: tuple[FloatArray, FloatArray]
+
+    @classmethod
+    def of(cls, grid: ContactGrid, slave: bool, kernel: PointForceField) -> Intervals:
+        """The intervals of a grid."""
+        ends, share = grid.hats.ends, np.array([share for share, _ in RULE])
+        s = ends[:-1] + share[:, None] * np.diff(ends)
+        place, inward, both = grid.facing.side_and_directions(s.ravel(), slave)
+        normal, tangent = (one.reshape(*s.shape, 2) for one in both)
+        points = place.reshape(s.shape), inward.reshape(s.shape)
+        return cls(grid, slave, kernel, ends, share, *points, (normal, tangent))
+
+    @property
+    def steps(self) -> FloatArray:
+        """Lengths (i,) of the intervals."""
+        return np.diff(self.ends)
+
+    def forces(self, *values: FloatArray) -> FloatArray:
+        """Forces (q, i, 2, c) at the quadrature points for nodal pressures and tractions (m, c)."""
+        first, last = self.grid.hats.whole
+        beyond, part = ((int(not first), int(not last)), (0, 0)), self.share[:, None, None]
+        total = np.zeros((*self.place.shape, 2, values[0].shape[1]))
+        for direction, one in zip(self.directions, (np.pad(one, beyond) for one in values), strict=True):
+            total += direction[..., None] * ((1.0 - part) * one[:-1] + part * one[1:])[:, :, None]
+        length = np.array([weight for _, weight in RULE])[:, None] * self.steps
+        return np.asarray(length[:, :, None, None] * total)
+
+    def sources(self, place: ComplexArray, inward: ComplexArray) -> SurfaceForces:
+        """Unit forces on the body at given points."""
+        return SurfaceForces(self.kernel, place, inward, self.grid.centers[0 if self.slave else 1])
+
+    def of_points(self, span: slice) -> SurfaceForces:
+        """Unit forces (q i,) at the quadrature points of some intervals."""
+        return self.sources(self.place[:, span].ravel(), self.inward[:, span].ravel())
+
+    def of_samples(self, span: slice, count: int) -> tuple[SurfaceForces, FloatArray]:
+        """Unit forces at ``count`` samples, and the shares (k, q i) in them of forces at the quadrature
+        points of some intervals, which they represent from afar."""
+        starts, steps = self.ends[:-1][span], self.steps[span]
+        samples = chebyshev(float(self.ends[span.start]), float(self.ends[span.stop]), count)
+        shares = lagrange((starts + self.share[:, None] * steps).ravel(), samples)
+        return self.sources(*self.grid.facing.side(samples, self.slave)), np.ascontiguousarray(shares.T)
+
+    def away(self, z: ComplexArray, sources: SurfaceForces, span: slice) -> FloatArray:
+        """Distances (e,) of points from the nearest source over the extent of some intervals."""
+        extent = float(self.ends[span.stop] - self.ends[span.start])
+        return np.asarray(np.abs(z[:, None] - sources.place).min(axis=1) / extent)
+
+    def nearest(
+        self, z: ComplexArray, s: FloatArray, within: tuple[FloatArray, FloatArray]
+    ) -> tuple[FloatArray, ComplexArray, ComplexArray]:
+        """Coordinates (p,) of the closest surface points ``within`` bounds (p,), starting from ``s``, with
+        points and inward normals (p,)."""
+        for _ in range(NEWTON_STEPS):
+            place, inward = self.grid.facing.side(s, self.slave)
+            # Coordinates increase along the slave, which is on the left.
+            along = ((z - place) * np.conj(1j * inward)).real
+            s = np.clip(s + (-along if self.slave else along), *within)
+        return s, *self.grid.facing.side(s, self.slave)
+
+    def inside(self, z: ComplexArray) -> ComplexArray:
+        """The points, those on the contact surface shifted inside."""
+        ends = self.ends
+        near = cKDTree(as_real(self.grid.facing.side(ends, self.slave)[0])).query(as_real(z))[1]
+        # On a closed surface the last interval is next to the first.
+        beyond = 0.0 if self.grid.hats.period is None else 1.0
+        bounds = ends[0] - beyond * (ends[-1] - ends[-2]), ends[-1] + beyond * (ends[1] - ends[0])
+        around = np.concatenate([[bounds[0]], ends, [bounds[1]]])
+        s, place, inward = self.nearest(z, ends[near], (around[near], around[near + 2]))
+        step = self.steps[np.clip(np.searchsorted(ends, s) - 1, 0, len(ends) - 2)]
+        deep, size = ((z - place) * np.conj(inward)).real, SURFACE_INSET * step
+        on = np.abs(z - place) <= 2.0 * step
+        return np.where(on & (deep < size), z + (size - deep) * inward, z)
 
 
 @dataclass(frozen=True)
@@ -112,14 +201,14 @@ class NearFields:
             at_tip = np.abs(z - corner.tip) < TIP_INSET * corner.length
             z = np.where(at_tip, corner.tip + TIP_INSET * corner.length * corner.bisector, z)
         z = np.concatenate([z, *(image.points(z) for image in grid.images_of(slave))])
-        intervals, within = Intervals.of(grid, slave, kernel), inside(grid, slave, z)
+        intervals = Intervals.of(grid, slave, kernel)
         every, whole = np.arange(len(z)), slice(0, len(intervals.steps))
         groups, pairs = list[_Group](), list[tuple[AnyArray, ...]]()
-        _arrange(intervals, within, every, whole, groups, pairs)
-        close = close_matrix(intervals, len(z), pairs)
+        _arrange(intervals, intervals.inside(z), every, whole, groups, pairs)
         for corner in grid.corners_of(slave):
             groups.extend(_images(intervals, corner, z, every, whole))
         count = sum(len(group.z) * len(group.sources.place) for group in groups)
+        close = _close_matrix(intervals, len(z), pairs)
         return cls(intervals, z, tuple(groups), close, count * contacts <= MAX_KEPT_PAIRS)
 
     def __call__(self, pressure: FloatArray, traction: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -147,6 +236,11 @@ class NearFields:
         return own[0], own[1]
 
 
+def _halves(span: slice) -> tuple[slice, slice]:
+    middle = (span.start + span.stop) // 2
+    return slice(span.start, middle), slice(middle, span.stop)
+
+
 def _images(
     intervals: Intervals, corner: Corner, z: ComplexArray, some: IntArray, span: slice
 ) -> Iterator[_Group]:
@@ -157,11 +251,11 @@ def _images(
     if found is None or not len(some):
         return
     few, image = found
-    near = np.abs(z[some, None] - few.place).min(axis=1) <= FAR_DISTANCE * intervals.extent(span)
+    near = intervals.away(z[some], few, span) <= FAR_DISTANCE
     if not near.all():
         yield _Group(some[~near], z[some[~near]], span, few, shares, image=image)
     if span.stop - span.start > MAX_INTERVALS:
-        for half in halves(span):
+        for half in _halves(span):
             yield from _images(intervals, corner, z, some[near], half)
     elif near.any():
         whole = corner.mirrored(corner.distance(intervals.of_points(span).place))
@@ -181,9 +275,9 @@ def _arrange(
     next to it, and the closest place on its chord as a fraction. From afar few samples represent all
     pressures; nearer, those of each half of the intervals, recursively."""
     close, steps = intervals.of_samples(span, FAR_SAMPLES), intervals.steps[span]
-    away = np.abs(z[some, None] - close[0].place).min(axis=1) / intervals.extent(span)
+    away = intervals.away(z[some], close[0], span)
     near, distant = away <= FAR_DISTANCE, away > 1.0
-    for chosen, count in ((distant & ~near, DISTANT_SAMPLES), (~distant & ~near, FAR_SAMPLES)):
+    for chosen, count in ((distant, DISTANT_SAMPLES), (~distant & ~near, FAR_SAMPLES)):
         if chosen.any():
             seen = close if count == FAR_SAMPLES else intervals.of_samples(span, count)
             groups.append(_Group(some[chosen], z[some[chosen]], span, *seen))
@@ -191,33 +285,75 @@ def _arrange(
     if not len(adjacent):
         return
     if len(steps) > MAX_INTERVALS:
-        for half in halves(span):
+        for half in _halves(span):
             _arrange(intervals, z, adjacent, half, groups, pairs)
         return
     ends = intervals.grid.facing.side(intervals.ends[span.start : span.stop + 1], intervals.slave)[0]
-    sources = intervals.of_points(span)
+    sources, starts, chords = intervals.of_points(span), ends[:-1], np.diff(ends)
     for few in np.array_split(adjacent, 1 + len(adjacent) * len(sources.place) // BATCH_SIZE):
-        foot = feet(z[few], ends[:-1], np.diff(ends))
-        beside = np.abs(z[few, None] - (ends[:-1] + foot * np.diff(ends))) < GRID_POINT_DISTANCE * steps
+        way = ((z[few, None] - starts) * np.conj(chords)).real / np.abs(chords) ** 2
+        foot: FloatArray = np.clip(way, 0.0, 1.0)
+        beside = np.abs(z[few, None] - (starts + foot * chords)) < GRID_POINT_DISTANCE * steps
         groups.append(_Group(few, z[few], span, sources, left_out=np.tile(beside, len(RULE))))
         row, interval = np.nonzero(beside)
         pairs.append((few[row], z[few[row]], span.start + interval, foot[beside]))
 
 
-def adjacent_traction(
-    grid: ContactGrid,
-    kernel: PointForceField,
-    slave: bool,
-    surface: Surface,
-    pressure: FloatArray,
-    traction: FloatArray,
+@cache
+def _rule(count: int) -> tuple[FloatArray, FloatArray]:
+    """Gauss points and weights on (-1, 1)."""
+    return np.polynomial.legendre.leggauss(count)
+
+
+def _close_matrix(
+    intervals: Intervals, count: int, pairs: Sequence[tuple[AnyArray, ...]]
+) -> sparse.csr_array:
+    """Displacements x and y and stresses xx, yy, xy (5 count, 2m), quantity by quantity, at ``count`` points
+    due to nodal pressures and tractions on the intervals next to them."""
+    nodes = len(intervals.grid.hats.place)
+    shape, skipped = (5 * count, 2 * nodes), int(not intervals.grid.hats.whole[0])
+    if not pairs:
+        return sparse.csr_array(shape)
+    row, z, interval, foot = (np.concatenate(some) for some in zip(*pairs, strict=True))
+    # Closest points on the surface, starting from those on the chords: a curved interval is not its chord.
+    first, last, size = intervals.ends[interval], intervals.ends[interval + 1], intervals.steps[interval]
+    s, place, _ = intervals.nearest(z, first + foot * size, (first, last))
+    at, away = (s - first) / size, np.abs(z - place) / size
+    values = np.zeros((len(row), 5, 2, 2))
+    limits = [*(limit for limit, _ in GAUSS_POINTS[1:]), np.inf]
+    for (least, points), beyond in zip(GAUSS_POINTS, limits, strict=True):
+        chosen = np.flatnonzero((away >= least) & (away < beyond))
+        for some in np.array_split(chosen, 1 + len(chosen) * points // BATCH_SIZE):
+            each = z[some], interval[some], at[some], away[some]
+            values[some] = _close_integrals(intervals, _rule(points), *each)
+    rows = np.broadcast_to((row[:, None] + count * np.arange(5))[:, :, None, None], values.shape)
+    node = interval[:, None] + np.arange(2) - skipped
+    columns = np.broadcast_to((node[:, :, None] + nodes * np.arange(2))[:, None], values.shape)
+    kept = np.broadcast_to(((node >= 0) & (node < nodes))[:, None, :, None], values.shape)
+    return sparse.csr_array((values[kept], (rows[kept], columns[kept])), shape=shape)
+
+
+def _close_integrals(
+    intervals: Intervals,
+    rule: tuple[FloatArray, FloatArray],
+    z: ComplexArray,
+    interval: IntArray,
+    at: FloatArray,
+    away: FloatArray,
 ) -> FloatArray:
-    """Near-field tractions (b, 2) at the nodes of a body's surface due to nodal ``pressure`` and ``traction``
-    (m,) on the slave, without the applied tractions themselves."""
-    pressure, traction = grid.deviation(pressure, 0), grid.deviation(traction, 1)
-    z = as_complex(surface.curve.points(surface.arc_length))
-    curvature = surface.curve.curvature(surface.arc_length)
-    normal, tangent = grid.spreads
-    on = np.stack(np.split(normal @ pressure + tangent @ traction, 2), axis=1)
-    found = grid.forces(kernel, slave).traction(z, as_complex(surface.normal), curvature)
-    return np.asarray(np.einsum("ekcd,kd->ec", found, on))
+    """Displacements and stresses (p, 5, 2, 2) at points due to unit values at the ends of one interval each,
+    of pressure and of traction, by a Gauss ``rule`` (k,) after a substitution that removes the peak at the
+    closest point."""
+    distance = np.maximum(away, FINE_ROUND_OFF)[:, None]
+    low, high = np.arcsinh(-at[:, None] / distance), np.arcsinh((1.0 - at[:, None]) / distance)
+    v = 0.5 * (low + high) + 0.5 * (high - low) * rule[0]
+    share = np.clip(at[:, None] + distance * np.sinh(v), 0.0, 1.0)
+    first, step = intervals.ends[interval][:, None], intervals.steps[interval][:, None]
+    length = 0.5 * rule[1] * (high - low) * distance * np.cosh(v) * step
+    s = (first + share * step).ravel()
+    place, inward, directions = intervals.grid.facing.side_and_directions(s, intervals.slave)
+    sources, seen = intervals.sources(place, inward), np.repeat(z, len(rule[0]))
+    field = np.concatenate([sources.displacement_of_each(seen), sources.stress_of_each(seen)], axis=1)
+    by_kind = (field @ np.stack(directions, axis=2)).reshape(*share.shape, 5, 2)
+    hats = length[:, :, None] * np.stack([1.0 - share, share], axis=2)
+    return np.asarray(np.einsum("pkfd,pke->pfed", by_kind, hats))

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterable
 from dataclasses import replace
 from functools import cached_property
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import scipy.sparse as sparse
@@ -92,20 +92,18 @@ class Drivers:
     def matrix(self) -> sparse.csr_array:
         """The drivers (drivers, unknowns) per unit of every unknown."""
         few = self.loads + self.motions
-        entries = [(0, 0, np.eye(few))]
+        entries: list[tuple[int, int, Any]] = [(0, 0, np.eye(few))]
         for name, basis in self.bases.items():
             columns = [few + self.spans[name].start]
             if name in self.tangential:
                 columns.append(few + self.counts[2] + self.tangential[name].start)
             for which, column in enumerate(columns):
                 entries.append((self.places[name].start, column, basis.by_values(which)))
-        parts = [sparse.coo_array(block) for _, _, block in entries]
-        each = [
-            (part.data, row + part.coords[0], column + part.coords[1])
-            for (row, column, _), part in zip(entries, parts, strict=True)
-        ]
-        values, rows, columns_ = (np.concatenate(one) for one in zip(*each, strict=True))
-        return sparse.csr_array((values, (rows, columns_)), shape=(self.total, sum(self.counts)))
+        parts = [(row, column, sparse.coo_array(block)) for row, column, block in entries]
+        values = np.concatenate([part.data for _, _, part in parts])
+        rows = np.concatenate([row + part.coords[0] for row, _, part in parts])
+        places = np.concatenate([column + part.coords[1] for _, column, part in parts])
+        return sparse.csr_array((values, (rows, places)), shape=(self.total, sum(self.counts)))
 
     def compressed(self, rows: FloatArray, weight: FloatArray) -> LinearMap:
         """Functionals ``rows`` (r, drivers) in terms of the unknowns, compressed, for frictionless contacts

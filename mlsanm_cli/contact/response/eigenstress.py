@@ -20,7 +20,6 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.contact.response.responses import BodyResponses, functional_rows
 from mlsanm_cli.mechanics.eigenstress import eigenstress_loads, eigenstress_reaction
 from mlsanm_cli.mechanics.scene import RigidMotion, Scene
@@ -95,11 +94,8 @@ class Eigenstresses:
     ) -> Condensed:
         """A ``condensed`` scene without eigenstresses under those given (n, 3), see :meth:`response`."""
         inner, seen = self.response(stresses, quick, more)
-
-        def shifted(linear: LinearMap, wide: LinearMap) -> LinearMap:
-            return linear.shifted(wide.load[:, self.count :] @ seen)
-
-        found = replace(_mapped(condensed, self.wide, shifted), inner=inner)
+        changed = _mapped(condensed, self.wide, lambda own, by: own.shifted(by.load[:, self.count :] @ seen))
+        found = replace(changed, inner=inner)
         # Whatever does not depend on constants, computed at most once.
         vars(found).update({name: getattr(condensed, name) for name in ("whole", "blocks", "problem")})
         return found
@@ -127,12 +123,9 @@ def widened(scene: Scene, count: int) -> Scene:
 def narrowed(wide: Condensed, count: int) -> Condensed:
     """A condensed scene with the first loads only."""
 
-    def narrower(linear: LinearMap, _: LinearMap) -> LinearMap:
-        return replace(linear, load=linear.load[:, :count])
-
     extra = np.s_[count : wide.gap.load.shape[1]]
     return replace(
-        _mapped(wide, wide, narrower),
+        _mapped(wide, wide, lambda one, _: replace(one, load=one.load[:, :count])),
         drivers=replace(wide.drivers, loads=count),
         sources={name: without(one, extra) for name, one in wide.sources.items()},
         solutions={name: np.delete(one, extra, axis=1) for name, one in wide.solutions.items()},

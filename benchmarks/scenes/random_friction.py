@@ -1,35 +1,19 @@
-"""Random scenes with friction: every one must end well or say why, and no accepted state may break a law.
+"""Random scenes with friction: no accepted state may break a law (random_scenes.py --friction).
 
 Half-disks and blocks on blocks, friction coefficients from 0.05 to 1.5, stiffness ratios from 1 to 100, shear
 inside and beyond the friction limit under force or displacement control, three to five random stages, exact
-and smooth law. Writes random_friction.json next to the other results.
-
-    python benchmarks/random_friction.py [count] [first seed]
+and smooth law.
 """
 
 from __future__ import annotations
 
-import json
-import sys
-import tempfile
-import time
-from collections import Counter
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))
-
-from mlsanm_cli.app.run import run  # noqa: E402
-from mlsanm_cli.errors import MlsanmError  # noqa: E402
-from mlsanm_cli.io.run_reader import Dataset, read_run  # noqa: E402
-from tests.app.scenes import Quiet  # noqa: E402
-from tests.case_text import box, half_disk, head  # noqa: E402
-
-RESULTS = Path(__file__).parent / "results"
+from mlsanm_cli.io.run_reader import Dataset
+from tests.case_text import box, half_disk, head
 
 DISK = half_disk([0.0, 1.0], 1.0)
 BLOCK, LOWER = box([-0.5, 0.5], [0.0, 0.6]), box([-1.0, 1.0], [-1.0, 0.0])
@@ -94,55 +78,3 @@ def faults(summary: Mapping[str, Any], contact: Dataset, law: str) -> list[str]:
     if summary["residual"] > 1e-8:
         found.append(f"residual {summary['residual']}")
     return found
-
-
-def main(count: int, first: int) -> None:
-    """Run the scenes and tell what came of them."""
-    rows, outcomes = [], Counter[str]()
-    with tempfile.TemporaryDirectory() as folder:
-        for seed in range(first, first + count):
-            for law in ("exact", "hyperbolic"):
-                text = scene(seed, law)
-                case, out = Path(folder) / f"{seed}_{law}.toml", Path(folder) / f"{seed}_{law}"
-                case.write_text(text)
-                started = time.process_time()
-                try:
-                    summary = run(
-                        case, overrides=("output.vtu=false", "output.fields=[]"), out=out, console=Quiet()
-                    )
-                except MlsanmError as error:
-                    row: dict[str, Any] = {
-                        "seed": seed,
-                        "law": law,
-                        "status": "refused",
-                        "reason": str(error),
-                    }
-                else:
-                    row = {
-                        "seed": seed,
-                        "law": law,
-                        "status": summary["status"],
-                        "reason": summary["stop_reason"],
-                    }
-                    if summary["contacts"]:
-                        data = read_run(out)
-                        row["faults"] = faults(summary, data.contacts["interface"], law)
-                        row |= {key: summary[key] for key in ("position", "steps", "warnings")}
-                row["seconds"] = time.process_time() - started
-                rows.append(row)
-                kind = (
-                    row["status"] if row["status"] == "done" else row["reason"].partition(" at position")[0]
-                )
-                outcomes[f"{law}: {kind}"] += 1
-                print(json.dumps(row), flush=True)
-    print(
-        json.dumps({"outcomes": outcomes, "faults": sum(bool(row.get("faults")) for row in rows)}, indent=2)
-    )
-    RESULTS.mkdir(exist_ok=True)
-    (RESULTS / "random_friction.json").write_text(
-        json.dumps({"outcomes": outcomes, "rows": rows}, indent=1) + "\n"
-    )
-
-
-if __name__ == "__main__":
-    main(*(int(text) for text in sys.argv[1:3]) if len(sys.argv) > 2 else (100, 0))
