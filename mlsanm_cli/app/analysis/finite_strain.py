@@ -20,7 +20,7 @@ from mlsanm_cli.app.finite.accuracy import (
     missing_works,
     work_error,
 )
-from mlsanm_cli.app.finite.checks import END, FiniteEnd
+from mlsanm_cli.app.finite.checks import END, STATE, FiniteEnd
 from mlsanm_cli.app.finite.contact_path import contact_path
 from mlsanm_cli.app.finite.fields import (
     CONTACT_PREFIX,
@@ -37,7 +37,6 @@ from mlsanm_cli.app.finite.fields import (
 from mlsanm_cli.app.finite.grids import knots_of, located, with_knots
 from mlsanm_cli.app.finite.path import finite_path
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
-from mlsanm_cli.app.finite.states import STATE
 from mlsanm_cli.app.output.analysis import Analysis, BodyFields
 from mlsanm_cli.app.output.parts import ContactNodes, contact_part, obstacles, vtu_states
 from mlsanm_cli.app.scene.refinement import Refinement
