@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from mlsanm_cli.reference.hertz import HertzLine
+from mlsanm_cli.app.checks.references import HertzLine
 
 
 def plates_approach(force: float, radius: float, modulus: float) -> float:
