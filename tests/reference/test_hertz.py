@@ -9,9 +9,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.optimize import minimize_scalar
 
-from benchmarks.formulas.kirsch import KirschHole
-from benchmarks.formulas.lame import LameRing
-from benchmarks.formulas.persson import FIT, PinInHole, clearance_ratio
+from benchmarks.formulas import FIT, KirschHole, LameRing, PinInHole, clearance_ratio
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.reference.hertz import HertzLine
 
