@@ -41,7 +41,6 @@ class Memo:
 
     @property
     def figures(self) -> Mapping[str, int]:
-        """Numbers of results ``found`` and ``made``; empty if none are kept."""
         return {"found": self._found, "made": self._made} if self._most else {}
 
 

@@ -36,7 +36,6 @@ MB = 2.0**20
 
 
 def host() -> str:
-    """The name of the machine."""
     return platform.node()
 
 

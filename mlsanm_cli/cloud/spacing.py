@@ -3,7 +3,7 @@ approximate a wanted field, and the number of nodes."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -22,6 +22,9 @@ from mlsanm_cli.roundoff import ROUND_OFF
 MAX_STEPS = 2_000_000
 """Largest number of nodes along one curve; with more, the interior nodes would not fit in memory."""
 
+GROWTH = 0.15
+"""Increase of automatic spacings per unit length: with faster growth the wide, flat stencils hardly resist
+displacements that alternate from node to node."""
 MIN_DISTANCE = 0.5
 """Least distance of wanted nodes from ends and from each other, in spacings."""
 
@@ -32,13 +35,16 @@ class Zone:
 
     curve: Curve
     spacing: float
-    radius: float
-    growth: float
+    radius: float = 0.0
+    growth: float = GROWTH
 
     @classmethod
-    def around(cls, point: tuple[float, float], spacing: float, radius: float, growth: float) -> Zone:
+    def around(
+        cls, point: Iterable[float], spacing: float, radius: float = 0.0, growth: float = GROWTH
+    ) -> Zone:
         """Zone about a point."""
-        return cls(Segment(point, point), spacing, radius, growth)
+        x, y = (float(coordinate) for coordinate in point)
+        return cls(Segment((x, y), (x, y)), spacing, radius, growth)
 
 
 @dataclass(frozen=True)
@@ -65,8 +71,19 @@ class Spacing:
         return replace(self, zones=(*self.zones, *zones))
 
     def symmetric(self, line: SymmetryLine) -> bool:
-        """Whether every zone is symmetric about ``line`` or has its mirror image among the zones."""
-        marks, asked = _zone_points(self.table())
+        """Whether every zone is symmetric about ``line`` or has its mirror image among the zones: zones of
+        equal spacing, radius, growth and circle radius (z, 4), with three points (z, 3, 2) of their lines and
+        arcs, of full circles the centre, at mirror images."""
+        table = self.table()
+        first, last = table[:, 1:3], table[:, 3:5]
+        marks = np.stack([first, 0.5 * (first + last), last], axis=1)
+        asked = np.concatenate([table[:, 6:9], np.zeros((len(table), 1))], axis=1)
+        for zone in np.flatnonzero(table[:, 0] == 1.0):
+            radius, start, sweep = table[zone, 3:6]
+            angle = start + sweep * np.array([0.0, 0.5, 1.0])
+            around = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+            marks[zone] = table[zone, 1:3] + (around if sweep < 2.0 * np.pi else 0.0)
+            asked[zone, 3] = radius
         images = line.reflect(marks.reshape(-1, 2)).reshape(marks.shape)
         slack = ROUND_OFF * asked[:, :1, None]
         for image, wanted in zip(images, asked, strict=True):
@@ -86,8 +103,9 @@ class Spacing:
         of h rescaled at the end, keep a fine zone in its place, so that fine zones of two bodies face each
         other. Raises RunError for more than MAX_STEPS nodes.
         """
+        too_many = RunError(f"more than {MAX_STEPS} nodes along one boundary", "use larger spacings")
         if not curve.length <= MAX_STEPS * self.far:
-            raise _too_many()
+            raise too_many
         s = np.linspace(0.0, curve.length, 257)
         for _ in range(40):
             # Refine the samples until 1/h varies little between them; then the trapezoidal rule is enough.
@@ -99,16 +117,17 @@ class Spacing:
                 break
             s = np.sort(np.concatenate([s, (0.5 * (s[1:] + s[:-1]))[coarse]]))
             if len(s) > 2 * MAX_STEPS:
-                raise _too_many()
+                raise too_many
         density = 1.0 / self.at(curve.points(s))
         integral = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(s) * (density[1:] + density[:-1]))])
         if not integral[-1] <= MAX_STEPS:
-            raise _too_many()
-        total, halved = float(integral[-1]), line is not None and _halved(curve, line)
-        ends, wanted = [0.0, *([0.5 * total] if halved else ()), total], np.zeros(0)
-        if len(places):
-            wanted = np.interp(places, s, integral)
-        for place in wanted.tolist():
+            raise too_many
+        total, halved = float(integral[-1]), False
+        if line is not None:
+            middle = curve.points(np.array([0.5 * curve.length]))[0, line.axis]
+            halved = bool(abs(middle - line.at) <= ROUND_OFF * curve.length)
+        ends = [0.0, *([0.5 * total] if halved else ()), total]
+        for place in np.interp(places, s, integral).tolist() if len(places) else ():
             if min(abs(place - end) for end in ends) > MIN_DISTANCE:
                 ends.append(place)
         # The small shift decides ties alike in every system of units.
@@ -125,31 +144,6 @@ class Spacing:
         steps: FloatArray = np.interp(even, integral, s)
         steps[0], steps[-1] = 0.0, curve.length
         return steps
-
-
-def _halved(curve: Curve, line: SymmetryLine) -> bool:
-    """Whether the middle of a curve is on the symmetry ``line``."""
-    middle = curve.points(np.array([0.5 * curve.length]))[0, line.axis]
-    return bool(abs(middle - line.at) <= ROUND_OFF * curve.length)
-
-
-def _zone_points(table: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Three points (z, 3, 2) on every zone's line or arc (the centre, for a full circle) and its spacing,
-    radius, growth and circle radius (z, 4)."""
-    first, last = table[:, 1:3], table[:, 3:5]
-    marks = np.stack([first, 0.5 * (first + last), last], axis=1)
-    asked = np.concatenate([table[:, 6:9], np.zeros((len(table), 1))], axis=1)
-    for zone in np.flatnonzero(table[:, 0] == 1.0):
-        center, (radius, start, sweep) = table[zone, 1:3], table[zone, 3:6]
-        angle = start + sweep * np.array([0.0, 0.5, 1.0])
-        around = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        marks[zone] = center + (around if sweep < 2.0 * np.pi else 0.0)
-        asked[zone, 3] = radius
-    return marks, asked
-
-
-def _too_many() -> RunError:
-    return RunError(f"more than {MAX_STEPS} nodes along one boundary", "use larger spacings")
 
 
 NODES_PER_SQUARE = 0.89
@@ -216,9 +210,7 @@ def cover(
     inside wants that spacing; infinity wants nothing. ``planned`` is the spacing without these zones. With a
     ``line`` the zones are symmetric if ``planned`` and ``wanted`` are.
     """
-    has = planned.at(points)
-    area = spacing**2
-    zones: list[Zone] = []
+    has, area, zones = planned.at(points), spacing**2, list[Zone]()
     for _ in range(LIMIT):
         ratio = has / wanted
         worst = int(np.argmax(ratio))
@@ -236,7 +228,7 @@ def cover(
         last = int(np.argmin(mostly)) - 1 if not mostly.all() else len(near) - 1
         radius = max(float(distance[near[max(last, 0)]]), h)
         places = [middle] if line is None else np.unique([middle, *line.reflect(middle[None])], axis=0)
-        added = tuple(Zone.around((float(x), float(y)), h, radius, growth) for x, y in places)
+        added = tuple(Zone.around(place, h, radius, growth) for place in places)
         zones += added
         has = np.minimum(has, Spacing(planned.far, added).at(points))
     return tuple(zones)

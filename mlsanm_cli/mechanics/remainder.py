@@ -15,8 +15,7 @@ from types import MappingProxyType
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.cloud.cells import FINE, Halves
-from mlsanm_cli.cloud.quadrature import graded_quadrature
+from mlsanm_cli.cloud.cells import FINE, Halves, graded_quadrature
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.corner import CorneredForces, Forces
@@ -87,7 +86,8 @@ def _mean_motion(body: ElasticBody, forces: Forces) -> FloatArray:
     count = len(body.free.components)
     if not count:
         return np.zeros((0, len(forces.place), 2))
-    points, areas = graded_quadrature(body.model.cloud, as_real(forces.place))
+    cloud = body.model.cloud
+    points, areas = graded_quadrature(cloud.points, cloud.triangles, as_real(forces.place))
     patterns = body.free.patterns(points).reshape(len(points), 2, count)
     moved = forces.displacement(as_complex(points))
     weighted = areas[:, None, None] * patterns

@@ -34,16 +34,3 @@ class HertzLine:
         """p0 sqrt(1 - (x/a)^2), zero outside."""
         result: FloatArray = self.peak_pressure * np.sqrt(np.maximum(0.0, 1.0 - (x / self.half_width) ** 2))
         return result
-
-    def stress(self, x: FloatArray, z: FloatArray) -> FloatArray:
-        """Stresses (n, 3) in the order xx, zz, xz at depth z > 0 (McEwen 1949, as given by Johnson)."""
-        a, p0 = self.half_width, self.peak_pressure
-        s = a**2 - x**2 + z**2
-        root = np.sqrt(s**2 + 4.0 * x**2 * z**2)
-        m = np.sqrt(0.5 * (root + s))
-        n = np.copysign(np.sqrt(np.maximum(0.5 * (root - s), 0.0)), x)
-        ratio = (z**2 + n**2) / (m**2 + n**2)
-        xx = -(p0 / a) * (m * (1.0 + ratio) - 2.0 * z)
-        zz = -(p0 / a) * m * (1.0 - ratio)
-        xz = -(p0 / a) * n * (m**2 - z**2) / (m**2 + n**2)
-        return np.stack([xx, zz, xz], axis=1)

@@ -85,6 +85,7 @@ def test_check_writes_the_model(tmp_path: Path) -> None:
     assert (mesh.points + data["partner"])[paired][:, 1] == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.usefixtures("alone")
 @pytest.mark.parametrize(
     ("spacing", "nodal", "warned", "noted"),
     [(0.08, True, 1, 0), (0.125, True, 0, 1), (0.2, True, 0, 0), (0.08, False, 0, 0)],

@@ -18,14 +18,12 @@ from mlsanm_cli.solve.state import State
 
 
 def residual(built: CondensedScene, state: State) -> Iterator[Check]:
-    """The residual of the contact problem."""
     message = f"the residual {state.residual:.3g} at position {state.position:.6g} is above the tolerance"
     hint = "raise solver.tolerance only if that residual is small enough for your purpose"
     yield Check("residual", state.residual, message, hint, fails=built.case.solver.tolerance)
 
 
 def finite(built: CondensedScene, state: State) -> Iterator[Check]:
-    """Numbers that are nan or infinite."""
     message = f"the state at position {state.position:.6g} is not finite"
     yield Check("finite", float(not state.is_finite), message)
 
