@@ -44,15 +44,15 @@ BLOCK = box([-2.0, 2.0], [-2.0, 0.0])
 DEGREES = (2, 4)
 
 
-def bulk(count: int) -> dict[str, list[dict[str, float]]]:
+def bulk(count: int) -> dict[str, list[dict[str, Any]]]:
     """Errors over the median of their group, and certificates, of every degree."""
     rng = np.random.default_rng(0)
-    results: dict[str, list[dict[str, float]]] = {f"degree {degree}": [] for degree in DEGREES}
+    results: dict[str, list[dict[str, Any]]] = {f"degree {degree}": [] for degree in DEGREES}
     for group in range(count // PER_GROUP):
         scene = random_scene(rng)
         clouds = [jittered(scene, int(seed)) for seed in rng.integers(2**31, size=PER_GROUP)]
         for degree in DEGREES:
-            points = []
+            points: list[dict[str, Any]] = []
             for cloud in clouds:
                 try:
                     error, stability = bulk_error(scene, cloud, degree)
