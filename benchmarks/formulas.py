@@ -10,9 +10,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from mlsanm_cli.app.checks.references import HertzLine
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.continuation.roots import root
-from mlsanm_cli.reference.hertz import HertzLine
 
 ComplexArray = NDArray[np.complex128]
 
@@ -238,8 +238,8 @@ class FlatPunch:
 
 
 def stress_below(hertz: HertzLine, x: FloatArray, z: FloatArray) -> FloatArray:
-    """Stresses (n, 3) in the order xx, zz, xz at depth z > 0 below a Hertz line contact (McEwen 1949, as given
-    by Johnson 1985, chapter 4)."""
+    """Stresses (n, 3) in the order xx, zz, xz at depth z > 0 below a Hertz line contact (McEwen 1949, as
+    given by Johnson 1985, chapter 4)."""
     a, p0 = hertz.half_width, hertz.peak_pressure
     s = a**2 - x**2 + z**2
     root = np.sqrt(s**2 + 4.0 * x**2 * z**2)
