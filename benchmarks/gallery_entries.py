@@ -11,16 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-<<<<<<< HEAD
 from benchmarks.formulas import FlatPunch, KirschHole, LameRing, PinInHole, plates_approach, press_fit
-=======
-from benchmarks.formulas import KirschHole
-from benchmarks.formulas import LameRing, press_fit
-from benchmarks.formulas import PinInHole
-from benchmarks.formulas import plates_approach
-from benchmarks.formulas import FlatPunch
 from mlsanm_cli.app.checks.references import HertzLine
->>>>>>> main
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.profile import half_width
 from mlsanm_cli.io.run_reader import Dataset, RunData

@@ -9,15 +9,8 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.optimize import minimize_scalar
 
-<<<<<<< HEAD:tests/reference/test_hertz.py
 from benchmarks.formulas import FIT, KirschHole, LameRing, PinInHole, clearance_ratio, stress_below
-=======
-from benchmarks.formulas import stress_below
-from benchmarks.formulas import KirschHole
-from benchmarks.formulas import LameRing
-from benchmarks.formulas import FIT, PinInHole, clearance_ratio
 from mlsanm_cli.app.checks.references import HertzLine
->>>>>>> main:tests/app/checks/test_hertz.py
 from mlsanm_cli.arrays import FloatArray
 
 UNIT = HertzLine(force=0.5 * np.pi, radius=1.0, modulus=2.0)

@@ -8,12 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-<<<<<<< HEAD
-from benchmarks.formulas import stress_below
-=======
 from benchmarks.formulas import stress_below
 from mlsanm_cli.app.checks.references import HertzLine
->>>>>>> main
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import Quiet, solve
