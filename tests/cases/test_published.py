@@ -9,9 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.formulas.kirsch import KirschHole
-from benchmarks.formulas.lame import LameRing
-from benchmarks.formulas.persson import PinInHole
+from benchmarks.formulas import KirschHole, LameRing, PinInHole
 from mlsanm_cli.app.checks.references import HertzLine
 from mlsanm_cli.app.results.probe import probe_named, probe_point
 from mlsanm_cli.app.run import run

@@ -9,10 +9,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.optimize import minimize_scalar
 
-from benchmarks.formulas.below_hertz import stress_below
-from benchmarks.formulas.kirsch import KirschHole
-from benchmarks.formulas.lame import LameRing
-from benchmarks.formulas.persson import FIT, PinInHole, clearance_ratio
+from benchmarks.formulas import FIT, KirschHole, LameRing, PinInHole, clearance_ratio, stress_below
 from mlsanm_cli.app.checks.references import HertzLine
 from mlsanm_cli.arrays import FloatArray
 

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sparse
 
-from benchmarks.formulas.kirsch import KirschHole
-from benchmarks.formulas.lekhnitskii import AnisotropicHole
+from benchmarks.formulas import AnisotropicHole, KirschHole
 from mlsanm_cli.app.checks.peaks import along_over_across, traction_error
 from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import Arc, Outline, rectangle

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.formulas.below_hertz import stress_below
+from benchmarks.formulas import stress_below
 from mlsanm_cli.app.checks.references import HertzLine
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.io.run_reader import read_run
