@@ -60,7 +60,7 @@ def searched_ends(
         followed = stages[: len(starts) + 1] if which == "known" else counted
         try:
             held = _friction_ends(scene, condensed, followed, starts)
-        except (NoStateError, UnbalancedError) as error:
+        except UnbalancedError as error:
             raise beyond_limit(scene, condensed, stages[:2], error) from error
         check_slips(condensed, held)
         return held
