@@ -95,12 +95,13 @@ def prepare(
     probes outside their body.
     """
     case = boundaries.case
-    refuse_conflicts(boundaries)
     stiffness = materials(case)
     if case.model.revolved:
         _refuse_on_axis(boundaries, clouds, stiffness)
-    loads = acting(boundaries, clouds)
     held, fixed = _held_surfaces(boundaries, clouds)
+    held_nodes = {body.name: single_nodes(case, body.name, clouds[body.name]) for body in case.body}
+    refuse_conflicts(boundaries)
+    loads = acting(boundaries, clouds)
     pairings = tuple(pair(boundaries, clouds))
     # Errors are estimated at a higher degree; with friction the path would have to be repeated.
     known_next = case.mls.degree == "auto" or case.mls.degree in DEGREES
@@ -127,7 +128,6 @@ def prepare(
                 raise
             # Some part is too thin for the high degree.
             models[body.name] = modelled(body, low=True)
-    held_nodes = {body.name: single_nodes(case, body.name, clouds[body.name]) for body in case.body}
     restraints, occupied = dict[str, Any](), dict[str, Any]()
     for name, model in models.items():
         restraints[name] = restrained(held[name], loads.springs[name], model.cloud, model.material)

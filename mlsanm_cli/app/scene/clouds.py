@@ -14,7 +14,6 @@ from mlsanm_cli.app.scene.sizes import OUTLINE_SOURCES, Domain
 from mlsanm_cli.case import Body
 from mlsanm_cli.case.model.shapes import Mesh, Points
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
-from mlsanm_cli.cloud.loops import mirrored
 from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.memo import NO_CACHE, Memo
@@ -53,7 +52,7 @@ def clouds(boundaries: Boundaries, zones: tuple[Zone, ...] = (), memo: Memo = NO
     for body in case.body:
         if isinstance(body.shape, Mesh | Points) and body.shape.has_nodes:
             cloud = boundaries.split(body.name, imported_geometry(body.shape).cloud)
-            placed[body.name] = (mirrored(cloud, line) if line is not None else None) or cloud
+            placed[body.name] = (cloud.mirrored(line) if line is not None else None) or cloud
         else:
             spacing = spacing_of(boundaries, body).with_zones(zones)
             wanted = [support.near for support in case.support if support.body == body.name and support.near]

@@ -20,7 +20,6 @@ from mlsanm_cli.case.model.contacts import PolylineObstacle
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Arc, Curve
 from mlsanm_cli.cloud.joined import SMOOTH_ANGLE
-from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.contact.geometry.facing import Facing
 from mlsanm_cli.contact.geometry.obstacles import Chain, Plane, Round, Shape
 from mlsanm_cli.contact.geometry.pairing import Pairing, pair_surfaces
@@ -114,7 +113,7 @@ def _unfaced_hint(contact: Contact, places: Sequence[FloatArray], normals: Seque
             if abs(part) > 0.4 * most
         ]
         facing.append(f"{side} faces {' and '.join(words) if most >= 0.1 else 'all directions'}")
-    distance = float(nearest(cKDTree(places[1]), places[0])[0].min())
+    distance = float(np.min(cKDTree(places[1]).query(places[0])[0]))
     return (
         f"{' and '.join(facing)}, at least {distance:.3g} apart: contact surfaces must face each other; turn "
         "a body (shape.side, for instance), move it, or choose another boundary"
