@@ -23,7 +23,7 @@ from mlsanm_cli.case.model.shapes import Mesh, Points
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Arc, Outline, Segment, turn
 from mlsanm_cli.cloud.joined import SMOOTH_ANGLE, BoundaryRun
-from mlsanm_cli.cloud.surface import Surface, joined_surface
+from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, FINE_ROUND_OFF
@@ -104,11 +104,6 @@ class Boundaries:
     def outline(self, body: str) -> Outline:
         """The outline of a body with its cuts."""
         return self.drawn[body].cut(self.cuts[body])
-
-    def surface(self, cloud: Cloud, place: Place, run: BoundaryRun) -> Surface:
-        """A side of a contact as one surface."""
-        pieces = [cloud.surfaces[name] for name in self.names[place]]
-        return joined_surface(place.label.partition(".")[2], pieces, run.around and run.ends is None)
 
     def split(self, body: str, cloud: Cloud) -> Cloud:
         """A cloud from a file with its surfaces cut like the outline, at the nearest nodes."""

@@ -20,6 +20,7 @@ from mlsanm_cli.case.model.contacts import PolylineObstacle
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Arc, Curve
 from mlsanm_cli.cloud.joined import SMOOTH_ANGLE
+from mlsanm_cli.cloud.surface import joined_surface
 from mlsanm_cli.contact.geometry.facing import Facing
 from mlsanm_cli.contact.geometry.obstacles import Chain, Plane, Round, Shape
 from mlsanm_cli.contact.geometry.pairing import Pairing, pair_surfaces
@@ -62,10 +63,11 @@ def pair(boundaries: Boundaries, clouds: Mapping[str, Cloud]) -> list[Pairing]:
 
 def _paired(boundaries: Boundaries, contact: Contact, clouds: Mapping[str, Cloud]) -> Pairing:
     case, key = boundaries.case, f"contact.{contact.name}"
-    sides = [
-        (place.body, boundaries.surface(clouds[place.body], place, run))
-        for place, run in boundaries.sides[contact.name]
-    ]
+    sides = []
+    for place, run in boundaries.sides[contact.name]:
+        pieces = [clouds[place.body].surfaces[name] for name in boundaries.names[place]]
+        label, around = place.label.partition(".")[2], run.around and run.ends is None
+        sides.append((place.body, joined_surface(label, pieces, around)))
     exchanged = False
     if case.model.strain == "finite" and len(sides) > 1:
         # At finite strain pressures are nodal values of the slave: a stiffer body as the slave would not
