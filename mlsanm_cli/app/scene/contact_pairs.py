@@ -183,11 +183,12 @@ def profile_of(contact: Contact) -> AmountField | None:
 
 def shape_of(obstacle: AnyObstacle) -> Shape:
     """The geometry of an obstacle."""
-    if isinstance(obstacle, PlaneObstacle):
-        size = math.hypot(*obstacle.normal)
-        return Plane(obstacle.point, (obstacle.normal[0] / size, obstacle.normal[1] / size))
-    if isinstance(obstacle, DiskObstacle):
-        return Round(obstacle.center, obstacle.radius, obstacle.inside)
+    match obstacle:
+        case PlaneObstacle(normal=(x, y)):
+            size = math.hypot(x, y)
+            return Plane(obstacle.point, (x / size, y / size))
+        case DiskObstacle():
+            return Round(obstacle.center, obstacle.radius, obstacle.inside)
     return Chain(np.array(obstacle.points))
 
 
