@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -12,21 +13,75 @@ import pytest
 from mlsanm_cli import __version__
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_file
-from mlsanm_cli.io.columns import place
+from mlsanm_cli.io.columns import place, row
 from mlsanm_cli.io.run_file import RunFile
 from mlsanm_cli.io.run_reader import read_run
-from tests.io.run_files import (
-    LOADS,
-    RESULTANTS,
-    M,
-    contact_values,
-    datasets,
-    start_run,
-    step_row,
-    write_fields,
-    write_steps,
-)
 from tests.processes import printed
+
+M = 7  # slave nodes of the contact
+LOADS = ["squeeze", "press"]
+RESULTANTS = ["press", "block.bottom"]
+
+
+def contact_values(step: int) -> dict[str, Any]:
+    base, status = np.linspace(0.0, 1.0, M) + step, np.array([0, 1, 2, 0, 1, 2, step % 3], dtype=np.int8)
+    values = {name: base + k / 4 for k, name in enumerate(("pressure", "traction", "gap", "slip"))}
+    return {**values, "status": status, "dissipated_work": 0.0}
+
+
+def step_row(step: int, seconds: float = 0.5, contacts: dict[str, dict[str, Any]] | None = None) -> Any:
+    path = {"position": step / 8, "step_length": 0.125, "residual": 1e-9 * step, "order": 20}
+    path |= {"factorizations": step, "solves": 20 * step, "seconds": seconds}
+    return row(
+        path,
+        {
+            "factors": {"squeeze": 1.0, "press": step / 8},
+            "resultants": {"press": np.array([0.0, -step]), "block.bottom": np.array([0.5, step])},
+            "contacts": {"interface": contact_values(step)} if contacts is None else contacts,
+        },
+    )
+
+
+def start_run(path: Path) -> RunFile:
+    run = RunFile.create(path, {"argv": "mlsanm run a.toml", "threads": 1, "wall_limit": 2.5})
+    points, line = np.arange(10.0).reshape(5, 2), np.linspace(-1.0, 1.0, M)
+    run.confirm({"case/raw": 'title = "é"\n', "case/resolved": "format = 1\n"})
+    for name, index, normal, names in (
+        ("upper", [0, 3], [[0.0, 1.0], [1.0, 0.0]], ["arc", "flat"]),
+        ("block", [4], [[0.0, -1.0]], ["bottom"]),
+    ):
+        boundary = f"bodies/{name}/boundary"
+        run.confirm({f"bodies/{name}/points": points, f"{boundary}/index": np.array(index)})
+        run.confirm({f"{boundary}/normal": np.array(normal), f"{boundary}/name": names})
+    geometry = {
+        "points": np.column_stack([line, line**2]),
+        "normal": np.tile([0.0, 1.0], (M, 1)),
+        "arc_length": line + 1,
+        "weight": np.full(M, 1 / 3),
+    }
+    run.confirm({f"contacts/interface/{key}": array for key, array in geometry.items()})
+    return run
+
+
+def write_steps(run: RunFile, steps: range, seconds: float = 0.5) -> None:
+    for step in steps:
+        series = {f"series/{step}/pressure": np.full((21, M), float(step))}
+        numbers = {f"series/{step}": {"length": 0.125, "start": step / 8}}
+        run.add([step_row(step, seconds)], series, numbers)
+
+
+def write_fields(run: RunFile, number: int, position: float, fields: dict[str, Any]) -> None:
+    datasets = {f"fields/{number}/{name}": array for name, array in fields.items()}
+    run.add([{"fields/position": position}], datasets)
+
+
+def datasets(path: Path) -> dict[str, np.ndarray]:
+    found = {}
+    with h5py.File(path, "r") as file:
+        file.visititems(
+            lambda name, item: found.update({name: item[...]}) if isinstance(item, h5py.Dataset) else None
+        )
+    return found
 
 
 def test_reader_gives_back_what_was_written_in_the_order_of_the_case(tmp_path: Path) -> None:
@@ -35,14 +90,8 @@ def test_reader_gives_back_what_was_written_in_the_order_of_the_case(tmp_path: P
         write_fields(run, 0, 0.5, {"upper/von_mises": np.arange(5.0), "block/von_mises": np.ones(5)})
         run.set_status("done")
     with h5py.File(tmp_path / "run.h5", "r") as file:
-        attributes = {
-            "format": 1,
-            "mlsanm_version": __version__,
-            "status": "done",
-            "threads": 1,
-            "wall_limit": 2.5,
-        }
-        assert dict(file.attrs) == {**attributes, "argv": "mlsanm run a.toml"}
+        attributes = {"format": 1, "mlsanm_version": __version__, "status": "done", "threads": 1}
+        assert dict(file.attrs) == {**attributes, "wall_limit": 2.5, "argv": "mlsanm run a.toml"}
         assert dict(file["series/3"].attrs) == {"length": 0.125, "start": 0.375}
     data = read_run(tmp_path)
     assert data.status == "done"
@@ -80,12 +129,11 @@ def test_a_run_without_contacts_loads_or_candidates_can_be_stored(tmp_path: Path
 
 
 def test_other_programs_read_what_is_saved_while_the_run_goes_on(tmp_path: Path) -> None:
-    code = (
-        "import sys, h5py\n"
-        "with h5py.File(sys.argv[1], 'r') as f:\n"
-        "    print(f.attrs['status'], len(f['path/position']), f['contacts/interface/pressure'][-1, 0],"
-        " len(f['series']))"
-    )
+    code = """import sys, h5py
+with h5py.File(sys.argv[1], "r") as f:
+    last = f["contacts/interface/pressure"][-1, 0]
+    print(f.attrs["status"], len(f["path/position"]), last, len(f["series"]))
+"""
     with start_run(tmp_path / "run.h5") as run:
         write_steps(run, range(3))
         run.save()
@@ -147,7 +195,7 @@ def test_a_signal_amid_saving_repeats_nothing(tmp_path: Path, monkeypatch: pytes
     run.close()
     data = read_run(tmp_path)
     np.testing.assert_array_equal(data.path.position, np.arange(6) / 8)
-    np.testing.assert_array_equal(data.contacts["interface"].slip[:, 0], np.arange(6) + 0.3)
+    np.testing.assert_array_equal(data.contacts["interface"].slip[:, 0], np.arange(6) + 0.75)
 
 
 def test_a_file_goes_on_where_it_was_left(tmp_path: Path) -> None:
@@ -163,10 +211,8 @@ def test_a_file_goes_on_where_it_was_left(tmp_path: Path) -> None:
     assert whole.pop("fields/position").tolist() == [0.75]
     assert whole.keys() == {name for name in cut if name[:8] not in ("fields/1", "fields/2")}
     assert all(whole[name].tolist() == cut[name].tolist() for name in whole)
-    assert (read_run(tmp_path / "cut").attributes["resumed"], read_run(tmp_path / "cut").status) == (
-        3,
-        "running",
-    )
+    resumed = read_run(tmp_path / "cut")
+    assert (resumed.attributes["resumed"], resumed.status) == (3, "running")
 
 
 def test_a_file_takes_nearly_the_same_model_only(tmp_path: Path) -> None:
@@ -219,9 +265,6 @@ def test_create_never_overwrites_and_reports_a_missing_directory(tmp_path: Path)
         RunFile.create(tmp_path / "none" / "run.h5", {}).save()
 
 
-ROOT = Path(__file__).parents[2]
-
-
 def test_reader_names_what_is_wrong(tmp_path: Path) -> None:
     with pytest.raises(RunError, match="no such directory"):
         read_run(tmp_path / "none")
@@ -253,6 +296,7 @@ def test_a_damaged_file_is_refused_by_name(tmp_path: Path) -> None:
 DAMAGED = """
 import random, sys
 from pathlib import Path
+from typing import Any
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_file import RunFile
 from mlsanm_cli.io.run_reader import read_origin, read_run
