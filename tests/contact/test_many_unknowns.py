@@ -11,7 +11,7 @@ from mlsanm_cli.contact.geometry.grid import Hats
 from mlsanm_cli.contact.geometry.hat_pairs import HatPairs
 from mlsanm_cli.contact.laws.contact_state import residual
 from mlsanm_cli.contact.laws.frictionless import solve_exact
-from mlsanm_cli.contact.response.compressed import Compressed, as_array, compressed, stacked
+from mlsanm_cli.contact.response.compressed import Compressed, as_array
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from tests.contact.scenes import synthetic
@@ -76,10 +76,6 @@ def test_parts_of_a_compressed_matrix_are_those_of_the_array() -> None:
     whole = np.asarray(found)
     rows, columns = np.array([3, 50, 51, 399]), np.array([0, 120, 398])
     assert apart(found[np.ix_(rows, columns)], whole[np.ix_(rows, columns)]) <= 1e-12
-    assert apart(np.asarray(found[rows]), whole[rows]) <= 1e-12
-    both = compressed(stacked([as_array(found[rows]), as_array(found)]))
-    assert both is not None
-    assert apart(np.asarray(both), np.concatenate([whole[rows], whole])) <= 1e-12
 
 
 def test_many_places_carry_what_hertz_says() -> None:
