@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.geometry.clusters import Clusters
+from mlsanm_cli.contact.geometry.clusters import hierarchical
 from mlsanm_cli.contact.geometry.grid import Hats
 from mlsanm_cli.contact.geometry.hat_pairs import HatPairs
 from mlsanm_cli.contact.laws.contact_state import residual
@@ -34,10 +34,9 @@ def normals(hats: Hats, curvature: float) -> FloatArray:
 
 def matrix(hats: Hats, curvature: float = 0.0) -> Compressed:
     """The compliance of a half-plane's kernel, with a smooth part."""
-    clusters, along = Clusters.of(HatPairs(hats)), normals(hats, curvature)
     count = len(hats.place)
     smooth = Compressed.product(np.ones((count, 1)), 0.5 * hats.weight[None], hats.weight)
-    near, far = clusters.near(LOG, TURN, along), clusters.beyond(LOG, TURN, along)
+    near, far = hierarchical(HatPairs(hats), LOG, TURN, normals(hats, curvature))
     assert near.nnz < 0.3 * count**2
     return smooth.plus(near, far, (), 0, hats.place)
 
