@@ -2,7 +2,7 @@
 
     python benchmarks/gallery.py [--only CASE ...] [--keep DIR]
 
-Takes every case in cases/ that has an entry in gallery_entries.py or a [reference], and names the others at
+Takes every case in cases/ that has an entry in gallery.toml or a [reference], and names the others at
 the end of the page. Each runs in a process of its own, on one thread with compiled kernels; its time is the
 CPU time that its summary tells. With --only the figures of other cases are taken from docs/gallery.json,
 where all are kept.
@@ -25,7 +25,7 @@ from PIL import Image
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from benchmarks.gallery_entries import ENTRIES, REFERENCES, Entry  # noqa: E402
+from benchmarks.gallery_entries import REFERENCES, Entry, entries  # noqa: E402
 from mlsanm_cli.io.run_reader import read_run  # noqa: E402
 
 PAGE = ROOT / "docs" / "gallery.md"
@@ -61,7 +61,7 @@ def main() -> None:
 
 def _entry(file: Path) -> Entry | None:
     reference = tomllib.loads(file.read_text()).get("reference", {})
-    return ENTRIES.get(file.stem, REFERENCES.get(reference.get("solution", "")))
+    return entries().get(file.stem, REFERENCES.get(reference.get("solution", "")))
 
 
 def _solved(file: Path, entry: Entry, directory: Path) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What every published case is checked against, for gallery.py: its closed formula and the errors."""
+"""Errors of published cases against their closed formulas, for gallery.py: the functions of gallery.toml."""
 
 from __future__ import annotations
 
@@ -7,29 +7,45 @@ import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 
-from benchmarks.formulas.kirsch import KirschHole
-from benchmarks.formulas.lame import LameRing, press_fit
-from benchmarks.formulas.persson import PinInHole
-from benchmarks.formulas.plates import plates_approach
-from benchmarks.formulas.punch import FlatPunch
+from benchmarks.formulas import FlatPunch, KirschHole, LameRing, PinInHole, plates_approach, press_fit
+from mlsanm_cli.app.checks.references import HertzLine
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.profile import half_width
 from mlsanm_cli.io.run_reader import Dataset, RunData
-from mlsanm_cli.reference.hertz import HertzLine
 
 Judge = Callable[[RunData], dict[str, float]]
 
 
 @dataclass(frozen=True)
 class Entry:
-    """Which picture of `mlsanm plot` shows the case, what it is checked against, and the relative errors."""
+    """Which picture of `mlsanm plot` shows the case, what it is checked against, and its relative errors (by
+    its summary if None)."""
 
     picture: str
     formula: str
     judge: Judge | None = None
+
+
+REFERENCES = {
+    "hertz-line": Entry(
+        "pressure", "Hertz' line contact: p = p0 sqrt(1 - x²/a²), a² = 4 F R/(pi E*), p0 = 2 F/(pi a)"
+    ),
+    "uniform-pressure": Entry("bodies", "the same pressure everywhere"),
+}
+"""Of cases with a [reference] that gallery.toml does not name."""
+
+
+def entries() -> dict[str, Entry]:
+    """The cases of gallery.toml."""
+    table = tomllib.loads(Path(__file__).with_name("gallery.toml").read_text())
+    return {
+        name: Entry(row["picture"], row["formula"], partial(globals()[row["judge"]], *row.get("given", ())))
+        for name, row in table.items()
+    }
 
 
 def _only(run: RunData) -> Dataset:
@@ -42,7 +58,7 @@ def _at(run: RunData, position: float) -> int:
     return int(np.flatnonzero(run.path.position == position)[0])
 
 
-def _kirsch(run: RunData) -> dict[str, float]:
+def kirsch(run: RunData) -> dict[str, float]:
     points, stress = run.bodies["plate"].points, run.states[-1].bodies["plate"]["stress"]
     rim = np.hypot(points[:, 0], points[:, 1]) <= 1.0 + 1e-9
     exact = KirschHole(1.0, 100.0).stress(points)
@@ -52,7 +68,7 @@ def _kirsch(run: RunData) -> dict[str, float]:
     }
 
 
-def _lame(run: RunData) -> dict[str, float]:
+def lame(run: RunData) -> dict[str, float]:
     ring = LameRing(1.0, 2.0, 100.0, 210e3 / (1.0 - 0.3**2), 0.3 / 0.7)
     points, fields = run.bodies["ring"].points, run.states[-1].bodies["ring"]
     r = np.hypot(points[:, 0], points[:, 1])
@@ -70,7 +86,7 @@ def _lame(run: RunData) -> dict[str, float]:
     }
 
 
-def _cattaneo(half: float, peak: float, end: float, run: RunData) -> dict[str, float]:
+def cattaneo(half: float, peak: float, end: float, run: RunData) -> dict[str, float]:
     """The part of the tractions even about the middle, for the pressing of finite bodies shears a little: at
     position 2, and at the ``end`` of the shear back."""
     contact, friction = _only(run), 0.3
@@ -94,13 +110,13 @@ def _cattaneo(half: float, peak: float, end: float, run: RunData) -> dict[str, f
     }
 
 
-def _slide(run: RunData) -> dict[str, float]:
+def slide(run: RunData) -> dict[str, float]:
     contact = _only(run)
     force = contact.traction @ contact.weight / 200.0
     return {"friction force": max(abs(force[_at(run, 2.0)] + 0.3), abs(force[_at(run, 3.0)] - 0.3)) / 0.3}
 
 
-def _sliding_patch(run: RunData) -> dict[str, float]:
+def sliding_patch(run: RunData) -> dict[str, float]:
     contact, friction, shear = _only(run), 0.3, 210e3 / 2.6
     rows = _at(run, 2.0), _at(run, 3.0)
     way = 0.002 - friction * 100.0 * 2.0 / shear
@@ -116,13 +132,13 @@ def _sliding_patch(run: RunData) -> dict[str, float]:
     }
 
 
-def _wedge(run: RunData) -> dict[str, float]:
+def wedge(run: RunData) -> dict[str, float]:
     friction = tomllib.loads(run.case_resolved)["contact"][0]["friction"]
     expected = (0.1 + friction) / (1.0 - 0.1 * friction)
     return {"pushing force": abs(run.path.resultants["push"][-1, 0] / 100.0 / expected - 1.0)}
 
 
-def _shear_patch(run: RunData) -> dict[str, float]:
+def shear_patch(run: RunData) -> dict[str, float]:
     contact = _only(run)
     return {
         "pressure": np.abs(contact.pressure[-1] / 100.0 - 1.0).max(),
@@ -130,7 +146,7 @@ def _shear_patch(run: RunData) -> dict[str, float]:
     }
 
 
-def _pin(run: RunData) -> dict[str, float]:
+def pin(run: RunData) -> dict[str, float]:
     contact = _only(run)
     pin = PinInHole(10.0, 0.03, 5000.0, 210e3)
     width = half_width(contact.arc_length, contact.pressure[-1])
@@ -140,7 +156,7 @@ def _pin(run: RunData) -> dict[str, float]:
     }
 
 
-def _cantilever(run: RunData) -> dict[str, float]:
+def cantilever(run: RunData) -> dict[str, float]:
     tips = {0.1: (0.0572, 0.3039), 0.2: (0.1634, 0.4979), 0.4: (0.3354, 0.6775), 1.0: (0.5674, 0.8253)}
     moved = run.probes["end"].displacement / 10.0
     off = [
@@ -149,19 +165,19 @@ def _cantilever(run: RunData) -> dict[str, float]:
     return {"displacement of the end, over the length": float(max(off))}
 
 
-def _deep(run: RunData) -> dict[str, float]:
+def deep(run: RunData) -> dict[str, float]:
     found = -2.0 * run.path.resultants["press"][:, 1]
     forces = {1.0 / 3.0: 0.1691, 2.0 / 3.0: 0.4097, 1.0: 0.701}
     return {"force": max(abs(found[_at(run, position)] / exact - 1.0) for position, exact in forces.items())}
 
 
-def _snapped(run: RunData) -> dict[str, float]:
+def snapped(run: RunData) -> dict[str, float]:
     summary = json.loads((run.directory / "summary.json").read_text())
     limit, lower = (0.2 * point["position"] for point in summary["finite_strain"]["limit_points"])
     return {"limit load": abs(limit / 0.14431 - 1.0), "lower limit load": abs(lower / 0.07607 - 1.0)}
 
 
-def _inflated(run: RunData) -> dict[str, float]:
+def inflated(run: RunData) -> dict[str, float]:
     """Rivlin's tube: r^2 = R^2 + 1.25, stresses differ by s - 1/s with s = r^2/R^2."""
     tube, fields = run.bodies["tube"].points, run.states[-1].bodies["tube"]
     radius = np.hypot(*tube.T)
@@ -180,7 +196,7 @@ def _inflated(run: RunData) -> dict[str, float]:
     }
 
 
-def _self_weight(run: RunData) -> dict[str, float]:
+def self_weight(run: RunData) -> dict[str, float]:
     y, fields = run.bodies["block"].points[:, 1], run.states[-1].bodies["block"]
     settled = -0.024 / (30e3 * 0.8 / (1.2 * 0.6)) * (3.0 * y - 0.5 * y**2)
     return {
@@ -189,7 +205,7 @@ def _self_weight(run: RunData) -> dict[str, float]:
     }
 
 
-def _orthotropic(run: RunData) -> dict[str, float]:
+def orthotropic(run: RunData) -> dict[str, float]:
     c, s = np.sqrt(0.75), 0.5
     own = np.array([[c * c, s * s, 2 * c * s], [s * s, c * c, -2 * c * s], [-c * s, c * s, c * c - s * s]])
     compliance = np.array(
@@ -205,7 +221,7 @@ def _orthotropic(run: RunData) -> dict[str, float]:
     }
 
 
-def _plates(run: RunData) -> dict[str, float]:
+def plates(run: RunData) -> dict[str, float]:
     modulus = 210e3 / (1.0 - 0.3**2)
     approach, hertz = plates_approach(500.0, 1.0, modulus), HertzLine(500.0, 1.0, modulus)
     peaks = [contact.pressure[-1].max() for contact in run.contacts.values()]
@@ -215,27 +231,27 @@ def _plates(run: RunData) -> dict[str, float]:
     }
 
 
-def _stack(run: RunData) -> dict[str, float]:
+def stack(run: RunData) -> dict[str, float]:
     return {"pressure": max(abs(c.pressure[-1] / 100.0 - 1.0).max() for c in run.contacts.values())}
 
 
-def _fit(run: RunData) -> dict[str, float]:
+def fit(run: RunData) -> dict[str, float]:
     hub, bush = LameRing(1.0, 1.6, 1.0, 210e3, 0.3), LameRing(0.6, 1.0, 1.0, 100e3, 0.34)
     return {"pressure": abs(_only(run).pressure[-1] / press_fit(bush, hub, 0.001) - 1.0).max()}
 
 
-def _forces(contact: str, axis: int, expected: tuple[float, ...], run: RunData) -> dict[str, float]:
+def forces(contact: str, axis: int, expected: list[float], run: RunData) -> dict[str, float]:
     rows = [_at(run, state.position) for state in run.states]
     found = run.path.resultants[f"contact {contact}"][rows, axis]
     return {"force": float(np.abs(found / np.array(expected) - 1.0).max())}
 
 
-def _ironed(run: RunData) -> dict[str, float]:
+def ironed(run: RunData) -> dict[str, float]:
     across, up = run.path.resultants["contact iron"][[_at(run, state.position) for state in run.states]].T
     return {"horizontal force": float(np.abs(across / up).max()), "vertical force": float(np.ptp(up) / up[0])}
 
 
-def _punch(run: RunData) -> dict[str, float]:
+def punch(run: RunData) -> dict[str, float]:
     contact, punch = _only(run), FlatPunch(100.0, 0.2)
     inside = np.abs(contact.points[:, 0]) < 0.18
     weight, expected = contact.weight[inside], punch.pressure(contact.points[inside, 0])
@@ -243,14 +259,7 @@ def _punch(run: RunData) -> dict[str, float]:
     return {"pressure at |x| < 0.9 a, L2": float(np.sqrt(weight @ error**2 / (weight @ expected**2)))}
 
 
-HERTZ = "Hertz' line contact: p = p0 sqrt(1 - x²/a²), a² = 4 F R/(pi E*), p0 = 2 F/(pi a)"
-REFERENCES = {
-    "hertz-line": Entry("pressure", HERTZ),
-    "uniform-pressure": Entry("bodies", "the same pressure everywhere"),
-}
-
-
-def _springback(run: RunData) -> dict[str, float]:
+def springback(run: RunData) -> dict[str, float]:
     y, ratio = run.bodies["beam"].points[:, 1], 1.4
     core = 5.0 * np.sqrt(3.0 - 2.0 * ratio)
     bent = np.clip(y / core, -1.0, 1.0)
@@ -264,7 +273,7 @@ def rms(values: FloatArray) -> float:
     return float(np.sqrt((values**2).mean()))
 
 
-def _indentation(run: RunData) -> dict[str, float]:
+def indentation(run: RunData) -> dict[str, float]:
     # Per unit of E and of the whole width; 3,816 nodes of quadratic elements.
     known = {0.5: 0.79054e-3, 1.0: 1.50860e-3, 2.0: 0.59241e-3}
     force = run.path.resultants["press"][:, 1] / 50.0
@@ -272,72 +281,3 @@ def _indentation(run: RunData) -> dict[str, float]:
         name: abs(abs(force[_at(run, position)]) / known[position] - 1.0)
         for name, position in (("force, half way", 0.5), ("force, deepest", 1.0), ("force, withdrawn", 2.0))
     }
-
-
-ENTRIES: dict[str, Entry] = {
-    "springback": Entry(
-        "bodies",
-        "beam theory: Y clip(y/c) bent, less the elastic 1.4 Y y/h on the way back",
-        _springback,
-    ),
-    "indentation": Entry("pressure", "finite elements, 3,816 nodes, the same law and path", _indentation),
-    "kirsch": Entry("bodies", "Kirsch: three times the tension at the hole of a wide plate", _kirsch),
-    "lame": Entry("bodies", "Lamé: radial and hoop stress A ∓ B/r²", _lame),
-    "cattaneo_mindlin": Entry(
-        "traction",
-        "Cattaneo and Mindlin: mu p less the same for the zone that sticks, of half-width "
-        "a sqrt(1 - Q/(mu P)); half-planes, from which finite bodies differ by some per cent",
-        partial(_cattaneo, 0.05, 2884.7, 4.0),
-    ),
-    "paper_partial_slip": Entry(
-        "traction",
-        "Cattaneo and Mindlin: mu p less the same for the zone that sticks, of half-width "
-        "a sqrt(1 - Q/(mu P))",
-        partial(_cattaneo, 0.1, 5769.3, 3.0),
-    ),
-    "paper_sliding_patch": Entry(
-        "loop",
-        "Coulomb: the same pressure p and traction mu p everywhere, and work mu P times the way, the part of "
-        "the blocks' elastic shear mu p h/G taken off",
-        _sliding_patch,
-    ),
-    "block_slide": Entry("loop", "Coulomb: the friction force of a sliding block is mu P, both ways", _slide),
-    "wedge": Entry("bodies", "forces on a slope: F = W (tan b + mu)/(1 - mu tan b)", _wedge),
-    "pin_in_hole": Entry("pressure", "Persson: pin in a hole of nearly its own size", _pin),
-    "self_weight": Entry(
-        "bodies", "weight of what lies above: stress w (3 - y), settlement its integral", _self_weight
-    ),
-    "orthotropic": Entry(
-        "bodies", "even strains of an orthotropic material, turned, and of heat", _orthotropic
-    ),
-    "shear_patch": Entry("bodies", "the same pressure and the same traction everywhere", _shear_patch),
-    "disk_between_plates": Entry(
-        "bodies", "Johnson: approach 2 F/(pi E*) (2 ln(4 R/a) - 1) of the plates, and Hertz' peak", _plates
-    ),
-    "stack": Entry("bodies", "the same pressure everywhere", _stack),
-    "press_fit": Entry("bodies", "Lamé: two rings that press on each other", _fit),
-    "bent_cantilever": Entry(
-        "bodies", "finite elements, 80 x 8 of nine nodes: shortening and deflection of the end", _cantilever
-    ),
-    "deep_cylinder": Entry(
-        "bodies", "finite elements of nine nodes: the force at depths of 0.1, 0.2 and 0.3", _deep
-    ),
-    "rubber_half_disk": Entry(
-        "bodies",
-        "finite elements of nine nodes, penalty extrapolated: the force at 0.1, 0.2 and 0.3 R",
-        partial(_forces, "touch", 1, (0.0976, 0.2413, 0.4196)),
-    ),
-    "squeezed_ring": Entry(
-        "bodies",
-        "finite elements, 60 x 3 of nine nodes in a quarter: the force at a fifth, three fifths and the end",
-        partial(_forces, "plate", 1, (-1.4426e-4, -3.6199e-4, -7.4609e-4)),
-    ),
-    "inflated_tube": Entry(
-        "bodies", "an incompressible tube (Rivlin 1949): radial displacement, sum of stresses", _inflated
-    ),
-    "ironing": Entry("bodies", "statics: no horizontal force; over the vertical one", _ironed),
-    "snap_through": Entry(
-        "bodies", "finite elements, 48 x 4 of nine nodes: the load at both limit points", _snapped
-    ),
-    "rigid_punch": Entry("pressure", "a flat punch on a half-plane: F/(pi sqrt(a² - x²))", _punch),
-}

@@ -3,15 +3,15 @@
 ::
 
     MlsanmError                 70   (never raised itself)
-    +-- CaseError                2   the case file is wrong: every problem found, with file and line
-    +-- GeometryError            2   a body's geometry cannot be used (reported as CaseError)
-    |   +-- OutlineError         2   an outline in the case is invalid: every fault, with the key of its shape
-    +-- RunError                 2   invalid usage: run directory exists, file unreadable, scene too large
-    |   +-- WriteError           2   a file cannot be written
-    +-- UnfinishedError          3   a run can no longer write; completed steps are kept, resume continues
-    +-- NumericalError           3   the solver failed, or a check of the result did
-    |   +-- UnstableError        3   the discretisation is not coercive
-    +-- Interrupted             75   stopped by a signal or a wall-time limit; completed steps are kept
+    +-- CaseError                2
+    +-- GeometryError            2   (reported as CaseError)
+    |   +-- OutlineError         2
+    +-- RunError                 2
+    |   +-- WriteError           2
+    +-- UnfinishedError          3
+    +-- NumericalError           3
+    |   +-- UnstableError        3
+    +-- Interrupted             75
 """
 
 from __future__ import annotations

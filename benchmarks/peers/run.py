@@ -25,11 +25,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from catalogue import PARTS
-from entries import Entry, Job, missing
+from entries import Entry, Job, missing, parts
 from report import END, GEOMETRY, START, draw, insert, tables
 from scenes import PATCH_PRESSURE, REFERENCE, Profile, difference, read_profile
 
+PARTS = parts()
 RESULTS = Path(__file__).resolve().parents[1] / "results"
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "peers.md"
 THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")

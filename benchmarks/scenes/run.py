@@ -1,16 +1,16 @@
 """Scenes that nobody tuned, written from the docs alone and run with defaults, judged by references.
 
     python benchmarks/scenes/run.py [--only NAME ...] [--variants] [--altered SEED] [--jobs 1]
-    python benchmarks/scenes/run.py --six-classes
+    python benchmarks/scenes/run.py --folder six_classes | incompressible
 
 A scene is right, refused (with its message), wrong with a warning or silently wrong: figures within the
 limits of statics, closed formulas (expected.toml) or finite elements (reference.json, by references.py).
 ``--variants`` runs what came through again, with half of the spacing, other seeds, slave and master swapped,
 turned by 90 degrees, mirrored, in other units. ``--altered`` draws materials, loads and friction anew, and
-compares with other clouds what came through. ``--six-classes`` runs six scenes that are difficult for
-meshfree methods with automatic spacings, and with even ones of 1.5 times and half of the largest of these.
-NAME is a part of a scene's or class's name. Writes scenes.json, altered_scenes.json or six_classes.json
-(``--out``).
+compares with other clouds what came through. ``--folder`` runs the scenes of a folder of cases/:
+``six_classes`` are difficult for meshfree methods, with automatic spacings and with even ones of 1.5 times
+and half of the largest of these. NAME is a part of a scene's or class's name. Writes scenes.json,
+altered_scenes.json or FOLDER.json (``--out``).
 """
 
 from __future__ import annotations
@@ -96,18 +96,19 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", default=[], metavar="NAME")
     parser.add_argument("--variants", action="store_true")
     parser.add_argument("--altered", type=int, metavar="SEED")
-    parser.add_argument("--six-classes", action="store_true")
+    parser.add_argument("--folder", default=".", help="a folder of cases/")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--out", type=Path)
     parser.add_argument("--keep", type=Path, help="a folder for the runs; a temporary one by default")
     parser.add_argument("--fails", type=Path, help="a folder for the cases of scenes that are not right")
     given = parser.parse_args()
-    scenes = [scene(name) for name in names("six_classes" if given.six_classes else ".")]
+    scenes = [scene(name) for name in names(given.folder)]
     name, variants = "scenes", ALL if given.variants else ()
     if given.only:
         scenes = [one for one in scenes if any(part in f"{one.name} {one.kind}" for part in given.only)]
-    if given.six_classes:
-        name, variants = "six_classes", (*variants, *SPACINGS)
+    if given.folder != ".":
+        name = given.folder
+        variants = (*variants, *(SPACINGS if name == "six_classes" else ()))
     elif given.altered is not None:
         name, variants = "altered_scenes", variants or ("seed",)
         scenes = [altered(one, given.altered) for one in scenes]

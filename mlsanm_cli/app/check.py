@@ -131,7 +131,6 @@ def _conditions(case: Case) -> dict[str, dict[str, str]]:
 
 
 def _described(load: AnyLoad) -> tuple[str, str]:
-    """The action of a load in x and in y."""
     values: Sequence[float | str | None]
     if isinstance(load, Platen | ObstacleMotion):
         moved = {axis: f"{kind} {value:g}" for axis, (kind, value) in load.control.items()}

@@ -76,12 +76,10 @@ class Clock:
 
     @property
     def wall_seconds(self) -> float:
-        """Wall-clock seconds since this clock, or the process, started."""
         return time.monotonic() - self._wall_begin
 
     @property
     def seconds(self) -> dict[str, float]:
-        """The phases so far and their ``total``."""
         return {"total": time.process_time() - self._begin, **self._seconds}
 
 
@@ -114,6 +112,5 @@ class RunContext:
             self.stopper.finish()
 
     def check_stop(self) -> None:
-        """Raises KeyboardInterrupt if the command is to stop."""
         if self.stopper is not None:
             self.stopper.check()

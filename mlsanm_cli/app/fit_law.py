@@ -73,7 +73,6 @@ class Fitted(NamedTuple):
 
     @property
     def error(self) -> float:
-        """Root mean square of the errors of the tests."""
         return float(np.sqrt(np.mean([error**2 for error in self.errors.values()])))
 
     @property
@@ -161,7 +160,6 @@ def stress_in(law: Hyperelastic, test: str, stretch: FloatArray) -> FloatArray:
 
 
 def picture(path: Path, tests: Mapping[str, FloatArray], fitted: Sequence[Fitted]) -> None:
-    """Draw the data and the fitted laws."""
     panels = []
     for test, (stretch, stress) in tests.items():
         between = np.linspace(min(1.0, stretch.min()), stretch.max(), POINTS)
@@ -185,7 +183,6 @@ def fit_law(
 
 
 def _keys(law: str, values: Sequence[float]) -> dict[str, Any]:
-    """Keys of the case file for the constants (c,) of a law."""
     rest = iter(values)
     found = {key: [next(rest) for _ in constants] for key, constants in START[law].items()}
     return found if law == "ogden" else {key: taken[0] for key, taken in found.items()}

@@ -15,7 +15,6 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
-from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -28,7 +27,7 @@ from mlsanm_cli.case.reading.overrides import parse_vary, points
 from mlsanm_cli.errors import CaseError, CaseProblem, Interrupted, MlsanmError, RunError
 from mlsanm_cli.inputs import results_of
 from mlsanm_cli.io import run_dir
-from mlsanm_cli.io.run_reader import finished, held_case
+from mlsanm_cli.io.run_reader import held_run
 from mlsanm_cli.memo import Memo, digest
 
 TABLE_FILE = "sweep.csv"
@@ -78,7 +77,6 @@ def solve_point(point: SweepPoint) -> Mapping[str, Any]:
 
 
 def outcome(point: SweepPoint, status: str, reason: str, warnings: int = 0) -> Mapping[str, Any]:
-    """Status of a point and the number of warnings in its summary."""
     return {
         "name": point.name,
         "directory": str(point.directory),
@@ -90,7 +88,6 @@ def outcome(point: SweepPoint, status: str, reason: str, warnings: int = 0) -> M
 
 @lru_cache(maxsize=1)
 def process_memo(memory: int) -> Memo:
-    """Memo of the process."""
     return Memo(memory)
 
 
@@ -199,31 +196,28 @@ def sweep(
         raise RunError("nothing varies", "name a key and its values, as in --vary solver.order=10,20")
     place = results_of(case_path)
     directory = (out or place.with_name(f"{place.name}-sweep")).absolute()
-    planned = _plan(
-        case_path.absolute(), varied, overrides, directory, force=force, threads=threads, argv=argv
-    )
-    todo = [point for group in planned for point in group if not point.done]
-    total = sum(map(len, planned))
+    options = {"threads": threads, "argv": argv}
+    planned = _plan(case_path.absolute(), varied, overrides, directory, force, options)
+    todo, total = [point for point in planned if not point.done], len(planned)
     if len(todo) < total:
         console.note(f"{total - len(todo)} of {total} points are done already")
     rows: list[Mapping[str, Any]] = []
-    if todo:
-        try:
-            for row in solve_points(todo, jobs, scheduler):
-                rows.append(row)
-                count = row["warnings"]
-                warned = f", {count} warning{'s' if count > 1 else ''}" if count else ""
-                reason = f": {row['stop_reason']}" if row["status"] != "done" else ""
-                console.note(f"{len(rows)}/{len(todo)} {row['name']} {row['status']}{warned}{reason}")
-        except KeyboardInterrupt:
-            console.warning("stopped by a signal; repeat the command to continue with the remaining points")
+    try:
+        for row in solve_points(todo, jobs, scheduler) if todo else ():
+            rows.append(row)
+            count = row["warnings"]
+            warned = f", {count} warning{'s' if count > 1 else ''}" if count else ""
+            reason = f": {row['stop_reason']}" if row["status"] != "done" else ""
+            console.note(f"{len(rows)}/{len(todo)} {row['name']} {row['status']}{warned}{reason}")
+    except KeyboardInterrupt:
+        console.warning("stopped by a signal; repeat the command to continue with the remaining points")
     table = directory / TABLE_FILE
-    write_rows(table, collect([point.directory for group in planned for point in group]))
+    write_rows(table, collect([point.directory for point in planned]))
     statuses = [row["status"] for row in rows]
     return {
         "directory": str(directory),
         "table": str(table),
-        "directories": [str(point.directory) for group in planned for point in group],
+        "directories": [str(point.directory) for point in planned],
         "points": total,
         "done": statuses.count("done"),
         "skipped": total - len(todo),
@@ -239,12 +233,10 @@ def _plan(
     varied: Sequence[str],
     overrides: tuple[str, ...],
     directory: Path,
-    *,
     force: bool,
-    threads: int,
-    argv: tuple[str, ...],
-) -> list[list[SweepPoint]]:
-    """All points, checked, in groups of one geometry each."""
+    options: Mapping[str, Any],
+) -> list[SweepPoint]:
+    """All points, checked; those of one geometry are consecutive."""
     found: list[tuple[str, SweepPoint]] = []
     problems: dict[str, Any] = {}
     for values in points([parse_vary(text) for text in varied]):
@@ -255,30 +247,22 @@ def _plan(
             problems |= {str(problem): problem for problem in named}
             continue
         place = directory / point_name(values)
-        done = not force and finished(place, loaded.case_hash) is not None
-        other = None if done or force else held_case(place)
-        if other not in (None, loaded.case_hash):
+        held, summary = (None, None) if force else held_run(place)
+        if held not in (None, loaded.case_hash):
             hint = "use --force to replace it, or another --out"
             raise RunError(f"{place} holds the run of another case", hint)
-        if other is None and not done and not force:
+        if held is None and not force:
             run_dir.check(place, force=False)
-        point = SweepPoint(
-            case=case_path,
-            overrides=(*overrides, *values),
-            directory=place,
-            name=place.name,
-            threads=threads,
-            # Clouds, operators and responses of two geometries.
-            memory=RESULTS_PER_BODY * len(loaded.case.body),
-            argv=argv,
-            done=done,
-        )
+        done = summary is not None
+        # Clouds, operators and responses of two geometries.
+        memory = RESULTS_PER_BODY * len(loaded.case.body)
+        changes = (*overrides, *values)
+        point = SweepPoint(case_path, changes, place, place.name, memory=memory, done=done, **options)
         found.append((geometry(loaded.case), point))
     if problems:
         raise CaseError(tuple(problems.values()))
     order = list(dict.fromkeys(key for key, _ in found))
-    found.sort(key=lambda item: order.index(item[0]))
-    return [[point for _, point in group] for _, group in groupby(found, key=lambda item: item[0])]
+    return [point for _, point in sorted(found, key=lambda item: order.index(item[0]))]
 
 
 def _named(problem: CaseProblem, values: Sequence[str]) -> CaseProblem:

@@ -11,22 +11,20 @@ from collections.abc import Mapping
 from typing import TypeAlias
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.cloud.membership import twice_area
+from mlsanm_cli.cloud.membership import cross, twice_area
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.records import dataclass
 
 Rule: TypeAlias = tuple[tuple[float, float], ...]
 """Points on a face, from 0 to 1, and weights of a quadrature rule."""
-
-
-def _gauss(count: int) -> Rule:
-    places, weights = np.polynomial.legendre.leggauss(count)
-    return tuple(zip((0.5 + 0.5 * places).tolist(), (0.5 * weights).tolist(), strict=True))
-
-
-GAUSS: dict[int, Rule] = {count: _gauss(count) for count in range(1, 5)}
+GAUSS: dict[int, Rule] = {
+    count: tuple(zip((0.5 + 0.5 * places).tolist(), (0.5 * weights).tolist(), strict=True))
+    for count in range(1, 5)
+    for places, weights in [np.polynomial.legendre.leggauss(count)]
+}
 """Gauss-Legendre rules by number of points."""
 FINE = GAUSS[4]
 """The rule for integrands of unknown smoothness."""
@@ -35,6 +33,10 @@ TRIANGLE_POINTS = np.array([[4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0]]) 
 MAX_REPEATS = 16
 CLOSURE_TOLERANCE = 1e-4
 """Closure tolerance of a cell: sum of its normals, relative to its perimeter."""
+REFINE_DISTANCE = 2.0
+"""A triangle closer to a singular point than this times its longest side is divided into four, ..."""
+MAX_REFINEMENTS = 2
+"""... up to this many times."""
 
 
 @dataclass(frozen=True)
@@ -119,7 +121,15 @@ def dual_faces(points: FloatArray, triangles: IntArray, surfaces: Mapping[str, S
     """Inner faces of all cells: three per triangle (t, 3) of ``points`` (n, 2)."""
     one, other = triangles.T.ravel(), np.roll(triangles, -1, axis=1).T.ravel()
     middle, center = 0.5 * (points[one] + points[other]), np.tile(points[triangles].mean(axis=1), (3, 1))
-    key, middles = _outline_middles(len(points), surfaces)
+    # On the outline the mid-points are on the curves.
+    keys, halfway = [], []
+    for surface in surfaces.values():
+        arc, index = surface.ends, surface.index
+        index = np.append(index, index[0]) if surface.curve.closed else index
+        halfway.append(surface.curve.points(0.5 * (arc[1:] + arc[:-1])))
+        keys.append(np.minimum(index[1:], index[:-1]) * len(points) + np.maximum(index[1:], index[:-1]))
+    order = np.argsort(np.concatenate(keys))
+    key, middles = np.concatenate(keys)[order], np.concatenate(halfway)[order]
     wanted = np.minimum(one, other) * len(points) + np.maximum(one, other)
     found = np.searchsorted(key, wanted)
     on = key[np.minimum(found, len(key) - 1)] == wanted
@@ -161,20 +171,6 @@ def corner_moments() -> tuple[FloatArray, FloatArray]:
     return weighted.sum(axis=0), nodal.T @ weighted
 
 
-def _outline_middles(count: int, surfaces: Mapping[str, Surface]) -> tuple[IntArray, FloatArray]:
-    """Edges of the outline, as sorted keys (b,), and their mid-points (b, 2) on the curves."""
-    keys, middles = [], []
-    for surface in surfaces.values():
-        arc, index = surface.ends, surface.index
-        if surface.curve.closed:
-            index = np.append(index, index[0])
-        middles.append(surface.curve.points(0.5 * (arc[1:] + arc[:-1])))
-        keys.append(np.minimum(index[1:], index[:-1]) * count + np.maximum(index[1:], index[:-1]))
-    key = np.concatenate(keys)
-    order = np.argsort(key)
-    return key[order], np.concatenate(middles)[order]
-
-
 def measure(
     points: FloatArray, faces: Faces, surfaces: Mapping[str, Surface], labels: IntArray
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
@@ -210,3 +206,25 @@ def measure(
     first = 0.5 * total(arm**2 * normal)
     middle = near + np.where(closed[:, None], first / np.where(closed, area, 1.0)[:, None], 0.0)
     return area, middle, closed
+
+
+def graded_quadrature(
+    nodes: FloatArray, triangles: IntArray, singular: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Midpoint rule over ``triangles`` (t, 3) of ``nodes`` (n, 2), graded towards ``singular`` points (k, 2)
+    on the outline: points (e, 2) and areas (e,)."""
+    tree, corners, points, areas = cKDTree(singular), nodes[triangles], [], []
+    for time in range(MAX_REFINEMENTS + 1):
+        middle = corners.mean(axis=1)
+        sides = corners - np.roll(corners, 1, axis=1)
+        size = np.hypot(*np.moveaxis(sides, 2, 0)).max(axis=1)
+        close = (tree.query(middle)[0] < REFINE_DISTANCE * size) & (time < MAX_REFINEMENTS)
+        (a, b) = np.moveaxis(sides[~close, 1:], 1, 0)
+        points.append(middle[~close])
+        areas.append(0.5 * np.abs(cross(a, b)))
+        whole = corners[close]
+        middles = 0.5 * (whole + np.roll(whole, -1, axis=1))
+        before = np.roll(middles, 1, axis=1)
+        ends = [np.stack([whole[:, i], middles[:, i], before[:, i]], axis=1) for i in range(3)]
+        corners = np.concatenate([middles, *ends])
+    return np.concatenate(points), np.concatenate(areas)

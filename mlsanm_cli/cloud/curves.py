@@ -212,12 +212,8 @@ class Outline:
 
     def numbers(self, *boundaries: str) -> list[int]:
         """The indices of the curves that form ``boundaries``: "name", or "name/1" and so on of each."""
-        return [
-            k
-            for boundary in boundaries
-            for k, name in enumerate(self.names)
-            if name == boundary or name.startswith(f"{boundary}/")
-        ]
+        named = [(k, name, name.partition("/")[0]) for k, name in enumerate(self.names)]
+        return [k for boundary in boundaries for k, name, stem in named if boundary in (name, stem)]
 
     def neighbours(self, number: int) -> tuple[int, int]:
         """The indices of the curves before and after a curve on its loop."""
@@ -250,14 +246,13 @@ class Outline:
 
     def cut(self, cuts: Mapping[int, Sequence[float]]) -> Outline:
         """The outline with curves, given by index, split at arc lengths."""
-        names, curves, starts = list[str](), list[Curve](), list[int]()
+        named, starts = list[tuple[str, Curve]](), list[int]()
         for number, curve in enumerate(self.curves):
-            if number in self.starts:
-                starts.append(len(curves))
+            starts += [len(named)] if number in self.starts else []
             for name, first, last in self.pieces(number, cuts.get(number, ())):
-                names.append(name)
-                curves.append(curve.part(first, last) if cuts.get(number) else curve)
-        return Outline(tuple(names), tuple(curves), tuple(starts))
+                named.append((name, curve.part(first, last) if cuts.get(number) else curve))
+        names, curves = zip(*named, strict=True)
+        return Outline(names, curves, tuple(starts))
 
 
 def rectangle(x: tuple[float, float], y: tuple[float, float]) -> Outline:

@@ -10,7 +10,7 @@ from itertools import accumulate
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Curve, Outline, Point, turn
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
@@ -51,11 +51,8 @@ class Joined(Curve):
     def data_points(self) -> int:
         return sum(piece.data_points for piece in self.pieces)
 
-    def _number(self, s: FloatArray) -> IntArray:
-        return np.clip(np.searchsorted(self.starts, s, side="right") - 1, 0, len(self.pieces) - 1)
-
     def _of(self, s: FloatArray, what: str, columns: tuple[int, ...]) -> FloatArray:
-        number = self._number(s)
+        number = np.clip(np.searchsorted(self.starts, s, side="right") - 1, 0, len(self.pieces) - 1)
         found = np.empty((len(s), *columns))
         for k in np.unique(number):
             some = number == k
@@ -81,9 +78,8 @@ class Joined(Curve):
         return found
 
     def part(self, first: float, last: float) -> Curve:
-        around = (0.0, self.length) if self.closed else (0.0,)
         found = []
-        for shift in around:
+        for shift in (0.0, self.length) if self.closed else (0.0,):
             for piece, start in zip(self.pieces, self.starts + shift, strict=False):
                 low, high = max(first - start, 0.0), min(last - start, piece.length)
                 if high - low > ROUND_OFF * self.length:
@@ -114,14 +110,9 @@ def joined(curves: Sequence[Curve], around: bool = False) -> Curve:
     one circle and consecutive parts of one curve are merged."""
     pieces: list[Curve] = []
     for curve in curves:
-        one = pieces[-1].merged(curve) if pieces else None
-        if one is None:
-            pieces.append(curve)
-        else:
-            pieces[-1] = one
-    if len(pieces) == 1:
-        return pieces[0]
-    return Joined(tuple(pieces), around)
+        whole = pieces[-1].merged(curve) if pieces else None
+        pieces = [*pieces, curve] if whole is None else [*pieces[:-1], whole]
+    return pieces[0] if len(pieces) == 1 else Joined(tuple(pieces), around)
 
 
 @dataclass(frozen=True, eq=False)

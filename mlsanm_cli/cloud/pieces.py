@@ -43,11 +43,8 @@ def divide(cloud: Cloud, size: int) -> IntArray:
     wanted = np.minimum(wanted, np.maximum((WIDTH_OVER_ROOM * cloud.room / cloud.spacing) ** 2, MIN_NODES))
     if mirror is None:
         return _divided(cloud.points, pairs, wanted)
-    place = np.full(len(cloud.points), -1, dtype=np.int64)
-    place[mirror.own] = np.arange(len(mirror.own))
-    own = _divided(
-        cloud.points[mirror.own], place[pairs][(place[pairs] >= 0).all(axis=1)], wanted[mirror.own]
-    )
+    beside = pairs[(mirror.side[pairs] >= 0).all(axis=1)]
+    own = _divided(cloud.points[mirror.own], mirror.place[beside], wanted[mirror.own])
     labels = own[mirror.place]
     # A piece that touches the line, or has edges across it, is merged with its image.
     touching = np.zeros(own.max() + 1, dtype=bool)
@@ -74,7 +71,9 @@ def pair_up(cloud: Cloud, touching: Collection[str], held: Collection[str]) -> I
         far = nearest(cKDTree(cloud.points[stops]), cloud.points)[0] > CLEARANCE * cloud.spacing
     mirror, labels, count = cloud.mirror, np.full(len(cloud.points), -1, dtype=np.int64), 0
     for name in sorted(touching):
-        for run in _runs(surfaces[name].index, far):
+        index = surfaces[name].index
+        for run in np.split(index, np.flatnonzero(~far[index])):
+            run = run[far[run]]
             if mirror is not None:
                 # One side at a time: images of pairs are pairs.
                 run = run[mirror.side[run] > 0]
@@ -89,14 +88,14 @@ def pair_up(cloud: Cloud, touching: Collection[str], held: Collection[str]) -> I
     return labels
 
 
-def _runs(index: IntArray, far: BoolArray) -> list[IntArray]:
-    """Stretches of a surface's nodes ``index`` (b,) selected by the mask ``far`` (n,)."""
-    cuts = np.flatnonzero(~far[index])
-    return [run[far[run]] for run in np.split(index, cuts)]
-
-
 def _divided(points: FloatArray, pairs: IntArray, wanted: FloatArray) -> IntArray:
-    return _joined(_connected(_bisected(points, wanted), pairs), pairs, MERGE_FRACTION * wanted)
+    """Piece numbers (n,) of connected ``points`` (n, 2); ``pairs`` (e, 2) are neighbours."""
+    labels = _bisected(points, wanted)
+    within = pairs[labels[pairs[:, 0]] == labels[pairs[:, 1]]]
+    linked = np.ones(len(within), dtype=np.int8), (within[:, 0], within[:, 1])
+    graph = sparse.csr_array(sparse.coo_array(linked, shape=(len(labels), len(labels))))
+    labels = np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+    return _joined(labels, pairs, MERGE_FRACTION * wanted)
 
 
 def _bisected(points: FloatArray, wanted: FloatArray) -> IntArray:
@@ -134,14 +133,6 @@ def _along(points: FloatArray, labels: IntArray, count: IntArray) -> FloatArray:
     angle = 0.5 * np.arctan2(twice, across)
     along = np.cos(angle)[labels] * x + np.sin(angle)[labels] * y
     return np.asarray(np.round(along / (ROUND_OFF * float(np.ptp(points, axis=0).max()))))
-
-
-def _connected(labels: IntArray, pairs: IntArray) -> IntArray:
-    """Split parts that the ``pairs`` (e, 2) of neighbours do not connect."""
-    within = pairs[labels[pairs[:, 0]] == labels[pairs[:, 1]]]
-    shape = (len(labels), len(labels))
-    graph = sparse.coo_array((np.ones(len(within), dtype=np.int8), (within[:, 0], within[:, 1])), shape=shape)
-    return np.asarray(connected_components(sparse.csr_array(graph), directed=False)[1], dtype=np.int64)
 
 
 def _joined(labels: IntArray, pairs: IntArray, few: FloatArray) -> IntArray:

@@ -17,14 +17,9 @@ def measure(cloud: Cloud) -> dict[str, float]:
     """Quality figures of a cloud: numbers of ``nodes`` and ``boundary_nodes``; over the local spacing the
     ``closest`` distance of two nodes and the radius of the largest ``hole``, an empty circle; ``growth``, the
     largest spacing difference of neighbours over their distance."""
-    nearest_other, growth = cloud.separation
-    return {
-        "nodes": len(cloud.points),
-        "boundary_nodes": len(cloud.boundary_nodes),
-        "closest": float(nearest_other.min()),
-        "hole": _largest_hole(cloud),
-        "growth": growth,
-    }
+    closest, growth = cloud.separation
+    counts = {"nodes": len(cloud.points), "boundary_nodes": len(cloud.boundary_nodes)}
+    return counts | {"closest": float(closest.min()), "hole": _largest_hole(cloud), "growth": growth}
 
 
 def _largest_hole(cloud: Cloud) -> float:

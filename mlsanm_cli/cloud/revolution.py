@@ -19,19 +19,13 @@ def at_axis(points: FloatArray, revolved: bool) -> BoolArray | None:
     return np.asarray(radius_of(points, points) == 0.0) if revolved else None
 
 
-def on_axis(points: FloatArray, edges: IntArray) -> BoolArray:
-    """Mask (b,) of the ``edges`` (b, 2) of an outline that run along the axis."""
-    return np.asarray((radius_of(points, points)[edges] == 0.0).all(axis=1))
-
-
 def imaged(points: FloatArray, edges: IntArray) -> IntArray:
     """Numbers (g,) of the nodes ``points`` (n, 2) whose images behind the axis continue the body: those
     opposite to ``edges`` (b, 2) of its outline on the axis."""
-    spans = np.sort(points[edges[on_axis(points, edges)], 1], axis=1)
-    beside = np.zeros(len(points), dtype=bool)
-    for low, high in spans:
+    radius, beside = radius_of(points, points), np.zeros(len(points), dtype=bool)
+    for low, high in np.sort(points[edges[(radius[edges] == 0.0).all(axis=1)], 1], axis=1):
         beside |= (points[:, 1] >= low) & (points[:, 1] <= high)
-    return np.flatnonzero(beside & (radius_of(points, points) > 0.0))
+    return np.flatnonzero(beside & (radius > 0.0))
 
 
 def with_images(points: FloatArray, own: IntArray) -> FloatArray:

@@ -85,6 +85,11 @@ class VisibilityCriterion:
         return float((self.along[:, 1] - self.along[:, 0]).max())
 
     @cached_property
+    def _ends(self) -> FloatArray:
+        """The nodes (n, 2), those of the boundary moved slightly inward."""
+        return self._drawn_in(INWARD_SHIFT, np.arange(len(self.edges)))
+
+    @cached_property
     def _corners(self) -> FloatArray:
         """Outward unit vectors (n, 2) at the boundary nodes: mean of the adjacent edge normals."""
         total = np.zeros_like(self.points)
@@ -97,11 +102,6 @@ class VisibilityCriterion:
     def opened(self) -> FloatArray:
         """The nodes (n, 2) with the faces of slits moved apart: slit edges are then Delaunay edges."""
         return self._drawn_in(FACE_SHIFT, self.slits)
-
-    @cached_property
-    def _ends(self) -> FloatArray:
-        """The nodes (n, 2), those of the boundary moved slightly inward."""
-        return self._drawn_in(INWARD_SHIFT, np.arange(len(self.edges)))
 
     def _drawn_in(self, part: float, which: IntArray) -> FloatArray:
         """The nodes (n, 2), those of edges ``which`` moved inward by ``part`` of the edge length."""

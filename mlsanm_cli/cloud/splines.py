@@ -4,7 +4,7 @@ h^3; those of chords converge with h^2 and h."""
 
 from __future__ import annotations
 
-from functools import cache, cached_property
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg.lapack import dgtsv
@@ -15,8 +15,8 @@ from mlsanm_cli.cloud.curves import Curve, chord_zones
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import LAST_DIGITS, ROUND_OFF
 
-GAUSS = 6
-"""Gauss points per interval for arc lengths."""
+POINTS, WEIGHTS = np.polynomial.legendre.leggauss(6)
+"""Gauss points and weights of an interval for arc lengths."""
 WRAPPED = 60
 """Nodes by which a closed curve overlaps itself for its slopes: 2^-60 is below round-off."""
 SAMPLES = 4
@@ -24,11 +24,6 @@ SAMPLES = 4
 MAX_ITERATIONS = 60
 NEWTON_TOLERANCE = 5e-8
 """A Newton step below this fraction of the curve is the last one: convergence is quadratic."""
-
-
-@cache
-def _gauss() -> tuple[FloatArray, FloatArray]:
-    return np.polynomial.legendre.leggauss(GAUSS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,10 +63,8 @@ class NodeSpline:
     def _length(self, start: FloatArray, end: FloatArray) -> FloatArray:
         """Arc lengths (n,) from parameters ``start`` (n,) to ``end`` (n,), each within one interval."""
         half = 0.5 * (end - start)[:, None]
-        points, weights = _gauss()
-        t = 0.5 * (start + end)[:, None] + half * points
-        speed = np.sqrt((self.derivatives(t)[1] ** 2).sum(axis=2))
-        return np.asarray((half * weights * speed).sum(axis=1))
+        speed = np.sqrt((self.derivatives(0.5 * (start + end)[:, None] + half * POINTS)[1] ** 2).sum(axis=2))
+        return np.asarray((half * WEIGHTS * speed).sum(axis=1))
 
     def derivatives(self, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Position, first and second derivative at parameters ``t``, each (..., 2)."""

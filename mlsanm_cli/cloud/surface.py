@@ -34,10 +34,8 @@ class Surface:
     @property
     def members(self) -> tuple[tuple[Surface, IntArray], ...]:
         """The body's own surfaces this one consists of, and the positions of their nodes in ``index``."""
-        if not self.parts:
-            return ((self, np.arange(len(self.index))),)
         found, first = [], 0
-        for part in self.parts:
+        for part in self.parts or (self,):
             found.append((part, (first + np.arange(len(part.index))) % len(self.index)))
             first += len(part.index) - 1
         return tuple(found)

@@ -37,7 +37,20 @@ class Tips:
     def modes(self) -> tuple[tuple[tuple[float, bool], ...], ...]:
         """Singular exponents of each corner up to MAX_EXPONENT, and whether their modes open (else shear) it.
         Displacements r^p with sin(2 p half) = -+ p sin(2 half) (Williams 1952, doi:10.1115/1.4010553)."""
-        return tuple(_modes(2.0 * float(half)) for half in self.half)
+        grid, modes = np.linspace(0.4, MAX_EXPONENT, 400), []
+        for angle in 2.0 * self.half:
+            found = []
+            for opens, sign in ((True, 1.0), (False, -1.0)):
+                value = np.sin(grid * angle) + sign * grid * np.sin(angle)
+                for i in np.flatnonzero((value[:-1] * value[1:] <= 0.0) & (value[:-1] != 0.0)).tolist():
+                    low, high = grid[i], grid[i + 1]
+                    for _ in range(50):
+                        middle = 0.5 * (low + high)
+                        at = np.sin(middle * angle) + sign * middle * np.sin(angle)
+                        low, high = (middle, high) if at * value[i] > 0.0 else (low, middle)
+                    found.append((float(0.5 * (low + high)), opens))
+            modes.append(tuple(sorted(found)))
+        return tuple(modes)
 
 
 def tips_of(points: FloatArray, index: IntArray, normal: FloatArray, names: Sequence[str]) -> Tips | None:
@@ -70,19 +83,3 @@ def distances(place: FloatArray, into: FloatArray, half: FloatArray) -> tuple[Fl
     np.fill_diagonal(away, np.inf)
     seen = (way * into[:, None]).sum(axis=2) > np.cos(half - SMOOTH_TURN)[:, None] * away
     return away, seen & seen.T
-
-
-def _modes(angle: float) -> tuple[tuple[float, bool], ...]:
-    """Singular exponents of a corner of interior ``angle`` with free faces, and whether they are opening."""
-    grid = np.linspace(0.4, MAX_EXPONENT, 400)
-    found = []
-    for opens, sign in ((True, 1.0), (False, -1.0)):
-        value = np.sin(grid * angle) + sign * grid * np.sin(angle)
-        for i in np.flatnonzero((value[:-1] * value[1:] <= 0.0) & (value[:-1] != 0.0)).tolist():
-            low, high = grid[i], grid[i + 1]
-            for _ in range(50):
-                middle = 0.5 * (low + high)
-                here = np.sin(middle * angle) + sign * middle * np.sin(angle)
-                low, high = (middle, high) if here * value[i] > 0.0 else (low, middle)
-            found.append((float(0.5 * (low + high)), opens))
-    return tuple(sorted(found, key=lambda mode: mode[0]))

@@ -48,20 +48,13 @@ def follow(
     levels: Sequence[float] = (),
     last: Callable[[FloatArray, float], bool] | None = None,
 ) -> Follower:
-    """Return the follower of the path R(x, lam) = 0 from (x0, lam0) to the load factor ``lam_end``.
+    """Return the follower of the path R(x, lam) = 0 from ``x0`` (size,) at ``lam0``, corrected if its
+    residual requires it, to where the load factor first is ``lam_end``.
 
-    Parameters
-    ----------
-    x0 : (size,), start point; corrected at fixed ``lam0`` if its residual requires it (after a ``previous``
-        piece: if it exceeds the tolerance)
-    lam_end : the path ends where the load factor first takes this value
-    options : they also select the method: power series (default) or Newton-Raphson
-    previous : the piece of path that led to the start point; the path continues in its direction with its
-        step length, as if it had not been interrupted
-    levels : load factors at which states are wanted. Steps of Newton's method end there; power series
-        contain them anyway
-    last : whether the caller leaves the path at a state, the end of a step: power series then do not
-        factorise the tangent there
+    The ``options`` select the method: power series (default) or Newton-Raphson. A path goes on in the
+    direction of the ``previous`` piece, which led to the start, with its step length, as if it had not been
+    interrupted. Steps of Newton's method end at the ``levels`` of the load factor; power series contain them
+    anyway. Power series do not factorise the tangent at the ``last`` state, at which the caller leaves.
     """
     options = options or AnmOptions()
     method = NewtonFollower if isinstance(options, NewtonOptions) else AnmFollower

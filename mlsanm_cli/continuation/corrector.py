@@ -123,7 +123,7 @@ def iterate(
                 slope = -tangent.solve(problem.load_derivative(point.x, point.lam))
                 along = load_update(dx, slope)
                 dx = dx + along * slope
-        except np.linalg.LinAlgError as error:
+        except (np.linalg.LinAlgError, NumericalError) as error:
             raise SingularTangentError(f"singular tangent at load factor {point.lam:.9g}") from error
         if not np.all(np.isfinite(dx)):
             raise SingularTangentError(f"singular tangent at load factor {point.lam:.9g}")

@@ -27,6 +27,7 @@ import numpy as np
 
 from mlsanm_cli.continuation.problem import FloatArray, Problem, SingularTangentError, Tangent
 from mlsanm_cli.continuation.series import Branch
+from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.records import dataclass
 
 
@@ -62,7 +63,7 @@ def expansion_point(problem: Problem, x: FloatArray, lam: float) -> ExpansionPoi
     try:
         tangent = problem.tangent(x, lam)
         slope = -tangent.solve(problem.load_derivative(x, lam))
-    except np.linalg.LinAlgError as error:
+    except (np.linalg.LinAlgError, NumericalError) as error:
         raise SingularTangentError(f"singular tangent at load factor {lam:.9g}") from error
     if not np.all(np.isfinite(slope)):
         raise SingularTangentError(f"singular tangent at load factor {lam:.9g}")

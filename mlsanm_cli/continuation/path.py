@@ -36,19 +36,11 @@ class StopReason(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """One finished step of a path.
-
-    Attributes
-    ----------
-    branch : the path over the step; ``branch.evaluate(branch.length)`` is the end before a correction
-    x, lam : end of the step and start of the next: unknowns, shape (size,), and load factor
-    residual : largest residual at the end
-    arc_length : length of the step along its first tangent, in the scaled units of the path
-    effort : Newton updates (for power series those at the end of the step), tangents factorised and systems
-        solved for this step, failed trials included
-    order : order of the power series; 0 if ``branch`` is no series and only its ends are on the path
-    tangent : the factorised tangent at the end, if the path goes on from there
-    """
+    """One finished step of a path: the ``branch`` over it, whose end may be corrected, its end ``x`` (size,),
+    ``lam`` with the largest ``residual``, its ``arc_length`` along its first tangent in the scaled units of
+    the path, and the ``effort`` for it, failed trials included. ``order`` is that of the power series; 0 if
+    only the ends of the branch are on the path. ``tangent`` is the factorised one at the end, if the path
+    goes on from there."""
 
     branch: Branch
     x: FloatArray

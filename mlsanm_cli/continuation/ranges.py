@@ -14,7 +14,7 @@ import numpy as np
 
 from mlsanm_cli.continuation.corrector import residual_norm
 from mlsanm_cli.continuation.expansion import Metric
-from mlsanm_cli.continuation.problem import MIN_LENGTH, AnmOptions, FloatArray, Problem
+from mlsanm_cli.continuation.problem import MIN_LENGTH, AnmOptions, Problem
 from mlsanm_cli.continuation.series import Branch, denominator, nearest_pole
 
 # A length is accepted if the residual there lies between the first and the last of these parts of the
@@ -73,7 +73,7 @@ class RangeOfValidity:
         if last > 0.0 and order > 1:
             # The series of an almost straight path has an unbounded range, over which the crossing of lam_end
             # could not be found to round-off.
-            most = max(_STRAIGHT * along, _STRAIGHT * self._shortest(series.x[1], series.lam[1]))
+            most = max(_STRAIGHT * along, _STRAIGHT * self._shortest(series))
             most = most if along > 0.0 else np.inf
             return float(min((self.options.tolerance * first / last) ** (1.0 / (order - 1)), most))
         return float(along) if along > 0.0 else 1.0
@@ -111,9 +111,9 @@ class RangeOfValidity:
             length = self._longest(branch, 0.9 * bad * length, bad * length)
         return 0.0
 
-    def _shortest(self, x: FloatArray, lam: float) -> float:
-        """Return the parameter of the shortest step, x (size,) and lam the first coefficients."""
-        return MIN_LENGTH / self.metric.norm(x, float(lam))
+    def _shortest(self, series: Branch) -> float:
+        """Return the parameter of the shortest step."""
+        return MIN_LENGTH / self.metric.norm(series.x[1], float(series.lam[1]))
 
     def _longest(self, branch: Branch, guess: float, ceiling: float) -> float:
         """Return about the largest a <= ``ceiling`` whose residual is within the tolerance, or 0."""
@@ -121,7 +121,7 @@ class RangeOfValidity:
         limit = _LIMIT * tolerance  # between the checked points the residual may be a little larger
         low, high, a = 0.0, np.inf, min(guess, ceiling)
         power, before = float(branch.order + 1), (0.0, 0.0)
-        shortest = self._shortest(branch.x[1], branch.lam[1])
+        shortest = self._shortest(branch)
         for _ in range(_MAX_TRIALS):
             if a <= shortest:
                 break

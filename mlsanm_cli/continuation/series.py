@@ -35,15 +35,9 @@ _ROUND_OFF = 32.0 * _EPS
 
 @dataclass(frozen=True, eq=False)
 class Branch:
-    """A piece of path (x(a), lam(a)), 0 <= a <= ``length``.
-
-    Attributes
-    ----------
-    x : (N + 1, size), coefficients of the unknowns, in the unknowns' units
-    lam : (N + 1,), coefficients of the load factor
-    length : end of the range in which the piece may be evaluated
-    denominator : (M + 1,) coefficients of the Padé denominator, the first one 1, M <= N; None: power series
-    """
+    """A piece of path (x(a), lam(a)), 0 <= a <= ``length``, with the coefficients ``x`` (N + 1, size) of the
+    unknowns and ``lam`` (N + 1,) of the load factor, and those of the Padé ``denominator`` (M + 1,), M <= N,
+    the first of which is 1; None for a power series."""
 
     x: FloatArray
     lam: FloatArray

@@ -145,25 +145,21 @@ def read_origin(rundir: Path) -> RunData:
     return read_run(rundir, ("path", "checkpoint"))
 
 
-def held_case(directory: Path) -> str | None:
-    """The hash of the case of the run in ``directory``, complete or not; None without a readable run."""
-    try:
-        return str(read_origin(directory).attributes.get("case_hash", ""))
-    except RunError:
-        return None
-
-
-def finished(directory: Path, case_hash: str) -> Mapping[str, Any] | None:
-    """The summary of a completed run of this case by this version, None if there is none."""
+def held_run(directory: Path) -> tuple[str | None, Mapping[str, Any] | None]:
+    """The hash of the case of the run in ``directory``, None without a readable run, and its summary if this
+    version has completed it."""
     try:
         known = read_origin(directory).attributes
-        wanted = {"case_hash": case_hash, "mlsanm": __version__, "status": "done"}
-        if any(known.get(key) != value for key, value in wanted.items()):
-            return None
-        summary = read_summary(directory / SUMMARY_FILE)
     except RunError:
-        return None
-    return summary if summary.get("status") == "done" else None
+        return None, None
+    held = str(known.get("case_hash", ""))
+    try:
+        if known.get("mlsanm") == __version__ and known.get("status") == "done":
+            summary = read_summary(directory / SUMMARY_FILE)
+            return held, summary if summary.get("status") == "done" else None
+    except RunError:
+        pass
+    return held, None
 
 
 def read_path(rundir: Path) -> Mapping[str, NDArray[Any]]:

@@ -98,14 +98,12 @@ class Collocation:
 
 
 class System:
-    """R(x, lam) over a stage between load factors (L,), a problem for the continuation.
-
-    ``places`` are the ranges of the ``size`` unknowns and of their rows, ``scale`` typical values of the
-    unknowns and ``divisor`` of the rows, which are divided by these. Q has the products ``factor``
-    x[``first``] x[``second``] in rows ``first``. The ``bodies`` form their residuals themselves; ``matrix``
-    and ``load`` make the other rows. ``ordered`` is M in scaled unknowns and in the ``order`` of elimination,
-    with ``threshold`` of pivoting.
-    """
+    """R(x, lam) over a stage between load factors (L,), a problem for the continuation: ``places`` are the
+    ranges of the ``size`` unknowns and of their rows, ``scale`` typical values of the unknowns and
+    ``divisor`` of the rows, which are divided by these. Q has the products ``factor`` x[``first``]
+    x[``second``] in rows ``first``. The ``bodies`` form their residuals themselves; ``matrix`` and ``load``
+    make the other rows. ``ordered`` is M in scaled unknowns and in the ``order`` of elimination, with
+    ``threshold`` of pivoting."""
 
     def __init__(self, built: CondensedScene) -> None:
         """The equations of a scene in its first stage. Raises NumericalError if contacts carry nothing."""
@@ -249,16 +247,13 @@ class System:
 
 
 class Tangent:
-    """M + ``local`` factorised. Raises numpy's LinAlgError if it is singular."""
+    """M + ``local`` factorised. Raises NumericalError if it is singular."""
 
     def __init__(self, system: System, local: sparse.csr_array) -> None:
         self._system, self._local = system, local
         ordered = (local @ sparse.diags_array(system.scale))[system.order][:, system.order]
         whole = sparse.csc_array(system.ordered + ordered)
-        try:
-            self._factor = factor_in_order(whole, np.arange(system.size), system.threshold)
-        except NumericalError as error:
-            raise np.linalg.LinAlgError("singular tangent of the contact problem") from error
+        self._factor = factor_in_order(whole, np.arange(system.size), system.threshold)
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """Solution (size,). Normal equations lose half the digits, which residuals of the rows restore."""

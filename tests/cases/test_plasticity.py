@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.gallery_entries import ENTRIES
+from benchmarks.gallery_entries import entries
 from mlsanm_cli.app.run import run
 from mlsanm_cli.io.run_reader import RunData, read_run
 from tests.app.runs import undeclared, warned
@@ -92,7 +92,7 @@ def test_published_cases(name: str, tmp_path: Path) -> None:
     """Residual stresses of a beam against beam theory; forces of an indenter against finite elements."""
     summary = run(CASES / f"{name}.toml", out=tmp_path / name, console=Quiet())
     assert summary["status"] == "done"
-    judge = ENTRIES[name].judge
+    judge = entries()[name].judge
     assert judge is not None
     errors = judge(read_run(tmp_path / name))
     assert max(errors.values()) < (0.01 if name == "springback" else 0.005)

@@ -14,8 +14,7 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.loads import Loads
-from mlsanm_cli.mechanics.finite.problem import FiniteProblem
-from mlsanm_cli.mechanics.finite.projector import Projector, weights_of
+from mlsanm_cli.mechanics.finite.projector import FiniteProblem, Projector, weights_of
 from mlsanm_cli.mechanics.laws.law import Law, law_class
 from mlsanm_cli.mechanics.laws.saint_venant_kirchhoff import SaintVenantKirchhoff
 from mlsanm_cli.mechanics.material import isotropic
@@ -74,7 +73,7 @@ def boundary_loads(
 def problem_of(body: FiniteBody, length: float = 1.0) -> FiniteProblem:
     """One stage, from nothing to all loads, with the equations of the reference."""
     start, end = np.zeros(body.loads.count), np.ones(body.loads.count)
-    projector = Projector.at(body, weights_of(body), np.zeros(body.unknowns), start, "auto")
+    projector = Projector(body, weights_of(body), np.zeros(body.unknowns), start, "auto")
     return FiniteProblem(projector, start, end, length)
 
 
@@ -97,5 +96,5 @@ def renewed(problem: FiniteProblem, x: FloatArray, lam: float) -> FiniteProblem:
     """The same with the equations of another state."""
     projector = problem.projector
     factors = problem.factors(lam)
-    made = Projector.at(projector.body, projector.weights, x, factors, "auto")
+    made = Projector(projector.body, projector.weights, x, factors, "auto")
     return replace(problem, projector=made)

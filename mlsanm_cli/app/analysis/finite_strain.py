@@ -20,7 +20,7 @@ from mlsanm_cli.app.finite.accuracy import (
     missing_works,
     work_error,
 )
-from mlsanm_cli.app.finite.checks import END, FiniteEnd
+from mlsanm_cli.app.finite.checks import END, STATE, FiniteEnd
 from mlsanm_cli.app.finite.contact_path import contact_path
 from mlsanm_cli.app.finite.fields import (
     CONTACT_PREFIX,
@@ -37,7 +37,6 @@ from mlsanm_cli.app.finite.fields import (
 from mlsanm_cli.app.finite.grids import knots_of, located, with_knots
 from mlsanm_cli.app.finite.path import finite_path
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
-from mlsanm_cli.app.finite.states import STATE
 from mlsanm_cli.app.output.analysis import Analysis, BodyFields
 from mlsanm_cli.app.output.parts import ContactNodes, contact_part, obstacles, vtu_states
 from mlsanm_cli.app.scene.refinement import Refinement
@@ -53,8 +52,7 @@ from mlsanm_cli.solve.state import Bifurcation, Checkpoint, PathStep, State
 
 def contact_lines(scene: FiniteScene, state: State) -> dict[str, VtuPart]:
     """Slave sides of all contacts in a state with their pressures; stresses act on the slave of the case."""
-    records = contact_values(scene, state)
-    lines = {}
+    records, lines = contact_values(scene, state), {}
     for contact, _, there in scene.contacts.each:
         record, side = records[contact.name], contact.slave
         moved = state.solver["surface"][there][: 2 * side.count].reshape(-1, 2)
@@ -64,8 +62,7 @@ def contact_lines(scene: FiniteScene, state: State) -> dict[str, VtuPart]:
         stretch = stretch_along(side, moved.ravel())
         stress = sign * state.side_traction[there].reshape(-1, 2)[: side.count] / stretch[:, None]
         numbers = np.arange(side.count, dtype=np.int64)
-        edges = np.stack([numbers, np.roll(numbers, -1)], axis=1)
-        edges = edges if side.around is not None else edges[:-1]
+        edges = np.stack([numbers, np.roll(numbers, -1)], axis=1)[: None if side.around is not None else -1]
         lines[contact.name] = contact_part(
             *(side.places, edges, record, bool(contact.friction)),
             arc_length=side.arc,
@@ -77,10 +74,8 @@ def contact_lines(scene: FiniteScene, state: State) -> dict[str, VtuPart]:
 
 
 def obstacle_lines(scene: FiniteScene, state: State) -> dict[str, VtuPart]:
-    """Rigid obstacles in a state, by contact."""
     points = np.concatenate([body.elastic.model.cloud.points for body in scene.bodies.values()])
-    drawn = obstacles(scene.case, points)
-    lines = {}
+    drawn, lines = obstacles(scene.case, points), {}
     for contact in scene.contacts.pairs:
         if isinstance(contact, RigidContact):
             places, edges = drawn[contact.name]
@@ -99,7 +94,6 @@ class FiniteStrain(Analysis):
 
     @property
     def scene(self) -> FiniteScene:
-        """The assembled scene."""
         assert self._scene is not None
         return self._scene
 

@@ -48,7 +48,6 @@ def contact_lines(
 
 
 def obstacle_lines(built: CondensedScene, state: State) -> dict[str, VtuPart]:
-    """The rigid obstacles in one state, by the contact that they belong to."""
     moved = platen_displacements(built, state)
     points = np.concatenate([body.model.cloud.points for body in built.scene.bodies.values()])
     lines = {}

@@ -25,16 +25,14 @@ from mlsanm_cli.app.checks.energy import energy_error, flow_figures, force_balan
 from mlsanm_cli.app.checks.limits import summary_limits
 from mlsanm_cli.app.checks.overlaps import overlaps
 from mlsanm_cli.app.checks.peaks import boundary_peaks
-from mlsanm_cli.app.checks.quality import MODEL, announce, assess, factor_notes, nodal_contacts
-from mlsanm_cli.app.checks.refinement import Adapted, adapt
-from mlsanm_cli.app.context import RunContext
+from mlsanm_cli.app.checks.quality import MODEL, announce, assess, factor_notes
+from mlsanm_cli.app.checks.refinement import set_up
 from mlsanm_cli.app.output.analysis import Analysis, BodyFields
 from mlsanm_cli.app.output.parts import ContactNodes
 from mlsanm_cli.app.output.views import View, finer_views, shown_fields
-from mlsanm_cli.app.scene.assemble import NOTHING, SceneModel
+from mlsanm_cli.app.scene.assemble import NOTHING
 from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.laws.failures import SlidingError
 from mlsanm_cli.errors import NumericalError
@@ -57,21 +55,6 @@ FLOW_FIELDS = ("plastic_strain", "flow_stress", "yield_ratio")
 """Fields of bodies that flow; of elastic bodies in the same scene 0, nan and nan."""
 WITH_STRESS = {"stress", "von_mises", "strain", *FLOW_FIELDS}
 """Fields that need stresses."""
-
-
-def set_up(
-    case: Case,
-    prepared: SceneModel,
-    context: RunContext,
-    verdicts: Verdicts,
-    refinement: Refinement | None = None,
-) -> Adapted:
-    """Condenses the scene, refined as the case requires or as ``refinement``. Raises NumericalError."""
-    prepared, built, accuracy, refinement = adapt(case, prepared, context, refinement)
-    if refinement.failed:
-        verdicts.judge([Check("refinement_pass", 1.0, refinement.failed)])
-    verdicts.judge(nodal_contacts(prepared, built.condensed.nodal, prepared.models))
-    return prepared, built, accuracy, refinement
 
 
 class SmallStrain(Analysis):
@@ -156,7 +139,10 @@ class SmallStrain(Analysis):
             # At the nodes, as no state was saved.
             yield from overlaps(built, last, self.nodes, displacements(unsaved))
         with context.phase("output"):
-            fields = self._stress_fields(last)
+            if self._stressed is not None and self._stressed[0] is last:
+                fields = self._stressed[1]
+            else:
+                fields = fields_of(built, [last], stress=True, starts=self._starts)[0][0]
             self._energies = energy_error(built, last, fields)
             self._peaks = boundary_peaks(built, last, fields)
         figures = tally["linear_residual"], self._energies, self._peaks
@@ -166,14 +152,7 @@ class SmallStrain(Analysis):
         self._accuracy = self._estimated(last)
         yield from end.estimates(built, self._accuracy.figures(built, last), self._accuracy.missing)
 
-    def _stress_fields(self, state: State) -> Mapping[str, Fields]:
-        """The fields of all bodies with stresses; recomputed unless the state was the last one saved."""
-        if self._stressed is not None and self._stressed[0] is state:
-            return self._stressed[1]
-        return fields_of(self._at(state), [state], stress=True, starts=self._starts)[0][0]
-
     def _estimated(self, last: State) -> Accuracy:
-        """The error estimates of the last state."""
         accuracy, built = self._accuracy, self._at(last)
         if any(last.history(name)[:, 4].any() for name in built.laws):
             # By the spacings on the path, over the displacements of the bodies that flow.
@@ -191,7 +170,6 @@ class SmallStrain(Analysis):
 
     @property
     def _refined(self) -> bool:
-        """Whether the clouds differ from those of the case."""
         return len(self._refinement.passes) > 1
 
     @property
@@ -236,11 +214,12 @@ class SmallStrain(Analysis):
         return {"cache_hash": digest(maps, condensed.weight), "nodes": str(nodes)}
 
     def series_maps(self) -> dict[str, Value]:
-        condensed = self._built.condensed
+        condensed, known = self._built.condensed, self._built.condensed.quantities
         slips = {name: condensed.slip.take(own) for name, own in condensed.tangential.items()}
-        forces, probes = (condensed.quantities[kind] for kind in ("force", "probe"))
-        kinds = (("forces", forces), ("slip", slips), ("probes", probes))
-        return {place("maps", kind, name): one.matrix for kind, maps in kinds for name, one in maps.items()}
+        maps = {"forces": known["force"], "slip": slips, "probes": known["probe"]}
+        return {
+            place("maps", kind, name): one.matrix for kind, own in maps.items() for name, one in own.items()
+        }
 
     def quantities(self, state: State) -> Quantities:
         return quantities(self._at(state), state)
@@ -280,10 +259,8 @@ class SmallStrain(Analysis):
         return {"cone": cone}
 
     def progress(self, step: PathStep) -> list[str]:
-        state = step.state
-        if not len(state.pressure):
-            return []
-        return [f"closed {int(state.closed.sum())}", f"peak pressure {state.pressure.max(initial=0.0):.6g}"]
+        closed, pressure = step.state.closed, step.state.pressure
+        return [f"closed {int(closed.sum())}", f"peak pressure {pressure.max():.6g}"] if len(pressure) else []
 
     def diagnosis(self, state: State | None) -> tuple[Sequence[VtuPart], Mapping[str, Any]]:
         if self._condensed is None or state is None:
@@ -299,19 +276,17 @@ class SmallStrain(Analysis):
         sizes |= {"linear_residual": tally.get("linear_residual"), "stability": None}
         if self._condensed is None:
             return sizes
-        built = self._built
-        bodies = built.scene.bodies
-        mirrors = [body.model.cloud.mirror for body in bodies.values()]
+        built, bodies = self._built, self._built.scene.bodies.values()
+        mirrors = [body.model.cloud.mirror for body in bodies]
         lines = {None if mirror is None else str(mirror.line) for mirror in mirrors}
-        if self._refined:
-            sizes["adapt"] = self._refinement.passes
+        sizes |= {"adapt": self._refinement.passes} if self._refined else {}
         return sizes | {
             # The symmetry line of the nodes of all bodies.
             "symmetry": lines.pop() if len(lines) == 1 else None,
             "contact_unknowns": len(built.condensed.weight) + len(built.condensed.friction_nodes),
-            "elastic_factorizations": len({id(body.system) for body in bodies.values()}),
+            "elastic_factorizations": len({id(body.system) for body in bodies}),
             "condensation_solves": built.condensed.solves,
-            "enlarged_stencils": sum(body.model.stencils.enlarged for body in bodies.values()),
+            "enlarged_stencils": sum(body.model.stencils.enlarged for body in bodies),
             "stability": built.stability,
         }
 
@@ -325,19 +300,16 @@ class SmallStrain(Analysis):
             for one in built.condensed.reported
         }
         plates = {"plates": plates_turned(built, state)} if built.condensed.quantities["moment"] else {}
-        return (
-            plates
-            | flow_figures(built, state)
-            | {
-                "contacts": contacts,
-                "error_estimate": self._accuracy.figures(built, state),
-                "peak_stress": dict(self._peaks),
-                "force_balance": imbalance[worst_of(imbalance)],
-                "force_balance_bodies": imbalance,
-                "energy_error": energies[worst_of(energies)] if energies else None,
-                "energy_error_bodies": energies,
-            }
-        )
+        figures: dict[str, Any] = plates | flow_figures(built, state)
+        return figures | {
+            "contacts": contacts,
+            "error_estimate": self._accuracy.figures(built, state),
+            "peak_stress": dict(self._peaks),
+            "force_balance": imbalance[worst_of(imbalance)],
+            "force_balance_bodies": imbalance,
+            "energy_error": energies[worst_of(energies)] if energies else None,
+            "energy_error_bodies": energies,
+        }
 
     def limits(self) -> dict[str, Any]:
         estimates = {} if self._condensed is None else end.estimate_limits(self._condensed.condensed)

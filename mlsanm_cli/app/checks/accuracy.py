@@ -279,7 +279,6 @@ def _corrected(
 
 
 def _largest_of(displacements: Sequence[FloatArray]) -> float:
-    """Largest of the ``displacements`` (N, 2) of all bodies."""
     return max(float(np.hypot(*u.T).max()) for u in displacements)
 
 

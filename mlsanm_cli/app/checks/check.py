@@ -33,12 +33,10 @@ class Check:
 
     @property
     def text(self) -> str:
-        """Message and hint."""
         return f"{self.message}; {self.hint}" if self.hint else self.message
 
     @property
     def outcome(self) -> Outcome:
-        """The outcome; a value that is nan exceeds every level."""
         warns, fails = self._levels
         return "failed" if self._exceeds(fails) else "warned" if self._exceeds(warns) else "passed"
 
@@ -50,13 +48,11 @@ class Check:
 
     @property
     def severity(self) -> tuple[int, float]:
-        """Order of checks of the same quantity."""
         sign = -1.0 if LIMITS[self.name].lower else 1.0
         return OUTCOMES.index(self.outcome), float(np.nan_to_num(sign * self.value, nan=np.inf))
 
     @property
     def row(self) -> dict[str, Any]:
-        """Entry of ``summary.checks``."""
         keys = ("name", "place", "value", "limit", "outcome")
         return {key: getattr(self, key) for key in keys}
 
@@ -100,7 +96,6 @@ class Verdicts:
 
     @property
     def rows(self) -> list[dict[str, Any]]:
-        """Content of ``summary.checks``."""
         return [check.row for check in self._worst.values()]
 
     @property

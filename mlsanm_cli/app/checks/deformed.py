@@ -54,7 +54,6 @@ class DeformedOutline:
 
     @property
     def size(self) -> float:
-        """Longer side of the initial bounding box."""
         return float(np.ptp(self.drawn, axis=0).max())
 
 
@@ -132,7 +131,6 @@ class Overlap(NamedTuple):
 
     @property
     def owners(self) -> set[str]:
-        """The two bodies, or the body and the obstacle."""
         other = self.other if self.other.startswith("the ") else self.other.partition(".")[0]
         return {self.boundary.partition(".")[0], other}
 
@@ -189,7 +187,6 @@ def label(name: str) -> str:
 def overlap_check(
     found: Sequence[Overlap], position: float, hint: Callable[[Overlap, Sequence[Overlap]], str]
 ) -> Check:
-    """The check of overlaps, which names the deepest."""
     if not found:
         return Check("overlap", 0.0, "")
     worst = max(found, key=lambda overlap: overlap.depth)

@@ -160,7 +160,6 @@ def peak_pressure(end: End) -> Iterator[Check]:
 
 
 def transfer(end: End) -> Iterator[Check]:
-    """Different forces on slave and master."""
     mismatches = force_mismatch(end.built, end.last)
     for pairing in end.built.condensed.pairings:
         lost, place = mismatches[pairing.name], f"contact {pairing.name}"
@@ -193,13 +192,11 @@ def law_gap(end: End) -> Iterator[Check]:
 
 
 def stability(end: End) -> Iterator[Check]:
-    """Coercivity of the contacts, without which no path begins."""
     message = "the discretised contact is not coercive"
     yield Check("stability", end.built.stability, message, fails=stability_limit(end.built.ends))
 
 
 def linear_residual(end: End) -> Iterator[Check]:
-    """Error of the linear systems of the bodies."""
     message = f"linear-solver error {end.linear_residual:.2g} exceeds {level('linear_residual'):g}"
     hint = "make the spacings more equal, use a lower mls.degree, or a Poisson's ratio less close to 0.5"
     yield Check("linear_residual", end.linear_residual, message, hint)
@@ -221,7 +218,6 @@ def strain(end: End) -> Iterator[Check]:
 
 
 def peak_stress(end: End) -> Iterator[Check]:
-    """Estimated errors of the largest stresses on free boundaries."""
     for body, peak in end.peaks.items():
         (x, y), error = peak["place"], peak["error"]
         message = (
@@ -256,7 +252,6 @@ def held_motion(end: End) -> Iterator[Check]:
 
 
 def no_pressure(end: End) -> Iterator[Check]:
-    """Scenes whose contacts all stay open."""
     none = float(bool(end.case.touching) and end.built.stays_open)
     message = "no contact carries any pressure at the end of any stage"
     yield Check("no_pressure", none, message, "check the direction and size of the loads")
@@ -321,7 +316,6 @@ def pressure_limit(pairing: Pairing) -> str:
 
 
 def estimate_limits(condensed: Condensed) -> dict[str, Any]:
-    """The levels at which a run warns of estimated errors, for summary.json."""
     displacement = level("displacement_error")
     return {
         "displacement": displacement,

@@ -136,30 +136,22 @@ def energy_error(built: CondensedScene, state: State, fields: Mapping[str, Field
             other = _relative(energies[name] + more - work, NODE_FORCE_ENERGY * squares[name], scale)
             errors[name] = min(errors[name], other, key=abs)
         pointed[name] = 0.0 if scale == 0.0 else NODE_FORCE_SHIFT * squares[name] / scale
-    # Errors of local indentation do not affect mean displacements, those of bending do.
-    bent = {
-        name: 0.0 if near[name] > MIN_BENDING_SHARE * abs(work) else errors[name]
-        for name, work in works.items()
-    }
-    result = EnergyErrors(errors, strains, pointed, thin, _deflection(built, bent, fields))
+    # Fits of the next degree do not show the errors of smooth fits at singular ends, energies do; errors of
+    # local indentation do not affect mean displacements, those of bending do.
+    lost, whole = 0.0, 0.0
+    for name, body in built.scene.bodies.items():
+        square = float((fields[name]["displacement"] ** 2).sum())
+        clamped = body.model.settings.degree >= MIN_ENERGY_DEGREE and any(map(all, body.restrained.values()))
+        bent = near[name] <= MIN_BENDING_SHARE * abs(works[name])
+        lost, whole = lost + (clamped and bent) * errors[name] ** 2 * square, whole + square
+    deflection = float(np.sqrt(lost / whole)) if whole > 0.0 else 0.0
+    result = EnergyErrors(errors, strains, pointed, thin, deflection)
     return replace(result, what="the work of stresses on strains of") if built.laws else result
 
 
 def _relative(missing: float, unseen: float, scale: float) -> float:
     """Difference beyond the part ``unseen`` by quadrature, relative to ``scale``."""
     return 0.0 if scale == 0.0 else float((missing - np.clip(missing, -unseen, unseen)) / scale)
-
-
-def _deflection(built: CondensedScene, errors: Mapping[str, float], fields: Mapping[str, Fields]) -> float:
-    """Relative error of the displacements due to the energy ``errors`` of bodies with clamped ends: fits of
-    the next degree do not show the errors of smooth fits at singular ends."""
-    squares = {name: float((one["displacement"] ** 2).sum()) for name, one in fields.items()}
-    lost = 0.0
-    for name, body in built.scene.bodies.items():
-        if body.model.settings.degree >= MIN_ENERGY_DEGREE and any(map(all, body.restrained.values())):
-            lost += errors[name] ** 2 * squares[name]
-    whole = sum(squares.values())
-    return float(np.sqrt(lost / whole)) if whole > 0.0 else 0.0
 
 
 def _on_single_nodes(built: CondensedScene, state: State) -> dict[str, float]:

@@ -19,7 +19,6 @@ class Limit(NamedTuple):
 
     @property
     def first(self) -> float | None:
-        """The level that is reached first."""
         return self.fails if self.warns is None else self.warns
 
 

@@ -52,14 +52,27 @@ def overlaps(
         if (profile := profiles[pairing.name]) is not None:
             largest = float(np.abs(profile.at(pairing.points)).max())
             given |= {body: max(given[body], largest) for body in pairing.bodies}
-    found = list(between_bodies(outlines, given, partial(_in_contact, outlines, built.condensed.reported)))
+
+    def in_contact(one: str, other: str, near: IntArray, facing: IntArray) -> BoolArray:
+        """Mask (e,) of points ``near`` that a contact keeps off ``facing`` ones, or at a corner of it."""
+        own, there = outlines[one], outlines[other]
+        spared = np.zeros(len(near), dtype=bool)
+        along = np.hypot(*(own.moved[near] - there.moved[facing]).T)
+        for pairing in built.condensed.reported:
+            if {one, other} == set(pairing.bodies):
+                mine, theirs = _members(pairing, one, own), _members(pairing, other, there)
+                spared |= mine[own.surface[near]] & theirs[there.surface[facing]]
+                spared |= _at_corners(own.points[near], along, own, mine)
+                spared |= _at_corners(own.points[near], along, there, theirs)
+        return spared
+
+    found = list(between_bodies(outlines, given, in_contact))
     found += list(_with_obstacles(built, state, outlines, given))
     yield overlap_check(found, state.position, partial(_hint, built))
     yield from _self_overlaps(state.position, outlines)
 
 
 def _self_overlaps(position: float, outlines: Mapping[str, DeformedOutline]) -> Iterator[Check]:
-    """Boundaries inside their own body, as where slits close."""
     for name, own in outlines.items():
         step = own.uncertainty[:, None] * own.normal
         within = np.flatnonzero(inside_polygon(own.edges, own.points + step))
@@ -80,27 +93,6 @@ def _self_overlaps(position: float, outlines: Mapping[str, DeformedOutline]) -> 
             f"supported, and results beyond that position are invalid"
         )
         yield Check("self_overlap", len(within), message, place=f"body {name}")
-
-
-def _in_contact(
-    outlines: Mapping[str, DeformedOutline],
-    pairings: Sequence[Pairing],
-    one: str,
-    other: str,
-    near: IntArray,
-    facing: IntArray,
-) -> BoolArray:
-    """Mask (e,) of points ``near`` (e,) of ``one`` body that a contact keeps off ``facing`` ones (e,) of the
-    ``other``, or that are at a corner of it."""
-    own, there = outlines[one], outlines[other]
-    found = np.zeros(len(near), dtype=bool)
-    for pairing in (pairing for pairing in pairings if {one, other} == set(pairing.bodies)):
-        mine, theirs = _members(pairing, one, own), _members(pairing, other, there)
-        found |= mine[own.surface[near]] & theirs[there.surface[facing]]
-        along = np.hypot(*(own.moved[near] - there.moved[facing]).T)
-        for outline, chosen in ((own, mine), (there, theirs)):
-            found |= _at_corners(own.points[near], along, outline, chosen)
-    return found
 
 
 def _with_obstacles(
@@ -169,7 +161,6 @@ def _at_corners(
 
 
 def _hint(built: CondensedScene, worst: Overlap, found: Sequence[Overlap]) -> str:
-    """Hint: existing contacts of the two bodies to extend, or a new contact."""
     changes, meant, ends = [], False, dict[str, set[int]]()
     for body, elastic in built.scene.bodies.items():
         for name, surface in elastic.model.cloud.surfaces.items():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
@@ -15,7 +16,6 @@ from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.condense import pulling_loads
 from mlsanm_cli.app.scene.corners import planes_of
 from mlsanm_cli.app.scene.load_profiles import amounts_at, runs_of
-from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import (
     BodyForce,
     Case,
@@ -52,7 +52,6 @@ class Quality:
 
     @property
     def figures(self) -> dict[str, Any]:
-        """Quality measures as plain values."""
         bodies = {}
         for name, cloud in self.bodies.items():
             model = self.models[name]
@@ -66,12 +65,10 @@ class Quality:
 
     @property
     def clouds(self) -> Mapping[str, Cloud]:
-        """The nodes of all bodies."""
         return {name: model.cloud for name, model in self.prepared.models.items()}
 
 
 def announce(case: Case, prepared: SceneModel, context: RunContext, verdicts: Verdicts) -> Quality:
-    """Assess a scene, print its notes and judge it."""
     with context.phase("cloud"):
         quality = assess(case, prepared, context.memo)
     for note in prepared.notes:
@@ -98,7 +95,6 @@ def factor_notes(scene: Scene) -> Iterator[str]:
 
 
 def clouds(model: Quality) -> Iterator[Check]:
-    """Distances, holes and growth of the nodes of bodies."""
     for body in model.case.body:
         name, place = body.name, f"body {body.name}"
         closest, hole, growth = (model.bodies[name][key] for key in ("closest", "hole", "growth"))
@@ -115,7 +111,6 @@ def clouds(model: Quality) -> Iterator[Check]:
 
 
 def facing_surfaces(model: Quality) -> Iterator[Check]:
-    """Contacts with nodal pressures."""
     # At finite strain automatic spacings are made alike where bodies touch, which a first run finds.
     small, ranges = model.case.model.strain == "small", model.prepared.ranges
     own = {one.name for one in model.case.body if small or one.spacing != "auto" or one.has_nodes}
@@ -166,7 +161,6 @@ def nodal_contacts(
 
 
 def ratio_message(pairing: Pairing, ratio: float) -> tuple[str, str]:
-    """Message and hint of unequal facing spacings."""
     keys = ", ".join(f"body.{body}.spacing" for body in pairing.bodies)
     return (
         f"contact {pairing.name}: spacings that face each other differ by a factor of {ratio:.3g}",
@@ -175,7 +169,6 @@ def ratio_message(pairing: Pairing, ratio: float) -> tuple[str, str]:
 
 
 def bonded_curves(model: Quality) -> Iterator[Check]:
-    """Rotation of bonded surfaces from node to node."""
     bonds = [one for one in model.prepared.pairings if one.bonded]
     for pairing, body, slave in ((one, body, slave) for one in bonds for body, slave, _ in one.sides):
         surface = pairing.surface_of(slave)
@@ -190,14 +183,12 @@ def bonded_curves(model: Quality) -> Iterator[Check]:
 
 
 def degree(model: Quality) -> Iterator[Check]:
-    """Local polynomials of degree 1."""
     lowest = min(one.settings.degree for one in model.prepared.models.values())
     message = "mls.degree = 1 is for comparisons only, its error hardly decreases with the spacing"
     yield Check("degree", lowest, message, "use 2")
 
 
 def initial_gap(model: Quality) -> Iterator[Check]:
-    """Initial gaps of contacts, relative to the smaller body."""
     for pairing in model.prepared.pairings:
         size = min(float(np.ptp(model.clouds[body].points, axis=0).max()) for body in pairing.bodies)
         gap, place = float(pairing.gap.min()) + pairing.closed_by, f"contact {pairing.name}"
@@ -213,51 +204,45 @@ def load_resolution(model: Quality) -> Iterator[Check]:
     for load in model.case.load:
         if not isinstance(load, Temperature | BodyForce | Centrifugal | Pressure | Traction):
             continue
-        body, cloud = load.owner, model.clouds[load.owner]
+        cloud, amounts = model.clouds[load.owner], list[Any]()
         if isinstance(load, Temperature):
-            amounts: Sequence[Any] = [load.temperature]
+            amounts = [load.temperature]
         elif isinstance(load, BodyForce | Centrifugal):
-            amounts = load.body_force
+            amounts += load.body_force
         else:
-            amounts = [load.pressure] if isinstance(load, Pressure) else load.traction or ()
-        if isinstance(load, Temperature | BodyForce | Centrifugal):
-            spans = [cloud.triangles]
-        else:
-            names = model.prepared.boundaries.names[load.place]
-            indices = [cloud.surfaces[name].index for name in names]
+            amounts += [load.pressure] if isinstance(load, Pressure) else load.traction or ()
+        if isinstance(load, Pressure | Traction):
+            surfaces = [cloud.surfaces[name].index for name in model.prepared.boundaries.names[load.place]]
             # Only inside of surfaces: tractions may be discontinuous at their ends.
-            spans = [np.stack([index[1:-2], index[2:-1]], axis=1) for index in indices if len(index) > 3]
-        varying = [one for one in amounts if isinstance(one, str)]
-        error, (x, y) = _interpolation(varying, cloud, np.concatenate(spans)) if varying and spans else NONE
+            spans = [np.stack([index[1:-2], index[2:-1]], axis=1) for index in surfaces if len(index) > 3]
+        else:
+            spans = [cloud.triangles]
+        varying, error, x, y = [one for one in amounts if isinstance(one, str)], 0.0, 0.0, 0.0
+        # Without a value at some node the load is refused when it is evaluated there.
+        with suppress(ExpressionError):
+            if varying and spans:
+                # The mean over a span from the value at its centre, over the largest value; a peak at a
+                # single node is seen at the nodes only.
+                corners = np.concatenate(spans)
+                middles, (nodes, at) = (
+                    cloud.points[corners].mean(axis=1),
+                    np.unique(corners, return_inverse=True),
+                )
+                known, between = amounts_at(varying, cloud.points[nodes]), amounts_at(varying, middles)
+                scale = max(np.abs(between).max(initial=0.0), np.abs(known).max(initial=0.0))
+                missed = np.abs(known[at.reshape(corners.shape)].mean(axis=1) - between).max(axis=1)
+                if scale > 0.0:
+                    error = float(missed.max() / scale)
+                    x, y = middles[int(missed.argmax())].tolist()
         message = (
-            f"load.{load.name} varies faster than the nodes of body {body} resolve near ({x:.4g}, {y:.4g}): "
-            f"interpolation between them is off by {100 * error:.2g} % of its largest value"
+            f"load.{load.name} varies faster than the nodes of body {load.owner} resolve near ({x:.4g}, "
+            f"{y:.4g}): interpolation between them is off by {100 * error:.2g} % of its largest value"
         )
-        hint = f"refine there with body.{body}.refine, or use a smoother expression"
+        hint = f"refine there with body.{load.owner}.refine, or use a smoother expression"
         yield Check("load_resolution", error, message, hint, f"load {load.name}")
 
 
-NONE = 0.0, (0.0, 0.0)
-
-
-def _interpolation(varying: list[str], cloud: Cloud, spans: IntArray) -> tuple[float, tuple[float, float]]:
-    """Largest error of the mean over a span (s, 2 or 3) of nodes over the largest value, and its place."""
-    middles: FloatArray = cloud.points[spans].mean(axis=1)
-    nodes, place = np.unique(spans, return_inverse=True)
-    try:
-        at_nodes, between = amounts_at(varying, cloud.points[nodes]), amounts_at(varying, middles)
-    except ExpressionError:  # reported when loads are evaluated at the nodes
-        return NONE
-    # A peak at a single node is seen at the nodes only.
-    scale = float(max(np.abs(between).max(initial=0.0), np.abs(at_nodes).max(initial=0.0)))
-    missed = np.abs(at_nodes[place.reshape(spans.shape)].mean(axis=1) - between).max(axis=1)
-    worst = int(missed.argmax())
-    x, y = middles[worst].tolist()
-    return (float(missed[worst] / scale), (x, y)) if scale > 0.0 else NONE
-
-
 def loaded_length(model: Quality) -> Iterator[Check]:
-    """Loaded parts with another length than given, as the nodes are from a file."""
     for load in model.case.load:
         if not isinstance(load, Pressure | Traction) or load.ends is None:
             continue
@@ -274,14 +259,12 @@ def loaded_length(model: Quality) -> Iterator[Check]:
 
 
 def weak_motions(model: Quality) -> Iterator[Check]:
-    """Motions that are hardly resisted."""
     for text in model.prepared.restrained.weak:
         message, _, hint = text.partition("; ")
         yield Check("weak_motion", 1.0, message, hint, message.partition(" is hardly")[0])
 
 
 def corners(model: Quality) -> Iterator[Check]:
-    """Sharp re-entrant corners."""
     for name, one in model.prepared.models.items():
         sharp = one.cloud.points[reentrant_corners(one.cloud)]
         for x, y in sharp[:1]:
@@ -295,7 +278,6 @@ def corners(model: Quality) -> Iterator[Check]:
 
 
 def materials(model: Quality) -> Iterator[Check]:
-    """Materials whose stress out of the plane is not known."""
     for name, material in model.case.material.items():
         if model.case.model.plane == "strain" and material.form == "stiffness":
             place = f"material {name}"
@@ -308,7 +290,6 @@ def materials(model: Quality) -> Iterator[Check]:
 
 
 def moduli(model: Quality) -> Iterator[Check]:
-    """Bodies in contact whose moduli may have different units."""
     for pairing in model.prepared.pairings:
         ratio = stiffness_ratio(pairing, model.prepared.models)
         if ratio > 0.0:
@@ -350,7 +331,6 @@ def cut_bodies(model: Quality) -> Iterator[Check]:
 
 
 def friction(model: Quality) -> Iterator[Check]:
-    """Coefficients of friction."""
     for contact in model.case.touching:
         place, value = f"contact {contact.name}", contact.friction
         if isinstance(value, float):

@@ -27,6 +27,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mlsanm_cli.app.checks.accuracy import Accuracy, assess_accuracy
+from mlsanm_cli.app.checks.check import Check, Verdicts
+from mlsanm_cli.app.checks.quality import nodal_contacts
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.boundaries import Boundaries
@@ -36,7 +38,8 @@ from mlsanm_cli.app.scene.condense import condense_scene
 from mlsanm_cli.app.scene.refinement import Refinement, has_automatic_spacings
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Case
-from mlsanm_cli.cloud.spacing import Zone, cover
+from mlsanm_cli.cloud.spacing import Zone
+from mlsanm_cli.cloud.zones import cover
 from mlsanm_cli.contact.complementarity.problem import STICK
 from mlsanm_cli.contact.geometry.profile import Patch, contact_patches, half_width
 from mlsanm_cli.errors import NumericalError
@@ -153,12 +156,25 @@ Adapted = tuple[SceneModel, CondensedScene, Accuracy, Refinement]
 """Scene of the last successful pass, its errors, and the results of all passes."""
 
 
-def adapt(case: Case, prepared: SceneModel, context: RunContext, known: Refinement | None = None) -> Adapted:
-    """Solve the scene and refine it for the requested number of passes or until convergence. If a refined
-    scene cannot be solved, the one before it is kept. ``prepared`` may be that of a ``known`` refinement."""
+def set_up(
+    case: Case, prepared: SceneModel, context: RunContext, verdicts: Verdicts, known: Refinement | None = None
+) -> Adapted:
+    """Condenses the scene ``prepared``, refined as the case requires or as ``known``, and judges its contacts
+    with nodal pressures. Raises NumericalError for a scene that cannot be set up."""
     built, accuracy = _solved(case, prepared, context)
-    if known is not None:
-        return prepared, built, accuracy, known
+    if known is None:
+        prepared, built, accuracy, known = _adapted(case, prepared, context, built, accuracy)
+        if known.failed:
+            verdicts.judge([Check("refinement_pass", 1.0, known.failed)])
+    verdicts.judge(nodal_contacts(prepared, built.condensed.nodal, prepared.models))
+    return prepared, built, accuracy, known
+
+
+def _adapted(
+    case: Case, prepared: SceneModel, context: RunContext, built: CondensedScene, accuracy: Accuracy
+) -> Adapted:
+    """The scene refined for the requested number of passes or until convergence; if a refined scene cannot be
+    solved, the one before it is kept."""
     history = [_figures(built, accuracy, None)]
     rule, passes = _required(case, prepared)
     bulk, placed, failed = tuple[Zone, ...](), tuple[Zone, ...](), ""
@@ -200,7 +216,6 @@ def adapt(case: Case, prepared: SceneModel, context: RunContext, known: Refineme
 
 
 def _required(case: Case, prepared: SceneModel) -> tuple[Rule, int]:
-    """The spacings that contact patches require, and the number of passes."""
     touching = {body for pairing in prepared.pairings for body in pairing.bodies}
     if case.model.revolved and case.touching:
         placed = not any(body.has_nodes for body in case.body)
@@ -249,7 +264,6 @@ def found_patches(built: CondensedScene, rule: Rule) -> Iterator[Patch]:
 
 
 def _patch_zones(patch: Patch, rule: Rule) -> Iterator[Zone]:
-    """Zones under the patch and around its edges."""
     middle = (float(patch.middle[0]), float(patch.middle[1]))
     reach = rule.reach * patch.half_width + 2.0 * float(patch.uncertainty.max(initial=0.0))
     # Finer spacings over all that a patch may cover are wasted until its edges are known.

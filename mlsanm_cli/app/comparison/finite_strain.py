@@ -20,9 +20,9 @@ from mlsanm_cli.app.comparison.compare import (
     followed,
 )
 from mlsanm_cli.app.context import RunContext
+from mlsanm_cli.app.finite.checks import deformation
 from mlsanm_cli.app.finite.path import finite_path
 from mlsanm_cli.app.finite.scene import finite_scene
-from mlsanm_cli.app.finite.states import deformation
 from mlsanm_cli.app.scene.build import build_scene
 from mlsanm_cli.case import Case
 from mlsanm_cli.errors import RunError

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.analysis.small_strain import set_up
 from mlsanm_cli.app.checks.check import Verdicts, all_of
 from mlsanm_cli.app.checks.end import End, pressed_spacings
 from mlsanm_cli.app.checks.ended import balance, work
 from mlsanm_cli.app.checks.energy import energy_error
 from mlsanm_cli.app.checks.quality import announce, factor_notes
 from mlsanm_cli.app.checks.references import reference_profile
+from mlsanm_cli.app.checks.refinement import set_up
 from mlsanm_cli.app.checks.states import STATE
 from mlsanm_cli.app.comparison.compare import (
     ACTIVE_SET,

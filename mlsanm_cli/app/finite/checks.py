@@ -1,4 +1,5 @@
-"""Checks of a completed path at finite strain."""
+"""Checks of the states and of a completed path at finite strain; the error of a path that cannot be
+continued."""
 
 from __future__ import annotations
 
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.app.checks.check import Check
+from mlsanm_cli.app.checks.deformed import between_bodies, deepest, outline_of, overlap_check
 from mlsanm_cli.app.checks.ended import (
     COMMON,
     NODE_FORCE_SHIFT,
@@ -18,16 +20,147 @@ from mlsanm_cli.app.checks.ended import (
     pressure_estimate,
     thin_part,
 )
-from mlsanm_cli.app.checks.limits import level
+from mlsanm_cli.app.checks.limits import ANY, level
 from mlsanm_cli.app.finite.accuracy import energy_errors, work_error
 from mlsanm_cli.app.finite.fields import SceneForces, fields_of
 from mlsanm_cli.app.finite.scene import FiniteScene
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
+from mlsanm_cli.cloud.membership import first_crossing
+from mlsanm_cli.contact.finite.rigid import RigidContact
+from mlsanm_cli.continuation import Follower
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.mechanics.laws.law import determinant
 from mlsanm_cli.records import dataclass
-from mlsanm_cli.solve.state import State
+from mlsanm_cli.solve.state import CONTACT_LIMIT, State
 
 RECOMMENDED_REFINEMENT = 8.0
 """Factor by which the message of a large estimate of the energy proposes to refine."""
+_LAWS = 'use law = "neo-hookean", which admits any compression, or smaller loads'
+
+
+def deformation(scene: FiniteScene, state: State) -> Iterator[Check]:
+    """Volume ratio and ellipticity of every body."""
+    for name, own in scene.parts(state.displacement).items():
+        volume, place = _least_volume(scene, name, own)
+        yield Check(
+            "volume_ratio",
+            volume,
+            f"{place}: the deformation is not invertible at position {state.position:.6g} "
+            f"(det F = {volume:.3g})",
+            "use smaller loads, or finer nodes there",
+            f"body {name}",
+        )
+        waves, law = scene.bodies[name].ellipticity(own, state.factors), scene.bodies[name].law.name
+        node = int(np.argmin(waves))
+        lost = "has lost ellipticity" if waves[node] <= 0.0 else "is close to losing ellipticity"
+        yield Check(
+            "ellipticity",
+            float(waves[node]),
+            f"{place_of(scene, name, node)}: {law} {lost} at position {state.position:.6g} (acoustic tensor "
+            f"{waves[node]:.3g} of the shear modulus), where states are not unique",
+            _LAWS,
+            f"body {name}",
+        )
+
+
+def overlap(scene: FiniteScene, state: State) -> Iterator[Check]:
+    """Boundaries inside their own body, another one, or an obstacle with which they have no contact."""
+    if not scene.in_increments:
+        return
+    outlines = {}
+    for name, own in scene.parts(scene.shown(state)).items():
+        outline = outline_of(scene.bodies[name].elastic.model.cloud, own.reshape(-1, 2), exact=True)
+        outlines[name], place = outline, first_crossing(outline.edges)
+        near = "" if place is None else f"near ({place[0]:.6g}, {place[1]:.6g}) "
+        yield Check(
+            "self_overlap",
+            float(place is not None),
+            f"body {name} touches itself {near}at position {state.position:.6g}: self-contact is not "
+            f"supported",
+            "use smaller loads, or model it as two bodies",
+            f"body {name}",
+            fails=ANY,
+        )
+    found = list(between_bodies(outlines))
+    rigid = [one for one in scene.contacts.pairs if isinstance(one, RigidContact)]
+    taken = {(one.slave.body, name) for one in rigid for name, _ in one.slave.nodes.members}
+    for contact in rigid:
+        body = contact.slave.body
+        own_outline = outlines[body]
+        free = ~np.array([(body, name) in taken for name in own_outline.names])[own_outline.surface]
+        depth = -contact.seen(own_outline.points, own_outline.normal, state.driven)[0]
+        deep = np.flatnonzero(free & (depth > own_outline.uncertainty))
+        others = [f"the obstacle of contact {contact.name}"] * len(deep)
+        found += deepest(own_outline, deep, depth[deep], body, others)
+    hint = "add a [[contact]] between them, or use finer nodes there"
+    yield overlap_check(found, state.position, lambda *_: hint)
+
+
+def stability(scene: FiniteScene, state: State) -> Iterator[Check]:
+    """Stiffness of contacts against pressures that alternate from node to node."""
+    value = float(state.solver.get("stability", np.inf))
+    if value != np.inf:
+        yield Check(
+            "stability",
+            value,
+            f"the contact has almost no stiffness against pressures that alternate from node to node at "
+            f"position {state.position:.6g} (stability {value:.2g}, below {CONTACT_LIMIT:g})",
+            "choose the softer body, or the one with larger spacings, as the slave; or use a more even cloud "
+            "(lower growth)",
+        )
+
+
+def equilibrium(scene: FiniteScene, state: State) -> Iterator[Check]:
+    """Motions that nothing resists in a state."""
+    yield Check(
+        "equilibrium",
+        float(state.solver.get("unstable", 0)),
+        f"the equilibrium at position {state.position:.6g} is not stable: under these loads the bodies would "
+        f"buckle or snap into another state",
+        "prescribe displacements instead of forces, or add a small asymmetry that decides where bodies go",
+    )
+
+
+STATE: Sequence[Callable[[FiniteScene, State], Iterator[Check]]] = (
+    deformation,
+    overlap,
+    stability,
+    equilibrium,
+)
+"""Checks of every state."""
+
+
+def _least_volume(scene: FiniteScene, name: str, displacement: FloatArray) -> tuple[float, str]:
+    """Smallest det F at the nodes of a body, and its place."""
+    volume = 1.0 + determinant(scene.bodies[name].gradient(displacement))
+    node = int(np.argmin(volume))
+    return float(volume[node]), place_of(scene, name, node)
+
+
+def path_failure(
+    scene: FiniteScene, position: float, factors: FloatArray, displacement: FloatArray, follower: Follower
+) -> NumericalError:
+    """Error of a path of one body that cannot be continued from its last state."""
+    name, body = scene.alone
+    waves = body.ellipticity(displacement, factors)
+    soft = int(np.argmin(waves))
+    where = f"the path stopped at position {position:.6g}: {follower.reason.value} ({follower.message})"
+    if waves[soft] < level("ellipticity"):
+        place = place_of(scene, name, soft)
+        close = f"{place} is close to losing ellipticity (acoustic tensor {waves[soft]:.2g})"
+        return NumericalError(f"{where}; {close}", _LAWS)
+    volume, place = _least_volume(scene, name, displacement)
+    return NumericalError(
+        f"{where}; the smallest det F is {volume:.3g}, at {place}",
+        "use smaller loads, finer nodes, or raise solver.tolerance",
+    )
+
+
+def place_of(scene: FiniteScene, name: str, node: int) -> str:
+    """A node of a body, in messages."""
+    x, y = scene.bodies[name].elastic.model.cloud.points[node]
+    return f"body {name}, node {node} at ({x:.6g}, {y:.6g})"
 
 
 @dataclass(frozen=True)
@@ -60,9 +193,30 @@ class FiniteEnd:
         worst = max(missing, key=lambda name: abs(missing[name]), default=next(iter(bodies)))
         error = work_error(self.tally) * (-1.0 if missing.get(worst, 0.0) < 0.0 else 1.0)
         thin = {name: thin_part(body.elastic.model.cloud) for name, body in bodies.items()}
-        name = "series_energy_error" if self.scene.by_series else "energy_error"
-        what = "the work of stresses in"
-        return EnergyErrors({worst: error}, {}, pointed(self.scene, self.last), thin, name=name, what=what)
+        series = not self.scene.in_increments and self.case.solver.method != "newton"
+        name, what = "series_energy_error" if series else "energy_error", "the work of stresses in"
+        return EnergyErrors({worst: error}, {}, self._pointed, thin, name=name, what=what)
+
+    @property
+    def _pointed(self) -> dict[str, float]:
+        """Increase of the displacements of bodies held at single nodes when the spacing is halved, relative
+        to the deformation."""
+        found, forces = {}, SceneForces(self.scene, self.last).bodies
+        parts = self.scene.parts(self.last.displacement)
+        for name, body in self.scene.bodies.items():
+            nodes = body.elastic.held_nodes[: len(body.elastic.held_nodes) - body.pins]
+            counts = np.array([sum(axis == one for _, one in nodes) for axis in (0, 1)])
+            if not counts.any():
+                continue
+            cloud, own = body.elastic.model.cloud, parts[name]
+            force = np.where(counts, forces[name].total / np.maximum(counts, 1), 0.0)
+            soft = body.elastic.model.material.contact_compliance(np.eye(2))
+            angle = body.turn(own)
+            turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+            bent = cloud.points + own.reshape(-1, 2) - cloud.points @ turn.T
+            bent = np.abs(bent - cloud.areas @ bent / cloud.areas.sum()).max()
+            found[name] = float((NODE_FORCE_SHIFT * soft * np.abs(force)).max() / bent) if bent else 0.0
+        return found
 
 
 def energy_estimate(end: FiniteEnd) -> Iterator[Check]:
@@ -158,27 +312,6 @@ def folded(end: FiniteEnd) -> Iterator[Check]:
         message = f"body {name}: no stresses at {count} nodes, above all at ({x:.6g}, {y:.6g}), where the "
         message += f"deformation between nodes is not invertible (det F = {volume[least]:.3g})"
         yield Check("folded_nodes", float(count), message, "use finer nodes there", f"body {name}")
-
-
-def pointed(scene: FiniteScene, state: State) -> dict[str, float]:
-    """Increase of the displacements of bodies held at single nodes when the spacing is halved, relative to
-    the deformation."""
-    found = {}
-    forces, parts = SceneForces(scene, state), scene.parts(state.displacement)
-    for name, body in scene.bodies.items():
-        nodes = body.elastic.held_nodes[: len(body.elastic.held_nodes) - body.pins]
-        counts = np.array([sum(axis == one for _, one in nodes) for axis in (0, 1)])
-        if not counts.any():
-            continue
-        cloud, own = body.elastic.model.cloud, parts[name]
-        force = np.where(counts, forces.bodies[name].total / np.maximum(counts, 1), 0.0)
-        soft = body.elastic.model.material.contact_compliance(np.eye(2))
-        angle = body.turn(own)
-        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-        bent = cloud.points + own.reshape(-1, 2) - cloud.points @ turn.T
-        bent = np.abs(bent - cloud.areas @ bent / cloud.areas.sum()).max()
-        found[name] = float((NODE_FORCE_SHIFT * soft * np.abs(force)).max() / bent) if bent else 0.0
-    return found
 
 
 END: Sequence[Callable[[FiniteEnd], Iterator[Check]]] = (

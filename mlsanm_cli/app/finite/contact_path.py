@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.app.finite.accuracy import Missing, missed_in_contact
+from mlsanm_cli.app.finite.checks import place_of
 from mlsanm_cli.app.finite.limits import dissipated, excess, slides
 from mlsanm_cli.app.finite.scene import TOUCH_TOLERANCE, FiniteScene
-from mlsanm_cli.app.finite.states import place_of
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.complementarity.problem import OPEN, STICK, ContactStatus
 from mlsanm_cli.contact.finite.exact import ExactContact, FiniteContactState, undeformed

@@ -12,7 +12,7 @@ from mlsanm_cli.app.output.parts import contact_figures
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Displacement, ObstacleMotion, Platen
 from mlsanm_cli.cloud.membership import cross
-from mlsanm_cli.contact.finite.meeting import NO_GAP
+from mlsanm_cli.contact.finite.pair import NO_GAP
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.geometry.profile import unrolled
@@ -87,7 +87,7 @@ def probe_values(scene: FiniteScene, state: State) -> dict[str, dict[str, Any]]:
     shown = scene.parts(scene.shown(state))
     for probe in scene.probes:
         body, own = scene.bodies[probe.body], shown[probe.body]
-        model, warm = body.elastic.model, body.degrees_at(probe.point, state.factors)
+        model, warm = body.elastic.model, body.degrees(state.factors, probe.point)
         stencils = build_stencils(
             model.cloud.points, model.cloud.tree, probe.point, 1, model.settings, model.cloud.sight
         )

@@ -10,8 +10,8 @@ from functools import partial
 import numpy as np
 
 from mlsanm_cli.app.finite.accuracy import missed_alone
+from mlsanm_cli.app.finite.checks import path_failure
 from mlsanm_cli.app.finite.scene import FiniteScene
-from mlsanm_cli.app.finite.states import path_failure
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.continuation import (
     AnmOptions,
@@ -28,7 +28,7 @@ from mlsanm_cli.continuation.problem import SingularTangentError
 from mlsanm_cli.continuation.roots import root
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.body import far_from
-from mlsanm_cli.mechanics.finite.problem import FiniteProblem
+from mlsanm_cli.mechanics.finite.projector import FiniteProblem
 from mlsanm_cli.mechanics.finite.stability import STILL, SoftMotion
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.solve.state import Bifurcation, Checkpoint, PathStep, State

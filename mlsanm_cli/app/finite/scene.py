@@ -16,7 +16,14 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case, Displacement, ObstacleMotion, Place, Platen, Pressure
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.surface import Surface
-from mlsanm_cli.contact.finite.contacts import AnyContact, Contacts, DrivenObstacle, LooseMotions, Plate
+from mlsanm_cli.contact.finite.contacts import (
+    AnyContact,
+    Contacts,
+    DrivenObstacle,
+    LooseMotions,
+    Plate,
+    ranges,
+)
 from mlsanm_cli.contact.finite.pair import BodyContact
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.side_response import Compliance, rotated
@@ -43,15 +50,12 @@ and number of their nodes. Their error, where stresses are singular, would move 
 
 @dataclass(frozen=True)
 class FiniteScene:
-    """``bodies`` by name with their loads, whose factors at the ends of stages are ``stages`` (T + 1, L).
-    Further loads of the bodies are the unknown motions (d,) of ``contacts``, then unit tractions x, y at the
-    nodes of their sides, whose tractions are given at knots.
-
-    ``supports`` names bodies and surfaces of every support and of every load that prescribes displacements.
-    ``undeformed`` are the equations of the bodies before loading if the path is followed by increments, and
-    ``compliances`` what they answer on the sides in contact. Up to the position ``located`` of the path the
-    knots are as fine as its contacts need.
-    """
+    """``bodies`` by name with their loads, whose factors at the ends of stages are ``stages`` (T + 1, L), the
+    unknown motions (d,) of ``contacts``, and unit tractions x, y at the nodes of their sides. ``supports``
+    names bodies and surfaces of every support and of every load that prescribes displacements. If the path is
+    followed by increments, ``undeformed`` are the equations of the bodies before loading, and ``compliances``
+    what they answer on the sides in contact. Up to the position ``located`` of the path the knots are as fine
+    as its contacts need."""
 
     case: Case
     bodies: Mapping[str, FiniteBody]
@@ -70,11 +74,6 @@ class FiniteScene:
         return bool(self.contacts.pairs or self.contacts.free) or len(self.bodies) > 1
 
     @property
-    def by_series(self) -> bool:
-        """Whether the path is followed by power series."""
-        return not self.in_increments and self.case.solver.method != "newton"
-
-    @property
     def alone(self) -> tuple[str, FiniteBody]:
         """Name and body of a scene with one body."""
         ((name, body),) = self.bodies.items()
@@ -88,28 +87,26 @@ class FiniteScene:
     @property
     def size(self) -> float:
         """Largest extent of a body."""
-        return max(
-            float(np.ptp(body.elastic.model.cloud.points, axis=0).max()) for body in self.bodies.values()
-        )
+        clouds = (body.elastic.model.cloud.points for body in self.bodies.values())
+        return max(float(np.ptp(points, axis=0).max()) for points in clouds)
 
     def parts(self, displacement: FloatArray) -> dict[str, FloatArray]:
         """Displacements (2N,) of all bodies divided by body."""
-        ends = np.cumsum([body.unknowns for body in self.bodies.values()])[:-1]
-        return dict(zip(self.bodies, np.split(displacement, ends), strict=True))
+        places = ranges(body.unknowns for body in self.bodies.values())
+        return {name: displacement[place] for name, place in zip(self.bodies, places, strict=True)}
 
     def shown(self, state: State) -> FloatArray:
         """Displacements (2N,) of all bodies with near fields, which clouds by themselves do not resolve."""
         displacement = state.displacement.copy()
-        bodies = self.parts(displacement)
-        turns = {name: self.bodies[name].turns(own) for name, own in self.parts(state.displacement).items()}
-        for (side, there), inside in zip(self.contacts.sides, self._inside, strict=True):
-            surface, traction = state.solver["surface"][there].reshape(-1, 2), state.side_traction[there]
-            if not traction.any():
-                continue
-            turn, own = side.turned(surface)[0], bodies[side.body]
-            own += rotated(inside, turns[side.body], turn) @ traction
-        for side, there in self.contacts.sides:
-            surface = state.solver["surface"][there].reshape(-1, 2)
+        bodies, cloud = self.parts(displacement), self.parts(state.displacement)
+        surfaces = [state.solver["surface"][there].reshape(-1, 2) for _, there in self.contacts.sides]
+        both = list(zip(self.contacts.sides, surfaces, strict=True))
+        for ((side, there), surface), inside in zip(both, self._inside, strict=True):
+            traction = state.side_traction[there]
+            if traction.any():
+                turns = self.bodies[side.body].turns(cloud[side.body])
+                bodies[side.body] += rotated(inside, turns, side.turned(surface)[0]) @ traction
+        for (side, _), surface in both:
             onto = side.curve.rows(side.nodes.arc)[0]
             bodies[side.body].reshape(-1, 2)[side.nodes.index] = onto @ surface
         return displacement
@@ -168,7 +165,7 @@ class FiniteScene:
         if body.pins:
             body = body.rotated(body.turn(displacement))
         args = (body, self.weights[name], displacement, factors, self.solver)
-        return Projector.at(*args, keeps=keeps or name in self.upright)
+        return Projector(*args, keeps=keeps or name in self.upright)
 
 
 def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:

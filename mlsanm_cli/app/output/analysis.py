@@ -58,12 +58,10 @@ class Analysis(ABC):
 
     @property
     def models(self) -> Mapping[str, BodyModel]:
-        """Clouds and stencils of all bodies."""
         return self.prepared.models
 
     @property
     def nodes(self) -> Mapping[str, Cloud]:
-        """The nodes of all bodies."""
         return {name: model.cloud for name, model in self.models.items()}
 
     @property
@@ -85,7 +83,6 @@ class Analysis(ABC):
         """The path, or its part after a checkpoint, whose row was ``last``. Raises NumericalError."""
 
     def checks(self, state: State) -> Iterator[Check]:
-        """Checks of every state."""
         yield from ()
 
     @abstractmethod
@@ -141,7 +138,6 @@ class Analysis(ABC):
 
     @property
     def attributes(self) -> Mapping[str, str | int | float]:
-        """Root attributes of run.h5."""
         return {}
 
     def series_maps(self) -> dict[str, Value]:
@@ -188,7 +184,6 @@ class Analysis(ABC):
         return model_bodies(self.prepared), {}
 
     def interfaces(self, state: State) -> Mapping[str, Mapping[str, Any]]:
-        """Columns of the tables of all contacts in a state."""
         tables = {}
         for name, values in self.quantities(state)["contacts"].items():
             x, y = self.contacts[name].points.T
@@ -198,7 +193,6 @@ class Analysis(ABC):
 
     @property
     def notes(self) -> Iterator[str]:
-        """Notes at the end of a run."""
         yield from ()
 
     def sizes(self, tally: Mapping[str, Any]) -> dict[str, Any]:

@@ -64,7 +64,6 @@ def interrupted_run(origin: RunData) -> EarlierRun:
 
 
 def as_text(value: Any) -> str:
-    """Plain values as JSON."""
     # Unlike in summary.json, nan is kept.
     return json.dumps(value, default=lambda array: array.tolist())
 
@@ -91,7 +90,6 @@ PACKAGES = ("numpy", "scipy", "numba", "h5py", "meshio", "pydantic")
 
 
 def attributes(loaded: LoadedCase, argv: tuple[str, ...], threads: int) -> dict[str, str | int | float]:
-    """Root attributes of run.h5."""
     return {
         "git": commit(),
         "argv": " ".join(argv),

@@ -51,8 +51,25 @@ class Recorder(Closing):
         """Creates the files, or opens those of an ``earlier`` run. Raises RunError."""
         self.directory, self._case, self._earlier = directory, loaded.case, earlier
         self._clock, self._console = context.clock, context.console
+        rows, case = None if earlier is None else earlier.rows, resolved_mapping(loaded.case)
+        file, resolved = directory / run_dir.RUN_FILE, toml_text(case)
         with context.phase("output"):
-            self._open(loaded, attributes, None if earlier is None else earlier.rows)
+            self._file = (
+                RunFile.create(file, attributes) if rows is None else RunFile.reopen(file, attributes)
+            )
+            try:
+                self._file.confirm({"case/raw": loaded.raw, "case/resolved": resolved})
+                self._file.save()
+                self._events = EventLog(directory / run_dir.EVENTS_FILE, rows)
+                if rows is None:
+                    start = {"case": str(loaded.path), "case_hash": loaded.case_hash}
+                    self._events.write("start", **start, threads=attributes.get("threads", 1))
+                else:
+                    self._events.write("resume", steps=max(rows - 1, 0))
+                write_text(directory / run_dir.RESOLVED_FILE, resolved)
+            except BaseException:
+                self._file.close()
+                raise
         self._states = StateWriter(directory)
         self._rows = self._saved = 0
         self._has_maps = False
@@ -68,23 +85,6 @@ class Recorder(Closing):
             "residual": 0.0,
         }
         self.failed_at: Mapping[str, Any] = {}
-
-    def _open(self, loaded: LoadedCase, attributes: Mapping[str, Attribute], rows: int | None) -> None:
-        file, resolved = self.directory / run_dir.RUN_FILE, toml_text(resolved_mapping(loaded.case))
-        self._file = RunFile.create(file, attributes) if rows is None else RunFile.reopen(file, attributes)
-        try:
-            self._file.confirm({"case/raw": loaded.raw, "case/resolved": resolved})
-            self._file.save()
-            self._events = EventLog(self.directory / run_dir.EVENTS_FILE, rows)
-            if rows is None:
-                start = {"case": str(loaded.path), "case_hash": loaded.case_hash}
-                self._events.write("start", **start, threads=attributes.get("threads", 1))
-            else:
-                self._events.write("resume", steps=max(rows - 1, 0))
-            write_text(self.directory / run_dir.RESOLVED_FILE, resolved)
-        except BaseException:
-            self._file.close()
-            raise
 
     def _warn(self, check: Check) -> None:
         """Issues the warning of a check on the console, in the events and in the summary."""
@@ -118,8 +118,21 @@ class Recorder(Closing):
         it is written together, some time later."""
         state = step.state
         with self._clock.phase("output"):
-            rows = [self._row(analysis, one, step) for one in analysis.row_states(step)]
-            count, datasets = len(rows), dict[str, Value]()
+            rows, datasets = [], dict[str, Value]()
+            for one in analysis.row_states(step):
+                # Counts of a step belong to its end.
+                ends = one is step.state
+                path = {
+                    "position": one.position,
+                    "step_length": step.length if ends else 0.0,
+                    "residual": one.residual,
+                    "order": step.order,
+                    "factorizations": step.factorizations if ends else 0,
+                    "solves": step.solves if ends else 0,
+                    "seconds": time.monotonic() - self._started,
+                }
+                rows.append(row(path, analysis.quantities(one)))
+            count = len(rows)
             attributes: dict[str, Mapping[str, Attribute]] = {}
             if step.series:
                 series = place("series", str(self._rows))
@@ -153,16 +166,6 @@ class Recorder(Closing):
         texts = [*analysis.progress(step), *self._progress(state.position)]
         self._console.step(self.tally["steps"], state.position, state.residual, "  ".join(texts).rstrip())
 
-    def _row(self, analysis: Analysis, state: State, step: PathStep) -> dict[str, Any]:
-        """The row of a state of a step, whose counts belong to its end."""
-        path = {"position": state.position, "step_length": 0.0, "residual": state.residual}
-        path |= {"order": step.order, "factorizations": 0, "solves": 0}
-        if state is step.state:
-            counts = {"factorizations": step.factorizations, "solves": step.solves}
-            path |= {"step_length": step.length, **counts}
-        path["seconds"] = time.monotonic() - self._started
-        return row(path, analysis.quantities(state))
-
     def _save(
         self, analysis: Analysis, state: State, fields: BodyFields, figures: Mapping[str, float]
     ) -> None:
@@ -178,7 +181,6 @@ class Recorder(Closing):
         self._saved += 1
 
     def _count(self, analysis: Analysis, step: PathStep) -> None:
-        """Adds a step to the totals of the path."""
         tally = self.tally
         counts = {
             name: tally[name] + getattr(step, name) for name in ("iterations", "factorizations", "solves")
@@ -229,7 +231,6 @@ class Recorder(Closing):
         write_json_atomic(self.directory / run_dir.SUMMARY_FILE, summary)
 
     def close(self) -> None:
-        """Closes the files; may be called twice."""
         try:
             self._file.close()
         finally:

@@ -4,7 +4,7 @@ below the surface, where the cloud may have no node."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from functools import cached_property, partial
 
 import numpy as np
@@ -15,8 +15,6 @@ from mlsanm_cli.app.scene.clouds import spacing_of
 from mlsanm_cli.arrays import runs_of
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.spacing import Zone
-from mlsanm_cli.contact.laws.contact_state import ContactState
-from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.records import dataclass
@@ -55,36 +53,28 @@ class View:
 def finer_views(built: CondensedScene, boundaries: Boundaries, memo: Memo = NO_CACHE) -> dict[str, View]:
     """Finer points for bodies whose clouds are too coarse for their contact patches at the ends of stages.
     Scenes with the same patches share them by the ``memo``."""
-    finer = {}
-    for body in built.case.body:
-        model = built.scene.bodies[body.name].model
-        zones = () if body.has_nodes else tuple(_zones(built.condensed, built.ends, model))
+    condensed, finer = built.condensed, {}
+    for body in (body for body in built.case.body if not body.has_nodes):
+        model, zones = built.scene.bodies[body.name].model, list[Zone]()
+        for pairing in (one for one in condensed.on_grids if body.name in one.bodies):
+            closed = np.any([state.closed[condensed.spans[pairing.name]] for state in built.ends], axis=0)
+            # A hat ends at the node beyond the one after it.
+            patches = pairing.grid.hats.nodes[runs_of(closed) + np.array([0, 1])]
+            patches = patches[np.argsort(patches[:, 0] - patches[:, 1], kind="stable")][:MAX_PATCHES]
+            for slave in (slave for owner, slave, _ in pairing.sides if owner == body.name):
+                for first, last in patches.tolist():
+                    half, s = 0.5 * (last - first), np.array([0.5 * (first + last)])
+                    middle = pairing.grid.facing.side(s, slave)[0][0]
+                    point = (float(middle.real), float(middle.imag))
+                    nearest = min(model.cloud.tree.query(point)[1], len(model.cloud.points) - 1)
+                    if half / PER_HALF_WIDTH < MIN_REFINEMENT * model.cloud.spacing[nearest]:
+                        zones.append(Zone.around(point, half / PER_HALF_WIDTH, FINE_RADIUS * half, GROWTH))
         if zones:
-            spacing = spacing_of(boundaries, body).with_zones(zones)
+            spacing = spacing_of(boundaries, body).with_zones(tuple(zones))
             cloud = build_cloud(boundaries.outline(body.name), spacing, body.seed, memo=memo)
             key = digest(model.content, cloud.content)
             finer[body.name] = memo.value("view", key, partial(View, model, cloud))
     return finer
-
-
-def _zones(condensed: Condensed, ends: Sequence[ContactState], model: BodyModel) -> Iterator[Zone]:
-    for pairing in condensed.on_grids:
-        span = condensed.spans[pairing.name]
-        closed = np.any([state.closed[span] for state in ends], axis=0)
-        # A hat ends at the node beyond the one after it.
-        patches = pairing.grid.hats.nodes[runs_of(closed) + np.array([0, 1])]
-        patches = patches[np.argsort(patches[:, 0] - patches[:, 1], kind="stable")][:MAX_PATCHES]
-        for body, slave, _ in pairing.sides:
-            if body != model.name:
-                continue
-            for first, last in patches.tolist():
-                half = 0.5 * (last - first)
-                place = pairing.grid.facing.side(np.array([0.5 * (first + last)]), slave)[0][0]
-                nearest = model.cloud.tree.query([place.real, place.imag])[1]
-                coarse = model.cloud.spacing[min(nearest, len(model.cloud.points) - 1)]
-                if half / PER_HALF_WIDTH < MIN_REFINEMENT * coarse:
-                    point = (float(place.real), float(place.imag))
-                    yield Zone.around(point, half / PER_HALF_WIDTH, FINE_RADIUS * half, GROWTH)
 
 
 def shown_fields(

@@ -23,8 +23,7 @@ POINT_FIELDS = tuple(schema.members(schema.PROBES))
 
 
 class Choice(NamedTuple):
-    """Which pictures: their kinds, all by default; of which contact; coloured by which field; at which
-    positions; along which line; into which file; animated or not."""
+    """Which pictures: their kinds; contact, field, positions and line shown; the file; animated or not."""
 
     what: tuple[str, ...] = ()
     contact: str | None = None

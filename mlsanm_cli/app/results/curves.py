@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -60,7 +60,6 @@ def load_words(run: RunData, case: Case, position: float) -> str:
 
 
 def position_words(run: RunData, case: Case, position: float) -> str:
-    """A position as a number and in words."""
     return ", ".join(filter(None, (f"position {position:.4g}", load_words(run, case, position))))
 
 
@@ -187,24 +186,46 @@ def loop_picture(run: RunData, case: Case, name: str, choice: Choice, over_slip:
 
 
 def mean_slip(contact: Dataset) -> FloatArray:
-    """The mean slip (S+1,) of a contact along the path."""
     return np.asarray(contact.slip @ contact.weight / contact.weight.sum(), dtype=np.float64)
 
 
 def path_picture(runs: Sequence[RunData], cases: Sequence[Case], kind: str, choice: Choice) -> Picture:
     """Pressures, forces, peak pressures, or else tangential forces over slip, of one run or several."""
     units, names = cases[0].units, run_names(runs) if len(runs) > 1 else [""]
-    curves = [
-        curve for run, name in zip(runs, names, strict=True) for curve in _of_run(run, name, kind, choice)
-    ]
+    curves = []
+    for run, name in zip(runs, names, strict=True):
+        position = run.path.position
+        # Exact contact is solved at a few positions: what lies between them is not on a straight line.
+        joined = not run.contacts or bool(run.path.order.any())
+        if not run.contacts and kind == "force":
+            for load, force in run.path.resultants.items():
+                curves.append(Curve(position, np.hypot(*force.T), f"{name}, {load}" if name else load))
+        for own, contact in run.contacts.items():
+            if choice.contact not in (None, own):
+                continue
+            single = name and (len(run.contacts) == 1 or choice.contact)
+            label = name if single else ", ".join(filter(None, (name, own)))
+            if kind == "pressure":
+                for level in choice.at or (float(position[-1]),):
+                    pressure = pressures_at(run, level)[own]
+                    order, arc = along_surface(contact, pressure)
+                    at = f"{label}, position {level:.4g}" if choice.at else label
+                    curves.append(Curve(arc, pressure[order], at))
+            elif kind == "force":
+                curves.append(Curve(position, np.hypot(*contact_force(run, own).T), label, joined=joined))
+            elif kind == "peak":
+                highest = contact.pressure.max(axis=1, initial=0.0)
+                curves.append(Curve(position, highest, label, joined=joined))
+            elif not np.isnan(contact.slip).any() and (force := tangential_force(run, own)).any():
+                curves.append(Curve(mean_slip(contact), force, label))
     if not curves:
         hint = "pressures and peaks need a contact, loops need friction"
         raise RunError(f"the runs have no data for {kind}", hint)
-    force = "contact force" if any(run.contacts for run in runs) else "force of loads and supports"
-    arc, peak = units.label("arc length", "length"), "peak contact pressure"
+    which = "contact force" if any(run.contacts for run in runs) else "force of loads and supports"
+    peak, pressed = "peak contact pressure", units.label("contact pressure", "stress")
     x_label, y_label, title = {
-        "pressure": (arc, units.label("contact pressure", "stress"), "Contact pressure"),
-        "force": (POSITION, units.label(f"{force} per unit thickness", "force"), force.capitalize()),
+        "pressure": (units.label("arc length", "length"), pressed, "Contact pressure"),
+        "force": (POSITION, units.label(f"{which} per unit thickness", "force"), which.capitalize()),
         "peak": (POSITION, units.label(peak, "stress"), peak.capitalize()),
     }.get(kind, (units.label(SLIP_LABEL, "length"), units.label(TANGENTIAL, "force"), "Tangential force"))
     alone = f", {curves[0].label}" if len(curves) == 1 else ""
@@ -214,31 +235,6 @@ def path_picture(runs: Sequence[RunData], cases: Sequence[Case], kind: str, choi
 def curves_picture(curves: Sequence[Curve], x_label: str, y_label: str, title: str) -> Picture:
     """Curves distinguished by colours, then by line styles."""
     return Picture([Panel(curves, x_label, y_label)], title, "best" if len(curves) > 1 else "")
-
-
-def _of_run(run: RunData, name: str, kind: str, choice: Choice) -> Iterator[Curve]:
-    position = run.path.position
-    # Exact contact is solved at a few positions: what lies between them is not on a straight line.
-    joined = not run.contacts or bool(run.path.order.any())
-    if not run.contacts and kind == "force":
-        for load, force in run.path.resultants.items():
-            yield Curve(position, np.hypot(*force.T), f"{name}, {load}" if name else load)
-    for contact_name, contact in run.contacts.items():
-        if choice.contact not in (None, contact_name):
-            continue
-        single = name and (len(run.contacts) == 1 or choice.contact)
-        label = name if single else ", ".join(filter(None, (name, contact_name)))
-        if kind == "pressure":
-            for level in choice.at or (float(position[-1]),):
-                pressure = pressures_at(run, level)[contact_name]
-                order, arc = along_surface(contact, pressure)
-                yield Curve(arc, pressure[order], f"{label}, position {level:.4g}" if choice.at else label)
-        elif kind == "force":
-            yield Curve(position, np.hypot(*contact_force(run, contact_name).T), label, joined=joined)
-        elif kind == "peak":
-            yield Curve(position, contact.pressure.max(axis=1, initial=0.0), label, joined=joined)
-        elif not np.isnan(contact.slip).any() and tangential_force(run, contact_name).any():
-            yield Curve(mean_slip(contact), tangential_force(run, contact_name), label)
 
 
 def run_names(runs: Sequence[RunData]) -> list[str]:

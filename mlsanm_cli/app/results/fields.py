@@ -299,7 +299,6 @@ def _on_line(run: RunData, case: Case, line: str, field: str, position: float) -
 
 
 def _on_boundary(run: RunData, case: Case, boundary: str, field: str, position: float) -> Along:
-    """The values at the nodes of a boundary."""
     name, _, edge = boundary.partition(".")
     body = run.bodies.get(name)
     pieces = [] if body is None else [piece.partition("/")[0] for piece in body.boundary.name]

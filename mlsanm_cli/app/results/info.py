@@ -39,7 +39,6 @@ def info(rundir: Path) -> Mapping[str, Any]:
 
 
 def _unfinished(run: RunData) -> dict[str, Any]:
-    """The figures in run.h5 of a run without summary.json."""
     age = time.time() - (run.directory / run_dir.RUN_FILE).stat().st_mtime
     writer, path = holder(run.directory), run.path
     known: dict[str, Any] = {"status": run.status}

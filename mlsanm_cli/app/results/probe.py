@@ -31,7 +31,6 @@ Row = dict[str, Any]
 
 
 def contents(rundir: Path) -> Mapping[str, Any]:
-    """The results available in a run."""
     run = read_run(rundir)
     return {
         "path": [float(run.path.position[0]), float(run.path.position[-1])] if run.rows else [],

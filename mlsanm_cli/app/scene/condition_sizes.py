@@ -16,7 +16,6 @@ from mlsanm_cli.app.scene.boundaries import prescribes
 from mlsanm_cli.app.scene.contact_pairs import shape_of
 from mlsanm_cli.app.scene.load_profiles import amounts_of, profiles, runs_of
 from mlsanm_cli.app.scene.sizes import (
-    GROWTH,
     LEVELS,
     PER_ROOT,
     SINGULAR_RATIO,
@@ -24,20 +23,11 @@ from mlsanm_cli.app.scene.sizes import (
     along,
     banded,
     places_along,
-    zone_at,
 )
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import (
-    Contact,
-    Displacement,
-    ExpressionError,
-    Pressure,
-    Traction,
-    value_at,
-)
+from mlsanm_cli.case import Contact, Displacement, ExpressionError, Pressure, Traction, value_at
 from mlsanm_cli.case.model.conditions import Support
 from mlsanm_cli.cloud.curves import Curve, Outline, turn
-from mlsanm_cli.cloud.joined import BoundaryRun
 from mlsanm_cli.cloud.membership import inside_polygon
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
@@ -86,7 +76,7 @@ def clamped_ends(domain: Domain) -> Iterator[Zone]:
         for curve in curves:
             ends = curve.points(np.array([0.0, curve.length]))
             for end in () if curve.closed else ends[~domain.on_plane(ends)]:
-                yield zone_at(end, domain.far / SINGULAR_RATIO)
+                yield Zone.around(end, domain.far / SINGULAR_RATIO)
 
 
 def loaded_parts(domain: Domain) -> Iterator[Zone]:
@@ -96,23 +86,18 @@ def loaded_parts(domain: Domain) -> Iterator[Zone]:
         sprung = isinstance(condition, Support) and condition.spring is not None
         loose = sprung or isinstance(condition, Pressure | Traction)
         for run in runs_of(domain.outline, place):
-            curve, first, length = run.part, run.range[0], domain.length(run.part)
-            ends = np.array([0.0, curve.length])
-            edges = [k for k in (0, 1) if not curve.closed and _continues(run, first + float(ends[k]), k)]
+            curve, length, edges = run.part, domain.length(run.part), list[int]()
+            for end in () if curve.closed else (0, 1):
+                # Inside the run, or smoothly beyond its first or last piece.
+                number = run.numbers[-end]
+                sides = (number, run.outline.neighbours(number)[end])[:: 1 if end else -1]
+                before, after = (run.outline.curves[side] for side in sides)
+                inside = run.continues(run.range[0] + end * curve.length)
+                edges += [end] if inside or np.cos(turn(before, after)) > SMOOTH else []
             if edges:
-                yield Zone(curve, length / PER_PART, 0.0, GROWTH)
-            for end in curve.points(ends[edges]):
-                yield zone_at(end, length / (PER_PART_AT_ENDS if loose else PER_PART_AT_FIXED_ENDS))
-
-
-def _continues(run: BoundaryRun, at: float, end: int) -> bool:
-    """Whether the boundary continues smoothly at arc length ``at`` of a run: inside it, or beyond its first
-    (0) or last (1) ``end``."""
-    if run.continues(at):
-        return True
-    number = run.numbers[-end]
-    sides = (number, run.outline.neighbours(number)[end])[:: 1 if end else -1]
-    return bool(np.cos(turn(*(run.outline.curves[side] for side in sides))) > SMOOTH)
+                yield Zone(curve, length / PER_PART)
+            for tip in curve.points(curve.length * np.array(edges, dtype=float)):
+                yield Zone.around(tip, length / (PER_PART_AT_ENDS if loose else PER_PART_AT_FIXED_ENDS))
 
 
 def varying_loads(domain: Domain) -> Iterator[Zone]:
@@ -132,7 +117,7 @@ def varying_loads(domain: Domain) -> Iterator[Zone]:
                 # On each side of a jump the load is resolved by linear interpolation.
                 near = np.abs(0.5 * (arc[1:] + arc[:-1]) - jump) < 0.5 * apart
                 sizes = np.where(near, np.maximum(sizes, least), sizes)
-                yield zone_at(curve.points(np.array([jump]))[0], least)
+                yield Zone.around(curve.points(np.array([jump]))[0], least)
             yield from banded(curve, sizes)
 
 
@@ -200,7 +185,7 @@ def _field_zones(outline: Outline, expression: str, far: float) -> tuple[Zone, .
         if scale == 0.0 or not bent.any() or (level and bent.sum() > MAX_SQUARES):
             break
         size *= 0.5
-        found += [zone_at(center, size, size) for center in centers[bent]]
+        found += [Zone.around(center, size, size) for center in centers[bent]]
         quarters = 0.5 * size * np.array([[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]])
         centers = (centers[bent][:, None] + quarters).reshape(-1, 2)
     return tuple(found)
@@ -221,14 +206,14 @@ def contacts(domain: Domain) -> Iterator[Zone]:
             partner, own, other = other_place.body, run.part, other_run.part
             if contact.bonded:
                 fine, ends = _finest(domain, partner), bond_ends[contact.name]
-                yield Zone(own, fine / (BOND_RATIO if ends else 1.0), 0.0, GROWTH)
+                yield Zone(own, fine / (BOND_RATIO if ends else 1.0))
                 for tip in ends:
-                    yield Zone.around(tip, fine / SINGULAR_RATIO, 0.0, GROWTH)
+                    yield Zone.around(tip, fine / SINGULAR_RATIO)
                 continue
             if domain.case.model.revolved and partner != name:
                 # Nodal pressures need similar spacings on both surfaces.
                 fine = _finest(domain, partner)
-                yield Zone(other, fine, fine, GROWTH)
+                yield Zone(other, fine, fine)
             outline = domain.outline
             rest = [curve for k, curve in enumerate(outline.curves) if k not in run.numbers]
             yield from _contact(domain, contact, own, rest, other if len(sides) > 1 else None)
@@ -236,7 +221,7 @@ def contacts(domain: Domain) -> Iterator[Zone]:
             for end in slave.points(np.array([0.0, slave.length])):
                 away = [np.hypot(*(end - tip)) for tips in bond_ends.values() for tip in tips]
                 if min(away, default=np.inf) <= COARSE_ROUND_OFF * slave.length:
-                    yield zone_at(end, slave.length / PER_CRACK)
+                    yield Zone.around(end, slave.length / PER_CRACK)
 
 
 def _finest(domain: Domain, partner: str) -> float:
@@ -265,28 +250,23 @@ def _contact(
     if not own.closed:
         ends = points[[0, -1]][~domain.on_plane(points[[0, -1]])]
         beside.append(ends)
-        yield from _several_minima(points, gap, ends)
+        # The outermost of several minima of the gap may be near an end.
+        step = float(np.hypot(*(points[1] - points[0])))
+        least = np.array(valleys(gap, COARSE_ROUND_OFF * len(gap) * step), dtype=int)
+        for end in ends:
+            away = np.hypot(*(points[least] - end).T)
+            close = gap[least] <= gap.min() + EQUAL_MINIMA * away
+            outermost = float(away[close].min(initial=np.inf))
+            if close.sum() > 1 and outermost > 0.0:
+                yield Zone.around(end, outermost / PER_END_DISTANCE, outermost)
         if other is not None or domain.case.model.strain == "small":
             yield from _corner_ends(domain, own, rest, gap, other is None)
     distance = float(np.hypot(*(np.concatenate(beside) - place).T).min(initial=np.inf))
     if distance > COARSE_ROUND_OFF * own.length:
-        yield zone_at(place, distance / PER_CONTACT_DEPTH, distance)
+        yield Zone.around(place, distance / PER_CONTACT_DEPTH, distance)
     if domain.case.model.strain == "finite":
         fine = domain.far / STRAINED_RATIO
-        yield Zone(own, fine, STRAINED_BAND * fine, GROWTH)
-
-
-def _several_minima(points: FloatArray, gap: FloatArray, ends: FloatArray) -> Iterator[Zone]:
-    """Zones at those ``ends`` (e, 2) of a surface near which the outermost of several minima of the ``gap``
-    (s,) at its ``points`` (s, 2) is."""
-    step = float(np.hypot(*(points[1] - points[0])))
-    least = np.array(valleys(gap, COARSE_ROUND_OFF * len(gap) * step), dtype=int)
-    for end in ends:
-        away = np.hypot(*(points[least] - end).T)
-        close = gap[least] <= gap.min() + EQUAL_MINIMA * away
-        distance = float(away[close].min(initial=np.inf))
-        if close.sum() > 1 and distance > 0.0:
-            yield zone_at(end, distance / PER_END_DISTANCE, distance)
+        yield Zone(own, fine, STRAINED_BAND * fine)
 
 
 def _corner_ends(
@@ -303,11 +283,11 @@ def _corner_ends(
             for cosine in (curve.normals(ends) @ own.normals(at)[0])[joins].tolist():
                 span = min(own.length, curve.length, 1.0 / curved if curved else np.inf)
                 if not flat and curved and cosine < SMOOTH and apart < TOUCHING * span:
-                    yield zone_at(own.points(at)[0], span / PER_ROOT, span / TIP_RADIUS)
+                    yield Zone.around(own.points(at)[0], span / PER_ROOT, span / TIP_RADIUS)
                 # The cosine of the angle to a right one, away from 0 and from 1.
                 oblique = np.sin(RIGHT) < abs(cosine) < np.cos(RIGHT)
                 if flat and oblique and apart <= TOUCHING * domain.far:
-                    yield zone_at(own.points(at)[0], domain.far / SHARP_RATIO)
+                    yield Zone.around(own.points(at)[0], domain.far / SHARP_RATIO)
 
 
 def valleys(values: FloatArray, slack: float) -> list[int]:

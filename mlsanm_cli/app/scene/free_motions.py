@@ -62,42 +62,43 @@ class Restrained:
     weak: tuple[str, ...]
 
 
-@dataclass(frozen=True, eq=False)
 class UnknownMotion:
-    """One unknown motion: the ``force`` (L,) on it by load at factor 1, the sum ``size`` (L,) of the
-    magnitudes of that force's terms, whether something besides contacts resists it (``elastic``), and the
-    largest displacement of a contact under unit motion (``lever``)."""
+    """One unknown motion: the ``force`` (L,) on it by load at factor 1, its own, and tractions and body
+    forces on the bodies that move; the sum ``size`` (L,) of the magnitudes of that force's terms, whether
+    something besides contacts resists it (``elastic``), and the largest displacement of a contact under unit
+    motion (``lever``). In words: what moves (``owner``), its component (``way``), and a ``hint`` how to
+    prescribe it other than by a support."""
 
-    constraint: RigidConstraint
-    motion: RigidMotion
-    force: FloatArray
-    size: FloatArray
-    elastic: bool
-    lever: float = 1.0
-
-    @property
-    def rotates(self) -> bool:
-        return self.motion.component == ROTATION
-
-    @property
-    def owner(self) -> str:
-        """What moves, in words."""
-        name = self.constraint.name
-        if self.constraint.floats:
-            return f"body {name}"
-        return f"platen on {name}" if self.constraint.bodies else f"the obstacle of contact {name}"
-
-    @property
-    def way(self) -> str:
-        """The name of its component."""
-        return MOTIONS[self.motion.component]
-
-    @property
-    def hint(self) -> str:
-        """How to prescribe it other than by a support."""
-        if self.constraint.floats or self.rotates:
-            return ""
-        return f", or prescribe {self.way} of the {'platen' if self.constraint.bodies else 'obstacle'}"
+    def __init__(
+        self,
+        constraint: RigidConstraint,
+        motion: RigidMotion,
+        clouds: Mapping[str, Cloud],
+        pairings: Sequence[Pairing],
+        loads: Acting,
+    ) -> None:
+        self.constraint, self.motion, self.lever = constraint, motion, 1.0
+        self.rotates = motion.component == ROTATION
+        self.force, self.size = motion.force.copy(), np.abs(motion.force)
+        self.elastic = not motion.alone
+        for body in () if self.elastic else constraint.bodies:
+            for spring in loads.springs[body].values():
+                self.elastic |= any(spring) if self.rotates else bool(spring[motion.component])
+            for number, forces, points in _forces(loads, clouds[body], body):
+                parts = resultant(forces, points, constraint.center)[motion.component]
+                self.force[number] += parts.sum()
+                self.size[number] += np.abs(parts).sum()
+                if self.rotates:
+                    arms = np.hypot(*(points - constraint.center).T)
+                    self.size[number] += QUADRATURE * np.hypot(*forces.T) @ arms
+        moved = [self.at(clouds[p.slave_body].points[p.node]) for p in pairings if self.side(p)]
+        self.lever = max((float(np.hypot(*parts.T).max()) for parts in moved), default=1.0)
+        kind, name = "platen" if constraint.bodies else "obstacle", constraint.name
+        self.owner = f"platen on {name}" if constraint.bodies else f"the obstacle of contact {name}"
+        self.owner = f"body {name}" if constraint.floats else self.owner
+        self.way = MOTIONS[motion.component]
+        known = constraint.floats or self.rotates
+        self.hint = "" if known else f", or prescribe {self.way} of the {kind}"
 
     def side(self, pairing: Pairing) -> float:
         """1 if it moves the slave of a contact, -1 for the master, else 0."""
@@ -125,7 +126,7 @@ def constrain_free_rigid_modes(
     contacts named ``exact`` are those of their surfaces, of others those at the nodes. Raises CaseError if a
     load drives a free mode."""
     kept = [
-        _unknown(constraint, motion, clouds, pairings, loads)
+        UnknownMotion(constraint, motion, clouds, pairings, loads)
         for constraint in rigid_constraints
         for motion in constraint.motions
         if motion.prescribed is None
@@ -181,46 +182,17 @@ def constrain_free_rigid_modes(
     )
 
 
-def _unknown(
-    constraint: RigidConstraint,
-    motion: RigidMotion,
-    clouds: Mapping[str, Cloud],
-    pairings: Sequence[Pairing],
-    loads: Acting,
-) -> UnknownMotion:
-    """The motion with its forces: its own, and tractions and body forces on the bodies that move."""
-    force, size, rotates = motion.force.copy(), np.abs(motion.force), motion.component == ROTATION
-    elastic = not motion.alone
-    if not elastic:
-        springs = [k for body in constraint.bodies for k in loads.springs[body].values()]
-        elastic = any(any(k) if rotates else k[motion.component] for k in springs)
-        for number, forces, points in _forces(loads, clouds, constraint.bodies):
-            parts = resultant(forces, points, constraint.center)[motion.component]
-            force[number] += parts.sum()
-            size[number] += np.abs(parts).sum()
-            if rotates:
-                size[number] += QUADRATURE * np.hypot(*forces.T) @ np.hypot(*(points - constraint.center).T)
-    unknown = UnknownMotion(constraint, motion, force, size, elastic)
-    moved = [unknown.at(clouds[p.slave_body].points[p.node]) for p in pairings if unknown.side(p)]
-    lever = max((float(np.hypot(*parts.T).max()) for parts in moved), default=1.0)
-    return replace(unknown, lever=lever)
-
-
-def _forces(
-    loads: Acting, clouds: Mapping[str, Cloud], bodies: Sequence[str]
-) -> Iterator[tuple[int, FloatArray, FloatArray]]:
-    """Load numbers, forces (n, 2) and points (n, 2) of all tractions and body forces on bodies."""
-    for body in bodies:
-        cloud = clouds[body]
-        for load in loads.surface_loads:
-            if load.body == body and load.between is not None:
-                surface = cloud.surfaces[load.surface]
-                halves = Halves.of(surface, FINE)
-                points = surface.curve.points(halves.arc)
-                yield load.number, (halves.length * cloud.around(points))[:, None] * load.between, points
-        for force in loads.body_forces:
-            if force.body == body:
-                yield force.number, cloud.volumes[:, None] * force.values, cloud.points
+def _forces(loads: Acting, cloud: Cloud, body: str) -> Iterator[tuple[int, FloatArray, FloatArray]]:
+    """Load numbers, forces (n, 2) and points (n, 2) of all tractions and body forces on a body."""
+    for load in loads.surface_loads:
+        if load.body == body and load.between is not None:
+            surface = cloud.surfaces[load.surface]
+            halves = Halves.of(surface, FINE)
+            points = surface.curve.points(halves.arc)
+            yield load.number, (halves.length * cloud.around(points))[:, None] * load.between, points
+    for force in loads.body_forces:
+        if force.body == body:
+            yield force.number, cloud.volumes[:, None] * force.values, cloud.points
 
 
 def _held_at_zero(constraint: RigidConstraint, held: Mapping[int, FloatArray]) -> RigidConstraint:

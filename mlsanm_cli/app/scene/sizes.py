@@ -37,9 +37,6 @@ PER_SIZE, PER_THICKNESS = 20.0, 6.0
 perimeter."""
 PER_RADIUS, PER_CONCAVE_RADIUS = 5.0, 14.0
 """Spacings over the radius of an arc; stresses concentrate around holes and in hollows."""
-GROWTH = 0.15
-"""Increase of the spacing per unit length: with faster growth the wide, flat stencils hardly resist
-displacements that alternate from node to node."""
 PER_ROOT = 20.0
 """Spacings along sides between two corners that point into the material: fits then know the fields of
 both."""
@@ -148,12 +145,6 @@ def places_along(curve: Curve) -> FloatArray:
     return np.linspace(0.0, curve.length, max(SAMPLES, PER_POINT * curve.data_points) + 1)
 
 
-def zone_at(point: FloatArray, spacing: float, radius: float = 0.0, growth: float = GROWTH) -> Zone:
-    """The zone about a ``point`` (2,)."""
-    x, y = point.tolist()
-    return Zone.around((x, y), spacing, radius, growth)
-
-
 def banded(curve: Curve, sizes: FloatArray, depth: float = 0.0) -> Iterator[Zone]:
     """Zones with the spacings ``sizes`` (m,) on m equal parts of a curve, each within ``depth`` times its
     spacing."""
@@ -161,7 +152,7 @@ def banded(curve: Curve, sizes: FloatArray, depth: float = 0.0) -> Iterator[Zone
     for first, last in pairwise([0, *(np.flatnonzero(np.diff(sizes)) + 1).tolist(), len(sizes)]):
         size, whole = float(sizes[first]), last - first == len(sizes)
         piece = curve if whole else curve.part(float(ends[first]), float(ends[last]))
-        yield Zone(piece, size, depth * size, GROWTH)
+        yield Zone(piece, size, depth * size)
 
 
 def curved_parts(domain: Domain) -> Iterator[Zone]:
@@ -170,7 +161,7 @@ def curved_parts(domain: Domain) -> Iterator[Zone]:
     convex, concave = PER_RADIUS * domain.finer, PER_CONCAVE_RADIUS * domain.finer**2
     for curve in domain.free:
         if isinstance(curve, Arc):
-            yield Zone(curve, curve.radius / (convex if curve.sweep > 0.0 else concave), 0.0, GROWTH)
+            yield Zone(curve, curve.radius / (convex if curve.sweep > 0.0 else concave))
         elif not isinstance(curve, Segment):
             yield from banded(curve, _turning_sizes(curve, domain.far, convex, concave))
 
@@ -216,7 +207,7 @@ def short_sides(domain: Domain) -> Iterator[Zone]:
         if isinstance(curve, Segment) and number not in domain.planes:
             ends = number, domain.outline.neighbours(number)[1]
             root = all(_reentrant(domain.outline, corner) for corner in ends)
-            yield Zone(curve, domain.length(curve) / (PER_ROOT if root else 1.0), 0.0, GROWTH)
+            yield Zone(curve, domain.length(curve) / (PER_ROOT if root else 1.0))
 
 
 def _reentrant(outline: Outline, number: int) -> bool:
@@ -236,7 +227,7 @@ def reentrant_corners(domain: Domain) -> Iterator[Zone]:
             corner = curve.points(np.zeros(1))
             away = [np.hypot(*(side.points(side.closest(corner)) - corner)[0]) for side in touching]
             if all(far > COARSE_ROUND_OFF * side.length for far, side in zip(away, touching, strict=True)):
-                yield zone_at(corner[0], domain.far / SINGULAR_RATIO)
+                yield Zone.around(corner[0], domain.far / SINGULAR_RATIO)
 
 
 def narrow_parts(domain: Domain) -> Iterator[Zone]:

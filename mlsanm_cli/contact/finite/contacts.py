@@ -10,7 +10,7 @@ to it, whose stress balances its force and its moment about its hinge.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
 from typing import TypeAlias
@@ -19,8 +19,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.contact.finite.meeting import Meeting
-from mlsanm_cli.contact.finite.pair import BodyContact
+from mlsanm_cli.contact.finite.pair import BodyContact, Meeting
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.side_response import SideResponse
 from mlsanm_cli.contact.finite.sides import ContactSide
@@ -104,13 +103,10 @@ class DrivenObstacle:
 
 @dataclass(frozen=True)
 class Plate:
-    """A rigid plate ``name`` bonded to ``surfaces`` of bodies, with its hinge at ``center`` (2,) as drawn;
-    ``loads`` are those that move it.
-
-    Its unknown ``components``, 0 (x), 1 (y), 2 (rotation times its ``size``), are the unknowns from
+    """A rigid plate ``name``, moved by ``loads``, bonded to ``surfaces`` of bodies, with its hinge at
+    ``center`` (2,) as drawn. Its unknown ``components``, as of floating bodies, are the unknowns from
     ``number`` on, under ``force`` (k, L) per load factor. ``motion`` (3, L + d) is its displacement and
-    rotation per load factor and free motion.
-    """
+    rotation per load factor and free motion."""
 
     name: str
     surfaces: Mapping[str, tuple[str, ...]]
@@ -137,22 +133,17 @@ class Plate:
 
     def unknown(self, values: FloatArray) -> FloatArray:
         """The entries of ``values`` (3, ...) for its unknowns (k, ...), moments over the plate's size."""
-        chosen = list(self.components)
-        scale = np.where(np.array(chosen) == ROTATION, 1.0 / self.size, 1.0)
-        return np.asarray((values[chosen].T * scale).T)
+        return np.asarray((values[list(self.components)].T * self.scale).T)
 
-    def arms(self, pull: FloatArray) -> FloatArray:
-        """Derivative (3, L + d) of its moment by the position of the hinge, for the force ``pull`` (3,) on a
-        body."""
-        found = np.zeros_like(self.motion)
-        found[2] = self.motion[1] * pull[0] - self.motion[0] * pull[1]
-        return found
+    @property
+    def scale(self) -> FloatArray:
+        """Factors (k,) of forces and moments: the latter are divided by the plate's size."""
+        return np.where(np.array(self.components) == ROTATION, 1.0 / self.size, 1.0)
 
-    def given(self, factors: FloatArray) -> FloatArray:
-        """Force on it (k,) at load ``factors`` (L,), moments over its size."""
-        whole = np.zeros(3)
-        whole[list(self.components)] = self.force @ factors
-        return self.unknown(whole)
+
+def ranges(counts: Iterable[int]) -> list[slice]:
+    """Consecutive ranges with these ``counts``."""
+    return [slice(*ends) for ends in pairwise(np.cumsum([0, *counts]).tolist())]
 
 
 @dataclass(frozen=True)
@@ -181,19 +172,15 @@ class Contacts:
     def each(self) -> list[tuple[AnyContact, slice, slice]]:
         """Every contact, the range of its slave's knots among those of all slaves (c,), and of the components
         of the knots of its sides among those of all sides (2s,)."""
-        nodes = np.cumsum([0, *(one.slave.count for one in self.pairs)]).tolist()
-        sides = np.cumsum([0, *(2 * sum(side.count for side in one.sides) for one in self.pairs)]).tolist()
-        return [
-            (one, slice(*here), slice(*there))
-            for one, here, there in zip(self.pairs, pairwise(nodes), pairwise(sides), strict=True)
-        ]
+        knots = ranges(one.slave.count for one in self.pairs)
+        components = ranges(2 * sum(side.count for side in one.sides) for one in self.pairs)
+        return list(zip(self.pairs, knots, components, strict=True))
 
     @cached_property
     def sides(self) -> list[tuple[ContactSide, slice]]:
         """Every side, and the range of the components of its knots among those of all sides (2s,)."""
         sides = [side for contact in self.pairs for side in contact.sides]
-        ends = np.cumsum([0, *(2 * side.count for side in sides)]).tolist()
-        return [(side, slice(*here)) for side, here in zip(sides, pairwise(ends), strict=True)]
+        return list(zip(sides, ranges(2 * side.count for side in sides), strict=True))
 
     @property
     def count(self) -> int:
@@ -230,21 +217,17 @@ class Contacts:
 
     def tractions(self, met: Sequence[Meeting], pressure: FloatArray, shear: FloatArray) -> FloatArray:
         """Tractions (2s,) at the knots of all sides for the slaves' pressures and friction (c,)."""
-        parts = [
-            one.tractions(pressure[here], shear[here]).ravel()
-            for one, (_, here, _) in zip(met, self.each, strict=True)
-        ]
+        both = zip(met, self.each, strict=True)
+        parts = [one.tractions(pressure[at], shear[at]).ravel() for one, (_, at, _) in both]
         return np.concatenate([*parts, np.zeros(0)])
 
 
 @dataclass(frozen=True)
 class ContactSystem:
     """``contacts`` of bodies with ``projectors`` by name, whose last loads are unit tractions, x and y of
-    every node of their sides, in the order of the contacts.
-
-    ``length`` is the typical displacement; ``stiffness`` converts gaps to pressures in the initial guess.
-    ``missing`` (2s, 2s) are the sides' displacements beyond the clouds'.
-    """
+    every node of their sides, in the order of the contacts. ``length`` is the typical displacement,
+    ``stiffness`` converts gaps to pressures in the initial guess, and ``missing`` (2s, 2s) are the sides'
+    displacements beyond the clouds'."""
 
     projectors: Mapping[str, Projector]
     contacts: Contacts
@@ -260,8 +243,8 @@ class ContactSystem:
     @cached_property
     def bodies(self) -> dict[str, slice]:
         """Range of every body's displacements."""
-        ends = np.cumsum([0, *(one.body.unknowns for one in self.projectors.values())]).tolist()
-        return {name: slice(*here) for name, here in zip(self.projectors, pairwise(ends), strict=True)}
+        sizes = ranges(one.body.unknowns for one in self.projectors.values())
+        return dict(zip(self.projectors, sizes, strict=True))
 
     @property
     def unknowns(self) -> int:

@@ -16,8 +16,8 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.complementarity.problem import ContactStatus
 from mlsanm_cli.contact.finite.contacts import Contacts, ContactSystem
 from mlsanm_cli.contact.finite.iteration import Iteration, Responses
-from mlsanm_cli.contact.finite.meeting import Meeting
 from mlsanm_cli.contact.finite.node_curve import wrapped
+from mlsanm_cli.contact.finite.pair import Meeting
 from mlsanm_cli.mechanics.finite.stability import STILL, SoftMotion
 from mlsanm_cli.records import dataclass
 
@@ -38,16 +38,13 @@ displacement."""
 
 @dataclass(frozen=True)
 class FiniteContactState:
-    """A state in contact.
-
-    ``displacement`` (2N,) of all bodies in turn; at the slaves' knots of all contacts nominal ``pressure``,
-    friction ``shear``, ``gap``, ``place`` and ``slip`` (c,), ``normal`` (c, 2) and ``sets``; ``traction``
-    (2s,) at the knots of all sides in turn and their displacements ``surface`` (2s,), with near
-    fields; the ``free`` motions (d,). ``residual`` is the estimated next update over the typical
-    displacement, ``stability`` the least resistance of a contact to pressures that oscillate from knot to
-    knot, ``soft`` the softest motion with contacts that neither open nor close. ``dragged``
-    (c,) are the slips in the whole increment, also before knots touch.
-    """
+    """A state in contact: ``displacement`` (2N,) of all bodies in turn; at the slaves' knots of all contacts
+    nominal ``pressure``, friction ``shear``, ``gap``, ``place`` and ``slip`` (c,), ``normal`` (c, 2) and
+    status ``sets``; ``traction`` (2s,) at the knots of all sides in turn and their displacements ``surface``
+    (2s,), with near fields; the ``free`` motions (d,). ``residual`` is the estimated next update over the
+    typical displacement, ``stability`` the least resistance of a contact to pressures that oscillate from
+    knot to knot, ``soft`` the softest motion with contacts that neither open nor close. ``dragged`` (c,) are
+    the slips in the whole increment, also before knots touch."""
 
     displacement: FloatArray
     pressure: FloatArray
@@ -119,7 +116,11 @@ class ExactContact(ContactSystem):
             spent += 0 if known else len(self.projectors)
             solves, responses = solves + step.solves, step.responses
             part = self._until_touch(met, step)
-            while part > 1e-3 and not self._least_volume(u + part * step.du) > MIN_JACOBIAN:
+            while part > 1e-3:
+                ahead = u + part * step.du
+                volumes = (one.body.least_volume(ahead[self.bodies[k]]) for k, one in self.projectors.items())
+                if min(volumes) > MIN_JACOBIAN:
+                    break
                 part *= 0.5
             u, p, q = u + part * step.du, p + part * step.dp, q + part * step.dq
             free = free + part * step.free
@@ -204,9 +205,6 @@ class ExactContact(ContactSystem):
             ways = (one.gap[near] + INITIAL_OVERLAP * self.length) / falls[near]
             least = min(least, float(ways.min(initial=1.0)))
         return least
-
-    def _least_volume(self, u: FloatArray) -> float:
-        return min(one.body.least_volume(u[self.bodies[name]]) for name, one in self.projectors.items())
 
 
 def undeformed(unknowns: int, contacts: Contacts) -> FiniteContactState:

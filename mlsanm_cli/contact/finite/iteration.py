@@ -21,7 +21,7 @@ from mlsanm_cli.contact.complementarity.basis import Ray
 from mlsanm_cli.contact.complementarity.problem import ContactStatus, Problem
 from mlsanm_cli.contact.complementarity.solution import solve
 from mlsanm_cli.contact.finite.contacts import ContactSystem
-from mlsanm_cli.contact.finite.meeting import Meeting
+from mlsanm_cli.contact.finite.pair import Meeting
 from mlsanm_cli.contact.finite.side_response import SideResponse
 from mlsanm_cli.contact.response.coercivity import constrained_resistance
 from mlsanm_cli.errors import NumericalError
@@ -29,6 +29,7 @@ from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.projector import Factorised
 from mlsanm_cli.mechanics.finite.stability import SoftMotion, rows_of_force, softest_motion
 from mlsanm_cli.mechanics.finite.tangent import load_columns, tangent_rows
+from mlsanm_cli.mechanics.rigid import ROTATION
 from mlsanm_cli.records import dataclass
 
 ADJACENT_NODES = 3
@@ -93,7 +94,7 @@ class Iteration:
         left: Mapping[str, FloatArray] | None = None,
     ) -> None:
         self.system, self.factors, self.response = system, factors, response
-        contacts = system.contacts
+        self._u, self._p, self._q, self._met, contacts = u, p, q, met, system.contacts
         applied = contacts.tractions(met, p, q)
         factorised, z = {}, np.zeros(len(u))
         for name, projector in system.projectors.items():
@@ -105,32 +106,32 @@ class Iteration:
             else:
                 factorised[name] = projector.factorised(u[here], whole, iterating=True)
             z[here] = -factorised[name].solve(projector.scaled(rest))
-        self.chosen, touched = self._may_touch(z, p, met)
+        self.chosen, touched = self._may_touch(z)
         idle = not len(self.chosen) and not contacts.free
         if idle:
             self.responses = Responses(factorised, touched)
         elif known is None or not known.moved or not np.array_equal(known.touched, touched):
-            self.responses = self._responses(u, factorised, touched)
+            self.responses = self._responses(factorised, touched)
         else:
             self.responses = known
-        self._balance(u, applied)
-        self._linearise(p, q, met)
+        self._balance(applied)
+        self._linearise()
         if idle:
             none = np.zeros(len(p), dtype=bool)
             self.du, self.dp, self.dq, self.free, self.traction = z, -p, -q, np.zeros(0), -traction
             self.sets, self.solves = ContactStatus(none, none, np.zeros(len(p))), len(factorised)
         else:
-            self._solve(p, q, sets, met, z, applied - traction, first)
+            self._solve(sets, z, applied - traction, first)
 
-    def _may_touch(self, z: FloatArray, p: FloatArray, met: Sequence[Meeting]) -> tuple[IntArray, IntArray]:
+    def _may_touch(self, z: FloatArray) -> tuple[IntArray, IntArray]:
         """The nodes that may touch after the displacements ``z`` (2N,), and the tractions (t,) of all sides
         that these affect."""
         chosen, touched = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
         smooth = self.system.onto @ z
         reach = REACH_WITH_MOTIONS * self.system.length if self.system.contacts.free else 0.0
-        for one, (contact, here, there) in zip(met, self.system.contacts.each, strict=True):
+        for one, (contact, here, there) in zip(self._met, self.system.contacts.each, strict=True):
             gap = one.gap + one.d_gap @ smooth[there]
-            near = one.facing & ((gap <= reach) | (p[here] > 0.0))
+            near = one.facing & ((gap <= reach) | (self._p[here] > 0.0))
             for _ in range(ADJACENT_NODES):
                 adjacent = near.copy()
                 adjacent[1:] |= near[:-1]
@@ -146,7 +147,7 @@ class Iteration:
             touched.append(there.start + (2 * nodes[:, None] + np.arange(2)).ravel())
         return np.concatenate(chosen), np.concatenate(touched)
 
-    def _responses(self, u: FloatArray, factorised: Mapping[str, Factorised], touched: IntArray) -> Responses:
+    def _responses(self, factorised: Mapping[str, Factorised], touched: IntArray) -> Responses:
         """The bodies' responses to the ``touched`` tractions and to their free motions."""
         system, free = self.system, self.system.contacts.free
         columns, moved, pieces, solves = {}, {}, {}, 0
@@ -158,7 +159,7 @@ class Iteration:
             nodal = np.flatnonzero((np.abs(spread) > NO_TRACTION).any(axis=1))
             whole = np.append(self.factors, np.zeros(projector.body.loads.count - len(self.factors)))
             known = slice(len(self.factors) - free, None)
-            loads = load_columns(projector.body, u[system.bodies[name]], whole, known)
+            loads = load_columns(projector.body, self._u[system.bodies[name]], whole, known)
             loads = sparse.csr_array(loads[:, np.concatenate([free + nodal, moves])])
             onto = np.zeros((len(nodal) + len(moves), len(acting) + len(moves)))
             onto[: len(nodal), : len(acting)] = spread[nodal]
@@ -169,9 +170,9 @@ class Iteration:
             solves += len(nodal) + len(moves)
         return Responses(factorised, touched, solves, columns, moved, pieces)
 
-    def _balance(self, u: FloatArray, applied: FloatArray) -> None:
+    def _balance(self, applied: FloatArray) -> None:
         """The forces missing on unknown motions with ``applied`` (2s,) tractions, and their derivatives."""
-        system, contacts, responses = self.system, self.system.contacts, self.responses
+        system, contacts, responses, u = self.system, self.system.contacts, self.responses, self._u
         free, count = contacts.free, len(responses.touched)
         missing, derivative = np.zeros(free), np.zeros((free, count + free))
         by_displacement = np.zeros((free, len(u)))
@@ -191,7 +192,7 @@ class Iteration:
             self.sums[one.body] = rows, sums
         for plate in (some for some in contacts.plates if some.components):
             rows, known = plate.numbers, plate.force.shape[1]
-            missing[rows] -= plate.given(self.factors[:known])
+            missing[rows] -= plate.scale * (plate.force @ self.factors[:known])
             for name in plate.surfaces:
                 here, columns = system.bodies[name], responses.columns[name]
                 body = system.projectors[name].body
@@ -201,7 +202,10 @@ class Iteration:
                 missing[rows] += plate.unknown(pull)
                 by_displacement[rows, here] += moved
                 derivative[np.ix_(rows, columns)] += moved @ responses.moved[name]
-                derivative[rows, count:] += plate.unknown(plate.arms(pull))[:, known:]
+                # Moments are about the hinge, which moves.
+                arms = np.zeros_like(plate.motion)
+                arms[ROTATION] = plate.motion[1] * pull[0] - plate.motion[0] * pull[1]
+                derivative[rows, count:] += plate.unknown(arms)[:, known:]
                 derivative[rows, count + rows] += DAMPING * body.elastic.model.material.modulus
         for driven in contacts.driven:
             number, slave = driven.number, contacts.pairs[driven.contact].slave
@@ -213,15 +217,10 @@ class Iteration:
             derivative[number, count + number] = DAMPING * modulus
         self.missing, self.by_displacement, self.by_acting = missing, by_displacement, derivative
 
-    def _linearise(self, p: FloatArray, q: FloatArray, met: Sequence[Meeting]) -> None:
+    def _linearise(self) -> None:
         """The equations condensed to the chosen knots and the free motions."""
-        system, contacts, touched, chosen = (
-            self.system,
-            self.system.contacts,
-            self.responses.touched,
-            self.chosen,
-        )
-        count = len(touched)
+        system, contacts, met, chosen = self.system, self.system.contacts, self._met, self.chosen
+        touched, count = self.responses.touched, len(self.responses.touched)
         # Displacements of all sides due to the touched tractions and the free motions.
         smooth = np.zeros((contacts.size, count + contacts.free))
         for name, columns in self.responses.columns.items():
@@ -230,7 +229,8 @@ class Iteration:
         self.seen = seen + self.response.by_traction[:, touched]
         for driven in contacts.driven:
             shifted[contacts.pushing(driven), driven.number] -= 1.0
-        turns = [one.turning(p[at], q[at]) for one, (_, at, _) in zip(met, contacts.each, strict=True)]
+        both = zip(met, contacts.each, strict=True)
+        turns = [one.turning(self._p[at], self._q[at]) for one, (_, at, _) in both]
         self.turning = _diagonal(turns)[touched]
         self.push, self.pull = (
             _diagonal([one.columns(getattr(one, key)) for one in met])[touched][:, chosen].toarray()
@@ -269,19 +269,10 @@ class Iteration:
             found[self.system.bodies[name]] = self.responses.moved[name] @ acting[columns]
         return tractions, found
 
-    def _solve(
-        self,
-        p: FloatArray,
-        q: FloatArray,
-        sets: ContactStatus,
-        met: Sequence[Meeting],
-        z: FloatArray,
-        jump: FloatArray,
-        first: bool,
-    ) -> None:
+    def _solve(self, sets: ContactStatus, z: FloatArray, jump: FloatArray, first: bool) -> None:
         """The updates that satisfy the conditions of the chosen knots, searched from a status."""
         chosen, count, touched = self.chosen, len(self.chosen), self.responses.touched
-        mu = self.system.contacts.friction[chosen]
+        mu, met, p, q = self.system.contacts.friction[chosen], self._met, self._p, self._q
         gap, slip = (
             np.concatenate([*(getattr(one, key) for one in met), mu[:0]])[chosen] for key in ("gap", "slip")
         )

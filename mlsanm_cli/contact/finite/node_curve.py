@@ -58,7 +58,11 @@ class NodeCurve:
         if self.around is not None and not self.corners:
             both = _slopes(self.arc, self.around, np.arange(count), min(SLOPE_NODES, count))
             return both, both
-        stretches = self._stretches()
+        # From corner to corner; indices continue beyond the seam of a closed curve.
+        ends = [0, *self.corners, count - 1]
+        if self.around is not None:
+            ends = [*self.corners, self.corners[0] + count]
+        stretches = [np.arange(first, last + 1) for first, last in pairwise(ends)]
         rows = sparse.csr_array(sparse.vstack([self._open(nodes) for nodes in stretches], format="csr"))
         number, first = np.arange(rows.shape[0]), np.cumsum([0, *(len(nodes) for nodes in stretches)])
         nodes, found = np.concatenate(stretches) % count, []
@@ -71,19 +75,10 @@ class NodeCurve:
     @cached_property
     def mean_slopes(self) -> sparse.csr_array:
         """Rows (m, m) of the derivatives at the nodes; means of both at corners."""
-        both = np.full(len(self.arc), 0.5)
+        half = np.full(len(self.arc), 0.5)
         if self.around is None:
-            both[[0, -1]] = 1.0
-        behind, ahead = self.slopes
-        return sparse.csr_array(sparse.diags_array(both) @ (behind + ahead))
-
-    def _stretches(self) -> list[IntArray]:
-        """Nodes from corner to corner; indices continue beyond the seam of a closed curve."""
-        count = len(self.arc)
-        ends = [0, *self.corners, count - 1]
-        if self.around is not None:
-            ends = [*self.corners, self.corners[0] + count]
-        return [np.arange(first, last + 1) for first, last in pairwise(ends)]
+            half[[0, -1]] = 1.0
+        return sparse.csr_array(sparse.diags_array(half) @ (self.slopes[0] + self.slopes[1]))
 
     def _open(self, nodes: IntArray) -> sparse.csr_array:
         """Rows (k, m) of the derivatives at ``nodes`` (k,) between two corners, with fewer nodes near these:
@@ -140,15 +135,9 @@ class NodeCurve:
         low = self.interval(place)
         step = self.knots[low + 1] - self.knots[low]
         t = (place - self.knots[low]) / step
-        return (
-            low,
-            step,
-            (
-                (1 - 3 * t**2 + 2 * t**3, t - 2 * t**2 + t**3, 3 * t**2 - 2 * t**3, t**3 - t**2),
-                (6 * t**2 - 6 * t, 1 - 4 * t + 3 * t**2, 6 * t - 6 * t**2, 3 * t**2 - 2 * t),
-                (12 * t - 6, 6 * t - 4, 6 - 12 * t, 6 * t - 2),
-            ),
-        )
+        values = (1 - 3 * t**2 + 2 * t**3, t - 2 * t**2 + t**3, 3 * t**2 - 2 * t**3, t**3 - t**2)
+        slopes = (6 * t**2 - 6 * t, 1 - 4 * t + 3 * t**2, 6 * t - 6 * t**2, 3 * t**2 - 2 * t)
+        return low, step, (values, slopes, (12 * t - 6, 6 * t - 4, 6 - 12 * t, 6 * t - 2))
 
     def _seen(
         self, place: FloatArray, nodes: FloatArray, slopes: tuple[FloatArray, FloatArray]

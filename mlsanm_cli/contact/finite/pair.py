@@ -16,7 +16,7 @@ Equations (23) and (24) of docs/method.md.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cached_property
 from typing import TypeAlias
 
@@ -24,13 +24,66 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.contact.finite.meeting import NO_GAP, Meeting, by_component
 from mlsanm_cli.contact.finite.node_curve import NodeCurve, wrapped
-from mlsanm_cli.contact.finite.sides import ContactSide
+from mlsanm_cli.contact.finite.sides import ContactSide, by_component
 from mlsanm_cli.contact.geometry.facing import turned
 from mlsanm_cli.contact.geometry.pairing import MAX_FACING_COSINE
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
+
+NO_GAP = 1e300
+"""Gap of a node that faces nothing."""
+
+
+@dataclass(frozen=True)
+class Meeting:
+    """Kinematics at the slave's nodes (c,): ``facing`` marks those opposite to the master; ``gap``; the
+    master's outward ``normal`` (c, 2) and the ``tangent`` (c, 2), the normal rotated by -90 degrees;
+    ``place``, the closest point as a reference arc length of the master; ``slip`` along the tangent relative
+    to an earlier place.
+
+    Derivatives by the s displacements (2s,) of the slave's nodes, then the master's: ``d_gap``, ``d_slip``,
+    ``d_turn`` (c, 2s), the last one for the rotation of the normal towards the tangent. ``carried`` (m, c)
+    maps tractions at the slave's nodes to the master's m nodes, per reference length of either, and
+    ``carried_moved`` (T) (2m, 2s) is the derivative for slave tractions T (c, 2)."""
+
+    facing: BoolArray
+    gap: FloatArray
+    normal: FloatArray
+    tangent: FloatArray
+    place: FloatArray
+    slip: FloatArray
+    d_gap: sparse.csr_array
+    d_slip: sparse.csr_array
+    d_turn: sparse.csr_array
+    carried: sparse.csr_array
+    carried_moved: Callable[[FloatArray], sparse.csr_array]
+
+    def tractions(self, pressure: FloatArray, friction: FloatArray) -> FloatArray:
+        """Nominal tractions (s, 2) of both sides for the slave's pressures and friction (c,)."""
+        on_slave = pressure[:, None] * self.normal + friction[:, None] * self.tangent
+        return np.concatenate([on_slave, -(self.carried @ on_slave)])
+
+    def columns(self, directions: FloatArray) -> sparse.csr_array:
+        """Tractions (2s, c) of both sides per unit along ``directions`` (c, 2) on the slave."""
+        count, (line, column) = len(directions), self.carried.tocoo().coords
+        x, y = (-self.carried.data * along[column] for along in directions.T)
+        nodes = np.arange(count)
+        rows = np.concatenate([2 * nodes, 2 * nodes + 1, 2 * (count + line), 2 * (count + line) + 1])
+        columns = np.concatenate([nodes, nodes, column, column])
+        entries = (np.concatenate([*directions.T, x, y]), (rows, columns))
+        return sparse.csr_array(entries, shape=(2 * (count + self.carried.shape[0]), count))
+
+    def turning(self, pressure: FloatArray, friction: FloatArray) -> sparse.csr_array:
+        """Derivative (2s, 2s) of the tractions by the displacements."""
+        across = pressure[:, None] * self.tangent - friction[:, None] * self.normal
+        found = self.columns(across) @ self.d_turn
+        if self.carried.shape[0]:
+            moved = self.carried_moved(self.tractions(pressure, friction)[: len(pressure)])
+            none = sparse.csr_array((found.shape[0] - moved.shape[0], found.shape[1]))
+            found = found - sparse.vstack([none, moved], format="csr")
+        return sparse.csr_array(found)
+
 
 MAX_DEPTH = 3.0
 """Knots deeper inside the master than this many of its spacings are ignored."""
@@ -97,8 +150,8 @@ class BodyContact:
         at, nodes = slave.places + displacement[:count], master.places + displacement[count:]
         beyond = np.zeros(count) if closed is None else np.where(closed, END_OVERHANG * slave.weight, 0.0)
         place, inside = master.curve.closest(nodes, at, beyond)
-        rows = master.curve.rows(place)
-        value, first, second = (row @ nodes for row in rows)
+        values, slopes, bends = master.curve.rows(place)
+        value, first, second = (row @ nodes for row in (values, slopes, bends))
         apart, length = at - value, np.hypot(*first.T)
         along, sign = first / length[:, None], self._outward[1]
         normal = sign * turned(along)
@@ -107,18 +160,35 @@ class BodyContact:
         faced = (own * normal).sum(axis=1) < MAX_FACING_COSINE * np.hypot(*own.T)
         deep = gap < -MAX_DEPTH * master.spacing(place) * length
         facing = inside & faced & ~deep
-        d_place = _place_moved(rows, apart, first, second, facing)
+        kept, still = _times(facing.astype(float)), sparse.csr_array((count, 2 * count))
+
+        def apart_moved(direction: FloatArray) -> sparse.csr_array:
+            """Rows (c, 2s) of x - y(xi), xi fixed, along ``direction`` (c, 2)."""
+            on_slave = by_component(sparse.eye_array(count, format="csr"), direction)
+            on_master = by_component(values, direction)
+            return sparse.csr_array(sparse.hstack([on_slave, -on_master], format="csr"))
+
+        def slope_moved(direction: FloatArray) -> sparse.csr_array:
+            """Rows (c, 2s) of y'(xi), xi fixed, along ``direction`` (c, 2)."""
+            both = [still, by_component(slopes, direction)]
+            return sparse.csr_array(sparse.hstack(both, format="csr"))
+
+        # Rows of xi, from (x - y) . y' = 0.
+        size = (first**2).sum(axis=1)
+        bent = size - (apart * second).sum(axis=1)
+        bent = np.where(np.abs(bent) > COARSE_ROUND_OFF * size, bent, COARSE_ROUND_OFF * size)
+        d_place = kept @ (_times(1.0 / bent) @ (apart_moved(first) + slope_moved(apart)))
 
         def turned_by(direction: FloatArray) -> sparse.csr_array:
             """Rows (c, 2s) of the total derivative of y' along ``direction`` (c, 2)."""
-            along_place = sparse.diags_array((second * direction).sum(axis=1)) @ d_place
-            return sparse.csr_array(_slope_moved(rows[1], direction) + along_place)
+            bending = _times((second * direction).sum(axis=1)) @ d_place
+            return sparse.csr_array(slope_moved(direction) + bending)
 
-        slip, d_slip = np.zeros(count), -sign * (sparse.diags_array(length) @ d_place)
+        slip, d_slip = np.zeros(count), -sign * (_times(length) @ d_place)
         if before is not None:
             past = wrapped(place - before, master.around)
             slip = -sign * length * past
-            d_slip = d_slip - sparse.diags_array(sign * past) @ turned_by(along)
+            d_slip = d_slip - _times(sign * past) @ turned_by(along)
         carried, carried_moved = transfer(slave, master, place, facing)
         return Meeting(
             facing,
@@ -127,45 +197,17 @@ class BodyContact:
             turned(normal),
             place,
             np.where(facing, slip, 0.0),
-            _kept(_apart_moved(rows[0], normal), facing),
-            _kept(d_slip, facing),
-            _kept(sparse.diags_array(sign / length) @ turned_by(normal), facing),
+            kept @ apart_moved(normal),
+            kept @ d_slip,
+            kept @ (_times(sign / length) @ turned_by(normal)),
             carried,
             lambda traction: carried_moved(traction, d_place),
         )
 
 
-def _apart_moved(values: sparse.csr_array, direction: FloatArray) -> sparse.csr_array:
-    """Rows (c, 2s) of x - y(xi), xi fixed, along ``direction`` (c, 2); ``values`` (c, m) are those of y."""
-    on_slave = by_component(sparse.eye_array(len(direction), format="csr"), direction)
-    return sparse.csr_array(sparse.hstack([on_slave, -by_component(values, direction)], format="csr"))
-
-
-def _slope_moved(slopes: sparse.csr_array, direction: FloatArray) -> sparse.csr_array:
-    """Rows (c, 2s) of y'(xi), xi fixed, along ``direction`` (c, 2); ``slopes`` (c, m) are those of y'."""
-    on_slave = sparse.csr_array((len(direction), 2 * len(direction)))
-    return sparse.csr_array(sparse.hstack([on_slave, by_component(slopes, direction)], format="csr"))
-
-
-def _place_moved(
-    rows: Sequence[sparse.csr_array],
-    apart: FloatArray,
-    first: FloatArray,
-    second: FloatArray,
-    facing: BoolArray,
-) -> sparse.csr_array:
-    """Rows (c, 2s) of xi, from (x - y) . y' = 0, for ``facing`` nodes (c,); ``apart`` is x - y, ``first`` and
-    ``second`` are derivatives of y (c, 2)."""
-    size = (first**2).sum(axis=1)
-    bent = size - (apart * second).sum(axis=1)
-    bent = np.where(np.abs(bent) > COARSE_ROUND_OFF * size, bent, COARSE_ROUND_OFF * size)
-    moved = _apart_moved(rows[0], first) + _slope_moved(rows[1], apart)
-    return _kept(sparse.diags_array(1.0 / bent) @ moved, facing)
-
-
-def _kept(rows: sparse.csr_array, chosen: BoolArray) -> sparse.csr_array:
-    """The ``rows`` (c, 2s) of the ``chosen`` (c,), zero for others."""
-    return sparse.csr_array(sparse.diags_array(chosen.astype(float)) @ rows)
+def _times(factors: FloatArray) -> sparse.csr_array:
+    """Multiplies rows (c, ...) by ``factors`` (c,)."""
+    return sparse.csr_array(sparse.diags_array(factors, format="csr"))
 
 
 SIMPSON = np.array([1.0, 4.0, 1.0]) / 6.0

@@ -1,9 +1,6 @@
-"""A side of a body at finite strain against a rigid obstacle: gaps, normals, and their derivatives.
-
-The unknowns are nominal pressures p_j >= 0, per reference length, at the nodes of the slave: the traction p n
-acts along the obstacle's normal n at the node's current position, so that neither the slave's normal nor its
-stretch appears in the equations, and p_j w_j dg_j is work.
-"""
+"""A side of a body at finite strain against a rigid obstacle: gaps, normals, and their derivatives. Nominal
+pressures act along the obstacle's normal at the node's current position, so that neither the slave's normal
+nor its stretch appears in the equations, and pressure times length times change of gap is work."""
 
 from __future__ import annotations
 
@@ -13,9 +10,9 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.contact.finite.meeting import Meeting, by_component
 from mlsanm_cli.contact.finite.node_curve import on_polyline, wrapped
-from mlsanm_cli.contact.finite.sides import ContactSide
+from mlsanm_cli.contact.finite.pair import Meeting
+from mlsanm_cli.contact.finite.sides import ContactSide, by_component
 from mlsanm_cli.contact.geometry.facing import turned
 from mlsanm_cli.contact.geometry.obstacles import Chain, Round, Shape
 from mlsanm_cli.records import dataclass

@@ -235,7 +235,9 @@ def _uneven(side: ContactSide, missing: FloatArray, own: bool) -> FloatArray:
     knot's own traction."""
     blocks = missing.reshape(-1, 2, side.count, 2).copy()
     if own:
-        number, beside = np.arange(side.count), side.node_number
+        # Positions of the knots in the sequence of the nodes.
+        number, ends = np.arange(side.count), side.nodes.ends
+        beside = np.interp(side.arc, ends, np.arange(len(ends)))
         near = np.abs(beside[:, None] - beside) <= 3 * HALF_WINDOW
         blocks[number, :, number] -= np.einsum("ibjd,ij->ibd", blocks, (1.0 - side.share)[:, None] * near)
     blocks -= blocks.sum(axis=2)[:, :, None] * (side.weight / side.weight.sum())[:, None]

@@ -9,7 +9,7 @@ Equation (25) of docs/method.md.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import cached_property
 from typing import TypeAlias
 
@@ -21,7 +21,6 @@ from mlsanm_cli.cloud.cells import FINE, GAUSS, Halves
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.cloud.surface import Surface
-from mlsanm_cli.contact.finite.meeting import by_component
 from mlsanm_cli.contact.finite.node_curve import NodeCurve
 from mlsanm_cli.contact.geometry.unfolding import Planes
 from mlsanm_cli.mechanics.body import ElasticBody
@@ -42,14 +41,11 @@ Wedges: TypeAlias = tuple[Corner | None, Corner | None]
 
 @dataclass(frozen=True)
 class Points:
-    """Consecutive points (c,) of the outline of a ``body``.
-
-    In the reference configuration: ``places`` (c, 2), outward normals ``outward`` (c, 2), ``arc`` (c,)
-    lengths along the side, ``weight`` (c,) lengths of the points. ``around`` is the length of a closed side,
-    else None. ``held`` (c,) marks points with a prescribed displacement component. ``corners`` are the
-    indices of points at corners and ends; either end may be at one of the ``planes`` of symmetry or at one of
-    the ``wedges``, corners with known near field. All are on the ``geometry`` of a boundary.
-    """
+    """Consecutive points (c,) on the ``geometry`` of a boundary of a ``body``, as drawn: ``places`` and
+    ``outward`` normals (c, 2), arc lengths ``arc`` and lengths ``weight`` (c,); ``around`` is the length of a
+    closed side. ``held`` (c,) marks points with a prescribed displacement component, ``corners`` are indices
+    of corners and ends; an end may be at a plane of symmetry (``planes``) or a corner with known near field
+    (``wedges``)."""
 
     body: str
     places: FloatArray
@@ -87,6 +83,11 @@ class Points:
         turn = now * np.conj(before)
         across = as_real(1j * now) / (np.abs(now) ** 2)[:, None]
         return np.asarray(turn / np.abs(turn)), by_component(slopes, across)
+
+
+def _ends(side: Points, given: Sequence[object]) -> set[int]:
+    """Indices of the ends at which something is ``given``."""
+    return {end for end, one in zip((0, side.count - 1), given, strict=True) if one is not None}
 
 
 @dataclass(frozen=True)
@@ -149,10 +150,9 @@ class SideNodes(Points):
 
     def traction_rows(self, body: ElasticBody, some: Sequence[int] | IntArray) -> IntArray:
         """Rows (m,) of the tractions of ``some`` of the side's nodes, by index."""
+        both = ((name, numbers, axis) for name, numbers in self.members for axis in (0, 1))
         rows = [
-            body.condition_rows(name, component)[np.isin(numbers, some)]
-            for name, numbers in self.members
-            for component in (0, 1)
+            body.condition_rows(name, component)[np.isin(numbers, some)] for name, numbers, component in both
         ]
         return np.concatenate(rows)
 
@@ -178,29 +178,22 @@ class SideNodes(Points):
         near corners without near field."""
         if not self.centers:
             return np.zeros(self.count)
-        known = {end for end, one in zip((0, self.count - 1), self.wedges, strict=True) if one is not None}
-        part = np.clip(self._away(known) / CORNER_NODES - 1.0, 0.0, 1.0)
-        return np.where(self.held & ~np.isin(np.arange(self.count), list(self._mirrored)), 0.0, part)
+        part = np.clip(self._away(_ends(self, self.wedges)) / CORNER_NODES - 1.0, 0.0, 1.0)
+        mirrored = list(_ends(self, self.planes))
+        return np.where(self.held & ~np.isin(np.arange(self.count), mirrored), 0.0, part)
 
     @property
     def inner(self) -> BoolArray:
         """Mask (c,) of the nodes with near fields that are away from all corners but planes of symmetry."""
-        return np.asarray((self.share == 1.0) & (self._away(set()) >= 2 * CORNER_NODES))
+        return np.asarray((self.share == 1.0) & (self._away(()) >= 2 * CORNER_NODES))
 
-    @property
-    def _mirrored(self) -> set[int]:
-        """Nodes at planes of symmetry."""
-        ends = zip((0, self.count - 1), self.planes, strict=True)
-        return {end for end, plane in ends if plane is not None}
-
-    def _away(self, ignored: set[int]) -> FloatArray:
+    def _away(self, ignored: Collection[int]) -> FloatArray:
         """Numbers (c,) of nodes to the nearest corner that is neither ``ignored`` nor at a plane of
         symmetry."""
         number, away = np.arange(self.count), np.full(self.count, np.inf)
-        for corner in set(self.corners) - self._mirrored - ignored:
+        for corner in set(self.corners) - _ends(self, self.planes) - set(ignored):
             apart = np.abs(number - corner)
-            apart = apart if self.around is None else np.minimum(apart, self.count - apart)
-            away = np.minimum(away, apart)
+            away = np.minimum(away, apart if self.around is None else np.minimum(apart, self.count - apart))
         return away
 
     @cached_property
@@ -209,11 +202,6 @@ class SideNodes(Points):
         near fields have a share."""
         both = np.repeat(self.share, 2)
         return np.diag(1.0 - both) + both[:, None] * _fit(self)
-
-    @cached_property
-    def mass(self) -> FloatArray:
-        """Integrals (c, c) of the products of the nodes' hat functions."""
-        return _products(self, self)
 
 
 @dataclass(frozen=True)
@@ -248,11 +236,6 @@ class ContactSide(Points):
         return np.diff(self.nodes.ends)[self.nodes.curve.interval(place)]
 
     @cached_property
-    def node_number(self) -> FloatArray:
-        """Positions (g,) of the knots in the sequence of the nodes."""
-        return np.interp(self.arc, self.nodes.ends, np.arange(len(self.nodes.ends)))
-
-    @cached_property
     def rows(self) -> sparse.csr_array:
         """Rows (2g, 2c) of the values at the knots of functions with nodal vectors."""
         return both_components(self.nodes.curve.rows(self.arc)[0])
@@ -265,9 +248,8 @@ class ContactSide(Points):
     @cached_property
     def spread(self) -> sparse.csr_array:
         """Nodal tractions (2c, 2g) by those at the knots (P), with the same force and moment."""
-        return both_components(
-            np.asarray(np.linalg.solve(self.nodes.mass, _products(self.nodes, self)), np.float64)
-        )
+        mass, shared = _products(self.nodes, self.nodes), _products(self.nodes, self)
+        return both_components(np.asarray(np.linalg.solve(mass, shared), np.float64))
 
     @cached_property
     def hats(self) -> sparse.csr_array:
@@ -281,6 +263,17 @@ class ContactSide(Points):
         nodes = self.nodes
         ends = nodes.share if nodes.around is None else np.append(nodes.share, nodes.share[0])
         return np.interp(self.arc, nodes.ends, ends)
+
+
+def by_component(rows: sparse.csr_array, directions: FloatArray) -> sparse.csr_array:
+    """Rows (c, m) of a scalar as rows (c, 2m) of the component along ``directions`` (c, 2)."""
+    found = rows.tocoo()
+    line, column = found.coords
+    entries = (
+        np.concatenate([found.data * directions[line, 0], found.data * directions[line, 1]]),
+        (np.tile(line, 2), np.concatenate([2 * column, 2 * column + 1])),
+    )
+    return sparse.csr_array(entries, shape=(rows.shape[0], 2 * rows.shape[1]))
 
 
 def both_components(rows: sparse.csr_array | FloatArray) -> sparse.csr_array:

@@ -80,14 +80,14 @@ class FiniteBody:
     @cached_property
     def on_pieces(self) -> tuple[IntArray, IntArray, FloatArray]:
         """All points in turn, numbered, for every piece (m,) that they act on, the piece, and the sign."""
-        point, owner, sign, first = [], [], [], 0
+        found, first = [], 0
         for one in self.points:
             each = one.places.shape[1]
-            point.append(first + (each * one.fit[:, None] + np.arange(each)).ravel())
-            owner.append(np.repeat(one.owner, each))
-            sign.append(np.repeat(one.sign, each))
+            numbers = first + (each * one.fit[:, None] + np.arange(each)).ravel()
+            found.append((numbers, np.repeat(one.owner, each), np.repeat(one.sign, each)))
             first += one.count
-        return np.concatenate(point), np.concatenate(owner), np.concatenate(sign)
+        point, owner, sign = (np.concatenate(one) for one in zip(*found, strict=True))
+        return point, owner, sign
 
     @cached_property
     def applied(self) -> Applied:
@@ -132,17 +132,15 @@ class FiniteBody:
         """Contribution (r - 3k, 2N) of springs to the nodes' rows."""
         return spring_rows(self.elastic.model.cloud, self.elastic.springs, self.node_rows)
 
-    def degrees(self, factors: FloatArray) -> FloatArray | None:
-        """Temperature changes (n,) at the nodes at load ``factors`` (L,); None for bodies without any."""
+    def degrees(self, factors: FloatArray, points: FloatArray | None = None) -> FloatArray | None:
+        """Temperature changes at the nodes (n,), or at ``points`` (e, 2), at load ``factors`` (L,); None for
+        bodies without any."""
         if not self.loads.warming:
             return None
-        return np.asarray(sum(factors[one.number] * one.values for one in self.loads.warming))
-
-    def degrees_at(self, points: FloatArray, factors: FloatArray) -> FloatArray | None:
-        """Temperature changes (e,) at ``points`` (e, 2)."""
-        if not self.loads.warming:
-            return None
-        return np.asarray(sum(factors[one.number] * one.field.at(points) for one in self.loads.warming))
+        values = [one.values if points is None else one.field.at(points) for one in self.loads.warming]
+        return np.asarray(
+            sum(factors[one.number] * v for one, v in zip(self.loads.warming, values, strict=True))
+        )
 
     def degrees_jets(self, factors: FloatArray) -> FloatArray | None:
         """Temperature changes at the nodes as jets (3, n)."""
@@ -205,13 +203,6 @@ class FiniteBody:
     def gradient(self, displacement: FloatArray) -> FloatArray:
         """Displacement gradient (4, n) at the nodes, components 11, 12, 21, 22."""
         return gradient_of(self.elastic.model.stencils.derivatives(displacement.reshape(-1, 2)))
-
-    def fitted_mean(self, nodal: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Value, d/dX and d/dY (3, n) at the nodes and values (q,) at the points with stress of the fits of a
-        mean stress with ``nodal`` values (n,)."""
-        column = nodal[:, None]
-        on_faces = [points.stencils.derivatives(column)[:, ::3].ravel() for points in self.points[:2]]
-        return self.elastic.model.stencils.derivatives(column)[:, :3, 0].T, np.concatenate(on_faces)
 
     def mean_stress(self, displacement: FloatArray, factors: FloatArray) -> FloatArray | None:
         """Nodal values (n,) of the mean stress of volume changes, None if it is not a nodal field."""
@@ -279,10 +270,9 @@ and has limit points that the body does not have."""
 def far_from(body: FiniteBody, displacement: FloatArray, base_state: FloatArray) -> bool:
     """Whether a body at ``displacement`` (2N,) is stretched or rotated so much relative to the ``base_state``
     (2N,) that its equations should be renewed."""
-    if most_stretched(body, displacement, base_state)[0] > MAX_STRETCH:
-        return True
     turned = np.abs(body.turns(displacement) - body.turns(base_state)).max()
-    return bool(turned > 2.0 * np.sin(0.5 * MAX_ROTATION))
+    stretched = most_stretched(body, displacement, base_state)[0] > MAX_STRETCH
+    return bool(stretched or turned > 2.0 * np.sin(0.5 * MAX_ROTATION))
 
 
 def most_stretched(body: FiniteBody, displacement: FloatArray, base_state: FloatArray) -> tuple[float, int]:

@@ -88,8 +88,10 @@ class BodySeries:
         if self._mean is not None and self._face_mean is not None:
             # The mean stress of volume changes is fitted to its nodal values.
             assert self._volumes.mean is not None
-            found = body.fitted_mean(self._volumes.mean[order, 0])
-            self._mean[order], self._face_mean[order] = found
+            nodal = self._volumes.mean[order, 0][:, None]
+            faces = [points.stencils.derivatives(nodal)[:, ::3].ravel() for points in body.points[:2]]
+            self._mean[order] = body.elastic.model.stencils.derivatives(nodal)[:, :3, 0].T
+            self._face_mean[order] = np.concatenate(faces)
         if not order:
             self._place[0] += np.concatenate([one.places.reshape(-1, 2) for one in body.points]).T
             self._middle[0] += body.elastic.pieces.middle.T

@@ -1,4 +1,4 @@
-"""The equations of a body at finite strain, and their factorised derivative.
+"""The equations of a body at finite strain, their factorised derivative, and a stage of a path of them.
 
 Nonlinear least squares for rows R would solve J(u)^T W^2 R(u) = 0, whose own derivative is not available:
 Gauss-Newton iterations converge slowly, and series jump from step to step. Therefore the rows J_0 of one
@@ -16,7 +16,7 @@ Equation (20) of docs/method.md.
 from __future__ import annotations
 
 from dataclasses import field
-from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sparse
@@ -25,9 +25,10 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.mechanics.assembly import row_weights
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
+from mlsanm_cli.mechanics.finite.stability import SoftMotion, rows_of_force, softest_motion
 from mlsanm_cli.mechanics.finite.tangent import MeanStress, tangent_rows
 from mlsanm_cli.operators import least_squares
-from mlsanm_cli.operators.least_squares import LeastSquares, Strong
+from mlsanm_cli.operators.least_squares import Strong
 from mlsanm_cli.operators.linear.interface import LinearSolver
 from mlsanm_cli.operators.linear.multifrontal import MultifrontalFactor, factor_general
 from mlsanm_cli.operators.linear.superlu import SuperLUFactor, factor_in_order
@@ -55,44 +56,46 @@ def weights_of(body: FiniteBody, left_out: IntArray = NO_ROWS) -> FloatArray:
     return np.concatenate([nodes, np.where(pieces.rows_known(list(bearing)), scale, 0.0)])
 
 
-@dataclass(frozen=True)
 class Projector:
     """The rows at a ``base_state`` (2N,), a displacement, and load ``factors`` (L,) there, times ``weights``
     (r,), with their factorised least squares. The equations are for the residual minus ``rest`` (r,), which
-    is 0 unless the base state is to be a solution itself. ``last`` is the mean stress of an iteration."""
+    is 0 unless that state ``keeps`` its residual in the nodes' rows, and so is a solution. Raises
+    NumericalError if singular."""
 
-    body: FiniteBody
-    weights: FloatArray
-    base_state: FloatArray
-    factors: FloatArray
-    system: LeastSquares
-    rest: FloatArray
-    solver: LinearSolver
-    last: list[MeanStress] = field(default_factory=list, compare=False)
-
-    @classmethod
-    def at(
-        cls,
+    def __init__(
+        self,
         body: FiniteBody,
         weights: FloatArray,
         displacement: FloatArray,
         factors: FloatArray,
         solver: LinearSolver,
         keeps: bool = False,
-    ) -> Projector:
-        """The projector at ``displacement`` (2N,) and load ``factors`` (L,); with ``keeps`` that state solves
-        the nodes' rows by definition. Raises NumericalError if singular."""
-        nodes, split = body.elastic.model.cloud.points, body.node_rows
-        rows, strong_rows = weighted_rows(body, weights, displacement, factors)
+    ) -> None:
+        self.body, self.weights, self.base_state, self.factors = body, weights, displacement, factors
+        self._solver, nodes, split = solver, body.elastic.model.cloud.points, body.node_rows
+        rows, strong_rows = self._weighted_rows(displacement, factors)
         count = 3 * body.count
         loads = sparse.csr_array(sparse.diags_array(weights, format="csr")[split:])
         owner, none = np.arange(count) % body.count, sparse.csr_array((0, count))
         strong = Strong(strong_rows, loads, owner, body.elastic.pieces.middle, none)
-        system = least_squares.factorise(rows, weights[:split], nodes, solver, strong, body.pattern.symbolic)
-        rest = np.zeros(body.elastic.rows)
+        self.system = least_squares.factorise(
+            rows, weights[:split], nodes, solver, strong, body.pattern.symbolic
+        )
+        self.turned, self.rest = sparse.csr_array(self.system.rows.T), np.zeros(body.elastic.rows)
         if keeps:
-            rest[:split] = BodySeries.at(body, displacement, factors).rows(0)[:split]
-        return cls(body, weights, displacement, factors, system, rest, solver)
+            self.rest[:split] = BodySeries.at(body, displacement, factors).rows(0)[:split]
+        # The mean stress of an iteration.
+        self._last: list[MeanStress] = []
+
+    def _weighted_rows(
+        self, displacement: FloatArray, factors: FloatArray, mean: MeanStress | None = None
+    ) -> tuple[sparse.csr_array, sparse.csr_array]:
+        """Weighted rows (r - 3k, 2N) of the nodes and (3k, 2N) of the pieces in a state."""
+        rows, strong = tangent_rows(self.body, displacement, factors, mean)
+        split = self.body.node_rows
+        rows.data *= np.repeat(self.weights[:split], np.diff(rows.indptr))
+        strong.data *= np.repeat(self.weights[split:], np.diff(strong.indptr))
+        return rows, strong
 
     def left(self, displacement: FloatArray, factors: FloatArray) -> FloatArray:
         """Residual (r,) of the equations at ``displacement`` (2N,) and load ``factors`` (L,)."""
@@ -110,14 +113,6 @@ class Projector:
         """The base state's weighted rows (r,) applied to a ``displacement`` (2N,)."""
         return np.concatenate([self.system.rows @ displacement, self.system.strong.rows @ displacement])
 
-    @cached_property
-    def _turned(self) -> sparse.csr_array:
-        return sparse.csr_array(self.system.rows.T)
-
-    def gathered(self, scaled: FloatArray) -> FloatArray:
-        """Right-hand side (2N,) of the equations for weighted rows (r,), without those of the pieces."""
-        return np.asarray(self._turned @ scaled[: self.body.node_rows])
-
     def factorised(
         self, displacement: FloatArray, factors: FloatArray, iterating: bool = False
     ) -> Factorised:
@@ -126,20 +121,18 @@ class Projector:
         singular."""
         mean = None
         if iterating and self.body.law.nested:
-            here, earlier = MeanStress(self.body, displacement, factors), self.last[:]
-            self.last[:] = [here]
+            here, earlier = MeanStress(self.body, displacement, factors), self._last[:]
+            self._last[:] = [here]
             mean = here.after(earlier[0]) if earlier else here
         own, own_strong = self.system.rows, self.system.strong.rows
         if np.array_equal(displacement, self.base_state):
             return Factorised(self, own, own_strong, None)
-        rows, strong = weighted_rows(self.body, self.weights, displacement, factors, mean)
+        rows, strong = self._weighted_rows(displacement, factors, mean)
         symbolic = self.body.pattern.symbolic
         matrix = symbolic.normal.matrix(own, own_strong, rows, strong)
-        if self.solver == "superlu":
-            order = symbolic.fronts.unknowns
-            return Factorised(
-                self, rows, strong, factor_in_order(sparse.csc_array(matrix), order, PIVOT_THRESHOLD)
-            )
+        if self._solver == "superlu":
+            args = sparse.csc_array(matrix), symbolic.fronts.unknowns, PIVOT_THRESHOLD
+            return Factorised(self, rows, strong, factor_in_order(*args))
         return Factorised(self, rows, strong, factor_general(matrix, symbolic.fronts, symbolic.transposed))
 
 
@@ -170,30 +163,109 @@ class Factorised:
 
     def solve_unrefined(self, scaled: FloatArray) -> FloatArray:
         """The same by the factor alone, for one (r,) or several (r, c)."""
-        projector = self.projector
-        count = projector.body.node_rows
+        projector, count = self.projector, self.projector.body.node_rows
+        gathered = np.asarray(projector.turned @ scaled[:count])
         if self.factor is None:
-            gathered = projector.gathered(scaled) + self.strong.T @ scaled[count:]
+            gathered = gathered + self.strong.T @ scaled[count:]
             shape = (len(gathered), -1)
             return projector.system.inverse_normal(gathered.reshape(shape)).reshape(gathered.shape)
-        unknowns = projector.body.unknowns
-        whole = np.zeros((unknowns + 4 * projector.body.count, *scaled.shape[1:]))
-        # Multipliers (3k,) of the pieces: two vertices of two for every piece.
-        number, pieces = np.arange(3 * projector.body.count), projector.body.count
+        unknowns, pieces = projector.body.unknowns, projector.body.count
+        whole, number = np.zeros((unknowns + 4 * pieces, *scaled.shape[1:])), np.arange(3 * pieces)
+        # Multipliers of the pieces: two vertices of two for every piece.
         multipliers = unknowns + 4 * (number % pieces) + number // pieces
-        whole[:unknowns], whole[multipliers] = projector.gathered(scaled), scaled[count:]
+        whole[:unknowns], whole[multipliers] = gathered, scaled[count:]
         return self.factor.solve(whole)[:unknowns]
 
 
-def weighted_rows(
-    body: FiniteBody,
-    weights: FloatArray,
-    displacement: FloatArray,
-    factors: FloatArray,
-    mean: MeanStress | None = None,
-) -> tuple[sparse.csr_array, sparse.csr_array]:
-    """Weighted rows (r - 3k, 2N) of the nodes and (3k, 2N) of the pieces in a state."""
-    rows, strong = tangent_rows(body, displacement, factors, mean)
-    rows.data *= np.repeat(weights[: body.node_rows], np.diff(rows.indptr))
-    strong.data *= np.repeat(weights[body.node_rows :], np.diff(strong.indptr))
-    return rows, strong
+@dataclass(frozen=True)
+class FiniteProblem:
+    """R(u, lam) = 0 for the nodal displacement u (2N,), with load factors from ``start`` to ``end`` (L,). The
+    residual is the displacement that would correct the state at the projector's base state, over ``length``,
+    the typical displacement."""
+
+    projector: Projector
+    start: FloatArray
+    end: FloatArray
+    length: float
+    latest: list[Any] = field(init=False, default_factory=list, compare=False)
+    """The latest series, with its coefficients."""
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return self.projector.body.unknowns
+
+    @property
+    def scale(self) -> FloatArray:
+        """Typical displacement (2N,)."""
+        return np.full(self.size, self.length)
+
+    def factors(self, lam: float) -> FloatArray:
+        """Load factors (L,) at path parameter ``lam``."""
+        return np.asarray((1.0 - lam) * self.start + lam * self.end)
+
+    def residual(self, x: FloatArray, lam: float) -> FloatArray:
+        """Correcting displacement (2N,) over the typical displacement; nan where det F <= 0."""
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            left = self.projector.left(x, self.factors(lam))
+        if not np.isfinite(left).all():
+            return np.full(self.size, np.nan)
+        return self.projector.displaced(left) / self.length
+
+    def tangent(self, x: FloatArray, lam: float) -> FiniteTangent:
+        """The factorised derivative. Raises NumericalError if singular."""
+        return FiniteTangent(self, self.projector.factorised(x, self.factors(lam)))
+
+    def softest(self, x: FloatArray, lam: float, tangent: object = None) -> SoftMotion:
+        """The softest motion in the state ``x`` (2N,), by its ``tangent`` if that is known."""
+        tangent = tangent or self.tangent(x, lam)
+        assert isinstance(tangent, FiniteTangent)
+        projector, factorised = self.projector, tangent.factorised
+
+        def displaced(force: FloatArray) -> FloatArray:
+            return -factorised.solve_unrefined(projector.scaled(rows_of_force(projector.body, force)))
+
+        return softest_motion(displaced, [(projector.body, x, self.factors(lam))])
+
+    def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
+        """dR/dlam (2N,)."""
+        series = BodySeries(self.projector.body, 1)
+        series.put(0, x, self.factors(lam))
+        series.put(1, None, self.end - self.start)
+        return self.projector.displaced(series.rows(1)) / self.length
+
+    def series_rhs(self, x: FloatArray, lam: FloatArray) -> FloatArray:
+        """Minus the coefficient (2N,) of the next order, from those of lower orders."""
+        series = self._series(x, lam)
+        series.put(len(x), None, np.zeros(len(self.start)))
+        return -self.projector.displaced(series.rows(len(x))) / self.length
+
+    def admissible(self, x: FloatArray, lam: float) -> bool:
+        """Whether det F > 0 everywhere."""
+        return bool(np.isfinite(x).all()) and self.projector.body.least_volume(x) > 0.0
+
+    def _series(self, x: FloatArray, lam: FloatArray) -> BodySeries:
+        """The series of the body with coefficients ``x`` and ``lam`` and room for another one: the last one
+        with its next coefficients if it begins with the same. Room for twice as many makes the work per
+        order independent of their number."""
+        series, *before = self.latest or (None, x, lam)
+        known, both = len(before[0]), zip((x, lam), before, strict=True)
+        same = all(np.array_equal(now[:known], then) for now, then in both)
+        if series is None or not (known < len(x) <= series.orders and same):
+            series, known = BodySeries(self.projector.body, 2 * len(x)), 0
+        for order in range(known, len(x)):
+            factors = self.factors(lam[0]) if not order else lam[order] * (self.end - self.start)
+            series.put(order, x[order], factors)
+        self.latest[:] = [series, x.copy(), lam.copy()]
+        return series
+
+
+class FiniteTangent:
+    """The ``factorised`` derivative of a ``problem``."""
+
+    def __init__(self, problem: FiniteProblem, factorised: Factorised) -> None:
+        self._problem, self.factorised = problem, factorised
+
+    def solve(self, rhs: FloatArray) -> FloatArray:
+        """Displacement (2N,) that changes the residual by ``rhs`` (2N,)."""
+        return self.factorised.solve(self._problem.projector.image(self._problem.length * rhs))

@@ -13,7 +13,7 @@ import pytest
 from mlsanm_cli.app.checks import quality
 from mlsanm_cli.app.checks.check import Check, Verdicts
 from mlsanm_cli.app.checks.limits import LIMITS
-from mlsanm_cli.app.finite.states import overlap
+from mlsanm_cli.app.finite.checks import overlap
 from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import rectangle
 from mlsanm_cli.cloud.spacing import Spacing

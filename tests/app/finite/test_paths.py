@@ -19,7 +19,7 @@ from mlsanm_cli.app.results.probe import probe_named, probe_point
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.continuation import Correction, correct
 from mlsanm_cli.errors import CaseError, NumericalError, RunError
-from mlsanm_cli.mechanics.finite.problem import FiniteProblem
+from mlsanm_cli.mechanics.finite.projector import FiniteProblem
 from tests.app.finite.finite_scenes import rubber
 from tests.app.scenes import Quiet, done, solve
 from tests.case_text import body, box, head, item, load, material, support, table

@@ -166,9 +166,7 @@ BAD = {
         "file =",
     ),
     "spacing of given nodes": mesh(
-        pulled(1.0),
-        ("body.plate.spacing", "does not apply", 'use = "outline"'),
-        "spacing =",
+        pulled(1.0), ("body.plate.spacing", "does not apply", 'use = "outline"'), "spacing ="
     ),
     "refined nodes": mesh(PULLED + "[adapt]\npasses = 1\n", ("cannot be refined",), "passes ="),
     "reference without radius": mesh(
