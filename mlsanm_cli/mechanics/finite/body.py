@@ -109,7 +109,7 @@ class FiniteBody:
     @cached_property
     def pattern(self) -> Pattern:
         """Pattern of the derivative of the rows."""
-        return Pattern.of(self.elastic, self.points, self.pulls, self.turning.values(), self.law.nested)
+        return Pattern(self.elastic, self.points, self.pulls, self.turning.values(), self.law.nested)
 
     @property
     def pinned(self) -> sparse.csr_array:
