@@ -1,12 +1,7 @@
-"""The range of validity of a piece of path, determined by the residual itself.
-
-The first guess is the classical range of a power series, a = (eps |X_1| / |X_N|)^(1/(N-1)); it is then
+"""The range of validity of a piece of path, determined by the residual itself: the classical range of a power
+series, a = (eps |X_1| / |X_N|)^(1/(N-1)) (B. Cochelin, Computers & Structures 53 (1994) 1181-1192), is
 shortened or extended until the residual at its end lies just below the tolerance. An evaluation is cheap
-compared with a factorisation.
-
-Source of the first guess: B. Cochelin, A path-following technique via an asymptotic-numerical method,
-Computers & Structures 53 (1994) 1181-1192.
-"""
+compared with a factorisation."""
 
 from __future__ import annotations
 
