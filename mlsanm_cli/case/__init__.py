@@ -24,12 +24,8 @@ from mlsanm_cli.case.model.motions import ObstacleMotion as ObstacleMotion
 from mlsanm_cli.case.model.motions import Platen as Platen
 from mlsanm_cli.case.model.section import Geometry as Geometry
 from mlsanm_cli.case.model.section import split_boundary as split_boundary
-from mlsanm_cli.case.model.settings import Solver as Solver
-from mlsanm_cli.case.model.shapes import AnyShape as AnyShape
 from mlsanm_cli.case.model.shapes import Body as Body
-from mlsanm_cli.case.model.shapes import HalfDisk as HalfDisk
 from mlsanm_cli.case.model.shapes import Mesh as Mesh
-from mlsanm_cli.case.model.shapes import OutlineShape as OutlineShape
 from mlsanm_cli.case.model.shapes import Points as Points
 from mlsanm_cli.case.reading.read import LoadedCase as LoadedCase
 from mlsanm_cli.case.reading.read import case_hash as case_hash

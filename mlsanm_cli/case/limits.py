@@ -12,19 +12,13 @@ from mlsanm_cli.case.report import MAX_KEY_PARTS, KeyPath
 from mlsanm_cli.errors import Fault
 
 MAX_ITEMS: Mapping[str, int] = {
-    "material": 500,
-    "body": 500,
-    "refine": 500,
-    "holes": 500,
+    **dict.fromkeys(("material", "body", "refine", "holes", "support", "load", "contact"), 500),
     "sides": 2000,
-    "support": 500,
-    "load": 500,
-    "contact": 500,
+    "points": 2000,
+    "obstacle.points": 20_000,
     "probe": 1000,
     "stage": 5000,
     "stop": 100,
-    "points": 2000,
-    "obstacle.points": 20_000,
     "at": 10_000,
     "table": 100_000,
 }
@@ -68,14 +62,14 @@ def size_faults(content: Mapping[str, Any]) -> list[Fault]:
         elif isinstance(value, dict) and len(value) > MAX_KEYS_OF_TABLE:
             faults.append(Fault(path, f"has {len(value)} keys", f"at most {MAX_KEYS_OF_TABLE}"))
         else:
-            items = [((*path, step), item) for step, item in _items(value)]
+            items = [((*path, step), item) for step, item in items_of(value)]
             waiting += [entry for entry in items if isinstance(entry[1], dict | list | tuple)]
     return faults
 
 
 def number_faults(value: Any, path: KeyPath = ()) -> Iterator[Fault]:
     """Numbers too large or too small for floating-point arithmetic."""
-    for step, item in _items(value):
+    for step, item in items_of(value):
         if not isinstance(item, int | float):
             yield from number_faults(item, (*path, step))
         elif problem := magnitude_problem(item, coordinate=isinstance(step, int)):
@@ -93,7 +87,8 @@ def magnitude_problem(value: int | float, coordinate: bool = True) -> str:
     return f"{shown} is too {'small' if small else 'large'} for floating-point arithmetic"
 
 
-def _items(value: Any) -> Iterable[tuple[str | int, Any]]:
+def items_of(value: Any) -> Iterable[tuple[str | int, Any]]:
+    """Keys or numbers and items of a table or list."""
     if isinstance(value, dict):
         return value.items()
     return enumerate(value) if isinstance(value, list | tuple) else ()

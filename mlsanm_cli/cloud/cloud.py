@@ -13,13 +13,12 @@ from scipy.spatial import cKDTree
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cells import Faces, Halves, dual_faces
 from mlsanm_cli.cloud.curves import Outline
-from mlsanm_cli.cloud.front import fill_region, halved, relax, with_line_nodes
 from mlsanm_cli.cloud.joined import SMOOTH_ANGLE
 from mlsanm_cli.cloud.membership import boundary_chords, inside_body, joints, twice_area
 from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
 from mlsanm_cli.cloud.revolution import imaged, radius_of, with_images
 from mlsanm_cli.cloud.sight import VisibilityCriterion, separation, triangulate, visibility_criterion, widths
-from mlsanm_cli.cloud.spacing import MIN_DISTANCE, Spacing
+from mlsanm_cli.cloud.spacing import MIN_DISTANCE, Spacing, fill_region, halved, relax, with_line_nodes
 from mlsanm_cli.cloud.surface import Surface, boundary_of
 from mlsanm_cli.cloud.tips import Tips, tips_of
 from mlsanm_cli.memo import NO_CACHE, Memo, digest

@@ -1,32 +1,62 @@
-"""Node spacing field h(x): a far value, and zones around points or curves where it is smaller; zones that
-approximate a wanted field, and the number of nodes."""
+"""Node spacing field h(x), a far value and zones around points or curves where it is smaller; and the nodes
+of a body by it.
+
+An advancing front fills the region, in time slices so that signals and limits are served. Then nodes repel
+each other until their distances match the spacing: a filled cloud is irregular where fronts meet, and every
+irregularity is noise in the compliance.
+"""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
+from scipy.spatial import cKDTree
 
-from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.cloud.curves import Curve, Outline, Segment
-from mlsanm_cli.cloud.membership import inside_polygon
-from mlsanm_cli.cloud.mirror import SymmetryLine
-from mlsanm_cli.cloud.search import BATCH_SIZE, in_batches
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.cloud.curves import Curve, Segment
+from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
+from mlsanm_cli.cloud.search import BATCH_SIZE, in_batches, nearest
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.kernels.fill import spacing_at
+from mlsanm_cli.kernels.fill import DONE, EMPTY, FULL_POINTS, FULL_TABLE, advance_front, spacing_at
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 
 MAX_STEPS = 2_000_000
 """Largest number of nodes along one curve; with more, the interior nodes would not fit in memory."""
-
 GROWTH = 0.15
 """Increase of automatic spacings per unit length: with faster growth the wide, flat stencils hardly resist
 displacements that alternate from node to node."""
 MIN_DISTANCE = 0.5
 """Least distance of wanted nodes from ends and from each other, in spacings."""
+CANDIDATES = 15
+"""Directions in which the front grows from a node."""
+STRIPS = 512
+"""Horizontal strips into which the chords of a boundary are sorted."""
+SLICE_SECONDS = 0.05
+"""Target duration of a slice, s: the delay of Ctrl-C."""
+FIRST_PARENTS = 500
+"""Parent nodes processed in the first slice."""
+WEYL = 0x9E3779B97F4A7C15
+MODULUS = 2**64
+SWEEPS = 10
+SEARCH_INTERVAL = 5
+"""Neighbours are searched again every so many sweeps."""
+NEIGHBORS = 9
+DOUBLINGS = 2
+"""The repulsion is (spacing / distance)^(2^DOUBLINGS) = (h/d)^4."""
+STEP = 0.05
+MAX_STEP = 0.2
+"""Longest step, in spacings: a node must not pass its neighbours or leave the body."""
+SNAP_DISTANCE = 0.3
+"""Nodes closer to the line than this fraction of the spacing are moved onto it."""
+HOLE_RADIUS = 0.85
+"""A point of the line farther than this many spacings from all nodes gets a node."""
+HOLE_STEP = 0.1
+"""Step of the search for such points, in spacings."""
 
 
 @dataclass(frozen=True)
@@ -146,89 +176,142 @@ class Spacing:
         return steps
 
 
-NODES_PER_SQUARE = 0.89
-"""Nodes per area h^2 of an advancing-front cloud, fitted to 16 uniform and graded clouds."""
-MAX_CELLS = 500_000
-NODES_PER_STEP = 0.44
-"""Extra nodes per boundary node, from the same fit: half of a boundary node's area lies outside."""
+def fill_region(
+    boundary: FloatArray, edges: FloatArray, spacing: Spacing, seed: int, limit: int
+) -> FloatArray:
+    """Nodes (n, 2) inside the closed boundary of chords ``edges`` (e, 4): the boundary nodes (b, 2) first,
+    then the interior ones. The result depends on ``seed``, not on the timing of slices. Raises RunError if
+    there would be ``limit`` nodes or more."""
+    far, zones, strips = spacing.far, spacing.table(), _strips(edges)
+    count = len(boundary)
+    room = 2 * count + 1024
+    points, h = np.empty((room, 2)), np.empty(room)
+    points[:count], h[:count] = boundary, spacing_at(far, zones, boundary)
+    following = np.full(room, EMPTY, np.int64)
+    keys, heads = np.full((2, 8192), EMPTY, np.int64)
+    state = (seed * 2 + 1) * WEYL % MODULUS
+    progress = np.array([count, 0, 0, 0, state - MODULUS if 2 * state >= MODULUS else state], np.int64)
+    parents, stopped = FIRST_PARENTS, None
+    while stopped != DONE:
+        begun = time.monotonic()
+        stopped = advance_front(
+            *(points, h, following, keys, heads, progress, edges, *strips),
+            *(far, zones, CANDIDATES, limit, parents),
+        )
+        if stopped == FULL_POINTS:
+            points, h = np.concatenate([points, np.empty_like(points)]), np.append(h, np.empty_like(h))
+            following = np.append(following, np.full(len(following), EMPTY, np.int64))
+        elif stopped == FULL_TABLE:
+            # Hash table too full for fast probing: continue with a larger one; all nodes are re-entered.
+            keys, heads = np.full((2, 8 * int(progress[3] + progress[0] - progress[2])), EMPTY, np.int64)
+            progress[2] = progress[3] = 0
+        else:
+            spent = time.monotonic() - begun
+            wanted = parents * SLICE_SECONDS / max(spent, 1e-3 * SLICE_SECONDS)
+            parents = int(np.clip(wanted, parents / 8, 2 * parents)) + 1
+    if progress[0] >= limit:
+        raise RunError(f"more than {limit} nodes in one body", "use larger spacings or smaller refinements")
+    return points[: progress[0]].copy()
 
 
-def estimate_nodes(outline: Outline, spacing: Spacing, limit: float = 1e9) -> float:
-    """Estimated number of nodes, at most ``limit``. From the integrals of 1/h^2 over the region, by quadtree,
-    and of 1/h along its outline."""
-    chains = [curve.points(np.linspace(0.0, curve.length, 65)) for curve in outline.curves]
-    edges = np.concatenate([np.hstack([chain[:-1], chain[1:]]) for chain in chains])
-    low, high = edges[:, :2].min(axis=0), edges[:, :2].max(axis=0)
-    size = float((high - low).max())
-    cells = low[None, :] + 0.5 * size
-    total = 0.0
-    while len(cells):
-        h = spacing.at(cells)
-        # Fine enough when a cell holds few nodes: the spacing is then nearly uniform in it.
-        fine = size <= 4.0 * h
-        inside = inside_polygon(edges, cells[fine])
-        total += NODES_PER_SQUARE * float((size**2 / h[fine] ** 2)[inside].sum())
-        if total > limit:
-            return limit
-        if len(cells) > MAX_CELLS:
-            # With at least 16 nodes in each of so many cells, the rest need not be refined.
-            coarse = inside_polygon(edges, cells[~fine])
-            total += NODES_PER_SQUARE * float((size**2 / h[~fine] ** 2)[coarse].sum())
-            break
-        quarter = 0.25 * size
-        corners = quarter * np.array([(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)])
-        cells = (cells[~fine][:, None, :] + corners).reshape(-1, 2)
-        outside = ((cells < low - quarter) | (cells > high + quarter)).any(axis=1)
-        cells = cells[~outside]
-        size *= 0.5
-    try:
-        steps = sum(len(spacing.steps_along(curve)) - 1 for curve in outline.curves)
-    except RunError:
-        return limit
-    return min(total + NODES_PER_STEP * steps, limit)
+def _strips(edges: FloatArray) -> tuple[IntArray, IntArray, float, float]:
+    """Edges (e, 4) sorted into horizontal strips: (start, edge numbers, lowest y, strip height)."""
+    low, high = np.minimum(edges[:, 1], edges[:, 3]), np.maximum(edges[:, 1], edges[:, 3])
+    bottom = float(low.min())
+    height = float(high.max() - bottom) / STRIPS * (1.0 + 1e-12)
+    first, last = (np.clip(((y - bottom) / height).astype(np.int64), 0, STRIPS - 1) for y in (low, high))
+    count = np.where(low == high, 0, last - first + 1)
+    number = np.repeat(np.arange(len(edges)), count)
+    strip = np.repeat(first, count) + np.arange(len(number)) - np.repeat(np.cumsum(count) - count, count)
+    order = np.argsort(strip, kind="stable")
+    start = np.searchsorted(strip[order], np.arange(STRIPS + 1))
+    return start.astype(np.int64), number[order].astype(np.int64), bottom, height
 
 
-LIMIT = 24
-SPACING_TOLERANCE = 1.25
-"""Accepted ratio of actual to wanted spacing."""
-SNAP_DISTANCE = 0.5
-"""Zone centres closer to the symmetry line than this fraction of the wanted spacing are moved onto it."""
+def relax(
+    points: FloatArray, fixed: int, spacing: Spacing, line: SymmetryLine | None = None, upon: int = 0
+) -> FloatArray:
+    """Move all but the first ``fixed`` nodes of ``points`` (n, 2) a little.
+
+    A neighbour at distance d repels with (h/d)^4, h the mean spacing of both: with the spacing of the node
+    alone, nodes would leave refined surfaces. With a symmetry ``line``, ``upon`` nodes on it follow the
+    ``fixed`` ones, then nodes on one side; the images of the latter are appended to the result."""
+    end = len(points)
+    on, adjacent, moving = slice(fixed, fixed + upon), slice(fixed + upon, end), slice(fixed, end)
+    points = points.copy() if line is None else np.concatenate([points, line.reflect(points[adjacent])])
+    count = min(NEIGHBORS, len(points) - 1)
+    if end == fixed or count < 1:
+        return points
+    h = spacing.at(points)
+    for sweep in range(SWEEPS):
+        if sweep % SEARCH_INTERVAL == 0:
+            _, found = nearest(cKDTree(points), points[moving], np.arange(2, count + 2))
+            neighbour = np.ascontiguousarray(found.T)
+        h[moving] = own = spacing.at(points[moving])
+        if line is not None:
+            h[end:] = h[adjacent]
+        # Separate coordinates with the neighbours along the first axis: numpy is slow on axes of length 2.
+        x, y = np.ascontiguousarray(points.T)
+        across, along = x[moving] - x[neighbour], y[moving] - y[neighbour]
+        distance = np.sqrt(across**2 + along**2)
+        push = 0.5 * (own + h[neighbour]) / distance
+        for _ in range(DOUBLINGS):
+            push *= push
+        push /= distance
+        force = np.stack([(push * across).sum(axis=0), (push * along).sum(axis=0)], axis=1)
+        size = np.sqrt((force**2).sum(axis=1))
+        length = np.minimum(STEP * size / (1.0 + 0.25 * size), MAX_STEP)
+        points[moving] += (own * length)[:, None] * force / np.maximum(size, np.finfo(float).tiny)[:, None]
+        if line is not None:
+            points[on, line.axis] = line.at
+            points[end:] = line.reflect(points[adjacent])
+    return points
 
 
-def cover(
-    points: FloatArray,
-    spacing: FloatArray,
-    wanted: FloatArray,
-    planned: Spacing,
-    growth: float,
-    line: SymmetryLine | None = None,
-) -> tuple[Zone, ...]:
-    """Circular refinement zones for nodes ``points`` (n, 2) of ``spacing`` (n,) that want ``wanted`` (n,).
+def with_line_nodes(
+    line: SymmetryLine, boundary: FloatArray, cuts: FloatArray, inner: FloatArray, spacing: Spacing
+) -> tuple[FloatArray, int]:
+    """Interior nodes ``inner`` (n, 2) of the half of a body with ``boundary`` nodes (b, 2), with holes along
+    the ``cuts`` (k, 2, 2) filled, those on the ``line`` first, and the number of the latter."""
+    inner = inner.copy()
+    upon = np.abs(inner[:, line.axis] - line.at) < SNAP_DISTANCE * spacing.at(inner)
+    inner[upon, line.axis] = line.at
+    tree = cKDTree(np.concatenate([boundary, inner]))
+    added = np.zeros((0, 2))
+    for (a, b), (c, d) in cuts.tolist():
+        segment = Segment((a, b), (c, d))
+        steps = spacing.steps_along(segment)
+        fine = np.interp(np.arange(0.0, len(steps) - 1.0, HOLE_STEP), np.arange(len(steps)), steps)
+        places = segment.points(fine)
+        sizes, last = spacing.at(places), -np.inf
+        for k in np.flatnonzero(nearest(tree, places)[0] > HOLE_RADIUS * sizes):
+            if fine[k] - last >= sizes[k]:
+                last, added = fine[k], np.append(added, places[[k]], axis=0)
+    return np.concatenate([inner[upon], added, inner[~upon]]), int(upon.sum()) + len(added)
 
-    At most LIMIT zones, twice as many with a symmetry ``line``. Greedy: the node with the largest ratio of
-    actual to wanted spacing becomes the centre of a zone, whose radius grows as long as most of the area
-    inside wants that spacing; infinity wants nothing. ``planned`` is the spacing without these zones. With a
-    ``line`` the zones are symmetric if ``planned`` and ``wanted`` are.
-    """
-    has, area, zones = planned.at(points), spacing**2, list[Zone]()
-    for _ in range(LIMIT):
-        ratio = has / wanted
-        worst = int(np.argmax(ratio))
-        if ratio[worst] <= SPACING_TOLERANCE:
-            break
-        h = float(wanted[worst])
-        middle = points[worst]
-        if line is not None and abs(middle[line.axis] - line.at) < SNAP_DISTANCE * h:
-            middle = np.where(np.arange(2) == line.axis, line.at, middle)
-        distance = np.hypot(*(points - middle).T)
-        near = np.argsort(distance)
-        fine = area[near] * (wanted[near] <= SPACING_TOLERANCE * h)
-        mostly = np.cumsum(fine) >= 0.7 * np.cumsum(area[near])
-        # The largest circle such that this spacing is needed in most of it and of all smaller ones.
-        last = int(np.argmin(mostly)) - 1 if not mostly.all() else len(near) - 1
-        radius = max(float(distance[near[max(last, 0)]]), h)
-        places = [middle] if line is None else np.unique([middle, *line.reflect(middle[None])], axis=0)
-        added = tuple(Zone.around(place, h, radius, growth) for place in places)
-        zones += added
-        has = np.minimum(has, Spacing(planned.far, added).at(points))
-    return tuple(zones)
+
+def halved(
+    line: SymmetryLine, boundary: FloatArray, edges: IntArray, spacing: Spacing
+) -> tuple[Mirror, FloatArray, FloatArray] | None:
+    """Symmetry of ``boundary`` nodes (b, 2) joined by ``edges`` (e, 2), chords (c, 4) of the closed outline
+    of the half on the positive side, and its cuts (k, 2, 2) along the ``line``, the last of the chords. None
+    if the nodes are not mirror-symmetric, or if the line runs along the boundary."""
+    mirror = line.mirror(boundary, spacing.at(boundary), edges)
+    if mirror is None:
+        return None
+    ends = mirror.side[edges]
+    crossing = ends.prod(axis=1) < 0
+    if not np.array_equal(mirror.image[edges[crossing, 0]], edges[crossing, 1]):
+        return None
+    points = boundary[edges]
+    middle = points.mean(axis=1)
+    middle[:, line.axis] = line.at
+    adjacent = (ends.sum(axis=1) > 0) | crossing
+    chords = np.where(ends[:, :, None] < 0, middle[:, None], points)[adjacent]
+    along = 1 - line.axis
+    crossed = np.sort(np.concatenate([boundary[mirror.side == 0, along], middle[crossing, along]]))
+    if len(crossed) % 2:
+        return None
+    cuts = np.full((len(crossed) // 2, 2, 2), line.at)
+    cuts[:, :, along] = crossed.reshape(-1, 2)
+    return mirror, np.concatenate([chords, cuts]).reshape(-1, 4), cuts

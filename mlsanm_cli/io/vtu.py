@@ -89,6 +89,12 @@ class StateWriter:
         write_text(self._directory / file, "\n".join(lines))
 
 
+VERTEX, LINE, TRIANGLE = 1, 3, 5
+"""VTK's cell types."""
+_TYPES = {"f8": "Float64", "i8": "Int64", "i4": "Int32", "u1": "UInt8"}
+_ORDER = {"little": "LittleEndian", "big": "BigEndian"}[sys.byteorder]
+
+
 def write_parts(path: Path, number: str, parts: Sequence[VtuPart]) -> None:
     """Writes parts as one grid with their common data and, if ``number`` is a name, their numbers from 0
     under it. Raises RunError if the file cannot be written."""
@@ -102,8 +108,32 @@ def write_parts(path: Path, number: str, parts: Sequence[VtuPart]) -> None:
     alone = np.ones(total, dtype=bool)
     alone[cells] = False
     blocks = [(LINE if cells.shape[1] == 2 else TRIANGLE, cells), (VERTEX, np.flatnonzero(alone)[:, None])]
-    points = _components(np.concatenate([part.points for part in parts]))
-    write_grid(path, points, [block for block in blocks if len(block[1])], data)
+    kinds = np.concatenate([np.full(len(block), kind, dtype=np.uint8) for kind, block in blocks])
+    widths = np.concatenate([np.full(len(block), block.shape[1]) for _, block in blocks])
+    described: dict[str, NDArray[Any]] = {
+        "connectivity": np.concatenate([block.ravel() for _, block in blocks]).astype(np.int64),
+        "offsets": np.cumsum(widths, dtype=np.int64),
+        "types": kinds,
+    }
+    points = {"Points": _components(np.concatenate([part.points for part in parts]))}
+    with replacing(path) as temporary, temporary.open("wb") as stream:
+        stream.write(
+            f'<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="1.0" byte_order="{_ORDER}" '
+            'header_type="UInt64">\n<UnstructuredGrid>\n'
+            f'<Piece NumberOfPoints="{total}" NumberOfCells="{len(kinds)}">\n'.encode()
+        )
+        for section, arrays in (("Points", points), ("Cells", described), ("PointData", data)):
+            stream.write(f"<{section}>\n".encode())
+            for name, values in arrays.items():
+                array = np.ascontiguousarray(values, values.dtype.newbyteorder("="))
+                width = f' NumberOfComponents="{array.shape[1]}"' if array.ndim == 2 else ""
+                kind = _TYPES[array.dtype.str[1:]]
+                head = f'<DataArray type="{kind}" Name="{escape(name)}"{width} format="binary">\n'
+                # Length and array are encoded together: separately only in compressed files.
+                content = b2a_base64(struct.pack("=Q", array.nbytes) + array.tobytes())
+                stream.write(head.encode() + content + b"</DataArray>\n")
+            stream.write(f"</{section}>\n".encode())
+        stream.write(b"</Piece>\n</UnstructuredGrid>\n</VTKFile>\n")
 
 
 def _components(values: NDArray[Any]) -> NDArray[Any]:
@@ -116,47 +146,6 @@ def _components(values: NDArray[Any]) -> NDArray[Any]:
     tensors[:, [0, 4, 1, 3]] = values[:, [0, 1, 2, 2]]
     tensors[:, 8 : 5 + values.shape[1]] = values[:, 3:]
     return tensors
-
-
-VERTEX, LINE, TRIANGLE = 1, 3, 5
-"""VTK's cell types."""
-_TYPES = {"f8": "Float64", "i8": "Int64", "i4": "Int32", "u1": "UInt8"}
-_ORDER = {"little": "LittleEndian", "big": "BigEndian"}[sys.byteorder]
-
-
-def write_grid(
-    path: Path,
-    points: NDArray[np.float64],
-    cells: Sequence[tuple[int, NDArray[np.integer[Any]]]],
-    data: Mapping[str, NDArray[Any]],
-) -> None:
-    """Writes ``points`` (n, 3) as a VTU file with ``data`` (n,) or (n, c) and blocks of ``cells``. A block is
-    a cell type and the point numbers (c, k) of its cells. Raises RunError if the file cannot be written."""
-    kinds = np.concatenate([np.full(len(block), kind, dtype=np.uint8) for kind, block in cells])
-    widths = np.concatenate([np.full(len(block), block.shape[1]) for _, block in cells])
-    described: dict[str, NDArray[Any]] = {
-        "connectivity": np.concatenate([block.ravel() for _, block in cells]).astype(np.int64),
-        "offsets": np.cumsum(widths, dtype=np.int64),
-        "types": kinds,
-    }
-    with replacing(path) as temporary, temporary.open("wb") as stream:
-        stream.write(
-            f'<?xml version="1.0"?>\n<VTKFile type="UnstructuredGrid" version="1.0" byte_order="{_ORDER}" '
-            'header_type="UInt64">\n<UnstructuredGrid>\n'
-            f'<Piece NumberOfPoints="{len(points)}" NumberOfCells="{len(kinds)}">\n'.encode()
-        )
-        for section, arrays in (("Points", {"Points": points}), ("Cells", described), ("PointData", data)):
-            stream.write(f"<{section}>\n".encode())
-            for name, values in arrays.items():
-                array = np.ascontiguousarray(values, values.dtype.newbyteorder("="))
-                width = f' NumberOfComponents="{array.shape[1]}"' if array.ndim == 2 else ""
-                kind = _TYPES[array.dtype.str[1:]]
-                head = f'<DataArray type="{kind}" Name="{escape(name)}"{width} format="binary">\n'
-                # Length and array are encoded together: separately only in compressed files.
-                content = b2a_base64(struct.pack("=Q", array.nbytes) + array.tobytes())
-                stream.write(head.encode() + content + b"</DataArray>\n")
-            stream.write(f"</{section}>\n".encode())
-        stream.write(b"</Piece>\n</UnstructuredGrid>\n</VTKFile>\n")
 
 
 def escape(text: str) -> str:

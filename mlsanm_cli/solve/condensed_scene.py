@@ -22,10 +22,9 @@ class CondensedScene:
     """Condensed scene with all that its load path needs.
 
     ``stages`` (T + 1, L) are the load factors before the first stage and at the end of each; ``ends`` the
-    exact contact states there (none without contact), with friction from one increment per stage: sufficient
-    for scales, reach and refinement. Stages that cannot be completed have none, but the last state may be
-    that of a part of a stage. ``stability`` is the coercivity estimate. ``laws`` are those of bodies that
-    flow, whose plastic strains are in the states of the path.
+    exact contact states there, with friction from one increment per stage, as far as loads can be carried;
+    the last one may be that of a part of a stage. ``stability`` is the coercivity estimate, ``laws`` are
+    those of bodies that flow.
     """
 
     case: Case

@@ -64,9 +64,8 @@ def find_grids(
     path: Path | None = None,
 ) -> tuple[Condensed, tuple[ContactState, ...]] | None:
     """Condense a scene on grids that are wide and fine enough, with the exact states at the ends of its
-    stages; None if a contact is too close to a corner, or its range does not converge. The search begins on
-    coarse grids over all facing places. If given, it ends with the states of the ``path`` of bodies that
-    flow, whose contacts are wider than those of elastic ones."""
+    stages; None if a contact is too close to a corner, or its range does not converge. The search ends with
+    the states of the ``path`` of bodies that flow, if given: their contacts are wider."""
     grids, passed = {name: first_grid(one) for name, one in ranges.items()}, touching_first(ranges)
     starts, common = list[ContactStatus](), dict[str, float]()
     places = len(case.contact) + sum(one.places - 1 for one in ranges.values())
@@ -212,14 +211,11 @@ def _starting_status(pairings: Sequence[Pairing]) -> ContactStatus:
     closed, stuck = [np.zeros(0, dtype=bool)], [np.zeros(0, dtype=bool)]
     for pairing in pairings:
         gap = pairing.gap[pairing.candidate]
-        most = gap.min()
+        close = gap <= gap.min()
         if not pairing.nodal:
-            place, least = pairing.grid.hats.place, int(np.argmin(gap))
-            close = np.abs(place - place[least]) <= FIRST_HALF_WIDTH * (
-                pairing.grid.last - pairing.grid.first
-            )
-            most = gap[close].max()
-        closed.append(gap <= most)
+            away = np.abs(pairing.grid.hats.place - pairing.grid.hats.place[int(np.argmin(gap))])
+            close = away <= FIRST_HALF_WIDTH * (pairing.grid.last - pairing.grid.first)
+        closed.append(gap <= gap[close].max())
         stuck += [closed[-1]] if pairing.friction else []
     sticking = np.concatenate(stuck)
     return ContactStatus(np.concatenate(closed), sticking, np.zeros(len(sticking)))

@@ -3,20 +3,16 @@
 Directions vary along a contact as the normals of the flatter surface, the base. As bodies rotate and move
 along each other the patch moves to where both normals agree: its direction is the initial normal of the base
 rotated with the base there. A round base that is free to roll keeps its initial normal apart from its
-bending: the moment about its centre decides how far it rolls, and is right in a frame that rolls with it. A
-straight side of a rigid obstacle has one normal, and its direction does not rotate. Nor does that of a patch
-on a plane of symmetry, which is half of a symmetric one.
+bending, as the moment about its centre is right in a frame that rolls with it. A straight side of a rigid
+obstacle has one normal, which does not rotate; nor does that of a patch on a plane of symmetry.
 
 A body without stiffness in a direction, as a plate that may slide on two round posts, is held there. If it
 bends, the posts press on it along rotated normals, and at first order only the hold could balance the
-difference of their forces. The common part of the rotations is therefore removed, so that the hold carries no
-force.
+difference of their forces: the common part of the rotations is removed.
 
-Bodies whose rotation contacts alone resist must be in equilibrium in their rotated position. Contacts at
-small strain act in the initial positions. As a round body rotates, its contact moves along its surface but
-stays below its centre, so that the apparent restoring moment does not exist. In general, forces F of contacts
-at arms r have a moment that changes by -q sum(r F) with a rotation q, a second-order term that small
-displacements omit. It is compared with the stiffness against q.
+Contacts at small strain act in the initial positions. Forces F of contacts at arms r have a moment that
+changes by -q sum(r F) with a rotation q, a second-order term that small displacements omit. It is compared
+with the stiffness against q: a round body has no restoring moment, as its contact stays below its centre.
 """
 
 from __future__ import annotations
@@ -251,11 +247,8 @@ def moment_error(
     scene: Scene, condensed: Condensed, motion: FloatArray, pressure: FloatArray, traction: FloatArray
 ) -> Turned | None:
     """The floating body whose contacts' omitted moment is the largest part, ``share``, of that of their
-    tractions, in a state of motions (k,), pressures (m,) and tractions (n,); None if no body has rotated by
-    more than :data:`MIN_ROTATION`.
-
-    Where all nodes of its contacts slip, the loads that turn it are too large by this part.
-    """
+    tractions, in a state of motions (k,), pressures (m,) and tractions (n,); None if none has rotated. Where
+    all nodes of its contacts slip, the loads that turn it are too large by this part."""
     found: list[Turned] = []
     for (constraint, one), angle in zip(scene.unknown_motions, np.abs(motion), strict=True):
         if not constraint.floats or one.component != ROTATION or angle <= MIN_ROTATION:

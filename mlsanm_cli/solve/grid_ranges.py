@@ -20,7 +20,7 @@ INTERVALS_PER_MINIMUM = 10
 """Intervals of even grids for each minimum of the gap, so that means over them represent it."""
 FINEST_INTERVAL, INTERVAL_GROWTH = 1e-3, 1.3
 """Length of the intervals of the first grid where surfaces are nearest, relative to the others, and its
-growth: if bodies roll on each other, a few nodes alone cannot balance their loads."""
+growth."""
 FIRST_SAMPLES = 12
 """Initial number of samples of a range."""
 MIN_CLOSED = 8
@@ -70,9 +70,8 @@ def first_grid(limits: ContactRange) -> ContactGrid:
 
 
 def touching_first(ranges: Mapping[str, ContactRange]) -> dict[str, FloatArray]:
-    """Places where surfaces touch before any load: where they overlap initially, as curves through points of
-    an arc do slightly, and where curved ones are nearest if they touch as drawn. Contacts move on from there
-    as bodies bend or roll."""
+    """Places where surfaces overlap before any load, as curves through points of an arc do slightly, and
+    where curved ones are nearest if they touch as drawn: contacts move on from there."""
     found = {}
     for name, room in ranges.items():
         places, gaps = (values[1:-1] for values in room.drawn_gaps)
@@ -181,8 +180,7 @@ def begun_open(
     states: Sequence[ContactState],
 ) -> dict[str, ContactRange]:
     """Grids of closed curves that begin inside a contact, with ranges that begin in the middle of the part
-    open in all states; none of those in contact all around. Where a pin will be pressed in its hole is not
-    known initially, and pressures on both sides of the beginning of a range are independent."""
+    open in all states; none of those in contact all around."""
     found = {}
     for name, grid in grids.items():
         room = ranges[name]

@@ -22,8 +22,7 @@ from mlsanm_cli.solve.grid_ranges import summits
 MAX_SAMPLES = 96
 SAMPLE_TOLERANCE = 1e-4
 """Samples are doubled until the last coefficients of the response are below this part of the factor of its
-logarithm. Its variation is no criterion: rigid motions and bending make it a hundred times as large in
-layers."""
+logarithm."""
 MIN_INTERVAL = 1e-5
 """Intervals below this part of the range are not halved: pressures under corners of obstacles are
 unbounded."""
@@ -32,8 +31,7 @@ MIN_CLAMPED_INTERVAL = 0.25
 without contact, and clouds do not resolve more."""
 DENSE_LIMITS, COMPRESSED_LIMITS = (300, 2000), (5000, 20_000)
 """Numbers of intervals above which grids are refined to a lower accuracy, by the cube of the ratio, and above
-which they are not refined: obstacles of many corners, or of many patches, would take minutes otherwise. The
-first are those of paths that need dense matrices, the second of others."""
+which they are not refined, of paths that need dense matrices and of others."""
 END_ERROR_SHARE = 0.3
 """Intervals at the ends of a grid with this part of the largest error are halved twice at once; further
 halvings save nothing."""
@@ -42,8 +40,7 @@ EQUAL_SHARE, WORST_SHARE, WORST_SHARE_OF_MANY = 0.7, 0.1, 0.02
 grids with many intervals, as each round takes long."""
 WORST_SHARE_WITHOUT_FRICTION, QUARTER_RATIO = 0.05, 4.0
 """Part of the largest error without friction, where rounds take longer than more intervals do; and intervals
-with more than this multiple of the least error of halved ones are quartered, as halving leaves a sixth, or at
-ends of contacts half; not for tractions, as every node is an event of the path."""
+with more than this multiple of the least error of halved ones are quartered, but not for tractions."""
 
 
 def sampled(scene: Scene, answers: BodyResponses, grids: Mapping[str, ContactGrid]) -> dict[str, ContactGrid]:
@@ -79,12 +76,8 @@ def refined(
     tractions: bool,
     limits: tuple[int, int] = DENSE_LIMITS,
 ) -> dict[str, ContactGrid]:
-    """Grids halved where the pressures of the states, and ``tractions`` if they count, require it, up to
-    ``limits``.
-
-    Tractions count at the ends of stages only: every level between them has other edges of stick zones, and a
-    grid fine at all of them would be fine everywhere.
-    """
+    """Grids halved where the pressures of the states require it, up to ``limits``, and ``tractions`` if they
+    count: at the ends of stages only, as every level between them has other edges of stick zones."""
     result = dict(grids)
     for name, grid in grids.items():
         each = [grid_errors(condensed, name, [state], tractions) for state in states]
@@ -131,9 +124,8 @@ def _halved(grid: ContactGrid, chosen: BoolArray, quartered: BoolArray, errors: 
 def grid_errors(
     condensed: Condensed, name: str, states: Sequence[ContactState], tractions: bool = True
 ) -> FloatArray:
-    """Contribution of every interval of a contact grid to the relative L2 error of its pressures (and
-    tractions, if they count) in the worst of the states; 0 for the shortest, where pressures are unbounded.
-    """
+    """Contribution of every interval of a contact grid to the relative L2 error of its pressures, and
+    ``tractions`` if they count, in the worst of the states; 0 for the shortest ones."""
     pairing = condensed.pairing_of(name)
     hats, worst = pairing.grid.hats, np.zeros(len(pairing.grid.hats.steps))
     for state in states:

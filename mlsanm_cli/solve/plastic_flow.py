@@ -7,12 +7,9 @@ map plastic strains again::
     s(strains(s)) - s = 0
 
 by Newton's method. Its equations, I - (C - D) d strains/ds with the consistent tangent D, are known by
-products, each of one solution with the elastic factors and one with the linearised contact, and solved by
-GMRES: they are the identity wherever nothing flows, and well conditioned elsewhere, as the elastic response
-to eigenstresses approximates a projection. Forcing terms are those of Eisenstat and Walker 1996
-(doi:10.1137/0917003, choice 2).
-
-Equation (34) of docs/method.md.
+products and solved by GMRES: they are the identity wherever nothing flows, and well conditioned elsewhere, as
+the elastic response to eigenstresses approximates a projection. Forcing terms are those of Eisenstat and
+Walker 1996 (doi:10.1137/0917003, choice 2). Equation (34) of docs/method.md.
 """
 
 from __future__ import annotations
@@ -242,11 +239,8 @@ class PlasticScene:
 
     def spatial_error(self, now: Flow) -> float:
         """Norm of the error of the displacements of a state by the spacings: the defect in equations of the
-        next degree, as of elastic bodies (:mod:`mlsanm_cli.mechanics.defect`), through the tangent.
-
-        With fits B+ of the next degree stresses change by D (B+ - B) u, and their divergence by that of the
-        better fits of nodal stresses. Raises NumericalError if the cloud is too small for these.
-        """
+        next degree (:mod:`mlsanm_cli.mechanics.defect`) through the tangent. With fits B+ of that degree
+        stresses change by D (B+ - B) u. Raises NumericalError if the cloud is too small for these."""
         scene, stresses = self.built.scene, self._split(now.unknowns)
         condensed = self._eigen.within(self.built.condensed, stresses)
         defect, more = np.zeros(len(now.unknowns)), {}

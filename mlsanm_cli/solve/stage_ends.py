@@ -4,7 +4,7 @@ begins."""
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -47,10 +47,9 @@ def searched_ends(
     which: Wanted,
     known: Sequence[ContactState] = (),
 ) -> tuple[ContactState, ...]:
-    """Exact states at the ends of the stages: with friction only of the ``starts``; without it of some, if no
-    more are to be ``known``, of all that count with the requested states, or of some between the ends.
-    States ``known`` at equal load factors are reused, with friction those of a whole path. If a stage cannot
-    be completed the last state is one near its limit load."""
+    """Exact states at those levels of the stages that are wanted (:data:`Wanted`). States ``known`` at equal
+    load factors are reused, with friction those of a whole path. If a stage cannot be completed the last
+    state is one near its limit load."""
     every_so_many = -(-len(case.output.at) // MAX_LEVELS) or 1
     positions = sorted({*range(len(stages)), *case.output.at[::every_so_many]})
     levels = np.stack([factors_at(stages, position) for position in positions])
@@ -86,6 +85,13 @@ def searched_ends(
         starts = [starts[k - 1] for k in chosen[1:]] if len(starts) == len(stages) - 1 else starts
     if len(starts) not in (1, len(factors) - 1):
         starts = ()  # of other states
+
+    def solved(wanted: FloatArray, first: BoolArray | None) -> ContactState:
+        found = solve_exact(condensed, wanted, first)
+        if error := rolling(scene, condensed, found):
+            raise error
+        return found
+
     ends: list[ContactState] = []
     lost: NumericalError | None = None
     for number, wanted in enumerate(factors[1:]):
@@ -96,7 +102,7 @@ def searched_ends(
         last = ends[-1].closed if ends else None
         try:
             first = starts[number].closed if number < len(starts) else last
-            ends.append(_solved_exactly(scene, condensed, wanted, first))
+            ends.append(solved(wanted, first))
         except NumericalError as error:
             # Loads beyond their limit, or a body not in contact.
             lost = lost or error
@@ -105,7 +111,7 @@ def searched_ends(
             near = near_limit(condensed, stages) if isinstance(error, UnbalancedError) else None
             if near is None:
                 break
-            return (*ends, _solved_exactly(scene, condensed, near[0], last))
+            return (*ends, solved(near[0], last))
     if lost is None or (every and ends):
         return tuple(ends)
     raise beyond_limit(scene, condensed, stages, lost) if isinstance(lost, UnbalancedError) else lost
@@ -149,26 +155,6 @@ def check_slips(condensed: Condensed, ends: Sequence[ContactState]) -> None:
                 )
 
 
-def _solved_exactly(
-    scene: Scene, condensed: Condensed, factors: FloatArray, first: BoolArray | None
-) -> ContactState:
-    """Exact state, searched from a ``first`` set. UnbalancedError if loads roll bodies away."""
-    found = solve_exact(condensed, factors, first)
-    if error := rolling(scene, condensed, found):
-        raise error
-    return found
-
-
-def exact_ends(scene: Scene, condensed: Condensed, stages: FloatArray) -> tuple[ContactState, ...]:
-    """Exact states at the ends of the stages of contacts without grids."""
-    if len(condensed.friction_nodes):
-        return _friction_ends(scene, condensed, stages)
-    ends: list[ContactState] = []
-    for factors in stages[1:]:
-        ends.append(solve_exact(condensed, factors, ends[-1].closed if ends else None))
-    return tuple(ends)
-
-
 def _friction_ends(
     scene: Scene, condensed: Condensed, stages: FloatArray, starts: Sequence[ContactStatus] = ()
 ) -> tuple[ContactState, ...]:
@@ -197,12 +183,6 @@ def _friction_ends(
     return tuple(ends)
 
 
-def touched_nodes(condensed: Condensed, ends: tuple[ContactState, ...]) -> Mapping[str, BoolArray]:
-    """Mask (w,) of paired nodes that are no candidates but overlap in one of the states, by contact."""
-    found = [condensed.touched(*state.unknowns) for state in ends]
-    return {pair.name: np.any([masks[pair.name] for masks in found], axis=0) for pair in condensed.pairings}
-
-
 def reach_error(contact: str, gap: float) -> NumericalError:
     """Error of a node excluded from a contact that overlaps the other surface."""
     return NumericalError(
@@ -211,22 +191,3 @@ def reach_error(contact: str, gap: float) -> NumericalError:
         if gap > 0.0
         else f"there the surfaces of contact {contact} overlap as drawn, by {-gap:.3g}: draw them touching",
     )
-
-
-def passing_error(contact: str, gap: float, position: float, flows: bool = False) -> NumericalError:
-    """Error of a contact with automatic reach that comes to a place where it is at no end of a stage; if
-    bodies flow, in no state that was computed before the path begins."""
-    if gap < 0.0:
-        return reach_error(contact, gap)
-    return NumericalError(
-        f"contact {contact}: at position {position:.3g} the surfaces touch at a place that is open "
-        + ("in the states from which its grid was found" if flows else "at the ends of the stages"),
-        passing_hint(position, flows),
-    )
-
-
-def passing_hint(position: float, flows: bool) -> str:
-    """What makes a contact known before the path begins."""
-    if flows:
-        return "quarter solver.max_increment: contacts are found along the path before it is followed"
-    return f"add {position:.3g} to output.at: contacts are found there before the path begins"

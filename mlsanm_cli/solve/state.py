@@ -111,7 +111,6 @@ class State:
 
     @property
     def is_finite(self) -> bool:
-        """Whether all unknowns are finite."""
         return all(np.isfinite(values).all() for values in (*self.unknowns, self.gap))
 
 
@@ -119,11 +118,10 @@ class State:
 class Checkpoint:
     """State from which a path is continued, to the same states within the solver's tolerance.
 
-    ``heading`` (size + 1,), of power series and Newton's method, is the direction of the last step in
-    unknowns and load parameter per path parameter, and ``pace`` its length, or that of the next increment.
-    ``steps`` is the number of rows so far. ``armed`` (k,) are the stops of the case that have been off their
-    limits before; the one numbered ``ended_by`` has ended the path. ``history`` are further arrays by name:
-    of friction, or the equations of the bodies.
+    ``heading`` (size + 1,) is the direction of the last step of power series and Newton's method in unknowns
+    and load parameter, and ``pace`` its length, or that of the next increment. ``steps`` counts rows.
+    ``armed`` (k,) are the stops that have been off their limits; the one numbered ``ended_by`` has ended the
+    path. ``history`` are further arrays by name: of friction, or the equations of the bodies.
     """
 
     state: State
@@ -136,17 +134,15 @@ class Checkpoint:
 
     @property
     def position(self) -> float:
-        """Position on the path."""
         return self.state.position
 
     @property
     def stage(self) -> int:
-        """Current stage."""
         return int(self.position)
 
     @property
     def fraction(self) -> float:
-        """Fraction of the current stage."""
+        """Part of the current stage."""
         return self.position - self.stage
 
 
@@ -173,9 +169,7 @@ class PathStep:
     and the checkpoint at its end.
 
     ``series`` holds the arrays from which any state of the step can be evaluated (ANM only), ``order`` that
-    of the series or 0; ``iterations`` are updates of the nonlinear solution; ``warning`` is a message for the
-    user.
-
+    of the series or 0; ``iterations`` are updates of the nonlinear solution; ``warning`` is for the user.
     At finite strain: ``limit_points`` of the load factor as (position, whether a maximum), and
     ``bifurcations``; whether the equations were ``renewed`` at its end; the work ``kept`` of contact
     tractions on the displacements that would remove the residuals which equations keep; intermediate states

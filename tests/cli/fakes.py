@@ -20,14 +20,7 @@ SUMMARY: dict[str, Any] = {
     "unknowns": 10420,
     "contact_unknowns": 118,
     "seconds": {"total": 2.31, "jit": 0.0, "cloud": 0.25, "operators": 0.5},
-    "contacts": {
-        "interface": {
-            "peak_pressure": 1234.5678,
-            "half_width": 0.5,
-            "force": [0.0, -350.0],
-            "min_gap": 1.5e-7,
-        }
-    },
+    "contacts": {"interface": {"peak_pressure": 1234.5678, "force": [0.0, -350.0], "min_gap": 1.5e-7}},
     "residual": 3.2e-10,
     "force_balance": 1.1e-12,
     "stability": 0.02,

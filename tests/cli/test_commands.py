@@ -19,9 +19,12 @@ from mlsanm_cli.errors import CaseError, CaseProblem, Interrupted, MlsanmError, 
 from mlsanm_cli.system import THREAD_VARIABLES
 from tests.cli.fakes import SUMMARY, install
 
+Patch = pytest.MonkeyPatch
+Capture = pytest.CaptureFixture[str]
+
 
 @pytest.fixture(autouse=True)
-def _same_environment(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def _same_environment(monkeypatch: Patch) -> Iterator[None]:
     for variable in (*THREAD_VARIABLES, "NO_COLOR"):
         monkeypatch.delenv(variable, raising=False)
     before = dict(os.environ)
@@ -38,9 +41,7 @@ def raising(error: BaseException) -> Any:
     return function
 
 
-def test_run_passes_everything_on(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_run_passes_everything_on(monkeypatch: Patch, capsys: Capture) -> None:
     calls: list[tuple[Any, dict[str, Any]]] = []
     threads: list[str | None] = []
 
@@ -75,7 +76,7 @@ def test_run_passes_everything_on(
     assert "\x1b" not in out + err
 
 
-def test_resume_uses_the_threads_of_the_run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_resume_uses_the_threads_of_the_run(monkeypatch: Patch, tmp_path: Path) -> None:
     calls: list[tuple[Any, Any, Any]] = []
 
     def resume(rundir: Path, *, max_wall: float | None, console: Any) -> dict[str, Any]:
@@ -101,38 +102,28 @@ def chatty(case: Path, **options: Any) -> dict[str, Any]:
     return {**SUMMARY, "stability": float("nan"), "path": Path("x")}
 
 
-def test_json_is_all_there_is_on_stdout(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_json_is_all_there_is_on_stdout_and_quiet_shows_warnings_only(
+    monkeypatch: Patch, capsys: Capture
 ) -> None:
     install(monkeypatch, "run", chatty)
     assert main(["run", "a.toml", "--json"]) == 0
     out, err = capsys.readouterr()
     assert json.loads(out) == {**SUMMARY, "stability": None, "path": "x"}
     assert "working" in err
-
-
-def test_quiet_shows_warnings_only(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    install(monkeypatch, "run", chatty)
     assert main(["run", "a.toml", "--quiet"]) == 0
     assert capsys.readouterr() == ("", "warning: look here\nerror: no way on\nhint: refine\n")
 
 
-@pytest.mark.parametrize(("status", "code"), [("done", 0), ("failed", 3), ("stopped", 75)])
-def test_exit_code_follows_the_status(monkeypatch: pytest.MonkeyPatch, status: str, code: int) -> None:
-    install(monkeypatch, "run", lambda case, **options: {**SUMMARY, "status": status})
-    assert main(["run", "a.toml", "--quiet"]) == code
+def test_exit_code_follows_the_status(monkeypatch: Patch) -> None:
+    for status, code in (("done", 0), ("failed", 3), ("stopped", 75)):
+        install(monkeypatch, "run", lambda case, status=status, **options: {**SUMMARY, "status": status})
+        assert main(["run", "a.toml", "--quiet"]) == code
 
 
 @pytest.mark.parametrize(
     ("error", "code", "words"),
     [
-        (
-            CaseError((CaseProblem("a.b", "is wrong", 3, "x.toml", "do this"),)),
-            2,
-            "x.toml:3: a.b: is wrong (do",
-        ),
+        (CaseError((CaseProblem("a.b", "wrong", 3, "x.toml", "do this"),)), 2, "x.toml:3: a.b: wrong (do"),
         (RunError("there is a run already", "use --force"), 2, "hint: use --force"),
         (NumericalError("no way on", "set solver.order"), 3, "error: no way on"),
         (Interrupted("wall time is over"), 75, "error: wall time is over"),
@@ -144,13 +135,7 @@ def test_exit_code_follows_the_status(monkeypatch: pytest.MonkeyPatch, status: s
         (ZeroDivisionError("oh"), 70, "bug in mlsanm: ZeroDivisionError: oh"),
     ],
 )
-def test_errors(
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    error: BaseException,
-    code: int,
-    words: str,
-) -> None:
+def test_errors(monkeypatch: Patch, capsys: Capture, error: BaseException, code: int, words: str) -> None:
     install(monkeypatch, "run", raising(error))
     assert main(["run", "a.toml"]) == code
     out, err = capsys.readouterr()
@@ -163,7 +148,7 @@ def test_errors(
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGUSR1])
 def test_a_termination_signal_ends_like_an_interrupt(
-    number: signal.Signals, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    number: signal.Signals, monkeypatch: Patch, capsys: Capture
 ) -> None:
     before = signal.getsignal(number)
     install(monkeypatch, "run", lambda case, **options: signal.raise_signal(number))
@@ -191,14 +176,14 @@ def test_a_termination_signal_ends_like_an_interrupt(
         (["run", "a.toml", "--out", "o\udcff"], "is not UTF-8 text"),
     ],
 )
-def test_bad_usage(arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_bad_usage(arguments: list[str], words: str, capsys: Capture) -> None:
     assert main(arguments) == 2
     out, err = capsys.readouterr()
     assert out == ""
     assert words in err
 
 
-def test_help_and_version(capsys: pytest.CaptureFixture[str]) -> None:
+def test_help_and_version(capsys: Capture) -> None:
     assert main(["--version"]) == 0
     assert __version__ in capsys.readouterr().out
     assert main(["--help"]) == 0
@@ -214,13 +199,7 @@ def test_help_and_version(capsys: pytest.CaptureFixture[str]) -> None:
     ("option", "no_color", "colored"),
     [("auto", "", False), ("always", "", True), ("always", "1", True), ("never", "", False)],
 )
-def test_color(
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    option: str,
-    no_color: str,
-    colored: bool,
-) -> None:
+def test_color(monkeypatch: Patch, capsys: Capture, option: str, no_color: str, colored: bool) -> None:
     monkeypatch.setenv("NO_COLOR", no_color)
     install(monkeypatch, "run", lambda case, **options: options["console"].warning("w") or SUMMARY)
     assert main(["run", "a.toml", "--color", option]) == 0
@@ -243,29 +222,23 @@ def test_the_closing_table_tells_how_far_to_trust_it() -> None:
     assert max(map(len, text.splitlines())) <= 75
 
 
-def told_as_json(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, list[dict[str, Any]]]:
+def told_as_json(capsys: Capture, *arguments: str) -> tuple[int, list[dict[str, Any]]]:
     code = main([*arguments, "--json"])
     return code, json.loads(capsys.readouterr().out)["problems"]
 
 
-def test_errors_as_json(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_errors_as_json(monkeypatch: Patch, capsys: Capture) -> None:
     problems = (CaseProblem("a.b", "is wrong", 3, "x.toml", "do this"), CaseProblem("c", "too", 0, "--set"))
     install(monkeypatch, "run", raising(CaseError(problems)))
-    assert told_as_json(capsys, "run", "x.toml") == (
-        2,
-        [
-            {"file": "x.toml", "line": 3, "key": "a.b", "message": "is wrong", "hint": "do this"},
-            {"file": "--set", "line": None, "key": "c", "message": "too", "hint": None},
-        ],
-    )
+    listed = [
+        {"file": "x.toml", "line": 3, "key": "a.b", "message": "is wrong", "hint": "do this"},
+        {"file": "--set", "line": None, "key": "c", "message": "too", "hint": None},
+    ]
+    assert told_as_json(capsys, "run", "x.toml") == (2, listed)
     install(monkeypatch, "run", raising(RunError("there is a run", "use --force")))
     code, (problem,) = told_as_json(capsys, "run", "x.toml")
-    assert (code, problem["message"], problem["hint"], problem["key"]) == (
-        2,
-        "there is a run",
-        "use --force",
-        None,
-    )
+    told = (code, problem["message"], problem["hint"], problem["key"])
+    assert told == (2, "there is a run", "use --force", None)
     code, (problem,) = told_as_json(capsys, "run", "--thread")
     assert (code, "--threads" in problem["message"]) == (2, True)
     install(monkeypatch, "run", raising(ZeroDivisionError("oh")))

@@ -79,13 +79,6 @@ def test_half_disks_bulge_to_their_side(side: str, towards: tuple[float, float])
     assert flat.normals(np.zeros(1))[0] == pytest.approx([-towards[0], -towards[1]], abs=1e-12)
 
 
-def test_only_whole_circles_are_closed() -> None:
-    assert Arc((0.0, 0.0), 1.0, 0.3, 2.0 * math.pi).closed
-    assert Arc((0.0, 0.0), 1.0, 0.3, -2.0 * math.pi).closed
-    assert not Arc((0.0, 0.0), 1.0, 0.3, 6.2).closed
-    assert not Segment((0.0, 0.0), (1.0, 0.0)).closed
-
-
 def circle(count: int, start: float = 0.0, sweep: float = 2.0 * np.pi) -> FloatArray:
     angle = start + np.linspace(0.0, sweep, count + 1)
     return np.stack([np.cos(angle), np.sin(angle)], axis=1)

@@ -128,12 +128,6 @@ def test_others_are_as_without_a_line(outline: Outline, spacing: Spacing, line: 
     assert asked.content == ordinary.content
 
 
-def test_a_line_along_an_inner_edge_gives_an_ordinary_cloud() -> None:
-    # Two squares joined at a side that has a slit: its faces are on the line, and images of each other.
-    slit = polygon((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0), (0.0, 1.0), (-1.0, 1.0))
-    assert build_cloud(slit, Spacing(0.2), 0, line=SymmetryLine(0, 0.0)).mirror is None
-
-
 def test_clouds_of_a_memo_are_told_apart() -> None:
     memo = Memo(100)
     outline, spacing, line = SCENES["block"]

@@ -11,9 +11,8 @@ from scipy.spatial import cKDTree
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Arc, Outline, disk, rectangle
-from mlsanm_cli.cloud.front import DOUBLINGS, MAX_STEP, NEIGHBORS, SEARCH_INTERVAL, STEP, SWEEPS, relax
 from mlsanm_cli.cloud.mirror import SymmetryLine
-from mlsanm_cli.cloud.spacing import Spacing, Zone
+from mlsanm_cli.cloud.spacing import Spacing, Zone, relax
 
 BLOCK = rectangle((0.0, 2.0), (0.0, 1.0))
 
@@ -46,26 +45,6 @@ def test_disturbed_nodes_are_evened_out() -> None:
     disturbed[fixed:] += np.random.default_rng(0).uniform(-0.03, 0.03, disturbed[fixed:].shape)
     before, after = (unevenness(p, fixed, spacing) for p in (disturbed, relax(disturbed, fixed, spacing)))
     assert after <= 0.7 * before
-
-
-def test_nodes_are_pushed_as_told() -> None:
-    spacing = Spacing(0.2, (Zone.around((1.0, 1.0), 0.1, 0.1, 0.15),))
-    cloud = build_cloud(BLOCK, spacing, 0)
-    fixed, points = len(cloud.boundary_nodes), cloud.points.copy()
-    for sweep in range(SWEEPS):
-        if sweep % SEARCH_INTERVAL == 0:
-            near = np.asarray(cKDTree(points).query(points, k=NEIGHBORS + 1)[1])[:, 1:]
-        moved = points.copy()
-        for node in range(fixed, len(points)):
-            h = float(spacing.at(points[node : node + 1])[0])
-            away = points[node] - points[near[node]]
-            distance = np.hypot(*away.T)
-            mean = 0.5 * (h + spacing.at(points[near[node]]))
-            force = ((mean / distance) ** 2**DOUBLINGS / distance) @ away
-            size = float(np.hypot(*force))
-            moved[node] += h * min(STEP * size / (1.0 + 0.25 * size), MAX_STEP) / size * force
-        points = moved
-    assert np.abs(relax(cloud.points, fixed, spacing) - points).max() <= 1e-13
 
 
 def test_nodes_stay_where_they_are_wanted() -> None:

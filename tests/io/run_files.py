@@ -17,28 +17,17 @@ RESULTANTS = ["press", "block.bottom"]
 
 
 def contact_values(step: int) -> dict[str, Any]:
-    base = np.linspace(0.0, 1.0, M) + step
-    return {
-        "pressure": base,
-        "traction": base + 0.1,
-        "gap": base + 0.2,
-        "slip": base + 0.3,
-        "status": np.array([0, 1, 2, 0, 1, 2, step % 3], dtype=np.int8),
-        "dissipated_work": 0.0,
-    }
+    base, status = np.linspace(0.0, 1.0, M) + step, np.array([0, 1, 2, 0, 1, 2, step % 3], dtype=np.int8)
+    values = {name: base + k / 4 for k, name in enumerate(("pressure", "traction", "gap", "slip"))}
+    return {**values, "status": status, "dissipated_work": 0.0}
 
 
 def step_row(step: int, seconds: float = 0.5, contacts: dict[str, dict[str, Any]] | None = None) -> Any:
-    figures = {"step_length": 0.125, "residual": 1e-9 * step, "order": 20}
+    path = {"position": step / 8, "step_length": 0.125, "residual": 1e-9 * step, "order": 20}
+    path |= {"factorizations": step, "solves": 20 * step, "seconds": seconds}
     return row(
-        path={
-            "position": step / 8,
-            **figures,
-            "factorizations": step,
-            "solves": 20 * step,
-            "seconds": seconds,
-        },
-        quantities={
+        path,
+        {
             "factors": {"squeeze": 1.0, "press": step / 8},
             "resultants": {"press": np.array([0.0, -step]), "block.bottom": np.array([0.5, step])},
             "contacts": {"interface": contact_values(step)} if contacts is None else contacts,

@@ -67,10 +67,8 @@ def test_a_file_that_cannot_be_written_is_a_run_error_with_the_reason(tmp_path: 
     assert caught.value.exit_code == 2
     with pytest.raises(RunError, match="No such file"):
         EventLog(tmp_path / "none" / "events.jsonl")
-    assert (
-        "full"
-        in cannot_write(Path("a"), RuntimeError("a\n(errno = 28, error message = 'disk full')")).message
-    )
+    full = RuntimeError("a\n(errno = 28, error message = 'disk full')")
+    assert cannot_write(Path("a"), full).message == "cannot write a: disk full"
     assert cannot_write(Path("a"), RuntimeError()).message == "cannot write a: RuntimeError"
 
 

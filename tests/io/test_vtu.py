@@ -9,7 +9,7 @@ from typing import Any
 import meshio
 import numpy as np
 
-from mlsanm_cli.io.vtu import VERTEX, StateWriter, VtuPart, write_grid, write_parts
+from mlsanm_cli.io.vtu import StateWriter, VtuPart, write_parts
 
 RNG = np.random.default_rng(3)
 
@@ -54,7 +54,7 @@ def test_every_array_reads_back_bit_for_bit_in_three_dimensions(tmp_path: Path) 
 
 def test_arrays_of_the_other_byte_order_read_back_too(tmp_path: Path) -> None:
     data = {"a": np.array([1.0, 2.0], dtype=">f8"), "b": np.array([3, 4], dtype="<i4")}
-    write_grid(tmp_path / "a.vtu", np.zeros((2, 3), dtype=">f8"), [(VERTEX, np.array([[0], [1]]))], data)
+    write_parts(tmp_path / "a.vtu", "", [VtuPart(np.zeros((2, 2), dtype=">f8"), NONE, data)])
     found = read(tmp_path / "a.vtu").point_data
     assert {name: array.tolist() for name, array in found.items()} == {"a": [1.0, 2.0], "b": [3, 4]}
 

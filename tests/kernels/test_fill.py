@@ -12,12 +12,11 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.cloud import front as slices
+from mlsanm_cli.cloud import spacing as slices
 from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import Arc, Outline, Segment, disk, rectangle
-from mlsanm_cli.cloud.front import CANDIDATES, fill_region
 from mlsanm_cli.cloud.membership import inside_polygon
-from mlsanm_cli.cloud.spacing import Spacing, Zone
+from mlsanm_cli.cloud.spacing import CANDIDATES, Spacing, Zone, fill_region
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.kernels.fill import spacing_at
 

@@ -38,7 +38,8 @@ from mlsanm_cli.app.scene.condense import condense_scene
 from mlsanm_cli.app.scene.refinement import Refinement, has_automatic_spacings
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Case
-from mlsanm_cli.cloud.spacing import Zone, cover
+from mlsanm_cli.cloud.spacing import Zone
+from mlsanm_cli.cloud.zones import cover
 from mlsanm_cli.contact.complementarity.problem import STICK
 from mlsanm_cli.contact.geometry.profile import Patch, contact_patches, half_width
 from mlsanm_cli.errors import NumericalError

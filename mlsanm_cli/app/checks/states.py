@@ -13,7 +13,7 @@ from mlsanm_cli.contact.complementarity.problem import GRAZING, STICK, ContactSt
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.direction_updates import turned_by_loads
 from mlsanm_cli.solve.limit_loads import moving_bodies
-from mlsanm_cli.solve.stage_ends import passing_error, passing_hint, reach_error
+from mlsanm_cli.solve.stage_ends import reach_error
 from mlsanm_cli.solve.state import State
 
 
@@ -49,17 +49,22 @@ def contact_reach(built: CondensedScene, state: State) -> Iterator[Check]:
     surface goes on."""
     reaches = {contact.name: contact.reach for contact in built.case.contact}
     touched, cut = built.condensed.touched(*state.unknowns), built.condensed.cut(state.pressure)
+    at, where = f"at position {state.position:.3g}", "at the ends of the stages"
+    known = f"add {state.position:.3g} to output.at: contacts are found there before the path begins"
+    if built.laws:
+        where = "in the states from which its grid was found"
+        known = "quarter solver.max_increment: contacts are found along the path before it is followed"
     for pairing in built.condensed.pairings:
         name, gaps = pairing.name, pairing.gap[touched[pairing.name]]
         message, hint = "", ""
-        if len(gaps):
-            gap = float(gaps.max())
-            found = passing_error(name, gap, state.position, bool(built.laws))
-            error = found if reaches[name] == "auto" else reach_error(name, gap)
+        if len(gaps) and reaches[name] == "auto" and gaps.max() >= 0.0:
+            message = f"contact {name}: {at} the surfaces touch at a place that is open {where}"
+            hint = known
+        elif len(gaps):
+            error = reach_error(name, float(gaps.max()))
             message, hint = error.message, error.hint
         elif name in cut:
-            message = f"contact {name}: at position {state.position:.3g} it is wider than its grid"
-            hint = passing_hint(state.position, bool(built.laws))
+            message, hint = f"contact {name}: {at} it is wider than its grid", known
         yield Check("contact_reach", len(gaps) + (name in cut), message, hint, f"contact {name}")
 
 

@@ -24,9 +24,8 @@ from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.solve.coercivity import check_candidates_coercivity, check_coercivity
 from mlsanm_cli.solve.condensed_scene import CondensedScene, stage_factors
 from mlsanm_cli.solve.contact_grids import find_grids
-from mlsanm_cli.solve.limit_loads import beyond_limit
 from mlsanm_cli.solve.plastic_path import touching_states
-from mlsanm_cli.solve.stage_ends import exact_ends, reach_error, searched_ends, touched_nodes
+from mlsanm_cli.solve.stage_ends import reach_error, searched_ends
 
 REACH_GROWTH = 1.5
 MAX_ENLARGEMENTS = 6
@@ -96,13 +95,14 @@ def _condense(
             if not condensed.pairings:
                 return condensed, ()
             try:
-                ends = exact_ends(scene, condensed, stages)
+                ends = searched_ends(case, scene, stages, condensed, (), "ends")
             except EndlessError:
                 check_candidates_coercivity(case, scene, condensed, context.memo)
                 raise
-            except UnbalancedError as error:
-                raise beyond_limit(scene, condensed, stages, error) from error
-            touched = touched_nodes(condensed, ends)
+            masks = [condensed.touched(*state.unknowns) for state in ends]
+            touched = {
+                one.name: np.any([each[one.name] for each in masks], axis=0) for one in condensed.pairings
+            }
         if not any(mask.any() for mask in touched.values()):
             return condensed, ends
         for pairing in condensed.pairings:

@@ -11,7 +11,8 @@ from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.clouds import spacing_of
 from mlsanm_cli.app.scene.outlines import imported_geometry
 from mlsanm_cli.case import Case, Mesh, Points
-from mlsanm_cli.cloud.spacing import Spacing, estimate_nodes
+from mlsanm_cli.cloud.spacing import Spacing
+from mlsanm_cli.cloud.zones import estimate_nodes
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.system import physical_memory_mb

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from mlsanm_cli.case.model.conditions import Boundaries, BoundaryPart, Kind, Place, listed
+from mlsanm_cli.case.model.expressions import INCREASING, OrFile
 from mlsanm_cli.case.model.section import (
     DENSITY,
     FORCE,
@@ -24,7 +25,6 @@ from mlsanm_cli.case.model.section import (
     Vector,
     split_boundary,
 )
-from mlsanm_cli.case.model.tables import INCREASING, OrFile
 from mlsanm_cli.errors import Fault
 
 

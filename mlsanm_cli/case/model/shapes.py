@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo, WithJsonSchema, model_validator
 
+from mlsanm_cli.case.model.expressions import with_points
 from mlsanm_cli.case.model.section import (
     ANGLE,
     LENGTH,
@@ -17,7 +18,6 @@ from mlsanm_cli.case.model.section import (
     Section,
     Vector,
 )
-from mlsanm_cli.case.model.tables import with_points
 from mlsanm_cli.case.report import KeyPath, suggestion
 from mlsanm_cli.errors import Fault
 from mlsanm_cli.roundoff import ROUND_OFF

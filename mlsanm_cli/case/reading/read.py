@@ -10,12 +10,13 @@ import tomllib
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 from functools import reduce
+from itertools import count, islice
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
-from mlsanm_cli.case.limits import number_faults, size_faults, text_problem
+from mlsanm_cli.case.limits import items_of, number_faults, size_faults, text_problem
 from mlsanm_cli.case.model.case import Case, completed
 from mlsanm_cli.case.model.conditions import listed
 from mlsanm_cli.case.model.section import Geometry, Scope, all_faults, split_boundary
@@ -133,7 +134,7 @@ def _validated(data: Any, folder: Path, report: Report) -> tuple[Case | None, fr
         try:
             return completed(Case.model_validate(rest, context=folder)), frozenset(faulty)
         except ValidationError as error:
-            from mlsanm_cli.case.schema_errors import UNKNOWN_KEY, faults_of
+            from mlsanm_cli.case.schema import UNKNOWN_KEY, faults_of
 
             known = report.paths | faulty
             faults = [replace(fault, key=_place(fault.key, removed)) for fault in faults_of(rest, error)]
@@ -149,17 +150,9 @@ def _validated(data: Any, folder: Path, report: Report) -> tuple[Case | None, fr
 
 def _without(value: Any, removed: Collection[KeyPath], path: KeyPath = ()) -> Any:
     """The content without the removed parts."""
-    if isinstance(value, dict):
-        kept = [key for key in value if (*path, key) not in removed]
-        return {key: _without(value[key], removed, (*path, key)) for key in kept}
-    if isinstance(value, tuple):
-        places = [(*path, number) for number in range(len(value))]
-        return tuple(
-            _without(item, removed, place)
-            for item, place in zip(value, places, strict=True)
-            if place not in removed
-        )
-    return value
+    kept = [(step, item, (*path, step)) for step, item in items_of(value) if (*path, step) not in removed]
+    parts = {step: _without(item, removed, place) for step, item, place in kept}
+    return parts if isinstance(value, dict) else tuple(parts.values()) if isinstance(value, tuple) else value
 
 
 def _place(path: KeyPath, removed: Collection[KeyPath]) -> KeyPath:
@@ -167,9 +160,8 @@ def _place(path: KeyPath, removed: Collection[KeyPath]) -> KeyPath:
     whole: KeyPath = ()
     for step in path:
         if isinstance(step, int):
-            for *owner, gone in sorted(removed, key=str):
-                if isinstance(gone, int) and tuple(owner) == whole and gone <= step:
-                    step += 1
+            gone = {place[-1] for place in removed if place[:-1] == whole}
+            step = next(islice((number for number in count() if number not in gone), step, None))
         whole = (*whole, step)
     return whole
 

@@ -219,8 +219,7 @@ class Basis:
 
     def mechanism(self, status: ContactStatus) -> tuple[FloatArray, FloatArray]:
         """Unknowns and rows (N,) that change, while no other active row does, with the one change to a
-        singular ``status``: by 1 the unknown that enters, or the row of one that leaves. Friction falls below
-        its limit mu p, and slip opposes friction."""
+        singular ``status``; friction falls below its limit mu p, and slip opposes friction."""
         p, active, before = self.problem, status.active(self.problem.k), self.status
         index = int(np.flatnonzero(active != self._active)[0])
         unit, slid = np.zeros(len(p.rows)), (before if active[index] else status).slip_sign

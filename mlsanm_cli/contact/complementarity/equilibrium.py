@@ -2,8 +2,8 @@
 
 Pressures and tractions within their limits that balance the loads exist, or a combination of the balances, a
 mechanism, shows that there are none (Farkas' lemma; Livesley 1978, doi:10.1002/nme.1620121207, for masonry).
-Compliances do not matter: without equilibrium a problem has no state. With it there may be none either, as
-slip is not associated with Coulomb's cone.
+Without equilibrium a problem has no state; with it there may be none either, as slip is not associated with
+Coulomb's cone.
 """
 
 from __future__ import annotations
@@ -91,12 +91,8 @@ def undetermined(
     problem: Problem, status: ContactStatus, x: FloatArray, drives: FloatArray
 ) -> FloatArray | None:
     """A motion (k,) that neither the forces of a state with unknowns ``x`` (N,) nor loads with the work
-    ``drives`` (L, k) determine, though it moves contacts with friction; None if there is none.
-
-    It opens or closes no pressed node and moves no sticking one; nodes that rest at their friction limit may
-    slip in the direction that friction opposes, and slipping ones faster or slower: of a plate dragged
-    between two contacts of equal friction either one may slip.
-    """
+    ``drives`` (L, k) determine, though it moves contacts with friction; None if there is none. It opens or
+    closes no pressed node and moves no sticking one; those at their friction limit may slip as it opposes."""
     p, size = problem, GRAZING * problem.size(x)
     if not (p.k and p.n and size):
         return None

@@ -158,8 +158,7 @@ def increment(
     pivoting: bool = True,
 ) -> State | None:
     """The state with ``free`` rows (N,) at ``lam`` after a jump, with slips opposed from those of a
-    ``state``, and all changes of status ``allowed`` if not given; None if it is not found. The search begins
-    with ``starts``, by default with the status of the state."""
+    ``state``, searched from ``starts`` or its status; None if it is not found."""
     p, before = problem, state.w[problem.m : problem.contacts]
     search = Search(p, free, before, allowed or p.everything, state.x)
     try:

@@ -25,12 +25,10 @@ from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import LAST_DIGITS
 
 FEASIBLE = 1e-10
-"""Violation of a condition that is round-off, relative to the largest pressure: a condition number of 1e6
-leaves so much of the 1e-16 of the arithmetic."""
-GRAZING = 10.0 * FEASIBLE
-"""Distance from a limit at which a condition is at it: events are located to FEASIBLE."""
-SINGULAR = 10.0 * FEASIBLE
-"""Pivot, relative to the terms that cancel in it, that is zero."""
+"""Violation of a condition that is round-off over the largest pressure: 1e-16 times a condition of 1e6."""
+GRAZING = SINGULAR = 10.0 * FEASIBLE
+"""Distance from a limit at which a condition is at it, as events are located to FEASIBLE; and pivot, relative
+to the terms that cancel in it, that is zero."""
 DOUBTFUL = SINGULAR**0.5
 """Pivot below which it is computed with new factors: borders of old ones may have lost its digits."""
 GRAIN = 100.0 * float(np.finfo(float).eps)
@@ -69,7 +67,6 @@ class ContactStatus:
 
     @property
     def key(self) -> bytes:
-        """Hashable; equal for equal status."""
         return self.closed.tobytes() + self.stuck.tobytes() + self.slip_sign.tobytes()
 
     def status(self, friction_nodes: IntArray) -> NDArray[np.int8]:
@@ -79,7 +76,7 @@ class ContactStatus:
         return status
 
     def active(self, motions: int) -> BoolArray:
-        """Mask (m + n + k,) of the unknowns that are not given by their limits."""
+        """Mask (m + n + k,) of unknowns that are not given by their limits."""
         return np.concatenate([self.closed, self.stuck, np.ones(motions, dtype=bool)])
 
 
@@ -94,7 +91,6 @@ class Changes:
     backward: BoolArray
 
     def complement(self) -> Changes:
-        """All other changes."""
         return Changes(~self.opens, ~self.closes, ~self.forward, ~self.backward)
 
 
@@ -121,11 +117,9 @@ class Problem:
         m: int,
         unscaled: Multiplier | None = None,
     ) -> Problem:
-        """Scale a ``matrix`` (N, N) in any units, whose products are those of ``unscaled`` if given.
-
-        Own compliances are the scale: next to corners of graded grids they are as little as 1e-4 of what
-        other nodes cause there, and gaps that are small against the latter still change pressures.
-        """
+        """Scale a ``matrix`` (N, N) in any units, whose products are those of ``unscaled`` if given."""
+        # Next to corners of graded grids own compliances are as little as 1e-4 of what other nodes cause, and
+        # gaps that are small against the latter still change pressures.
         count, own = m + len(nodes), np.abs(matrix.diagonal())[: m + len(nodes)]
         moving = np.abs(matrix[:count, count:])
         elastic = _largest(matrix[:count, :count]).max(initial=0.0)
@@ -160,13 +154,12 @@ class Problem:
 
     @cached_property
     def rubs(self) -> BoolArray:
-        """Mask (n,) of nodes with a positive coefficient of friction."""
         return np.asarray(self.friction > 0.0)
 
     @cached_property
     def exchange(self) -> FloatArray:
-        """Pressure per gap and traction per slip (m + n,) in the exchange of semismooth Newton steps: by the
-        largest response of a row, as other nodes resist too."""
+        """Pressure per gap and traction per slip (m + n,) in semismooth Newton steps: by the largest response
+        of a row, as other nodes resist too."""
         count = self.contacts
         return _inverse(_largest(self.matrix[:count, :count]))
 
@@ -188,8 +181,7 @@ class Problem:
 
     @cached_property
     def levels(self) -> tuple[FloatArray, FloatArray]:
-        """Factors (N,) of rows and columns after which their largest coefficients are 1, as own compliances
-        differ by several orders of magnitude."""
+        """Factors (N,) of rows and columns after which their largest coefficients are 1."""
         rows = _inverse(self.largest)
         scaled = rows[:, None] * self.matrix
         return rows, _inverse(np.abs(scaled, out=scaled).max(axis=0, initial=0.0))
@@ -211,12 +203,12 @@ class Problem:
         return ContactStatus(closed, on & self.rubs, np.where(on & ~self.rubs, 1.0, 0.0))
 
     def product(self, x: FloatArray) -> FloatArray:
-        """Rows (N,) caused by unknowns."""
+        """Rows (N,) due to unknowns (N,)."""
         return np.asarray(self.rows * (self.unscaled @ (self.columns * x)))
 
     def size(self, x: FloatArray) -> float:
-        """Largest pressure or traction, which round-off is relative to; of motions without any, that of which
-        the round-off is the last digits of the motions."""
+        """Largest pressure or traction, which round-off is relative to, at least that of which the round-off
+        is the last digits of the motions."""
         pressed = float(np.abs(x[: self.contacts]).max(initial=0.0))
         return max(pressed, LAST_DIGITS / FEASIBLE * float(np.abs(x[self.contacts :]).max(initial=0.0)))
 
@@ -261,7 +253,7 @@ class Problem:
 
 
 def _largest(matrix: FloatArray) -> FloatArray:
-    """Largest absolute value of each row of a matrix, without a copy of it."""
+    # Without a copy of the matrix.
     return np.asarray(np.maximum(matrix.max(axis=1, initial=0.0), -matrix.min(axis=1, initial=0.0)))
 
 

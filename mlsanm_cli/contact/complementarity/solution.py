@@ -20,19 +20,16 @@ from mlsanm_cli.contact.complementarity.problem import FEASIBLE, Changes, Contac
 from mlsanm_cli.contact.complementarity.tracing import trace
 from mlsanm_cli.records import dataclass
 
-PASSES, HELD_PASSES = 8, 30
+PASSES, HELD_PASSES, BEST = 8, 30, 2
 """Newton steps without fewer violated conditions than before that end a search, as it wanders; and with
-springs on all motions, where longer ones succeed."""
-BEST = 2
-"""Number of statuses with the fewest violations from which pivoting starts."""
-GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
-"""Multiples of it, modulo 1, are evenly spread irregular numbers."""
+springs on all motions; and number of the statuses with the fewest violations from which pivoting starts."""
+GOLDEN, COVER = 0.5 * (np.sqrt(5.0) - 1.0), 1e-2
+"""Multiples of the first, modulo 1, are evenly spread irregular numbers; and least covering gaps and
+pressures over the largest: any positive number does."""
 RESISTED = NULL**0.5
 """Part of a row that remaining motions change, above which its node holds them: far above what is zero."""
 SPRINGS = (1e6 * FEASIBLE, 1e4 * FEASIBLE, 1e2 * FEASIBLE)
 """Stiffness of springs over that of the contacts, one after the other, down to where they are round-off."""
-COVER = 1e-2
-"""Least covering gaps and pressures over the largest: any positive number does."""
 
 
 @dataclass(frozen=True, eq=False)

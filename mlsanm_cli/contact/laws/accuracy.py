@@ -102,12 +102,8 @@ def _moved(pairing: Pairing, scene: Scene, displacements: Mapping[str, FloatArra
 
 def halved_state(condensed: Condensed, state: ContactState) -> tuple[FloatArray, FloatArray]:
     """Motions (k,) and pressures (m,) of a contact with every second candidate only, linear in between: the
-    mean of both choices.
-
-    The difference to the full solution measures the error due to spacing and contact edges; averaging removes
-    most of the scatter due to the position of an edge relative to the nodes. Raises NumericalError if the
-    thinned contact problem has no solution.
-    """
+    mean of both choices, which removes most of the scatter by the places of edges relative to the nodes.
+    Raises NumericalError if there is no solution."""
     motion, pressure = np.zeros_like(state.motion), np.zeros_like(state.pressure)
     for first in (0, 1):
         kept, joined = [], []
@@ -137,13 +133,9 @@ def halved_state(condensed: Condensed, state: ContactState) -> tuple[FloatArray,
 
 
 def frozen_change(condensed: Condensed, state: ContactState, by: Changes) -> ContactState:
-    """Change of a ``state`` when gaps, slips and force imbalance change ``by`` given amounts.
-
-    Closed nodes stay closed unless they would pull, open ones stay open unless they would overlap; sticking
-    nodes keep their slips, the others keep slipping. The change is linear but for the edges of contact, so
-    that the load history need not be repeated; motions that no closed node resists are held. Raises
-    NumericalError if there is no solution.
-    """
+    """Change of a ``state`` when gaps, slips and force imbalance change ``by`` given amounts, linear but for
+    the edges of contact: sticking nodes keep their slips, the others keep slipping, and motions that no
+    closed node resists are held. Raises NumericalError if there is no solution."""
     pressure, traction, closed, nodes = state.pressure, state.traction, state.closed, condensed.friction_nodes
     m, n, still = len(pressure), len(traction), np.zeros(len(by.imbalance))
     # The residual gaps of a regularised law are no error of the bodies.

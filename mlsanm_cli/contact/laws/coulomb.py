@@ -101,8 +101,7 @@ def start(condensed: Condensed, factors: FloatArray, typical: float = 0.0) -> Co
 
 def _parted(condensed: Condensed, state: ContactState) -> ContactState | None:
     """The pressure-free state in which free bodies have moved by the least distance that resolves their
-    overlaps; None if there is none. The least distance is a frictionless contact problem of bodies held by
-    unit springs."""
+    overlaps, as if held by unit springs; None if there is none."""
     p, k, m = condensed.problem, condensed.problem.k, condensed.problem.m
     stiff = np.abs(p.matrix[p.contacts :, p.contacts :]).max(axis=0, initial=0.0) > GRAZING
     moved = np.where(stiff, 0.0, p.matrix[:m, p.contacts :])
@@ -130,13 +129,10 @@ def event_driven_path(
     fraction: float = 0.0,
     typical: float | None = None,
 ) -> Iterator[ContactState]:
-    """All events of a stage from ``state`` to load factors ``end`` (L,), and the states at ``stops``.
-
-    ``stops`` are increasing fractions up to 1, the last one 1. A resumed path gives the load factors
-    ``begin`` (L,) at the start of the stage and the ``fraction`` already passed; ``typical`` pressures tell
-    which gaps as drawn are round-off. Raises SlidingError if the contact slides as a whole under a force,
-    NoStateError if no state continues the path.
-    """
+    """All events of a stage from ``state`` to load factors ``end`` (L,), and the states at ``stops``,
+    increasing fractions up to 1. A resumed path gives the load factors ``begin`` (L,) of the stage and the
+    ``fraction`` already passed; ``typical`` pressures tell which gaps as drawn are round-off. Raises
+    SlidingError if the contact slides as a whole under a force, NoStateError if no state continues it."""
     begin = state.factors if begin is None else begin
     change = end - begin
     constant, load = condensed.free_rows(begin), condensed.free_rows(change, rates=True)
@@ -203,12 +199,10 @@ def slides_freely(condensed: Condensed, rates: ContactState) -> bool:
     contacts only; where these are curved no ray of the contact problem, as such a motion opens and closes
     nodes.
 
-    It may be any combination of unknown motions, so that the result does not depend on axes. It moves no
-    sticking node, and closed nodes hardly in normal direction, even less in the mean over a contact; contacts
-    that it does not move are ignored. It must also dominate the approach of the surfaces or be by far the
-    fastest, and driven: a shaft that settles in a groove slips on both sides and could rotate, but its
-    tractions balance each other. In a hollow it must be by far the fastest: a pin in a hook that bends slips
-    everywhere, and climbs the hollow until that holds it.
+    Any combination of unknown motions counts that moves no sticking node, and closed nodes hardly in normal
+    direction, even less in the mean over a contact. It must be by far the fastest, or dominate the approach
+    of the surfaces and be driven: a shaft that settles in a groove slips on both sides, but its tractions
+    balance. In a hollow it must be by far the fastest: a pin in a hook that bends climbs until that holds it.
     """
     free = np.flatnonzero(~condensed.balance.motion.any(axis=1))
     slipping, closed, root = rates.status.slip_sign != 0.0, rates.closed, np.sqrt(condensed.weight)

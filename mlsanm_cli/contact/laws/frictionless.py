@@ -9,7 +9,7 @@ each node and a few neighbours, from coarse to fine (Vecchia 1988, doi:10.1111/j
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import scipy.sparse as sparse
@@ -110,14 +110,28 @@ def _searched(
     pressure, parts = np.zeros(len(active)), [SEARCH_TOLERANCE, FINAL_TOLERANCE]
     for count in range(1, MAX_PASSES + 1):
         closed = np.flatnonzero(active)
-        moved, forces = gap_map.motion[closed], balance.pressure[:, closed]
         if not len(closed) and len(force):
             raise SingularSystemError
-        system = ManyClosed(compliance, closed, moved, forces, balance.motion) if len(closed) else None
-        for part in parts:
-            near, pressure, motion = pressure[closed], np.zeros(len(active)), force
-            if system is not None:
-                pressure[closed], motion = system.solve(-free_gap[closed], force, near, part)
+        solve_closed = _conjugate_residuals(compliance, closed)
+        moved, forces, by_motion = gap_map.motion[closed], balance.pressure[:, closed], np.zeros(0)
+        for part in dict.fromkeys([SEARCH_TOLERANCE, *parts]):
+            # Pressures due to motions, and the forces that these cause.
+            starts = by_motion if by_motion.size else np.zeros_like(moved)
+            solved = [solve_closed(*pair, part) for pair in zip(moved.T, starts.T, strict=True)]
+            by_motion = np.stack(solved, axis=1) if solved else starts
+            reduced = balance.motion - forces @ by_motion
+            if part == SEARCH_TOLERANCE and len(force):
+                rows = np.abs(balance.motion) + np.abs(forces) @ np.abs(by_motion)
+                scale = np.maximum(rows.max(axis=1), np.finfo(float).tiny)
+                if np.linalg.cond(reduced / scale[:, None]) > 1.0 / SINGULAR:
+                    raise SingularSystemError
+            if part not in parts:
+                continue
+            alone, motion = solve_closed(-free_gap[closed], pressure[closed], part), force
+            if len(force):
+                motion = np.asarray(np.linalg.solve(reduced, force - forces @ alone), dtype=np.float64)
+            pressure = np.zeros(len(active))
+            pressure[closed] = alone - by_motion @ motion
             gap = free_gap + gap_map.motion @ motion + compliance @ pressure
             tolerance = NOISE * part * max(float(np.abs(pressure).max(initial=0.0)), np.finfo(float).tiny)
             elastic = tolerance * condensed.largest_compliance
@@ -136,66 +150,26 @@ def _searched(
     raise NotConvergedError
 
 
-class ManyClosed:
-    """The equations C p + M q = a, F p + G q = b for closed nodes. C is the ``compliance`` (m, m) restricted
-    to the indices ``closed`` (c,), M = ``moved`` the gaps per motion, F = ``forces`` and G = ``stiffness``
-    the forces per pressure and motion. Raises SingularSystemError if bodies are loose, NotConvergedError."""
+def _conjugate_residuals(
+    compliance: Compressed, closed: IntArray
+) -> Callable[[FloatArray, FloatArray, float], FloatArray]:
+    """The solver of pressures of the nodes ``closed`` for their gaps (c,), from pressures (c,), to a relative
+    residual. Raises NotConvergedError."""
+    if not len(closed):
+        return lambda gap, start, part: gap
+    weight, inverse = compliance.weight[closed], _about_inverse(compliance, closed)
+    directions = list[tuple[FloatArray, FloatArray]]()
 
-    def __init__(
-        self,
-        compliance: Compressed,
-        closed: IntArray,
-        moved: FloatArray,
-        forces: FloatArray,
-        stiffness: FloatArray,
-    ) -> None:
-        self._compliance, self._closed = compliance, closed
-        self._weight = compliance.weight[closed]
-        self._inverse = _about_inverse(compliance, closed)
-        self._directions = list[tuple[FloatArray, FloatArray]]()
-        self._forces, self._moved, self._stiffness = forces, moved, stiffness
-        self._by_motion, self._reduced = np.zeros_like(moved), stiffness
-        self._left = np.inf
-        self._by_motions(SEARCH_TOLERANCE)
-        if len(stiffness):
-            rows = np.abs(stiffness) + np.abs(forces) @ np.abs(self._by_motion)
-            scale = np.maximum(rows.max(axis=1), np.finfo(float).tiny)
-            if np.linalg.cond(self._reduced / scale[:, None]) > 1.0 / SINGULAR:
-                raise SingularSystemError
+    def caused_by(pressure: FloatArray) -> FloatArray:
+        whole = np.zeros(compliance.shape[1])
+        whole[closed] = pressure
+        return np.asarray((compliance @ whole)[closed])
 
-    def _by_motions(self, part: float) -> None:
-        """Compute the pressures due to motions, unless a relative residual ``part`` is reached already."""
-        if part >= self._left:
-            return
-        for column, moved in enumerate(self._moved.T):
-            self._by_motion[:, column] = self._own(moved, self._by_motion[:, column], part)
-        self._reduced = self._stiffness - self._forces @ self._by_motion
-        self._left = part
-
-    def solve(
-        self, gap: FloatArray, force: FloatArray, start: FloatArray, part: float = FINAL_TOLERANCE
-    ) -> tuple[FloatArray, FloatArray]:
-        """Pressures (c,) and motions (k,) for right-hand sides a and b, from pressures ``start``, to a
-        relative residual ``part``."""
-        self._by_motions(part)
-        alone = self._own(gap, start, part)
-        if not len(force):
-            return alone, force
-        motion = np.asarray(np.linalg.solve(self._reduced, force - self._forces @ alone), dtype=np.float64)
-        return alone - self._by_motion @ motion, motion
-
-    def _product(self, pressure: FloatArray) -> FloatArray:
-        """Gaps (c,) due to pressures (c,)."""
-        whole = np.zeros(self._compliance.shape[1])
-        whole[self._closed] = pressure
-        return np.asarray((self._compliance @ whole)[self._closed])
-
-    def _own(self, gap: FloatArray, start: FloatArray, part: float) -> FloatArray:
-        """Pressures (c,) for gaps (c,) to a relative residual ``part``, from ``start``."""
-        total, size = start.copy(), float(np.linalg.norm(self._weight * gap))
-        left = self._weight * (gap - self._product(start) if start.any() else gap)
+    def solved(gap: FloatArray, start: FloatArray, part: float) -> FloatArray:
+        total, size = start.copy(), float(np.linalg.norm(weight * gap))
+        left = weight * (gap - caused_by(start) if start.any() else gap)
         aim = float(np.linalg.norm(left))
-        for way, change in self._directions:
+        for way, change in directions:
             share = change @ left
             total += share * way
             left = left - share * change
@@ -203,22 +177,24 @@ class ManyClosed:
             aim = float(np.linalg.norm(left))
             if aim <= part * size:
                 break
-            way = self._inverse.T @ (self._inverse @ left)
-            change = self._weight * self._product(way)
-            for before, caused in self._directions:
+            way = inverse.T @ (inverse @ left)
+            change = weight * caused_by(way)
+            for before, caused in directions:
                 share = caused @ change
                 way, change = way - share * before, change - share * caused
             length = float(np.linalg.norm(change))
             if length == 0.0:
                 break
             way, change = way / length, change / length
-            self._directions.append((way, change))
+            directions.append((way, change))
             share = change @ left
             total += share * way
             left = left - share * change
         if not aim <= max(part, ROUND_OFF) * size:
             raise NotConvergedError
         return total
+
+    return solved
 
 
 def _about_inverse(compliance: Compressed, closed: IntArray) -> sparse.csr_array:

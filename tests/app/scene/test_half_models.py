@@ -222,12 +222,3 @@ def test_a_plane_reflects_fields() -> None:
     full = np.array([[stress[0], stress[2]], [stress[2], stress[1]]])
     turned = image.matrix @ full @ image.matrix
     assert image.stress_matrix @ stress == pytest.approx([turned[0, 0], turned[1, 1], turned[0, 1]])
-
-
-def test_images_about_a_quarter_are_those_of_both_planes() -> None:
-    first, last = SymmetryPlane(1.0 + 0j, -1.0 + 0j), SymmetryPlane(2.0j, -1j)
-    z, whole = np.array([0.3 + 0.1j]), {(0.3, 0.1), (0.3, -0.1), (-0.3, 0.1), (-0.3, -0.1)}
-    images = images_of([first, last])
-    assert {
-        (round(x.real, 9), round(x.imag, 9)) for x in (z[0], *(one.points(z)[0] for one in images))
-    } == whole

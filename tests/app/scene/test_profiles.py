@@ -141,35 +141,6 @@ def test_a_small_summit_apart_from_the_others_touches(tmp_path: Path) -> None:
     assert pressure[np.abs(place - at) < 0.02].max(initial=0.0) > 0.0
 
 
-def test_a_wavy_surface_has_westergaards_pressures(tmp_path: Path) -> None:
-    """A block with waves of length 1 between rollers under a rigid plane (Johnson, Contact Mechanics, 1985,
-    section 13.2)."""
-    waves, height, mean = 3, 1e-3, 0.2
-    x = np.linspace(0.0, waves, 16 * waves + 1)
-    profile = np.column_stack([x, -height * np.cos(2.0 * np.pi * x)])
-    np.savetxt(tmp_path / "profile.csv", profile, delimiter=",", header="x,y", comments="", fmt="%.17g")
-    full = np.pi * E / 0.91 * height
-    sides = [{"name": "top", "file": "profile.csv"}, {"name": "right", "to": [float(waves), -1.5]}]
-    sides += [{"name": "bottom", "to": [0.0, -1.5]}, {"name": "left"}]
-    text = (
-        scene("strain", E=E)
-        .body("block", "steel", shape={"kind": "outline", "sides": sides})
-        .support("block.bottom", uy=0.0)
-        .support(["block.left", "block.right"], ux=0.0)
-        .pushed("press", "lid", fy=-mean * full * waves)
-        .contact("lid", "block.top", accuracy=0.01, regularization=EXACT, plane=([0.0, height], [0.0, -1.0]))
-    )
-    assert solve(text, tmp_path / "wavy")["nodes"] < 500
-    found = read_run(tmp_path / "wavy").contacts["lid"]
-    points, pressure = found.points, found.pressure[-1]
-    for wave in range(waves):
-        here = (points[:, 0] >= wave) & (points[:, 0] < wave + 1)
-        assert pressure[here].max() == pytest.approx(2.0 * full * np.sqrt(mean), rel=0.01)
-        half = np.arcsin(np.sqrt(mean)) / np.pi
-        away = np.abs(points[here, 0] - wave - 0.5)
-        assert away[pressure[here] > 0.0].max() == pytest.approx(half, rel=0.05)
-
-
 def flanks(first: tuple[float, float], second: tuple[float, float], spacing: Any, **press: float) -> Scene:
     """Two teeth with involutes of two base and curvature radii, that touch at the pitch point."""
 

@@ -10,7 +10,7 @@ import pytest
 from mlsanm_cli.errors import CaseError
 from tests.app.runs import warned
 from tests.app.scenes import done, prepared, solve
-from tests.case_text import EXACT, FLOOR, Scene, body_force, polygon, scene
+from tests.case_text import EXACT, Scene, body_force, polygon, scene
 
 SQUEEZED = (
     scene("strain", "rubber", E=50.0, nu=0.45)
@@ -190,27 +190,3 @@ def test_a_support_far_from_its_body_is_refused() -> None:
     (problem,) = error.value.problems
     assert "lies outside body" in problem.message
     assert problem.key == f"support.{SQUEEZED.count('[[support]]')}.near"
-
-
-def test_disks_lean_by_their_displaced_centres(tmp_path: Path) -> None:
-    """Two disks in a rigid shaft press on each other along the line of their centres."""
-    rise = float(np.sqrt(100.0 - 49.0))
-    text = (
-        scene("strain")
-        .body("low", "steel", 1.0, disk=([5.0, 5.0], 5.0))
-        .body("high", "steel", 1.0, disk=([12.0, 5.0 + rise], 5.0))
-        .contact("floor", "low.arc", obstacle=FLOOR)
-        .contact("left", "low.arc", plane=([0.0, 0.0], [1.0, 0.0]))
-        .contact("right", "high.arc", plane=([17.0, 0.0], [-1.0, 0.0]))
-        .contact("pair", "low.arc", "high.arc")
-        .add(weight("high", -8.0))
-    )
-    text = text.probe("low", "low", [5.0, 5.0]).probe("high", "high", [12.0, 5.0 + rise])
-    rotations = [note.split(":")[0] for note in prepared(text).notes if "rotation" in note]
-    assert rotations == ["body low", "body high"]
-    summary = solve(text, tmp_path / "run", "contact.*.accuracy=0.01")
-    moved = np.subtract(*(summary["probes"][name]["displacement"] for name in ("high", "low")))
-    lean = (7.0 + moved[0]) / (rise + moved[1])
-    assert lean * rise / 7.0 >= 1.003
-    force = np.abs(summary["contacts"]["pair"]["force"])
-    assert force[0] / force[1] == pytest.approx(lean, rel=5e-4)
