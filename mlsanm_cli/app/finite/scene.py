@@ -33,6 +33,7 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.loads import Loads, Turning
 from mlsanm_cli.mechanics.finite.projector import NO_ROWS, Projector, weights_of
+from mlsanm_cli.mechanics.finite.stability import Loaded
 from mlsanm_cli.mechanics.near_field import as_complex
 from mlsanm_cli.mechanics.rigid import ROTATION, free_motions, pins
 from mlsanm_cli.mechanics.scene import Probe
@@ -122,6 +123,11 @@ class FiniteScene:
         body's part of the ``traction`` (2s,) at the knots of all sides in contact."""
         spread = {name: self.contacts.spread(name) for name in self.bodies}
         return {name: np.concatenate([factors, some @ traction]) for name, some in spread.items()}
+
+    def loaded(self, state: State) -> dict[str, Loaded]:
+        """The bodies with their displacements and load factors in a state."""
+        acting, parts = self.acting(state.driven, state.side_traction), self.parts(state.displacement)
+        return {name: (body, parts[name], acting[name]) for name, body in self.bodies.items()}
 
     @cached_property
     def weights(self) -> Mapping[str, FloatArray]:

@@ -124,7 +124,7 @@ class Plate:
         return self.number + np.arange(len(self.components))
 
     def pulled(
-        self, body: FiniteBody, name: str, displacement: FloatArray, factors: FloatArray
+        self, name: str, body: FiniteBody, displacement: FloatArray, factors: FloatArray
     ) -> tuple[FloatArray, sparse.csr_array]:
         """Force x, y and moment about the hinge (3,) on one body from its stress, and rows (3, 2N) of the
         derivative."""
