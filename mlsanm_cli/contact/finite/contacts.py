@@ -68,7 +68,7 @@ class LooseMotions:
         """Rows (d, 3k) that sum the imbalance of the pieces to force and moment on the body, and rows (d, 2N)
         of their derivative by the lever arms, at ``displacement`` (2N,)."""
         pieces, count = body.elastic.pieces, body.count
-        _, _, middle = series.state()
+        middle = series.middle[0]
         center = middle.mean(axis=1)
         # A node held in x reacts along x only: its moment vanishes about points on that line alone.
         for node, component in self.anchors:
