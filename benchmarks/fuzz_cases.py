@@ -157,23 +157,34 @@ def broken_case(seed: int, number: int, box: Path) -> Trial:
 
 def faults(trial: Trial, outcome: Outcome) -> list[str]:
     """What must not be."""
-    box = trial.job.folder.parents[len(DEEP.parts) - 1]
+    place, command = trial.job.folder, trial.job.arguments[0]
+    box = place.parents[len(DEEP.parts) - 1]
     files = (path.relative_to(box) for path in box.rglob("*") if not path.is_dir())
     strays = [str(path) for path in files if DEEP / "run" not in path.parents and path != DEEP / "case.toml"]
-    found = [f"left {', '.join(sorted(strays))}"] if strays else []
     # A comparison that finds the methods apart ends with 1.
-    disagreed = trial.job.arguments[0] == "compare" and outcome.code == 1 and not outcome.traceback
-    if not outcome.sound and not disagreed:
-        found.append("hung" if outcome.hung else f"ended with {outcome.code}")
-    if outcome.code in (2, 3) and not outcome.err.strip():
-        found.append("refused without a word")
-    if re.search(r"[\x00-\x08\x0b-\x1f\x7f]", outcome.out + outcome.err):
-        found.append("control characters in a message")
-    if "Warning:" in outcome.err:
-        found.append("a warning of Python's")
-    if len(outcome.err) > 100_000:
-        found.append(f"{len(outcome.err)} characters of messages")
-    return found if trial.damage else found + _contradictions(trial, outcome)
+    disagreed = command == "compare" and outcome.code == 1 and not outcome.traceback
+    refused = outcome.code == 2 and not trial.damage
+    # A comparison of a case without contact is refused as such.
+    named = re.search(r"case\.toml(:\d|.* UTF-8)|--|no \[\[contact\]\]", outcome.err)
+    wrong = {
+        f"left {', '.join(sorted(strays))}": strays,
+        "hung" if outcome.hung else f"ended with {outcome.code}": not (outcome.sound or disagreed),
+        "refused without a word": outcome.code in (2, 3) and not outcome.err.strip(),
+        "control characters in a message": re.search(r"[\x00-\x08\x0b-\x1f\x7f]", outcome.out + outcome.err),
+        "a warning of Python's": "Warning:" in outcome.err,
+        f"{len(outcome.err)} characters of messages": len(outcome.err) > 100_000,
+        "refused, and yet files in the run directory": refused
+        and command != "sweep"
+        and any((place / "run").iterdir()),
+        "a refusal that names no place": refused and not named,
+    }
+    found = [text for text, yes in wrong.items() if yes]
+    if trial.damage or command != "run" or outcome.code not in (0, 3):
+        return found
+    summary = place / "run" / "summary.json"
+    if summary.is_file():
+        return found + judged(json.loads(summary.read_text()), outcome.code)
+    return found if outcome.code else [*found, "no summary"]
 
 
 def _sandbox(box: Path, text: str) -> Path:
@@ -181,25 +192,6 @@ def _sandbox(box: Path, text: str) -> Path:
     (place / "run").mkdir(parents=True)
     (place / "case.toml").write_text(text, encoding="utf-8", errors="surrogatepass")
     return place
-
-
-def _contradictions(trial: Trial, outcome: Outcome) -> list[str]:
-    """What cannot be true together."""
-    found = []
-    place = trial.job.folder
-    if outcome.code == 2 and trial.job.arguments[0] != "sweep" and any((place / "run").iterdir()):
-        found.append("refused, and yet files in the run directory")
-    # A comparison of a case without contact is refused as such.
-    named = re.search(r"case\.toml(:\d|.* UTF-8)|--|no \[\[contact\]\]", outcome.err)
-    if outcome.code == 2 and not named:
-        found.append("a refusal that names no place")
-    if trial.job.arguments[0] == "run" and outcome.code in (0, 3):
-        file = place / "run" / "summary.json"
-        if file.is_file():
-            found += judged(json.loads(file.read_text()), outcome.code)
-        elif outcome.code == 0:
-            found.append("no summary")
-    return found
 
 
 def judged(summary: Table, code: int) -> list[str]:

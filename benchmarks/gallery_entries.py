@@ -11,15 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.formulas.kirsch import KirschHole
-from benchmarks.formulas.lame import LameRing, press_fit
-from benchmarks.formulas.persson import PinInHole
-from benchmarks.formulas.plates import plates_approach
-from benchmarks.formulas.punch import FlatPunch
+from benchmarks.formulas import FlatPunch, KirschHole, LameRing, PinInHole, plates_approach, press_fit
+from mlsanm_cli.app.checks.references import HertzLine
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.profile import half_width
 from mlsanm_cli.io.run_reader import Dataset, RunData
-from mlsanm_cli.reference.hertz import HertzLine
 
 Judge = Callable[[RunData], dict[str, float]]
 

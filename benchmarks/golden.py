@@ -161,7 +161,7 @@ def main() -> None:
     differ = 0
     with tempfile.TemporaryDirectory() as scratch, ThreadPoolExecutor(given.jobs) as pool:
         folder = given.keep or Path(scratch)
-        for name, entry in pool.map(lambda item: ran(*item, folder), chosen.items()):
+        for name, entry in pool.map(lambda item: ran(item[0], item[1], folder), chosen.items()):
             old = table["runs"].get(name)
             lines = ["not in the table"] if old is None else list(differences(old, entry))
             if lines:

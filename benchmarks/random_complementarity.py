@@ -1,7 +1,5 @@
 """Random small contact problems with friction, solved and compared with an enumeration of all statuses.
 
-    python benchmarks/random_complementarity.py [--count 1000] [--seed 1]
-
 One to four nodes, up to four with friction of 0 to 1.5, up to three motions: fixed bodies, floating ones,
 degenerate starts, redundant rows, rigid bodies without compliance. A problem without a
 state must end with a ray.
@@ -9,15 +7,10 @@ state must end with a ray.
 
 from __future__ import annotations
 
-import argparse
 import itertools
-import sys
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.complementarity.basis import Ray
@@ -117,28 +110,3 @@ class Example:
             return solve(problem, problem.rows * self.free, start).x * problem.columns
         except Ray:
             return None
-
-
-def main() -> None:
-    """Count what is found, missed and wrong."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=1000)
-    parser.add_argument("--seed", type=int, default=1)
-    given = parser.parse_args()
-    rng = np.random.default_rng(given.seed)
-    counts = {kind: dict.fromkeys(("states", "found", "rays", "missed", "wrong"), 0) for kind in KINDS}
-    for number in range(given.count):
-        kind = KINDS[number % len(KINDS)]
-        example = Example.random(rng, kind)
-        exists, x = bool(example.states()), example.solved(rng)
-        counts[kind]["states"] += exists
-        if x is None:
-            counts[kind]["missed" if exists else "rays"] += 1
-        else:
-            counts[kind]["found" if example.accepts(x, 1e-7) else "wrong"] += 1
-    for kind, line in counts.items():
-        print(f"{kind:<12}", *(f"{what} {count:<5}" for what, count in line.items()))
-
-
-if __name__ == "__main__":
-    main()

@@ -217,9 +217,9 @@ def energy(count: int) -> dict[str, Any]:
     for _ in range(count):
         kind = str(rng.choice(list(KINDS)))
         make, ratios = KINDS[kind]
-        ratio, wrong = float(rng.choice(ratios)), bool(rng.random() < 0.5)
+        ratio, weak = float(rng.choice(ratios)), bool(rng.random() < 0.5)
         across, seed = int(rng.integers(3, 9)), int(rng.integers(1000))
-        pieces.EQUILIBRIUM_WEIGHT = WEAK if wrong else strength
+        pieces.EQUILIBRIUM_WEIGHT = WEAK if weak else strength
         try:
             work, told = solved(make(ratio), across, 0, seed)
         except NumericalError:
@@ -227,21 +227,20 @@ def energy(count: int) -> dict[str, Any]:
         finally:
             pieces.EQUILIBRIUM_WEIGHT = strength
         true = work / truth(kind, ratio) - 1.0
-        found.append(
-            {"kind": kind, "ratio": ratio, "across": across, "weak": wrong, "true": true, "told": told}
-        )
+        line = {"kind": kind, "ratio": ratio, "across": across, "weak": weak}
+        found.append(line | {"true": true, "told": told})
     errors, shown = (np.abs([one[key] for one in found]) for key in ("true", "told"))
-    large = errors > ENERGY_LIMIT
+    warns, fails = shown > ENERGY_WARNING, shown > ENERGY_LIMIT
+    large, small = errors > ENERGY_LIMIT, errors <= ENERGY_WARNING
     proper = np.array([one["across"] >= ENOUGH and not one["weak"] for one in found])
-    sound = proper & (errors <= ENERGY_WARNING)
     figures = {
         "bodies": len(found),
         "wrong": int(large.sum()),
-        "caught by a warning": float((shown[large] > ENERGY_WARNING).mean()),
-        "caught by a failure": float((shown[large] > ENERGY_LIMIT).mean()),
-        "false warnings": float((shown[errors <= ENERGY_WARNING] > ENERGY_WARNING).mean()),
-        "false warnings, five nodes across, proper pieces": float((shown[sound] > ENERGY_WARNING).mean()),
-        "false failures": float((shown[~large] > ENERGY_LIMIT).mean()),
+        "caught by a warning": float(warns[large].mean()),
+        "caught by a failure": float(fails[large].mean()),
+        "false warnings": float(warns[small].mean()),
+        "false warnings, five nodes across, proper pieces": float(warns[proper & small].mean()),
+        "false failures": float(fails[~large].mean()),
     }
     print(figures)
     return figures | {"each": found}
@@ -249,20 +248,20 @@ def energy(count: int) -> dict[str, Any]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("what", choices=["bending", "slender", "energy"])
+    parser.add_argument("what", choices=("bending", "slender", "energy"))
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--degree", type=int, nargs="+", default=[0, 2])
     parser.add_argument("--across", type=int, nargs="+", default=[3, 5, 8])
     parser.add_argument("--bodies", type=int, default=300)
     parser.add_argument("--out", type=Path, default=RESULTS / "thin_bodies.json")
     given = parser.parse_args()
+    studies = {
+        "bending": lambda: bending(BODIES, given.seeds, given.degree, given.across),
+        "slender": lambda: bending(SLENDER, given.seeds, [0, 2], [8]),
+        "energy": lambda: energy(given.bodies),
+    }
     kept = json.loads(given.out.read_text()) if given.out.exists() else {}
-    if given.what == "bending":
-        kept["bending"] = bending(BODIES, given.seeds, given.degree, given.across)
-    elif given.what == "slender":
-        kept["slender"] = bending(SLENDER, given.seeds, [0, 2], [8])
-    else:
-        kept["energy"] = energy(given.bodies)
+    kept[given.what] = studies[given.what]()
     given.out.write_text(json.dumps(kept, indent=1) + "\n")
 
 

@@ -72,12 +72,11 @@ def run(
     opens a completed run of the same case. ``max_wall`` stops after this number of seconds, ``progress``
     prints the messages of the command on stderr. Warnings are issued as `MlsanmWarning`.
 
-    Raises CaseError for an invalid case (``problems`` lists all errors), RunError for invalid usage,
-    NumericalError if the run failed, and Interrupted if it was stopped; in the last two cases completed steps
-    are kept, and ``error.run`` is the run.
+    Raises CaseError for an invalid case, RunError for invalid usage, NumericalError if the run failed, and
+    Interrupted if it was stopped; in the last two cases ``error.run`` is the run, with its completed steps.
     """
     options: dict[str, Any] = {"force": force, "skip_done": skip_done, "max_wall": max_wall}
-    options |= {"overrides": overrides(changes), "argv": _argv()}
+    options |= {"overrides": overrides(changes), "argv": ("python", *sys.argv)}
     with _file_of(case) as path:
         options["out"] = _path(out) or results_of(path)
         summary = _call("run.run", threads, path, threads=threads, progress=progress, **options)
@@ -139,7 +138,7 @@ def sweep(
     run if any point is invalid.
     """
     texts = [f"{key}={','.join(toml_value(value) for value in values)}" for key, values in varied.items()]
-    options: dict[str, Any] = {"jobs": jobs, "force": force, "argv": _argv()}
+    options: dict[str, Any] = {"jobs": jobs, "force": force, "argv": ("python", *sys.argv)}
     options |= {"out": _path(out), "overrides": overrides(changes)}
     with _file_of(case) as path:
         result = _call("sweep.sweep", 1, path, texts, progress=progress, **options)
@@ -242,7 +241,3 @@ def _console(progress: bool) -> Iterator[Any]:
     finally:
         if shown is not None:
             shown.close()
-
-
-def _argv() -> tuple[str, ...]:
-    return ("python", *sys.argv)

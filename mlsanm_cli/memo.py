@@ -50,9 +50,8 @@ SCALARS = (str, bool, int, float, complex, np.generic)
 
 
 def digest(*parts: object) -> str:
-    """A digest of numbers, texts, arrays, sparse matrices, and sequences, mappings and dataclasses of them.
-    Types and lengths are part of it, so that different lists of parts have different digests. A dataclass
-    with an attribute ``content`` is represented by that. Raises TypeError for other types."""
+    """A digest of numbers, texts, arrays, sparse matrices, and sequences, mappings and dataclasses of them,
+    with their types and lengths. A dataclass with an attribute ``content`` is represented by that."""
     found = hashlib.blake2b(digest_size=20)
     for part in parts:
         _add(found, part)

@@ -1,12 +1,10 @@
 """Lazy imports that shorten the start of a command; the only module with import hooks and private names of
 scipy.
 
-Importing any part of scipy imports all of numpy, with f2py and its test tools: scipy copies numpy's names,
-and numpy loads a submodule when its name is accessed. That takes longer than importing numpy, and scipy's
-packages around its compiled modules take as long again: `scipy.spatial` imports rotations, distances, special
-functions and physical constants, `scipy.sparse.csgraph` the eigenvalue solvers, `scipy.optimize` all
-minimisers, and `scipy.linalg` decorates each of its functions. Within :func:`lean_imports` such packages are
-executed when a name is accessed that their compiled modules do not have.
+Importing any part of scipy imports all of numpy, with f2py and its test tools, and scipy's packages around
+its compiled modules take as long again: `scipy.spatial` imports rotations, distances and special functions,
+`scipy.optimize` all minimisers. Within :func:`lean_imports` such packages are executed when a name is
+accessed that their compiled modules do not have.
 """
 
 from __future__ import annotations
@@ -60,7 +58,7 @@ def lean_imports() -> Iterator[None]:
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     # h5py calls platform.uname, which would start a process to find the processor.
     vars(platform.uname())["processor"] = platform.machine()
-    sys.meta_path.insert(0, _DeferringFinder())
+    sys.meta_path.insert(0, _Deferring())
     atexit.register(gc.freeze)
     collects = gc.isenabled()
     gc.disable()
@@ -72,8 +70,11 @@ def lean_imports() -> Iterator[None]:
             gc.enable()
 
 
-class _DeferringFinder(MetaPathFinder):
-    """Finds deferred modules and replaces their loaders."""
+class _Deferring(MetaPathFinder, Loader):
+    """Finds deferred modules, and creates them such that they load themselves on first access."""
+
+    def __init__(self, loader: Any = None) -> None:
+        self.loader = loader
 
     def find_spec(
         self, name: str, path: Sequence[str] | None, target: ModuleType | None = None
@@ -82,15 +83,8 @@ class _DeferringFinder(MetaPathFinder):
         spec = PathFinder.find_spec(name, path, target) if name in DEFERRED else None
         # Compiled modules are created by their loaders and cannot be deferred.
         if spec is not None and isinstance(spec.loader, SourceLoader | SourcelessFileLoader):
-            spec.loader = _DeferringLoader(spec.loader)
+            spec.loader = _Deferring(spec.loader)
         return spec
-
-
-class _DeferringLoader(Loader):
-    """Creates modules that load themselves with another ``loader`` on first access."""
-
-    def __init__(self, loader: Loader) -> None:
-        self.loader = loader
 
     def create_module(self, spec: ModuleSpec) -> None:
         """Default creation by the import system."""

@@ -25,7 +25,6 @@ class Stopper:
     the exception; a second signal raises it at once, and so do ``grace`` seconds without a check, unless that
     is None. Otherwise the first one raises it at once and sets ``reason``, as an exception in a callback of a
     compiled library can be lost. Outside the main thread only :meth:`check` applies, to the wall time.
-    SIGTERM ends a process of a pool at once, as the pool waits for it.
     """
 
     message: ClassVar[str] = ""
@@ -73,7 +72,10 @@ class Stopper:
 
     def __enter__(self) -> Self:
         if threading.current_thread() is threading.main_thread():
-            chosen = [number for number in STOPPING if number != signal.SIGTERM or not _in_a_pool()]
+            # SIGTERM ends a process of a pool at once, as the pool waits for it.
+            process = sys.modules.get("multiprocessing.process")
+            pooled = process is not None and process.parent_process() is not None
+            chosen = [number for number in STOPPING if number != signal.SIGTERM or not pooled]
             self._before = {number: signal.signal(number, self._handle) for number in chosen}
             if self._max_wall is not None:
                 self._set_alarm(self._max_wall)
@@ -102,9 +104,3 @@ class Stopper:
         self._set_alarm(0.0)
         for number, handler in self._before.items():
             signal.signal(number, handler)
-
-
-def _in_a_pool() -> bool:
-    """Whether another Python process has spawned this one, by multiprocessing."""
-    process = sys.modules.get("multiprocessing.process")
-    return process is not None and process.parent_process() is not None

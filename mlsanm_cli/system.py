@@ -1,6 +1,5 @@
-"""Functions that differ between operating systems: Linux, macOS and Windows. Functions that a system may lack
-are looked up where they are used, so that this module can be imported everywhere and tests can remove
-them."""
+"""Functions that differ between operating systems: Linux, macOS and Windows. What a system may lack is looked
+up where it is used."""
 
 from __future__ import annotations
 

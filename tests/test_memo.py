@@ -16,24 +16,19 @@ ROWS = sparse.csr_array(np.array([[1.0, 0.0], [2.0, 3.0]]))
 
 @dataclass(frozen=True)
 class Pair:
-    """Some numbers."""
-
     one: object
     two: object = 0
 
 
-@dataclass(frozen=True)
 class Other(Pair):
-    """The same of another name."""
+    pass
 
 
-@dataclass(frozen=True)
 class Told(Pair):
     """Only what it tells of itself counts."""
 
     @property
     def content(self) -> str:
-        """The first."""
         return str(self.one)
 
 

@@ -15,16 +15,13 @@ from numpy.typing import NDArray
 from skfem import Basis, BilinearForm, ElementTriP2, ElementVector, LinearForm, MeshTri
 
 from benchmarks.scenes.scene import Array, Table
-from mlsanm_cli.cloud.cloud import Cloud, build_cloud
+from mlsanm_cli.case.model.expressions import value_at
+from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import Curve, Outline
 from mlsanm_cli.cloud.spacing import Spacing
 
 POINTS, SHARES = np.polynomial.legendre.leggauss(4)
 POINTS, SHARES = 0.5 + 0.5 * POINTS, 0.5 * SHARES
-NAMES = {
-    name: getattr(math, name) for name in ("sin", "cos", "tan", "exp", "sqrt", "hypot", "pi", "log", "atan2")
-}
-NAMES |= {"abs": abs, "min": min, "max": max}
 Ints = NDArray[np.int64]
 
 
@@ -53,6 +50,12 @@ class Side:
         rows = np.repeat(np.arange(len(edge)), 6)
         return sparse.csr_matrix((values.ravel(), (rows, self.dofs[edge].ravel())), shape=(len(edge), size))
 
+    def components(self, size: int) -> tuple[sparse.csr_matrix, sparse.csr_matrix]:
+        """Both components of the displacement at all Gauss points."""
+        edge, t, _, _ = self.quadrature()
+        x, y = (self.rows(edge, t, np.tile(axis, (len(edge), 1)), size) for axis in np.eye(2))
+        return x, y
+
     def quadrature(self) -> tuple[Ints, Array, Array, Array]:
         """Edges, places in them, arc lengths and weights of all Gauss points."""
         edge = np.repeat(np.arange(len(self.ends)), len(POINTS))
@@ -67,13 +70,15 @@ class Solid:
     def __init__(self, outline: Outline, spacing: Spacing, material: Table, plane: str, first: int) -> None:
         cloud = build_cloud(outline, spacing, 3)
         self.cloud, self.first = cloud, first
-        self.mesh = _mesh(cloud)
+        self.mesh = MeshTri(*(np.ascontiguousarray(part.T) for part in (cloud.points, cloud.triangles)))
         self.basis = Basis(self.mesh, ElementVector(ElementTriP2()), intorder=3)
         moduli = plane_moduli(material, plane)
         self.young = float(moduli[0, 0])
         self.stiffness = elasticity(moduli).assemble(self.basis)
         self.size = self.basis.N
-        self.mass = self._weights()
+        self.mass = area.assemble(self.basis)
+        self.axis = np.zeros(self.size, dtype=np.int64)
+        self.axis[np.concatenate([self.basis.nodal_dofs[1], self.basis.facet_dofs[1]])] = 1
         self.sides = {name: self._side(surface) for name, surface in cloud.surfaces.items()}
 
     def _side(self, surface) -> Side:  # type: ignore[no-untyped-def]
@@ -86,23 +91,9 @@ class Solid:
         dofs = np.stack([nodal[ends[:, 0]], nodal[ends[:, 1]], middle[facet]], axis=1) + self.first
         return Side(surface.curve, ends, np.column_stack([arc[:-1], arc[1:]]), dofs)
 
-    def _weights(self) -> Array:
-        """Area that every dof stands for."""
-
-        @LinearForm
-        def both(v, w):  # type: ignore[no-untyped-def]
-            return v[0] + v[1]
-
-        return both.assemble(self.basis)
-
     def uniform(self, force: Array) -> Array:
         """Forces of a body force."""
-
-        @LinearForm
-        def form(v, w):  # type: ignore[no-untyped-def]
-            return force[0] * v[0] + force[1] * v[1]
-
-        return form.assemble(self.basis)
+        return np.asarray(self.mass * force[self.axis])
 
     def at(self, point: Array, values: Array) -> Array:
         """Displacement at a point, inside or on the outline."""
@@ -141,6 +132,12 @@ def plane_moduli(material: Table, plane: str) -> Array:
     return np.asarray(turn.T @ full @ turn)
 
 
+@LinearForm
+def area(v, w):  # type: ignore[no-untyped-def]
+    """Area that every dof stands for."""
+    return v[0] + v[1]
+
+
 def elasticity(moduli: Array) -> BilinearForm:
     """Twice the strain energy."""
 
@@ -155,30 +152,18 @@ def elasticity(moduli: Array) -> BilinearForm:
     return form
 
 
-def _mesh(cloud: Cloud) -> MeshTri:
-    return MeshTri(
-        np.ascontiguousarray(cloud.points.T), np.ascontiguousarray(cloud.triangles.T.astype(np.int64))
-    )
-
-
 def _facets(mesh: MeshTri, ends: Ints) -> Ints:
     """Numbers of the facets between vertices."""
-    count = mesh.p.shape[1]
-    keys = mesh.facets.min(axis=0) * count + mesh.facets.max(axis=0)
-    order = np.argsort(keys)
-    asked = ends.min(axis=1) * count + ends.max(axis=1)
-    found = order[np.clip(np.searchsorted(keys[order], asked), 0, len(keys) - 1)]
-    if not np.array_equal(keys[found], asked):
-        raise RuntimeError("a side of the outline is no side of a triangle")
-    return found
+    number = {tuple(pair): k for k, pair in enumerate(np.sort(mesh.facets, axis=0).T.tolist())}
+    # KeyError: a side of the outline is no side of a triangle.
+    return np.array([number[tuple(pair)] for pair in np.sort(ends, axis=1).tolist()])
 
 
 def value_of(given: object, points: Array) -> Array:
     """A number or an expression at points (n, 2)."""
     if not isinstance(given, str):
         return np.full(len(points), float(given))  # type: ignore[arg-type]
-    code = compile(given, "case", "eval")
-    return np.array([float(eval(code, {"__builtins__": {}}, NAMES | {"x": x, "y": y})) for x, y in points])
+    return np.array([value_at(given, x, y) for x, y in points.tolist()])
 
 
 def obstacle_at(obstacle: Table, places: Array) -> tuple[Array, Array]:
@@ -207,16 +192,10 @@ def obstacle_at(obstacle: Table, places: Array) -> tuple[Array, Array]:
     return to, out
 
 
-def area_of(outline: Outline) -> float:
-    """From points of the outline, its arcs by 4000 chords."""
-    area = 0.0
-    for curve in outline.curves:
-        p = curve.points(np.linspace(0.0, curve.length, 4001))
-        m, d = 0.5 * (p[1:] + p[:-1]), np.diff(p, axis=0)
-        area += 0.5 * float((m[:, 0] * d[:, 1] - m[:, 1] * d[:, 0]).sum())
-    return area
-
-
 def thickness(outline: Outline) -> float:
-    """Twice the area over the perimeter."""
-    return 2.0 * area_of(outline) / sum(curve.length for curve in outline.curves)
+    """Twice the area over the perimeter; curves count as 4000 chords."""
+    twice = 0.0
+    for curve in outline.curves:
+        x, y = curve.points(np.linspace(0.0, curve.length, 4001)).T
+        twice += float((x[:-1] * y[1:] - y[:-1] * x[1:]).sum())
+    return twice / sum(curve.length for curve in outline.curves)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -32,6 +33,8 @@ SLIDES = ("slid", "slip")
 TIPS = ("tip", "tilt", "turn", "rotat")
 SPINS = (*SLIDES, "turn", "rotat", "spin")
 """Words that must tell what a scene does beyond its limit load."""
+END = 1.0 + 1.0 / 1.5
+"""Position of a limit where the last of two stages asks for 1.5 times as much."""
 GUIDED = ("between", "spin", "brake")
 """Scenes whose supports leave one axis of the drawing free."""
 
@@ -69,7 +72,7 @@ class Known:
         def read(got: Reading) -> Callable[[Result], float]:
             return lambda result: got(Upright(result, frame))
 
-        figures = [Figure(what, read(got), *rest) for what, got, *rest in self.figures]
+        figures = [Figure(told[0], read(told[1]), *told[2:]) for told in self.figures]
         return Scene(name, kind, frame.case(self.case), figures, self.refusal)
 
 
@@ -105,15 +108,17 @@ class Draft:
         self,
         materials: dict[str, Table],
         bodies: list[Table],
-        stages: list[Table],
-        limit: tuple[Sequence[str], float | None] | None = None,
+        words: Sequence[str] = (),
+        position: float | None = END,
         figures: Sequence[Told] = (),
-        **rest: object,
+        **rest: Any,
     ) -> Known:
-        """``limit`` are the words and the position at which a scene has no equilibrium."""
+        """``words`` tell that there is no equilibrium beyond a ``position``; without stages every load has
+        its own."""
+        stages = rest.pop("stage", None) or [{load["name"]: 1.0} for load in rest.get("load", ())]
         plane = str(self.rng.choice(["strain", "stress"]))
         given = case(plane, materials, bodies, **rest, stage=stages)
-        return Known(given, figures, None if limit is None else Refusal(*limit))
+        return Known(given, figures, Refusal(words, position) if words else None)
 
 
 def block(name: str, material: str, x: Pair, y: Pair, rounding: float = 0.0) -> Table:
@@ -121,6 +126,11 @@ def block(name: str, material: str, x: Pair, y: Pair, rounding: float = 0.0) -> 
     corners = [(x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1])]
     rounded = {"rounding": [rounding] * 4, "corners": ["foot", "foot", "head", "head"]} if rounding else {}
     return polygon(name, material, corners, names=["foot", "right", "head", "left"], **rounded)
+
+
+def even(name: str, material: str, half: float, y: Pair, rounding: float = 0.0) -> Table:
+    """A block on both sides of x = 0."""
+    return block(name, material, (-half, half), y, rounding)
 
 
 def ring(name: str, material: str, at: Pair, radii: Pair) -> Table:
@@ -145,12 +155,10 @@ def slide(d: Draft) -> Known:
     # Pulled up a little, or down: steep pulls press by themselves.
     rise = d.between(-0.3, 0.3) / max(mu, 1.0)
     pull, asked = mu * press / (1.0 + mu * rise), d.between(1.1, 2.0)
-    bodies = [
-        block("block", "one", (-wide / 2, wide / 2), (0.0, high), float(d.rng.choice([0.0, 0.2])) * high)
-    ]
+    bodies = [even("block", "one", wide / 2, (0.0, high), float(d.rng.choice([0.0, 0.2])) * high)]
     contact, support = on_plane("ground", "block.foot", (0.0, 0.0), (0.0, 1.0), mu), []
     if d.rng.random() < 0.6:
-        bodies.append(block("base", "two", (-wide, wide), (-high, 0.0)))
+        bodies.append(even("base", "two", wide, (-high, 0.0)))
         contact, support = pair("ground", "block.foot", "base.head", mu), [held("base.foot")]
     else:
         materials.pop("two")
@@ -158,8 +166,8 @@ def slide(d: Draft) -> Known:
     return d.known(
         materials,
         bodies,
-        [{"press": 1.0}, {"pull": 1.0}],
-        (SLIDES, 1.0 + 1.0 / asked),
+        SLIDES,
+        1.0 + 1.0 / asked,
         support=support,
         contact=[contact],
         load=[
@@ -183,11 +191,10 @@ def tip(d: Draft) -> Known:
     return d.known(
         materials,
         [
-            block("tower", "one", (-wide / 2, wide / 2), (0.0, high)),
-            block("base", "two", (-1.5 * wide, 1.5 * wide), (-wide, 0.0)),
+            even("tower", "one", wide / 2, (0.0, high)),
+            even("base", "two", 1.5 * wide, (-wide, 0.0)),
         ],
-        [{"press": 1.0}, {"push": 1.0}],
-        (TIPS if tipping < sliding else SLIDES, 1.0 + 1.0 / 1.5),
+        TIPS if tipping < sliding else SLIDES,
         support=[held("base.foot")],
         contact=[pair("ground", "tower.foot", "base.head", mu)],
         load=[
@@ -205,12 +212,11 @@ def between(d: Draft) -> Known:
     return d.known(
         materials,
         [
-            block("under", "one", (-wide / 2, wide / 2), (-2.0, 0.0)),
+            even("under", "one", wide / 2, (-2.0, 0.0)),
             block("plate", "two", (-0.6 * wide, 0.9 * wide), (0.0, thick)),
-            block("over", "three", (-wide / 2, wide / 2), (thick, thick + 2.0)),
+            even("over", "three", wide / 2, (thick, thick + 2.0)),
         ],
-        [{"press": 1.0}, {"pull": 1.0}],
-        (SLIDES, 1.0 + 1.0 / 1.5),
+        SLIDES,
         # Springs hold the block above sideways.
         support=[held("under.foot"), {"boundary": "over.left", "spring": [0.1 * soft, 0.0]}],
         contact=[
@@ -232,12 +238,13 @@ def lining(d: Draft) -> Known:
     return d.known(
         materials,
         [
-            block("block", "block", (-wide / 2, wide / 2), (thick, thick + 2.0)),
-            block("lining", "lining", (-wide / 2, wide / 2), (0.0, thick)),
-            block("base", "base", (-wide, wide), (-2.0, 0.0)),
+            even("block", "block", wide / 2, (thick, thick + 2.0)),
+            even("lining", "lining", wide / 2, (0.0, thick)),
+            even("base", "base", wide, (-2.0, 0.0)),
         ],
-        [{"press": 1.0}, {"push": -0.5}, {"push": 0.5}, {"push": 1.0}],
-        (SLIDES, 3.0 + (1.0 / asked - 0.5) / 0.5),
+        SLIDES,
+        3.0 + (1.0 / asked - 0.5) / 0.5,
+        stage=[{"press": 1.0}, {"push": -0.5}, {"push": 0.5}, {"push": 1.0}],
         support=[held("base.foot")],
         contact=[
             pair("glue", "lining.head", "block.foot", "bonded"),
@@ -260,8 +267,7 @@ def groove(d: Draft) -> Known:
     return d.known(
         materials,
         [ring("ring", "one", (0.0, radius / c), (0.4 * radius, radius))],
-        [{"press": 1.0}, {"turn": 1.0}],
-        (SPINS, 1.0 + 1.0 / 1.5),
+        SPINS,
         contact=[
             on_plane("left", "ring.outer", (0.0, 0.0), (s, c), mu),
             on_plane("right", "ring.outer", (0.0, 0.0), (-s, c), mu),
@@ -281,8 +287,7 @@ def spin(d: Draft) -> Known:
     return d.known(
         materials,
         [ring("ring", "one", (0.0, radius), (0.4 * radius, radius))],
-        [{"press": 1.0}, {"turn": 1.0}],
-        (SPINS, 1.0 + 1.0 / 1.5),
+        SPINS,
         contact=[
             on_plane("low", "ring.outer", (0.0, 0.0), (0.0, 1.0), mu),
             on_plane("lid", "ring.outer", (0.0, 2.0 * radius), (0.0, -1.0), mu),
@@ -306,8 +311,8 @@ def brake(d: Draft) -> Known:
             block("left", "two", (-1.7 * radius, -radius), (-half, half)),
             block("right", "two", (radius, 1.7 * radius), (-half, half)),
         ],
-        [{"push-left": 1.0, "push-right": 1.0, "axle": 1.0}, {"turn": 1.0}],
-        (SPINS, 1.0 + 1.0 / 1.5),
+        SPINS,
+        stage=[{"push-left": 1.0, "push-right": 1.0, "axle": 1.0}, {"turn": 1.0}],
         contact=[
             pair("on-left", "drum.outer", "left.right", mu),
             pair("on-right", "drum.outer", "right.left", mu),
@@ -336,7 +341,6 @@ def roll(d: Draft) -> Known:
     return d.known(
         materials,
         [body("disk", "one", "disk", center=[0.0, radius], radius=radius)],
-        [{"press": 1.0}, {"move": 1.0}],
         figures=[("rolled", rolled, 0.5 * far, 3.0, None), ("along", along, 0.0, 1.0, mu)],
         contact=[
             on_plane("low", "disk.arc", (0.0, 0.0), (0.0, 1.0), mu),
@@ -370,9 +374,10 @@ def logs(d: Draft) -> Known:
     return d.known(
         materials,
         [body(n, "wood", "disk", center=at, radius=radius) for n, at in places.items()],
-        [dict.fromkeys(places, 1.0)],
-        ((*SLIDES, "hold"), None) if mu < need else None,
+        (*SLIDES, "hold", "roll") if mu < need else (),
+        None,
         () if mu < need else figures,
+        stage=[dict.fromkeys(places, 1.0)],
         contact=[
             on_plane("under-left", "left.arc", (0.0, 0.0), (0.0, 1.0), mu),
             on_plane("under-right", "right.arc", (0.0, 0.0), (0.0, 1.0), mu),
@@ -401,8 +406,7 @@ def feet(d: Draft) -> Known:
             polygon("bridge", "one", list(zip(x, y, strict=True)), names=names),
             block("base", "two", (-0.3 * wide, 1.3 * wide), (-3.0, 0.0)),
         ],
-        [{"press": 1.0}, {"push": 1.0}],
-        (SLIDES, 1.0 + 1.0 / 1.5),
+        SLIDES,
         support=[held("base.foot")],
         contact=[
             pair("first", "bridge.foot1", "base.head", mu),
@@ -422,8 +426,8 @@ def hub(d: Draft) -> Known:
     made = d.known(
         materials,
         [ring("shaft", "one", (0.0, 0.0), (inner, radius)), ring("ring", "two", (0.0, 0.0), (radius, outer))],
-        [{"seat": 1.0}, {"turn": 1.0}],
-        (SPINS, 1.0 + 1.0 / 1.5),
+        SPINS,
+        stage=[{"seat": 1.0}, {"turn": 1.0}],
         support=[held("ring.outer")],
         contact=[pair("seat", "shaft.outer", "ring.inner", mu, interference=fit)],
     )
@@ -468,8 +472,9 @@ def belt(d: Draft) -> Known:
                 angles=[0.0, angle],
             )
         ],
-        [{"tight": 1.0, "slack": 1.0}, {"more": 1.0}],
-        (SLIDES, 1.0 + 1.0 / asked),
+        SLIDES,
+        1.0 + 1.0 / asked,
+        stage=[{"tight": 1.0, "slack": 1.0}, {"more": 1.0}],
         contact=[on_disk("wrap", "belt.inner", (0.0, 0.0), radius, mu)],
         load=[
             pulled("tight", "start", pull),
@@ -493,7 +498,7 @@ def wedge(d: Draft) -> Known:
     return d.known(
         materials,
         [polygon("wedge", "one", corners, names=["foot", "right", "head", "left"])],
-        [{"drive": 1.0}, {"drive": 0.0 if locks else 0.2}],
+        stage=[{"drive": 1.0}, {"drive": 0.0 if locks else 0.2}],
         figures=[component("on-left", 1, 0.0, force) if locks else back],
         contact=[
             on_plane("on-left", "wedge.left", corners[0], (c, s), mu),
@@ -531,10 +536,10 @@ def pad(d: Draft) -> Known:
     return d.known(
         materials,
         [
-            block("pad", "one", (-wide / 2, wide / 2), (0.0, high), 0.3 * high),
-            block("base", "two", (-wide, wide), (-high, 0.0)),
+            even("pad", "one", wide / 2, (0.0, high), 0.3 * high),
+            even("base", "two", wide, (-high, 0.0)),
         ],
-        [{"press": 1.0}, *({"shear": way} for way in (1.0, -1.0, 1.0, -1.0, 1.0))],
+        stage=[{"press": 1.0}, *({"shear": way} for way in (1.0, -1.0, 1.0, -1.0, 1.0))],
         figures=[("dissipated over loop", ratio, 1.0, 0.1, None)],
         support=[held("base.foot")],
         contact=[pair("fret", "pad.foot", "base.head", mu)],

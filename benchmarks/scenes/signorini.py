@@ -99,14 +99,9 @@ class Model:
                 for axis in axes:
                     for dof in np.unique(side.dofs[:, :, axis]):
                         self.fixed[int(dof)] = (0.0, None, 0.0)
-                if "spring" in one:
-                    edge, t, _, weight = side.quadrature()
-                    for axis, k in enumerate(one["spring"]):
-                        if k:
-                            vectors = np.zeros((len(edge), 2))
-                            vectors[:, axis] = 1.0
-                            rows = side.rows(edge, t, vectors, self.dofs)
-                            self.stiffness = self.stiffness + rows.T @ sparse.diags(k * weight) @ rows
+                for k, rows in zip(one.get("spring", ()), side.components(self.dofs), strict=False):
+                    weight = k * side.quadrature()[3]
+                    self.stiffness = self.stiffness + rows.T @ sparse.diags(weight) @ rows
             else:
                 solid = self.solids[one["body"]]
                 node = int(np.argmin(np.hypot(*(solid.mesh.p.T - one["near"]).T)))
@@ -119,16 +114,14 @@ class Model:
             kind = one["kind"]
             if kind in ("pressure", "traction"):
                 _, side = self.side(one["boundary"])
-                edge, t, s, weight = side.quadrature()
+                _, _, s, weight = side.quadrature()
                 places, normals = side.curve.points(s), side.curve.normals(s)
                 if kind == "pressure":
                     traction = -value_of(one["pressure"], places)[:, None] * normals
                 else:
                     traction = np.stack([value_of(v, places) for v in one["traction"]], axis=1)
-                for axis in (0, 1):
-                    vectors = np.zeros((len(edge), 2))
-                    vectors[:, axis] = 1.0
-                    self.load += side.rows(edge, t, vectors, self.dofs).T @ (weight * traction[:, axis])
+                for rows, along in zip(side.components(self.dofs), traction.T, strict=True):
+                    self.load += rows.T @ (weight * along)
             elif kind == "displacement":
                 solid, side = self.side(one["boundary"])
                 places = solid.basis.doflocs.T
@@ -192,17 +185,14 @@ class Model:
             aside = radius**2 - ((away**2).sum(axis=1) - ahead**2)
             gap = np.where(aside > 0.0, ahead - np.sqrt(np.maximum(aside, 0.0)), gap)
         rows = side.rows(edge, t, normal, self.dofs)
-        wide = sparse.csr_matrix((len(edge), len(self.extra)))
+        wide = np.zeros((len(edge), len(self.extra)))
         if "master" in one:
-            there_edge, there_t = other.at(there)
-            rows = rows - other.rows(there_edge, there_t, normal, self.dofs)
+            rows = rows - other.rows(*other.at(there), normal, self.dofs)
         else:
-            columns = wide.tolil()
-            for axis, (value, unknown) in enumerate(moves):
-                gap = gap - normal[:, axis] * value
+            for along, (value, unknown) in zip(normal.T, moves, strict=True):
+                gap = gap - along * value
                 if unknown is not None:
-                    columns[:, unknown] = -normal[:, axis][:, None]
-            wide = columns.tocsr()
+                    wide[:, unknown] = -along
         gap = gap - one.get("interference", 0.0)
         vertices, number = np.unique(side.ends, return_inverse=True)
         number = number.reshape(side.ends.shape)
@@ -224,7 +214,7 @@ class Model:
         return Patch(
             one["name"],
             side,
-            test @ sparse.hstack([rows, wide]).tocsr(),
+            test @ sparse.hstack([rows, sparse.csr_matrix(wide)]).tocsr(),
             test @ gap,
             test @ normal,
             total[keep],

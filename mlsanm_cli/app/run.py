@@ -26,7 +26,7 @@ from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.files import read_summary
 from mlsanm_cli.io.run_dir import locked
 from mlsanm_cli.io.run_file import Attribute
-from mlsanm_cli.io.run_reader import RunData, finished, read_origin
+from mlsanm_cli.io.run_reader import RunData, held_run, read_origin
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.stopping import Stopper
 
@@ -59,9 +59,9 @@ def run(
         context = RunContext(Clock(), console, memo, stopper)
         loaded = load_case(case_path, overrides, geometry_of)
         check_reference(loaded)
-        before = finished(out, loaded.case_hash) if skip_done else None
-        if before is not None:
-            return {**before, "directory": str(out), "skipped": True}
+        held, summary = held_run(out) if skip_done else (None, None)
+        if summary is not None and held == loaded.case_hash:
+            return {**summary, "directory": str(out), "skipped": True}
         run_dir.check(out, force)
         analysis = analysis_of(loaded, context)
         with locked(out):

@@ -27,7 +27,7 @@ from mlsanm_cli.case.reading.overrides import parse_vary, points
 from mlsanm_cli.errors import CaseError, CaseProblem, Interrupted, MlsanmError, RunError
 from mlsanm_cli.inputs import results_of
 from mlsanm_cli.io import run_dir
-from mlsanm_cli.io.run_reader import finished, held_case
+from mlsanm_cli.io.run_reader import held_run
 from mlsanm_cli.memo import Memo, digest
 
 TABLE_FILE = "sweep.csv"
@@ -247,13 +247,13 @@ def _plan(
             problems |= {str(problem): problem for problem in named}
             continue
         place = directory / point_name(values)
-        done = not force and finished(place, loaded.case_hash) is not None
-        other = None if done or force else held_case(place)
-        if other not in (None, loaded.case_hash):
+        held, summary = (None, None) if force else held_run(place)
+        if held not in (None, loaded.case_hash):
             hint = "use --force to replace it, or another --out"
             raise RunError(f"{place} holds the run of another case", hint)
-        if other is None and not done and not force:
+        if held is None and not force:
             run_dir.check(place, force=False)
+        done = summary is not None
         # Clouds, operators and responses of two geometries.
         memory = RESULTS_PER_BODY * len(loaded.case.body)
         changes = (*overrides, *values)

@@ -55,16 +55,6 @@ def _separator(
     return count
 
 
-@inner
-def _rearrange(nodes: IndexArray, low: int, high: int, group: IndexArray, sizes: tuple[int, int]) -> None:
-    """Stable sort of ``nodes[low:high]`` by ``group`` (n,), 0 to 2, the first two of the given ``sizes``."""
-    part = nodes[low:high].copy()
-    at = np.array([low, low + sizes[0], low + sizes[0] + sizes[1]])
-    for vertex in part:
-        nodes[at[group[vertex]]] = vertex
-        at[group[vertex]] += 1
-
-
 @kernel
 def dissect(
     indptr: Index1,
@@ -136,8 +126,13 @@ def dissect(
                 group[vertex] = 2 if _touches(vertex, indptr, indices, side, names[0]) else 1
         kept = half if above else size - half
         rest = size - kept - smallest
+        # Stable sort by groups in every direction.
         for direction in range(directions):
-            _rearrange(ranked[direction], low, high, group, (kept, rest))
+            copy = ranked[direction, low:high].copy()
+            at = np.array([low, low + kept, low + kept + rest])
+            for vertex in copy:
+                ranked[direction, at[group[vertex]]] = vertex
+                at[group[vertex]] += 1
         copy_to(order[end - smallest :], ranked[0, high - smallest : high])
         begins[fronts - 1] = end - smallest
         middle, last = low + kept, end - smallest

@@ -125,45 +125,6 @@ def _doubled(array: FloatArray) -> FloatArray:
     return grown
 
 
-@inner
-def _nodes_within(
-    points: FloatArray,
-    keys: IntArray,
-    heads: IntArray,
-    following: IntArray,
-    finest: float,
-    lowest: int,
-    highest: int,
-    x: float,
-    y: float,
-    reach: float,
-    near: FloatArray,
-) -> tuple[FloatArray, int]:
-    """Accepted nodes of grid levels ``lowest`` to ``highest`` within ``reach`` of (x, y): ``near`` (c, 2),
-    enlarged if necessary, and their number."""
-    found = 0
-    for level in range(lowest, highest + 1):
-        cell = _cell(level, finest)
-        i1 = math.floor((x + reach) / cell)
-        j0 = math.floor((y - reach) / cell)
-        j1 = math.floor((y + reach) / cell)
-        for i in range(math.floor((x - reach) / cell), i1 + 1):
-            for j in range(j0, j1 + 1):
-                slot = _slot(keys, _key(level, i, j))
-                if keys[slot] == EMPTY:
-                    continue
-                node = heads[slot]
-                while node != EMPTY:
-                    dx, dy = points[node, 0] - x, points[node, 1] - y
-                    if dx * dx + dy * dy < reach * reach:
-                        if found == near.shape[0]:
-                            near = _doubled(near)
-                        near[found, 0], near[found, 1] = points[node, 0], points[node, 1]
-                        found += 1
-                    node = following[node]
-    return near, found
-
-
 @kernel
 def advance_front(
     points: FloatOut2,
@@ -228,18 +189,29 @@ def advance_front(
         reach = 2.0 * size
         lowest = _level(max(finest, size - steepest * reach), finest)
         highest = _level(size + steepest * reach, finest)
-        near, around = _nodes_within(
-            points, keys, heads, following, finest, lowest, highest, points[parent, 0], points[parent, 1],
-            reach, near,
-        )  # fmt: skip
+        here_x, here_y, around = points[parent, 0], points[parent, 1], 0
+        for level in range(lowest, highest + 1):
+            cell = _cell(level, finest)
+            i1, j1 = math.floor((here_x + reach) / cell), math.floor((here_y + reach) / cell)
+            for i in range(math.floor((here_x - reach) / cell), i1 + 1):
+                for j in range(math.floor((here_y - reach) / cell), j1 + 1):
+                    slot = _slot(keys, _key(level, i, j))
+                    node = EMPTY if keys[slot] == EMPTY else heads[slot]
+                    while node != EMPTY:
+                        dx, dy = points[node, 0] - here_x, points[node, 1] - here_y
+                        if dx * dx + dy * dy < reach * reach:
+                            if around == near.shape[0]:
+                                near = _doubled(near)
+                            near[around, 0], near[around, 1] = points[node, 0], points[node, 1]
+                            around += 1
+                        node = following[node]
         while near.shape[0] < around + candidates:
             near = _doubled(near)
         # Lower bound of the spacing at all candidates, with a margin for round-off; rejects most of them.
         least = size * max(0.0, 1.0 - steepest) * (1.0 - 1e-6)
         for c in range(candidates):
             angle = 2.0 * math.pi * (c + turn) / candidates
-            x = points[parent, 0] + size * math.cos(angle)
-            y = points[parent, 1] + size * math.sin(angle)
+            x, y = here_x + size * math.cos(angle), here_y + size * math.sin(angle)
             distance2 = math.inf
             for k in range(around):
                 dx, dy = near[k, 0] - x, near[k, 1] - y

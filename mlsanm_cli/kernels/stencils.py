@@ -34,25 +34,6 @@ def _monomials(degree: int, x: FloatArray, y: FloatArray, row: FloatArray, lanes
 
 
 @inner
-def _functional(degree: int, dx: int, dy: int, x: float, y: float, row: FloatArray) -> None:
-    """d^(dx+dy)/dx^dx dy^dy of every monomial at (x, y)."""
-    column = 0
-    for total in range(degree + 1):
-        for power in range(total + 1):
-            i, j = total - power, power
-            if i < dx or j < dy:
-                row[column] = 0.0
-            else:
-                value = x ** (i - dx) * y ** (j - dy)
-                for step in range(dx):
-                    value *= i - step
-                for step in range(dy):
-                    value *= j - step
-                row[column] = value
-            column += 1
-
-
-@inner
 def _reflect(
     reflector: FloatArray, c: int, rows: int, tau: FloatArray, x: FloatArray, dot: FloatArray, lanes: int
 ) -> None:
@@ -159,7 +140,7 @@ def mls_weights(
         widest = max(widest, indptr[e + 1] - indptr[e])
     matrix, solved = np.empty((columns, widest, LANES)), np.empty((kinds, widest, LANES))
     local_x, local_y = np.empty((widest, LANES)), np.empty((widest, LANES))
-    gauss, dot, wanted = np.empty((widest, LANES)), np.empty(LANES), np.empty(columns)
+    gauss, dot = np.empty((widest, LANES)), np.empty(LANES)
     tau, diagonal = np.empty((columns, LANES)), np.empty((columns, LANES))
     done = 0
     while done < centers.shape[0]:
@@ -186,8 +167,19 @@ def mls_weights(
                 y = (targets[target, 1] - centers[e, 1]) * scale
                 for total in range(least, order + 1):
                     for dy in range(total + 1):
-                        _functional(degree, total - dy, dy, x, y, wanted)
-                        copy_to(solved[which, :, lane], wanted)
+                        # The derivative of every monomial there.
+                        dx, column = total - dy, 0
+                        for whole in range(degree + 1):
+                            for j in range(whole + 1):
+                                i, value = whole - j, 0.0
+                                if i >= dx and j >= dy:
+                                    value = x ** (i - dx) * y ** (j - dy)
+                                    for step in range(dx):
+                                        value *= i - step
+                                    for step in range(dy):
+                                        value *= j - step
+                                solved[which, column, lane] = value
+                                column += 1
                         which += 1
         for r in range(rows):
             copy_to(matrix[0, r], gauss[r])

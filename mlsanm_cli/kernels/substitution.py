@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.kernels.aot.jit import inner, kernel
 from mlsanm_cli.kernels.aot.signature import Float1, Float2, FloatOut1, Index1, Int1
 from mlsanm_cli.kernels.copies import copy_to
@@ -115,25 +115,6 @@ def _flip_signs(x: FloatArray, c: int, columns: int, pivots: int, negative: int)
             x[row * c + i] = -x[row * c + i]
 
 
-@inner
-def _add_product(
-    x: FloatArray, columns: IntArray, left: int, pivots: int, negative: int, result: FloatArray
-) -> None:
-    """Add x_i^T D x_j of the ``columns`` (c,) of x (pivots, c) to ``result``, i < ``left`` <= j; the last
-    ``negative`` pivots have D = -1."""
-    c, split = len(columns), 0
-    while split < c and columns[split] < left:
-        split += 1
-    rest = c - split
-    if split > 0 and rest > 0:
-        part = np.empty(split * rest)
-        _flip_signs(x, c, split, pivots, negative)
-        multiply(TRANSPOSED, (rest, split, pivots), 1.0, x[split:], c, x, c, 0.0, part, rest)
-        for i in range(split):
-            for j in range(rest):
-                result[columns[i], columns[split + j] - left] += part[i * rest + j]
-
-
 @kernel
 def products(
     start: Int1,
@@ -189,7 +170,18 @@ def products(
             depth -= 1
         if c > 0 and pivots > 0:
             _forward(values[panel[f] : panel[f + 1]], PLAIN, pivots, height, x, c)
-            _add_product(x, columns, left, pivots, 2 * negative[f], result)
+            # x_i^T D x_j of the columns i < left <= j.
+            split = 0
+            while split < c and columns[split] < left:
+                split += 1
+            rest = c - split
+            if split > 0 and rest > 0:
+                part = np.empty(split * rest)
+                _flip_signs(x, c, split, pivots, 2 * negative[f])
+                multiply(TRANSPOSED, (rest, split, pivots), 1.0, x[split:], c, x, c, 0.0, part, rest)
+                for i in range(split):
+                    for j in range(rest):
+                        result[columns[i], columns[split + j] - left] += part[i * rest + j]
         if depth + 1 == len(handed):
             handed.append(x[:0])
             active.append(columns[:0])

@@ -16,13 +16,24 @@ from types import MappingProxyType
 
 import numpy as np
 import scipy.sparse as sparse
+from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cells import Halves
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.search import nearest
+from mlsanm_cli.cloud.tips import SMOOTH_TURN
 from mlsanm_cli.mechanics.body import BodyEquations, ElasticBody, first_rows
 from mlsanm_cli.mechanics.body_model import BodyModel
-from mlsanm_cli.mechanics.corners import corner_weight, one_sided_weight, reentrant_corners, reentrant_weight
+from mlsanm_cli.mechanics.corners import (
+    MIN_DISTANCE,
+    ONE_SIDED_WEIGHT,
+    POWER,
+    WEIGHT_REACH,
+    corner_weight,
+    reentrant_corners,
+    thickness,
+)
 from mlsanm_cli.mechanics.elasticity import first_order_rows, moduli_of, traction_moduli
 from mlsanm_cli.mechanics.pieces import Pieces
 from mlsanm_cli.mechanics.rigid import FreeSystem, free_motions, pins
@@ -30,7 +41,7 @@ from mlsanm_cli.mechanics.springs import FREE, NO_SPRING, Held, Springs, restrai
 from mlsanm_cli.memo import digest
 from mlsanm_cli.operators import least_squares
 from mlsanm_cli.operators.least_squares import Strong
-from mlsanm_cli.operators.linear.interface import LinearSolver, compact
+from mlsanm_cli.operators.linear.interface import LinearSolver, structure
 from mlsanm_cli.operators.rows import nodal_pairs, nodal_rows
 from mlsanm_cli.operators.system import LinearSystem
 
@@ -67,7 +78,9 @@ def assemble(
     # Computed on first use, by the equations or for the body's forces.
     loads = cache(partial(pieces.loads, first_row, count, restraints))
     pulls = spring_rows(cloud, springs, total)
-    rows = compact(sparse.csr_array(_rows(model, held, single) + pulls))
+    whole = sparse.csr_array(_rows(model, held, single) + pulls)
+    indptr, indices = structure(whole)
+    rows = sparse.csr_array((whole.data, indices, indptr), shape=whole.shape)
     weight = row_weights(model, held, single, springs, restraints, touching)
     known = pieces.rows_known(list(held_nodes[: len(held_nodes) - unloaded]))
 
@@ -147,9 +160,8 @@ def rows_of_nodes(
     single: sparse.csr_array,
 ) -> sparse.csr_array:
     """Rows (r, 2N) of nodes: ``equilibrium`` in x and y, conditions of all surfaces, and those of ``single``
-    nodes. Components that are not ``held`` have the ``traction`` of a surface and component, coefficients (m,
-    2, b) of first derivatives, in bodies of revolution of the value, too. At finite strain these are those of
-    a state."""
+    nodes. Components not ``held`` have the ``traction`` of a surface and component, coefficients (m, 2, b) of
+    first derivatives, in bodies of revolution of the value, too."""
     blocks, count = list(equilibrium), len(model.cloud.points)
     for name, surface in model.cloud.surfaces.items():
         stencils = model.stencils.take(surface.index)
@@ -195,7 +207,9 @@ def row_weights(
     touching: Collection[str] = (),
 ) -> FloatArray:
     """Weights (r,) of the rows in the least-squares sum; stresses are singular where ``restraints`` end, but
-    next to surfaces ``touching``."""
+    next to surfaces ``touching``. Equilibrium and tractions have the factors of :func:`corner_weight` and of
+    min(1, (distance + radius) / thickness)^POWER, with the distance from the nearest reentrant corner, of
+    radius 0, or concave part of the outline (:mod:`mlsanm_cli.mechanics.corners`)."""
     cloud, modulus = model.cloud, model.material.modulus
     corners = reentrant_corners(cloud)
     if model.tips is not None:
@@ -205,8 +219,21 @@ def row_weights(
         corners = corners[np.isin(corners, np.concatenate([corners[:0], *bound])) | (away > 0.0)]
     restraints = {name: axes for name, axes in restraints.items() if not cloud.on_axis(cloud.surfaces[name])}
     corner = corner_weight(cloud, restraints, springs, touching)
-    factor = corner * reentrant_weight(cloud, corners)
-    inside = one_sided_weight(cloud, corner, model.settings)
+    size = cloud.room
+    if len(corners):
+        away = nearest(cKDTree(cloud.points[corners]), cloud.points)[0]
+        size = np.minimum(size, np.maximum(away, MIN_DISTANCE * cloud.spacing))
+    factor = corner * np.minimum(size / thickness(cloud), 1.0) ** POWER
+    inside = np.ones(len(cloud.points))
+    if model.settings.narrows:
+        # Less at boundary nodes, but not near sharp corners and where fields may be singular.
+        nodes = cloud.boundary_nodes
+        sharp = [node for node, turn, _ in cloud.corners if abs(turn) > SMOOTH_TURN]
+        away = corner[nodes] ** (1.0 / POWER)
+        if len(sharp):
+            distance = nearest(cKDTree(cloud.points[sharp]), cloud.points[nodes])[0]
+            away = np.minimum(away, distance / (WEIGHT_REACH * thickness(cloud)))
+        inside[nodes] -= (1.0 - ONE_SIDED_WEIGHT) * away
     weights = [factor * inside * cloud.spacing / modulus] * 2
     for name, surface in cloud.surfaces.items():
         spacing = cloud.spacing[surface.index]

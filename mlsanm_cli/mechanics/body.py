@@ -16,6 +16,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.pieces import Pieces, reaction_rows
@@ -30,9 +31,8 @@ Timed: TypeAlias = Callable[[], AbstractContextManager[None]]
 
 
 class BodyEquations:
-    """A body's equations, factorised by ``factorise`` on first use, within ``timed()`` of the run: never if
-    all results are known. The callable is then dropped with the rows it holds. ``content`` is a digest of
-    all input of the equations."""
+    """A body's equations, factorised by ``factorise`` within ``timed()`` on first use; the callable is then
+    dropped. ``content`` is a digest of all their input."""
 
     def __init__(self, content: str, factorise: Callable[[], LinearSystem]) -> None:
         self.content = content
@@ -67,15 +67,12 @@ def first_rows(cloud: Cloud) -> tuple[dict[str, int], int]:
 
 @dataclass(frozen=True)
 class ElasticBody:
-    """A body with its boundary conditions and its system, factorised on first use.
-
-    ``held[surface]`` tells for x and y whether a displacement is prescribed, ``springs[surface]`` are the
-    spring stiffnesses, ``free`` the rigid motions that nothing holds. ``system`` then solves for balanced
-    loads; the mean free motions of the solution are the right-hand sides of the rows from ``first_pin`` on.
-    ``rows`` counts all rows, including three for each of the k ``pieces`` at the end, whose right-hand sides
-    are the loads in excess of those represented by the nodes' right-hand sides. ``held_nodes`` are the (node,
-    component) pairs held by supports; their rows follow those of the surfaces.
-    """
+    """A body with its boundary conditions and its system, factorised on first use. ``held[surface]`` tells
+    for x and y whether a displacement is prescribed, ``springs[surface]`` are the spring stiffnesses,
+    ``held_nodes`` the (node, component) pairs held by supports, and ``free`` the rigid motions that nothing
+    holds: ``system`` then solves for balanced loads, with the mean free motions of the solution as right-hand
+    sides of the rows from ``first_pin`` on. The last of the ``rows`` are three for each of the k ``pieces``;
+    their right-hand sides are the loads in excess of those represented by the nodes' right-hand sides."""
 
     model: BodyModel
     held: Mapping[str, tuple[bool, bool]]
@@ -121,16 +118,19 @@ class ElasticBody:
     def source(
         self, surface: str, values: FloatArray, held: bool, between: FloatArray | None = None
     ) -> FloatArray:
-        """Right-hand side (r,) for ``values`` (b, 2) prescribed on a surface. They are displacements of the
-        held components if ``held``, else tractions of the others. Tractions are linear between nodes unless
-        given ``between`` (g, 2) them, at the FINE quadrature points."""
+        """Right-hand side (r,) for ``values`` (b, 2) on a surface: displacements of the held components if
+        ``held``, else tractions of the others, linear between nodes unless given ``between`` (g, 2) them, at
+        the FINE quadrature points."""
         source = np.zeros(self.rows)
         for component in (0, 1):
             if self.held.get(surface, FREE)[component] == held:
                 source[self.condition_rows(surface, component)] = values[:, component]
         if between is not None and not held:
-            taken = ~np.array(self.restrained.get(surface, FREE))
-            whole = self.pieces.of_traction(self.model.cloud.surfaces[surface], between * taken)
+            taken, where = ~np.array(self.restrained.get(surface, FREE)), self.model.cloud.surfaces[surface]
+            halves = Halves.of(where, FINE)
+            points = where.curve.points(halves.arc)
+            force = (halves.length * self.model.cloud.around(points))[:, None] * (between * taken)
+            whole = self.pieces.gathered(where.index[halves.own], points, force)
             source[self.rows - len(whole) :] = whole - self.loads @ source
         return source
 

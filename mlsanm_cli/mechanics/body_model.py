@@ -33,7 +33,7 @@ from mlsanm_cli.operators.rows import pair_rows, scalar_rows
 from mlsanm_cli.operators.settings import MlsSettings
 from mlsanm_cli.operators.singular_functions import isolated_tips
 from mlsanm_cli.operators.stencil_weights import Stencils
-from mlsanm_cli.operators.stencils import build_gradients, build_stencils, reflected, reflected_numbers
+from mlsanm_cli.operators.stencils import build_gradients, build_stencils, reflected
 from mlsanm_cli.records import dataclass
 
 INCOMPRESSIBLE_NEIGHBORS = 1.3
@@ -71,8 +71,8 @@ class BodyModel:
         foresight: int = 0,
     ) -> BodyModel:
         """Build stencils with second derivatives at every node. The neighbour search covers ``foresight``
-        nodes, for larger stencils made later. Raises NumericalError if two nodes are too close or a part is
-        too thin for the degree."""
+        nodes, for larger stencils made later. Raises NumericalError if nodes are too close or a part is too
+        thin."""
         distance = cloud.separation[0].min()
         if distance < MIN_NODE_DISTANCE:
             x, y = cloud.points[cloud.separation[0].argmin()]
@@ -99,7 +99,8 @@ class BodyModel:
         if not foresight:
             near = near[:, :0]
         if mirror is not None:
-            stencils, near = reflected(stencils, mirror), reflected_numbers(near, mirror)
+            stencils, near, beyond = reflected(stencils, mirror), near[mirror.place], mirror.side < 0
+            near[beyond] = mirror.image[near[beyond]]
         return cls(name, cloud, material, settings, near, stencils)
 
     @cached_property
@@ -135,7 +136,7 @@ class BodyModel:
 
     def gradients_around(self, centers: FloatArray, points: FloatArray) -> Stencils:
         """Stencils at ``centers`` (e, 2) with the weights of d/dx and d/dy at ``points`` (e, t, 2), in bodies
-        of revolution also of the value, first."""
+        of revolution of the value, too."""
         nodes, tree, sight = self.cloud.fitted
         values, own = self.cloud.revolved, self.cloud.images
         return build_gradients(
@@ -161,8 +162,7 @@ class BodyModel:
         self, centers: FloatArray, points: FloatArray, normals: FloatArray
     ) -> sparse.csr_array:
         """Rows (3e, 2N) of the forces x, forces y and moments about ``centers`` (e, 2) of sigma n, summed
-        over the t ``points`` (e, t, 2) of each centre; ``normals`` (e, t, 2) include the quadrature
-        weights."""
+        over the ``points`` (e, t, 2) of each; ``normals`` (e, t, 2) include the quadrature weights."""
         stencils = self.gradients_around(centers, points)
         arm, c = points - centers[:, None], self.material.stiffness
         if not self.material.nearly_incompressible:
@@ -176,8 +176,7 @@ class BodyModel:
         return sparse.csr_array(sum(nested, force_rows(stencils, c - even, arm, normals)))
 
     def hoop_stress(self, centers: FloatArray, points: FloatArray) -> sparse.csr_array:
-        """Rows (e t, 2N) of the hoop stress at the t ``points`` (e, t, 2) of each of the ``centers`` (e,
-        2)."""
+        """Rows (e t, 2N) of the hoop stress at the ``points`` (e, t, 2) of each of the ``centers`` (e, 2)."""
         each, c = self.gradients_around(centers, points).of_each(points.shape[1]), self.material.stiffness
         if not self.material.nearly_incompressible:
             return stress_rows(each, c, HOOP)
@@ -186,9 +185,8 @@ class BodyModel:
         return sparse.csr_array(stress_rows(each, c - even, HOOP) + nested)
 
     def equilibrium(self, component: int) -> sparse.csr_array:
-        """Rows (n, 2N) of div sigma in x (0) or y (1) at the cloud's points: by second derivatives of the
-        displacement, but for the stresses of the :attr:`nested` stiffness, which are differentiated as nodal
-        fields."""
+        """Rows (n, 2N) of div sigma in x (0) or y (1) at the nodes: by second derivatives, but for the
+        stresses of the :attr:`nested` stiffness, which are differentiated as nodal fields."""
         even = self.nested
         rest = self.material.stiffness - even
         if not even.any():
@@ -214,9 +212,9 @@ class BodyModel:
         return even + (1.0 - SECOND_SHARE) * (c - even) if self.material.flows else even
 
     def stress(self, displacement: FloatArray) -> FloatArray:
-        """Stress (n, 3 | 4) at the cloud's points, in the order xx, yy, xy, hoop, for nodal ``displacement``
-        (N, 2). The mean pressure of nearly incompressible materials is fitted to its nodal values:
-        equilibrium controls only the fit, and the node-to-node oscillation is many times its error."""
+        """Stress (n, 3 | 4) at the nodes, xx, yy, xy, hoop, for nodal ``displacement`` (N, 2). The mean
+        pressure of nearly incompressible materials is fitted to its nodal values, as equilibrium controls
+        only the fit."""
         c, derivatives = self.material.stiffness, self.stencils.derivatives(displacement)
         radius = self.stencils.radius
         if not self.material.nearly_incompressible:

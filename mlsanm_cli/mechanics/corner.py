@@ -43,13 +43,11 @@ class Images:
 
 @dataclass(frozen=True)
 class Corner:
-    """A corner of a body at ``tip``, between the two faces of a ``wedge``.
-
-    ``length`` is that of the shorter face; forces farther from the tip than ``reach`` do not need the corner.
-    The force densities act along the whole infinite wedge. If faces are ``curved``, or would cut the body,
-    they act along the actual faces up to ``span``, fading out before, and their fields end at a ``center`` in
-    the void, if any. Those of forces beyond its reach are left out if it ``fades``.
-    """
+    """A corner of a body at ``tip``, between the two faces of a ``wedge``. ``length`` is that of the shorter
+    face; forces farther from the tip than ``reach`` do not need the corner. The force densities act along the
+    whole infinite wedge. If faces are ``curved``, or would cut the body, they act along the actual faces up
+    to ``span``, fading out before, and their fields end at a ``center`` in the void, if any. Those of forces
+    beyond its reach are left out if it ``fades``."""
 
     wedge: Wedge
     tip: complex
@@ -79,8 +77,7 @@ class Corner:
         return self.faces[0].distance(z)
 
     def share(self, away: FloatArray) -> FloatArray:
-        """Share (k,) of the densities of forces at distances ``away`` (k,): if it fades all within its reach,
-        none beyond twice that."""
+        """Share (k,) of the densities of forces at distances ``away`` (k,); less beyond reach if it fades."""
         return smooth_step(away / self.reach - 1.0) if self.fades else np.ones(len(away))
 
     def reflected(self, away: FloatArray, image: Image) -> FloatArray:
@@ -88,8 +85,7 @@ class Corner:
         return np.asarray(2.0 * self.distance(np.array([image.point])) - away)
 
     def cleared(self, z: ComplexArray, normal: ComplexArray) -> tuple[BoolArray, BoolArray]:
-        """Masks (e,) of points with outward normals on the first face, and on the second face freed of all
-        tractions."""
+        """Masks (e,) of points on the first face, and on the second face freed of all tractions."""
         found = [np.zeros(len(z), dtype=bool)] * 2
         if self.curved is None:
             for number, face in enumerate(self.faces[: 1 if self.wedge.sliding or self.wedge.clamped else 2]):
@@ -98,20 +94,9 @@ class Corner:
                 found[number] = on & (np.abs((normal * np.conj(face.along)).real) <= ROUND_OFF)
         return found[0], found[1]
 
-    def off_tip(self, z: ComplexArray, normal: ComplexArray) -> ComplexArray:
-        """Points (e,) with outward normals, those at the tip shifted along their curved face."""
-        least = SURFACE_INSET * self.span
-        for face in self.curved or ():
-            place, inward = face.places(np.array([least]))
-            at = (np.abs(z - self.tip) < least) & (
-                (normal * np.conj(-inward[0])).real > 1.0 - NORMAL_TOLERANCE
-            )
-            z = np.where(at, self.tip + place[0], z)
-        return z
-
     def mirrored(self, source: FloatArray) -> tuple[SurfaceForces, FloatArray] | None:
-        """Images, behind a frictionless wall, of unit forces at distances ``source`` (k,) from the tip, and
-        their components (k, 2, 2) per component of the forces; None without a wall."""
+        """Images, behind a frictionless wall, of unit forces at distances ``source`` (k,), and their
+        components (k, 2, 2) per component of the forces; None without a wall."""
         if not self.wedge.sliding:
             return None
         acts = source > 0.0
@@ -153,8 +138,8 @@ class Corner:
     def with_images(
         self, away: FloatArray, force: FloatArray, images: Sequence[Image]
     ) -> tuple[FloatArray, FloatArray]:
-        """Distances (k + i,), and the shares (k + i, 2, c) with densities, of forces (k, 2, c) at distances
-        ``away`` (k,) and their ``images``."""
+        """Distances (k + i,), and the shares (k + i, 2, c) with densities, of forces (k, 2, c) and their
+        ``images``."""
         places = np.concatenate([away, *(self.reflected(away, image) for image in images)])
         forces = [force, *(np.einsum("fd,kdc->kfc", image.matrix, force) for image in images)]
         return places, np.concatenate(forces) * self.share(places)[:, None, None]
@@ -182,8 +167,8 @@ class Corner:
 
 @dataclass(frozen=True)
 class CorneredForces:
-    """Unit forces on one face, as :class:`SurfaceForces`, with the densities that free the faces of the
-    ``corners`` at its ends of tractions; all of it with its ``images`` at planes of symmetry."""
+    """Unit forces on one face, with the densities that free the faces of the ``corners`` at its ends of
+    tractions; all of it with its ``images`` at planes of symmetry."""
 
     own: SurfaceForces
     corners: tuple[Corner, ...]
@@ -215,10 +200,15 @@ class CorneredForces:
         return total
 
     def traction(self, z: ComplexArray, normal: ComplexArray, curvature: FloatArray) -> FloatArray:
-        """Tractions (e, k, 2, 2) at surface points ``z`` (e,) with outward ``normal`` and ``curvature`` (e,);
-        exactly zero on a corner's straight faces by the forces with this corner's densities."""
+        """Tractions (e, k, 2, 2) at surface points ``z`` (e,); exactly zero on a corner's straight faces by
+        the forces with this corner's densities."""
         for corner in self.corners:
-            z = corner.off_tip(z, normal)
+            # Points at the tip are shifted along their curved face.
+            least = SURFACE_INSET * corner.span
+            for face in corner.curved or ():
+                place, inward = face.places(np.array([least]))
+                same = (normal * np.conj(-inward[0])).real > 1.0 - NORMAL_TOLERANCE
+                z = np.where((np.abs(z - corner.tip) < least) & same, corner.tip + place[0], z)
         total = np.zeros((len(z), len(self.place), 2, 2))
         for image in (None, *self.images):
             at, outward = (z, normal) if image is None else (image.points(z), image.directions(normal))

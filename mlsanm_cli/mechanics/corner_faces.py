@@ -38,8 +38,8 @@ Field: TypeAlias = Callable[[SurfaceForces, ComplexArray], FloatArray]
 
 @dataclass(frozen=True)
 class Face:
-    """One face of a corner, starting at its ``tip``. Straight with unit tangent ``along`` and unit normal
-    ``inward`` into the material, or a ``curve`` that has the tip at its end (``at_end``) or at its start."""
+    """A face of a corner from its ``tip``: straight with unit tangent ``along`` and unit normal ``inward``,
+    or a ``curve`` that has the tip at its end (``at_end``) or at its start."""
 
     tip: complex
     along: complex
@@ -68,8 +68,8 @@ class Face:
 
 @dataclass(frozen=True)
 class FaceForces:
-    """A force distribution along a ``face``: point forces ``density`` (p, 2, c) at equidistant ``logarithm``
-    (p,) of the distance that represent a smooth density; the fields end at a ``center``, if any."""
+    """Point forces ``density`` (p, 2, c) along a ``face`` at equidistant ``logarithm`` (p,) of the distance
+    that represent a smooth density; the fields end at a ``center``, if any."""
 
     kernel: PointForceField
     face: Face
@@ -126,11 +126,11 @@ class FaceForces:
         total = summed(partial(by_all, self._forces), inside, self.density)
         if len(near):
             by = of_each(self._forces, inside[near, None]) * (1.0 - _window(apart))[..., None, None]
-            by += self._near_face(x[near], slope, of_each)
+            by += self._integrated(x[near], slope, of_each)
             total[near] = np.einsum("epcd,pdm->ecm", by, self.density, optimize=True)
         return total
 
-    def _near_face(self, x: FloatArray, slope: FloatArray, field_of_each: Field) -> FloatArray:
+    def _integrated(self, x: FloatArray, slope: FloatArray, field_of_each: Field) -> FloatArray:
         """Fields (e, p, c, 2) of the forces near distances ``x`` (e,), seen from a height of ``slope`` (e,)
         times x above the face: integrals over ln(x) + slope sinh(v)."""
         end = np.arcsinh(BLEND_END / slope)[:, None]

@@ -26,7 +26,6 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.cloud.tips import SMOOTH_TURN
 from mlsanm_cli.mechanics.springs import FREE, NO_SPRING, Held, Springs
-from mlsanm_cli.operators.settings import MlsSettings
 
 POWER = 1.5
 """Exponent of the weights; above 0.3 weighted second derivatives of the singular displacements are
@@ -71,22 +70,6 @@ def corner_weight(
     return np.asarray(np.minimum(distance / (WEIGHT_REACH * thickness(cloud)), 1.0) ** POWER)
 
 
-def one_sided_weight(cloud: Cloud, corner: FloatArray, settings: MlsSettings) -> FloatArray:
-    """Factor (n,) on equilibrium rows: less at boundary nodes, but not where fields may be singular, near
-    sharp corners and as far as ``corner`` (n,), the factor of :func:`corner_weight`, decreases: there fits
-    inside miss as much."""
-    factor = np.ones(len(cloud.points))
-    if settings.narrows:
-        nodes = cloud.boundary_nodes
-        sharp = [node for node, turn, _ in cloud.corners if abs(turn) > SMOOTH_TURN]
-        away = corner[nodes] ** (1.0 / POWER)
-        if len(sharp):
-            distance = nearest(cKDTree(cloud.points[sharp]), cloud.points[nodes])[0]
-            away = np.minimum(away, distance / (WEIGHT_REACH * thickness(cloud)))
-        factor[nodes] -= (1.0 - ONE_SIDED_WEIGHT) * away
-    return factor
-
-
 def singular_changes(
     cloud: Cloud, restraints: Held, springs: Springs, touching: Collection[str] = ()
 ) -> IntArray:
@@ -110,16 +93,3 @@ def singular_changes(
 def reentrant_corners(cloud: Cloud) -> IntArray:
     """Nodes where two surfaces meet at a sharp reentrant corner."""
     return np.array([node for node, turn, _ in cloud.corners if turn < -SMOOTH_TURN], dtype=np.int64)
-
-
-def reentrant_weight(cloud: Cloud, corners: IntArray) -> FloatArray:
-    """Factor (n,) on equilibrium and traction rows: min(1, (distance + radius) / thickness)^POWER.
-
-    The distance is that to the nearest of the ``corners`` (c,), of radius 0, or concave part of the outline:
-    fillet, notch or hole. Enriched corners need no weights.
-    """
-    size = cloud.room
-    if len(corners):
-        away = nearest(cKDTree(cloud.points[corners]), cloud.points)[0]
-        size = np.minimum(size, np.maximum(away, MIN_DISTANCE * cloud.spacing))
-    return np.asarray(np.minimum(size / thickness(cloud), 1.0) ** POWER)

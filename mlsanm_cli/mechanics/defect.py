@@ -59,9 +59,9 @@ def next_degree(settings: MlsSettings, material: PlaneMaterial) -> MlsSettings:
 
 @dataclass(frozen=True)
 class Defect:
-    """``source`` (r,) in the units of the body's rows, its part ``singular`` (r,) in rows of nodes near ends
-    of clamped sides, ``stress`` (n, 3) of the better fits minus the body's, and ``reactions``: force and
-    moment about the origin (3,) on every restrained surface, likewise."""
+    """``source`` (r,) in the units of the body's rows, its part ``singular`` (r,) near ends of clamped sides,
+    ``stress`` (n, 3) of the better fits minus the body's, and likewise ``reactions``: force and moment about
+    the origin (3,) on every restrained surface."""
 
     source: FloatArray
     singular: FloatArray
@@ -71,9 +71,9 @@ class Defect:
 
 @dataclass(frozen=True)
 class Corrected:
-    """``displacement`` (N, 2) of a body, its elastic ``solution`` (2N, 1) without rigid motions, its
-    ``defect`` and the resulting ``change`` (2N,). ``rough`` is the relative error of solutions by the factor
-    alone, ``uncertain`` (2N,) what the change may miss."""
+    """``displacement`` (N, 2) of a body, its elastic ``solution`` (2N, 1), its ``defect`` and the resulting
+    ``change`` (2N,). ``rough`` is the relative error of solutions by the factor alone, ``uncertain`` (2N,)
+    what the change may miss."""
 
     displacement: FloatArray
     solution: FloatArray
@@ -143,9 +143,9 @@ def defect_of(
     better: NextDegree | None = None,
     plates: Collection[str] = (),
 ) -> Defect:
-    """Defect of the nodal ``displacement`` (N, 2) of a body with surfaces on ``plates`` that are moved by
-    forces, by fits of the next degree, ``better`` if known. Raises NumericalError for a degree outside
-    DEGREES, or if the cloud is too small for the next degree."""
+    """Defect of the nodal ``displacement`` (N, 2) by fits of the next degree, ``better`` if known; surfaces
+    on ``plates`` are moved by forces. Raises NumericalError for a degree outside DEGREES or too small a
+    cloud."""
     model, stiffness = body.model, body.model.material.stiffness
     if model.settings.degree not in DEGREES:
         raise NumericalError(
@@ -198,8 +198,8 @@ def _near_singular(body: ElasticBody, plates: Collection[str]) -> BoolArray:
 
 @dataclass(frozen=True)
 class NextDegree:
-    """Fits one degree higher than a body's, with that degree's default stencil size. The weights of small
-    bodies are ``kept``, so that a second evaluation is cheap."""
+    """Fits one degree higher than a body's. The weights of small bodies are ``kept`` for a second
+    evaluation."""
 
     model: BodyModel
     kept: dict[tuple[MlsSettings, int, bytes], Stencils] = field(default_factory=dict, compare=False)
@@ -217,9 +217,8 @@ class NextDegree:
         points: FloatArray,
     ) -> FloatArray:
         """Stress (e, t, 3) of ``displacement`` (N, 2) by the model's fits minus that by these, at ``points``
-        (e, t, 2) around ``places`` (e, 2), extrapolated with first and second derivatives; in nearly
-        incompressible bodies mean stresses are fits of both degrees to nodal ones, a pair ``mean`` (n, 3).
-        """
+        (e, t, 2) around ``places`` (e, 2), extrapolated with two derivatives; in nearly incompressible bodies
+        mean stresses are fits of both degrees to nodal ones, a pair ``mean`` (n, 3)."""
         model, c = self.model, self.model.material.stiffness
         # Fluxes are not of the narrower fits at nodes.
         settings = replace(model.settings, narrow=False)
@@ -238,8 +237,7 @@ class NextDegree:
         return stress.reshape(shape)
 
     def _derivatives(self, values: FloatArray, places: FloatArray, settings: MlsSettings) -> FloatArray:
-        """Value and derivatives (e, 6, c) at ``places`` (e, 2) of nodal displacements (N, 2), or of stresses
-        (n, 3)."""
+        """Value and derivatives (e, 6, c) at ``places`` of displacements (N, 2) or stresses (n, 3)."""
         model, cloud = self.model, self.model.cloud
         tips = model.tips if values.shape[1] == 2 else None
 

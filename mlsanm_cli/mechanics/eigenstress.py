@@ -18,32 +18,30 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
-from mlsanm_cli.mechanics.elasticity import XX, XY, YY, force_sums, traction_of
+from mlsanm_cli.mechanics.elasticity import force_sums, traction_of
 from mlsanm_cli.mechanics.pieces import reaction_of, reaction_rows
 from mlsanm_cli.mechanics.springs import FREE
 from mlsanm_cli.operators.rows import scalar_rows
 from mlsanm_cli.operators.stencils import build_gradients
 from mlsanm_cli.records import dataclass
 
-PARTS = ((XX, XY), (XY, YY))
-"""Stresses whose derivatives, or products with a normal, by x and by y are the force x, and the force y."""
-
 
 def eigenstress_loads(body: ElasticBody) -> sparse.csr_array:
     """Right-hand sides (r, 3n) of a body per nodal eigenstress."""
     model, nodes = body.model, len(body.model.cloud.points)
     weights = model.stencils.weights
-    by = [scalar_rows(model.stencils, np.ascontiguousarray(weights[:, kind])) for kind in (1, 2)]
-    blocks = [_placed(PARTS[axis], by, nodes) for axis in (0, 1)]
+    d_x, d_y = (scalar_rows(model.stencils, np.ascontiguousarray(weights[:, kind])) for kind in (1, 2))
+    blocks = [sparse.block_array([[d_x, None, d_y], [None, d_y, d_x]], format="csr")]
     for name, surface in model.cloud.surfaces.items():
         count = len(surface.index)
         for axis in (0, 1):
             own = np.zeros(count) if body.held.get(name, FREE)[axis] else np.ones(count)
-            normal = [
+            x, y = (
                 sparse.csr_array((own * part, (np.arange(count), surface.index)), shape=(count, nodes))
                 for part in surface.normal.T
-            ]
-            blocks.append(_placed(PARTS[axis], normal, nodes))
+            )
+            empty = sparse.csr_array((count, nodes))
+            blocks.append(sparse.hstack([empty, y, x] if axis else [x, empty, y], format="csr"))
     rest = 3 * body.pieces.count
     found = sparse.csr_array(sparse.vstack(blocks, format="csr"))
     single = sparse.csr_array((body.rows - rest - found.shape[0], 3 * nodes))
@@ -72,20 +70,11 @@ def forces_through(
 
 
 def eigenstress_reaction(body: ElasticBody, surface: str, center: tuple[float, float]) -> sparse.csr_array:
-    """Rows (3, 3n) of force x, y and moment about ``center`` of a held surface due to eigenstresses, to be
-    subtracted from those computed from displacements."""
+    """Rows (3, 3n) of force and moment about ``center`` of a held surface due to eigenstresses, to
+    subtract."""
     model = body.model
     where, held = model.cloud.surfaces[surface], body.restrained[surface]
     return reaction_rows(model, where, held, center, lambda *places: forces_through(model, *places))
-
-
-def _placed(parts: tuple[int, int], blocks: list[sparse.csr_array], nodes: int) -> sparse.csr_array:
-    """Rows (e, 3n) with two ``blocks`` (e, n) at the stresses ``parts``."""
-    empty = sparse.csr_array((blocks[0].shape[0], nodes))
-    found = [empty, empty, empty]
-    for part, block in zip(parts, blocks, strict=True):
-        found[part] = block
-    return sparse.csr_array(sparse.hstack(found, format="csr"))
 
 
 class Field(Protocol):
@@ -97,8 +86,7 @@ class Field(Protocol):
 
 @dataclass(frozen=True)
 class Heating:
-    """Temperature change of a body at factor 1: a ``field``, and its ``values`` (n,) at the cloud's
-    points."""
+    """Temperature change of a body at factor 1: a ``field``, and its ``values`` (n,) at the nodes."""
 
     number: int
     body: str
@@ -119,8 +107,7 @@ class Heating:
         return source
 
     def reaction(self, body: ElasticBody, surface: str, center: tuple[float, float]) -> FloatArray:
-        """Force x, y and moment about ``center`` (3,) due to thermal expansion, to be subtracted from those
-        computed for a held surface from displacements."""
+        """Force and moment about ``center`` (3,) of a held surface due to thermal expansion, to subtract."""
         even, held = body.model.material.stress_of_expansion, body.restrained[surface]
         where = body.model.cloud.surfaces[surface]
         return reaction_of(body.model, where, held, center, lambda points: self._blocked(even, points))

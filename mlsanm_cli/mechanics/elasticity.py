@@ -39,8 +39,7 @@ WITH_X, WITH_Y = (1, 3, 4), (2, 4, 5)
 
 
 def operator_rows(stencils: Stencils, kinds: slice, coefficients: FloatArray) -> sparse.csr_array:
-    """Rows (e, 2n) of derivatives ``kinds`` (m) of u_x and u_y times ``coefficients`` (m, 2), or (m, 2, e) if
-    they vary from point to point."""
+    """Rows (e, 2n) of derivatives ``kinds`` (m) of u_x and u_y times ``coefficients`` (m, 2) or (m, 2, e)."""
     weights = stencils.weights[:, kinds]
     if coefficients.ndim == 2:
         return pair_rows(stencils, weights @ coefficients)
@@ -57,8 +56,8 @@ def over_radius(values: FloatArray, slopes: FloatArray, radius: FloatArray) -> F
 
 
 def strain_operator(radius: FloatArray) -> FloatArray:
-    """Strains xx, yy, 2 xy and hoop at points of ``radius`` (e,), by value, d/dx and d/dy of u_x and u_y: (4,
-    3, 2, e)."""
+    """Strains xx, yy, 2 xy and hoop at a ``radius`` (e,), by value, d/dx and d/dy of u_x, u_y: (4, 3, 2,
+    e)."""
     found = np.zeros((4, 3, 2, len(radius)))
     found[XX, 1, 0] = found[XY, 2, 0] = found[XY, 1, 1] = found[YY, 2, 1] = 1.0
     one, none = np.ones(len(radius)), np.zeros(len(radius))
@@ -92,8 +91,8 @@ def stress_rows(stencils: Stencils, c: FloatArray, component: int) -> sparse.csr
 
 
 def traction_moduli(moduli: FloatArray, normal: FloatArray, component: int) -> FloatArray:
-    """Coefficients (m, 2, b) of the traction x (0) or y (1) on surfaces with ``normal`` (b, 2), by ``moduli``
-    (4, m, 2, b or 1)."""
+    """Coefficients (m, 2, b) of the traction x (0) or y (1) on ``normal`` (b, 2), by ``moduli`` (4, m, 2, b |
+    1)."""
     on_x, on_y = moduli[2 * component : 2 * component + 2]
     return np.asarray(on_x * normal[:, 0] + on_y * normal[:, 1])
 
@@ -105,9 +104,8 @@ def traction_rows(stencils: Stencils, c: FloatArray, normal: FloatArray, compone
 
 def force_rows(stencils: Stencils, c: FloatArray, arm: FloatArray, normal: FloatArray) -> sparse.csr_array:
     """Rows (3e, 2n) of the forces x, forces y and moments with ``arm`` (e, t, 2) of sigma n, summed over the
-    t quadrature points of each stencil. The stencils have the weights (nnz, 2t) of d/dx and d/dy at these
-    points, of a body of revolution (nnz, 3t) of the value, too; ``normal`` (e, t, 2) includes the quadrature
-    weights."""
+    quadrature points of each stencil, at which it has the weights (nnz, 2t) of d/dx and d/dy, in a body of
+    revolution (nnz, 3t); ``normal`` (e, t, 2) includes the quadrature weights."""
     values = np.zeros((3, len(stencils.indices), 2))
     weights, radius = stencils.weights, stencils.radius
     if radius is not None:
@@ -152,8 +150,7 @@ def equilibrium_rows(stencils: Stencils, c: FloatArray, component: int) -> spars
 
 
 def _equilibrium_operator(c: FloatArray, radius: FloatArray) -> FloatArray:
-    """div sigma in x and y at points of a ``radius`` (e,) by value, first and second derivatives of u_x and
-    u_y: (2, 6, 2, e)."""
+    """div sigma at a ``radius`` (e,) by value, first and second derivatives of u_x and u_y: (2, 6, 2, e)."""
     strain = strain_operator(radius)
     value, by_x, by_y = np.zeros((3, 4, 6, 2, len(radius)))
     value[:, :3] = by_x[:, WITH_X] = by_y[:, WITH_Y] = strain
@@ -237,8 +234,7 @@ def point_rows(
 
 
 def traction_of(stress: FloatArray, normal: FloatArray) -> FloatArray:
-    """Tractions (b, 2) of ``stress`` (b, 3 | 4), or (3 | 4,) if uniform, on surfaces with ``normal`` (b,
-    2)."""
+    """Tractions (b, 2) of ``stress`` (b, 3 | 4) or (3 | 4,) on surfaces with ``normal`` (b, 2)."""
     xx, yy, xy = stress.T[:3]
     x, y = normal.T
     return np.stack([xx * x + xy * y, xy * x + yy * y], axis=1)

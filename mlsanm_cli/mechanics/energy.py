@@ -26,7 +26,7 @@ from mlsanm_cli.mechanics.rigid import ROTATION, RigidBodyModes, motions_of
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 
 MAX_STEPS, EXTENSION_TOLERANCE = 500, 1e-5
-"""Step limit and relative residual of the extension of boundary values, whose accuracy hardly matters."""
+"""Step limit and relative residual of the extension of boundary values."""
 TIP_RADIUS = 3.0
 """Triangles within this many spacings of a reentrant corner are integrated with fitted stresses."""
 
@@ -36,7 +36,7 @@ MIN_THERMAL_SHARE = 0.1
 
 
 def least_thermal_energy(model: BodyModel, degrees: FloatArray) -> float:
-    """Energy of a body with temperature changes ``degrees`` (n,) below which its energy is not checked."""
+    """Energy below which that of a body with temperature changes ``degrees`` (n,) is not checked."""
     free, stiffness = model.material.expansion, model.material.stiffness
     blocked = float(model.cloud.volumes @ degrees**2) * float(free @ stiffness @ free)
     return MIN_THERMAL_SHARE * blocked
@@ -87,8 +87,8 @@ def gradients(cloud: Cloud) -> tuple[FloatArray, FloatArray]:
 
 
 def inner_work(cloud: Cloud, stress: FloatArray, virtual: FloatArray) -> float:
-    """Integral of nodal ``stress`` (n, 3) times the strain of a ``virtual`` displacement (n, 2), both linear
-    on the triangles."""
+    """Integral of nodal ``stress`` (n, 3) times the strain of a ``virtual`` displacement (n, 2), both
+    linear."""
     areas, slopes = gradients(cloud)
     by, middle = np.einsum("tki,tkc->tic", slopes, virtual[cloud.triangles]), cloud.points[cloud.triangles]
     derivatives = np.concatenate([virtual[cloud.triangles].mean(axis=1)[:, None], by], axis=1)
@@ -98,8 +98,8 @@ def inner_work(cloud: Cloud, stress: FloatArray, virtual: FloatArray) -> float:
 
 
 def extended(cloud: Cloud, values: FloatArray, known: BoolArray) -> FloatArray:
-    """A smooth nodal field (n, 2) with the ``values`` (n, 2) where ``known`` (n, 2). Approximately harmonic
-    (conjugate gradients on the triangles); 0 in a component without known values."""
+    """A nearly harmonic nodal field (n, 2) with the ``values`` (n, 2) where ``known`` (n, 2), by conjugate
+    gradients on the triangles; 0 in a component without known values."""
     areas, slopes = gradients(cloud)
     entries = areas[:, None, None] * np.einsum("tki,tli->tkl", slopes, slopes)
     rows, columns = np.repeat(cloud.triangles, 3, axis=1).ravel(), np.tile(cloud.triangles, 3).ravel()
@@ -151,15 +151,13 @@ def energy_at_tips(model: BodyModel, displacement: FloatArray, stress: FloatArra
 
 
 def energy_between_nodes(model: BodyModel, displacement: FloatArray, stress: FloatArray) -> float:
-    """The same correction by all other triangles: near the surface fits are less accurate at nodes than
-    between them."""
+    """The same correction by all other triangles: near the surface fits are better between nodes."""
     own = model.cloud.triangles[~_at_tips(model)[0]]
     return _beyond_linear(model, displacement, stress, own, TRIANGLE_POINTS, np.full(3, 1.0 / 3.0))
 
 
 def _at_tips(model: BodyModel) -> tuple[BoolArray, FloatArray]:
-    """Mask (t,) of the triangles around reentrant corners, and distance (n,) of the nodes from the
-    corners."""
+    """Mask (t,) of the triangles around reentrant corners, and distance (n,) of the nodes from these."""
     cloud, tips = model.cloud, model.tips
     if tips is None:
         return np.zeros(len(cloud.triangles), dtype=bool), np.full(len(cloud.points), np.inf)
@@ -195,9 +193,8 @@ def _beyond_linear(
 
 
 def rigid_part(cloud: Cloud, displacement: FloatArray, levels: Sequence[FloatArray]) -> FloatArray:
-    """The rigid motion (n, 2) closest to the nodal ``displacement`` (n, 2). ``levels`` are weights (n, 2) in
-    order of priority: each decides what earlier ones leave undetermined. The mean over the body decides the
-    rest."""
+    """The rigid motion (n, 2) closest to the nodal ``displacement`` (n, 2), by weights (n, 2), ``levels`` in
+    order of priority: each decides what earlier ones leave undetermined, the mean over the body the rest."""
     size = float(np.ptp(cloud.points, axis=0).max())
     middle, motions = cloud.areas @ cloud.points / cloud.areas.sum(), motions_of(cloud)
     patterns = RigidBodyModes((float(middle[0]), float(middle[1])), motions).patterns(cloud.points)

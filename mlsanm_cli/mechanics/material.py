@@ -15,8 +15,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.records import dataclass
 
 LOCKING_RATIO = 8.0
-"""Ratio lambda / mu of Lame's constants above which the formulation for nearly incompressible materials is
-used (Poisson's ratio 0.444 in plane strain); it multiplies the fill of the factor by two and a half."""
+"""Ratio lambda / mu above which the formulation for nearly incompressible materials is used."""
 
 
 ROOT_DIGITS = 5
@@ -43,8 +42,7 @@ class PlaneMaterial:
 
     @cached_property
     def expansion(self) -> FloatArray:
-        """Strains (3,) xx, yy, 2 xy per degree of a body that is free in the plane, of a body of revolution
-        (4,) with the hoop strain."""
+        """Strains (3,) xx, yy, 2 xy per degree of a body free in the plane; with the hoop strain (4,)."""
         if self.revolved:
             return self.free_expansion
         own, thickening = self.free_expansion[:3], float(self.free_expansion[3])
@@ -128,13 +126,13 @@ class PlaneMaterial:
 
     def contact_compliance(self, direction: FloatArray, force: FloatArray | None = None) -> FloatArray:
         """1/E' (m,) of a half-plane's surface along unit vectors ``direction`` (m, 2) due to forces along
-        them, or along ``force`` (m, 2); 1/E* is the sum for both bodies."""
+        them, or along ``force`` (m, 2)."""
         by = direction if force is None else force
         return np.asarray(0.5 * np.einsum("mi,ij,mj->m", direction, self._surface, by))
 
     def out_of_plane_stress(self, stress: FloatArray, temperature: FloatArray | float = 0.0) -> FloatArray:
-        """sigma_zz (n,) for plane ``stress`` (n, 3) and a ``temperature`` change, scalar or (n,); the hoop
-        stress of bodies of revolution, the fourth component."""
+        """sigma_zz (n,) for plane ``stress`` (n, 3) and a ``temperature`` change; in bodies of revolution the
+        hoop stress."""
         if self.revolved:
             return stress[:, 3]
         # An unknown (nan) expansion does not matter where nothing is heated.
@@ -142,16 +140,14 @@ class PlaneMaterial:
         return np.asarray(stress @ self.across + heat)
 
     def strain(self, stress: FloatArray, temperature: float | FloatArray = 0.0) -> FloatArray:
-        """Plane strains xx, yy, xy (n, 3) for ``stress`` (n, 3 | 4) and a ``temperature`` change, scalar or
-        (n,)."""
+        """Plane strains xx, yy, xy (n, 3) for ``stress`` (n, 3 | 4) and a ``temperature`` change."""
         found = np.linalg.solve(self.stiffness, stress.T).T + np.multiply.outer(temperature, self.expansion)
         # Stiffness and expansion use the engineering shear strain.
         return np.asarray(found[:, :3] * np.array([1.0, 1.0, 0.5]), dtype=np.float64)
 
     @property
     def of_revolution(self) -> PlaneMaterial:
-        """The material, that of plane strain, in bodies of revolution: the strain across is the hoop
-        strain."""
+        """The material, that of plane strain, in bodies of revolution."""
         hoop = self.coupling
         across = self.across @ hoop + self.across_modulus
         return replace(self, stiffness=np.block([[self.stiffness, hoop[:, None]], [hoop, across]]))

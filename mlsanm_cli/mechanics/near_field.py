@@ -34,16 +34,15 @@ BATCH_SIZE = 20_000
 NO_PAIRS = np.zeros((0, 0), dtype=bool)
 """Empty mask: no pair of point and force is left out."""
 SURFACE_INSET = 1e-3
-"""Points on surfaces, where fields jump, and forces at corners are shifted inside by this part of the local
-length."""
+"""Points on surfaces and forces at corners are shifted inside by this part of the local length."""
 
 
 class PointForceField(Protocol):
     """The field of a unit force at the origin on the surface of a body of one material."""
 
     def displacement(self, w: ComplexArray, base: ComplexArray) -> FloatArray:
-        """Displacements (..., 2, 2) at ``w`` (...); angles are measured from ``base`` (...), with the branch
-        cut from the force along -base."""
+        """Displacements (..., 2, 2) at ``w`` (...); angles from ``base`` (...), the branch cut along
+        -base."""
 
     def stress(self, w: ComplexArray) -> FloatArray:
         """Stresses (..., 3, 2) at ``w`` (...)."""
@@ -53,14 +52,13 @@ class PointForceField(Protocol):
         subtends less than pi; it has no moment about the origin."""
 
     def along(self, tangent: ComplexArray) -> FloatArray:
-        """Traction (..., 2, 2) on the surface next to the force per unit curvature (positive where the
-        material is convex); ``tangent`` (...) are unit vectors."""
+        """Traction (..., 2, 2) next to the force per unit curvature, on surfaces with unit ``tangent``
+        (...)."""
 
 
 @dataclass(frozen=True)
 class Isotropic:
-    """Near field of an isotropic material with ``shear`` modulus and Muskhelishvili's constant ``kappa``: 3 -
-    4 nu in plane strain, (3 - nu) / (1 + nu) in plane stress."""
+    """Near field of an isotropic material with ``shear`` modulus and Muskhelishvili's constant ``kappa``."""
 
     shear: float
     kappa: float
@@ -165,8 +163,7 @@ def as_real(numbers: ComplexArray) -> FloatArray:
 
 
 def by_component(table: FloatArray) -> FloatArray:
-    """Displacements (e, k, 2, 2) as a matrix (2e, 2k): rows x of all points, then y; columns likewise by
-    forces."""
+    """Displacements (e, k, 2, 2) as a matrix (2e, 2k): rows x of all points, then y; columns likewise."""
     e, k = table.shape[:2]
     return _by_force(table, NO_PAIRS).reshape(2 * e, 2 * k)
 
@@ -197,12 +194,10 @@ def summed(fields: Callable[[ComplexArray], FloatArray], z: ComplexArray, force:
 
 @dataclass(frozen=True)
 class SurfaceForces:
-    """Unit forces in x and y at k points of a body's surface, with the near field ``kernel`` of its material.
-
-    ``place`` (k,) are the points, ``inward`` (k,) unit normals into the body. In hollows the field of every
-    force ends at a ``center`` in the void, where the opposite force acts; the branch cut of the displacement
-    is the line between both. Elsewhere the cut runs outwards along the normal.
-    """
+    """Unit forces in x and y at points ``place`` (k,) of a body's surface with ``inward`` unit normals (k,),
+    and the near field ``kernel`` of its material. In hollows every field ends at a ``center`` in the void,
+    where the opposite force acts; the branch cut of the displacement is the line between both. Elsewhere it
+    runs outwards along the normal."""
 
     kernel: PointForceField
     place: ComplexArray
@@ -218,8 +213,7 @@ class SurfaceForces:
         return self.stress_of_each(z[:, None])
 
     def displacements(self, z: ComplexArray, left_out: BoolArray = NO_PAIRS) -> FloatArray:
-        """Displacements (2, e, 2k) at points ``z`` (e,) by forces x, then y, without pairs in ``left_out``
-        (e, k)."""
+        """Displacements (2, e, 2k) at ``z`` (e,) by forces x, then y, but pairs in ``left_out`` (e, k)."""
         if not isinstance(self.kernel, Isotropic):
             return _by_force(self.displacement(z), left_out)
         places, bases = as_real(self.place), as_real(self.inward)
@@ -251,7 +245,7 @@ class SurfaceForces:
 
     def traction(self, z: ComplexArray, normal: ComplexArray, curvature: FloatArray) -> FloatArray:
         """Tractions (e, k, 2, 2) at surface points ``z`` (e,) with outward ``normal`` and ``curvature`` (e,);
-        at the point of a force, the regular part next to it."""
+        at the point of a force, the regular part."""
         w = z[:, None] - self.place
         at = np.abs(w) <= AT_FORCE * np.abs(z).max(initial=0.0)
         outward = np.broadcast_to(normal[:, None], w.shape)
@@ -264,8 +258,8 @@ class SurfaceForces:
 
     def through(self, first: ComplexArray, last: ComplexArray) -> FloatArray:
         """Force (e, k, 2, 2) transmitted outwards through parts of the outline from ``first`` to ``last``
-        (e,), without the point forces on them; its line of action passes through the points of the forces,
-        see also :meth:`through_center`."""
+        (e,), without the point forces on them; its line of action passes through the forces
+        (:meth:`through_center`)."""
         one, other = first[:, None] - self.place, last[:, None] - self.place
         ahead = -1j * self.inward
         # A force at the end of a part: use the tangent there as the line of sight.
@@ -283,7 +277,6 @@ class SurfaceForces:
 
 
 AT_FORCE = 5e-6
-"""Points closer to a force than this fraction of the coordinates get the traction at the force: w . n, of
-order |w|^2, is lost in round-off."""
+"""Points closer to a force than this fraction of the coordinates get the traction at the force."""
 ON_PART = 1.01
 """A force lies on a part of the outline if both ends are within this times its length."""

@@ -29,7 +29,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.cloud.cells import FINE, GAUSS, Halves, Rule, cell_quadrature, corner_moments, measure
+from mlsanm_cli.cloud.cells import GAUSS, Halves, Rule, cell_quadrature, corner_moments, measure
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.cloud.pieces import divide, pair_up
@@ -45,12 +45,10 @@ from mlsanm_cli.roundoff import ROUND_OFF
 BOUNDARY_NODES = 16
 """Nodes of a piece at the outline."""
 EQUILIBRIUM_WEIGHT = 3000.0
-"""Weight of the strain that corresponds to the force imbalance of a piece, relative to other strains: far
-below, thin rings are too stiff, far above, the normal equations become too ill-conditioned. Pieces smaller
-than half a body's thickness are weaker in proportion: all forces count alike, as in H^-1."""
+"""Weight of the strain that corresponds to the force imbalance of a piece. Pieces smaller than half a body's
+thickness are weaker in proportion: all forces count alike, as in H^-1."""
 MAX_MODULUS_RATIO = 150.0
-"""Largest modulus over shear modulus for this weight. Beyond, in nearly incompressible materials, shear rows
-have so few digits left that the pieces are made weaker in proportion."""
+"""Largest modulus over shear modulus for this weight; beyond, pieces are made weaker in proportion."""
 PAIR_WEIGHT = 10.0
 """The same for pairs of nodes at contacts, which separate one node's pressure from its neighbours'."""
 
@@ -62,12 +60,10 @@ ForcesThrough: TypeAlias = Callable[[FloatArray, FloatArray, FloatArray], sparse
 @dataclass(frozen=True)
 class Pieces:
     """The division of a ``cloud`` into k pieces, each ``strength`` (k,) times as strong as a node's rows.
-
-    ``levels`` are piece numbers of all nodes (n,), -1 for none: the first level divides the body into
-    connected pieces, the second has pairs of neighbours at contact surfaces. ``middle`` (k, 2) are centroids;
-    pieces that are not ``closed`` (k,) miss a part of the outline. Loads and fluxes are 3k rows: forces x of
-    all pieces, forces y, and moments about the centroids over ``size`` (k,), the square root of the area.
-    """
+    ``levels`` are piece numbers of all nodes (n,), -1 for none: connected pieces that make up the body, and
+    pairs of neighbours at contact surfaces. ``middle`` (k, 2) are centroids; pieces that are not ``closed``
+    (k,) miss a part of the outline. Loads and fluxes are 3k rows: forces x of all pieces, forces y, and
+    moments about the centroids over ``size`` (k,), the square root of the area."""
 
     cloud: Cloud
     levels: tuple[IntArray, ...]
@@ -132,8 +128,7 @@ class Pieces:
         return sparse.csr_array(sum(parts[1:], parts[0]))
 
     def flux_of(self, stress: Callable[[FloatArray, FloatArray], FloatArray], held: Held) -> FloatArray:
-        """The same (3k,) for a ``stress`` function of points (e, t, 2) around centres (e, 2), values (e, t, 3
-        | 4)."""
+        """The same (3k,) for a ``stress`` function of points (e, t, 2) around centres (e, 2)."""
         total = np.zeros(3 * self.count)
         for matrix, middle, points, normals in self._faces(held, np.ones(self.count, dtype=bool), GAUSS[2]):
             values = stress(middle, points)
@@ -147,8 +142,8 @@ class Pieces:
         return total
 
     def _rings(self, rule: Rule) -> Iterator[tuple[IntArray, FloatArray, FloatArray, FloatArray]]:
-        """Quadrature over the cells of the nodes, about triangles and between chords and outline: the nodes
-        (e, t), centres (e, 2), points (e, t, 2), and areas (e, t)."""
+        """Quadrature over the cells, about triangles and between chords and outline: nodes (e, t), centres
+        (e, 2), points (e, t, 2), and areas (e, t)."""
         cloud = self.cloud
         node, points, area, _ = cell_quadrature(cloud.points, cloud.triangles)
         # Point by point of every triangle: the parts of all triangles have three points each, part by part.
@@ -170,8 +165,8 @@ class Pieces:
                 yield own[:, None], middle, middle[:, None], weight[:, None]
 
     def _hoop(self, owner: IntArray, points: FloatArray, weight: FloatArray) -> sparse.csr_array:
-        """Matrix (3k, e t) from the hoop stress at ``points`` (e, t, 2) of areas ``weight`` (e, t) in the
-        cells of nodes ``owner`` (e, t) to the forces and moments on pieces that resist it."""
+        """Matrix (3k, e t) from the hoop stress at ``points`` of areas ``weight`` in the cells of nodes
+        ``owner`` to the forces and moments on pieces that resist it."""
         nodes, around = owner.ravel(), 2.0 * np.pi * weight.ravel()
         # A turn displaces a circle by minus its height, which strains it by that over the radius.
         forces = np.stack([around, np.zeros(len(nodes))], axis=1)
@@ -180,9 +175,9 @@ class Pieces:
     def _faces(
         self, held: Held, wanted: BoolArray, rule: Rule
     ) -> Iterator[tuple[sparse.csr_array, FloatArray, FloatArray, FloatArray]]:
-        """Faces of ``wanted`` pieces (k,), inner ones and ``held`` parts of the outline: the matrix (3k, 3e)
-        from forces and moments about centres (e, 2) to minus those that leave the pieces, the centres,
-        quadrature points (e, t, 2), and normals times weights (e, t, 2)."""
+        """Inner faces of ``wanted`` pieces (k,) and ``held`` parts of the outline: the matrix (3k, 3e) from
+        forces and moments about centres (e, 2) to minus those that leave the pieces, the centres, quadrature
+        points (e, t, 2), and normals times weights (e, t, 2)."""
         for level in self.levels:
             faces, chosen = self.cloud.faces.between(level), np.append(wanted, False)
             faces = faces.select(chosen[level[faces.one]] | chosen[level[faces.other]])
@@ -243,18 +238,11 @@ class Pieces:
         count = 2 * len(nodes)
         entries = (force.T.ravel(), (np.arange(count), np.tile(column, 2)))
         nodal = sparse.csr_array(entries, shape=(count, columns))
-        return sparse.csr_array(self._spread_from(nodes, points)[:, :count] @ nodal)
-
-    def of_traction(self, surface: Surface, traction: FloatArray) -> FloatArray:
-        """Force and moment (3k,) on the pieces by a ``traction`` (g, 2) at the FINE points of a surface."""
-        halves = Halves.of(surface, FINE)
-        points = surface.curve.points(halves.arc)
-        force = (halves.length * self.cloud.around(points))[:, None] * traction
-        return self.gathered(surface.index[halves.own], points, force)
+        parts = (self._spread(level[nodes], points)[:, :count] @ nodal for level in self.levels)
+        return sparse.csr_array(sum(parts, sparse.csr_array((3 * self.count, columns))))
 
     def of_force(self, force: FloatArray) -> FloatArray:
-        """Force and moment (3k,) on the pieces by a body force, linear between nodal values ``force`` (n,
-        2)."""
+        """Force and moment (3k,) on the pieces by a body force, linear between nodal ``force`` (n, 2)."""
         cloud, total = self.cloud, np.zeros(3 * self.count)
         if cloud.revolved:
             node, at, area, share = cell_quadrature(cloud.points, cloud.triangles)
@@ -308,8 +296,7 @@ class Pieces:
         return sparse.csr_array(np.stack([np.concatenate(line) for line in lines]))
 
     def sums(self, known: BoolArray) -> sparse.csr_array:
-        """Rows (s, 3k) that sum forces and moment on the body, as far as those on its pieces are all
-        ``known`` (3k,)."""
+        """Rows (s, 3k) that sum forces and moment on the body, if those on its pieces are ``known`` (3k,)."""
         middle = self.cloud.points.mean(axis=0)
         closed: BoolArray = np.array([(one | ~self.main).all() for one in known.reshape(3, -1)])
         closed[2] = closed.all()
@@ -318,8 +305,8 @@ class Pieces:
         return sparse.csr_array(self.totals((float(middle[0]), float(middle[1])))[np.flatnonzero(closed)])
 
     def rows_known(self, hidden: list[tuple[int, int]]) -> BoolArray:
-        """Mask of the 3k rows of closed pieces, except where single (node, component) pairs ``hidden`` hold
-        the body, whose forces are in no flux."""
+        """Mask of the 3k rows of closed pieces, but where single (node, component) pairs ``hidden`` hold the
+        body."""
         known = np.tile(self.closed, 3)
         for node, component in hidden:
             for level in self.levels:
@@ -368,8 +355,8 @@ def reaction_rows(
     center: tuple[float, float],
     through: ForcesThrough | None = None,
 ) -> sparse.csr_array:
-    """Rows (3, 2N) of force x, y and moment about ``center`` of a held surface on its body, in ``held``
-    components, as in the rows of the pieces."""
+    """Rows (3, 2N) of force and moment about ``center`` of a held surface on its body, in ``held``
+    components."""
     points, normals, sums = _held_side(model, surface, held, center)
     forces = (through or model.forces_through)(points, points[:, None], normals[:, None])
     return sparse.csr_array(sums @ forces)

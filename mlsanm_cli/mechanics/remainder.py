@@ -37,9 +37,8 @@ def remainder_sources(
     pins: Mapping[int, FloatArray] = MappingProxyType({}),
 ) -> FloatArray:
     """Right-hand sides (r, 2k) of the remainders for unit forces: x at all k places, then y. If ``centred``,
-    field and remainder together have zero mean free motion, as needed where that motion is no unknown of the
-    scene. ``pins`` are held nodes next to forces with the smooth part of the fields' displacements there (k,
-    2, 2): for the other part these nodes are displaced."""
+    field and remainder together have zero mean free motion. ``pins`` are held nodes next to forces with the
+    smooth part of the fields' displacements there (k, 2, 2): for the other part these nodes are displaced."""
     cloud, pieces = body.model.cloud, body.pieces
     count = len(forces.place)
     source = np.zeros((body.rows, count, 2))
@@ -73,35 +72,27 @@ def remainder_sources(
             felt = (1.0 - near) * here + near * within
         for component, row in body.pin_rows(node):
             source[row] = -felt[:, component]
-    if centred:
-        source[body.first_pin : body.first_pin + len(body.free.components)] = -_mean_motion(body, forces)
+    motions = len(body.free.components)
+    if centred and motions:
+        # Minus the mean free motions of the fields over the body.
+        at, areas = graded_quadrature(cloud.points, cloud.triangles, as_real(forces.place))
+        patterns = body.free.patterns(at).reshape(len(at), 2, motions)
+        weighted = areas[:, None, None] * patterns
+        gram = np.einsum("ecd,ecf->df", weighted, patterns)
+        means = np.einsum("ecd,ekcf->dkf", weighted, forces.displacement(as_complex(at)), optimize=True)
+        means = np.linalg.solve(gram, means.reshape(motions, -1)).reshape(means.shape)
+        source[body.first_pin : body.first_pin + motions] = -means
     flat = source.reshape(body.rows, -1)
     missing = loads.reshape(3 * pieces.count, -1) - body.loads @ flat
     flat[body.rows - len(missing) :] = missing
     return np.ascontiguousarray(np.moveaxis(source, 2, 1)).reshape(body.rows, -1)
 
 
-def _mean_motion(body: ElasticBody, forces: Forces) -> FloatArray:
-    """Mean free motions (d, k, 2) of the fields over the body."""
-    count = len(body.free.components)
-    if not count:
-        return np.zeros((0, len(forces.place), 2))
-    cloud = body.model.cloud
-    points, areas = graded_quadrature(cloud.points, cloud.triangles, as_real(forces.place))
-    patterns = body.free.patterns(points).reshape(len(points), 2, count)
-    moved = forces.displacement(as_complex(points))
-    weighted = areas[:, None, None] * patterns
-    gram = np.einsum("ecd,ecf->df", weighted, patterns)
-    means = np.einsum("ecd,ekcf->dkf", weighted, moved, optimize=True)
-    return np.linalg.solve(gram, means.reshape(count, -1)).reshape(means.shape)
-
-
 def _on_pieces(
     body: ElasticBody, name: str, surface: Surface, forces: Forces, sent: FloatArray | None
 ) -> FloatArray:
-    """Force and moment (3p, k, 2) on the pieces by the remainder's tractions on a surface. Exact on a free
-    surface, from the resultants of the fields over each cell's part of the outline; integrals of the
-    tractions ``sent`` (g, k, 2, 2) where these are given."""
+    """Force and moment (3p, k, 2) on the pieces by the remainder's tractions on a surface: exact on a free
+    one, by the resultants of the fields, else integrals of the tractions ``sent`` (g, k, 2, 2)."""
     pieces, restrained = body.pieces, np.array(body.restrained.get(name, FREE))
     springs = np.array(body.soft_springs.get(name, NO_SPRING))
     count = len(forces.place)
@@ -196,8 +187,8 @@ def _along_lines(body: ElasticBody, nodes: IntArray, force: FloatArray, at: Floa
 
 
 def reaction_of(body: ElasticBody, name: str, center: tuple[float, float], forces: Forces) -> FloatArray:
-    """Force x, y and moment about ``center`` (3, 2k) that a held surface exerts on the body, from the near
-    fields of unit forces: x at all places, then y."""
+    """Force and moment about ``center`` (3, 2k) of a held surface on the body, from the near fields of unit
+    forces."""
     surface, held = body.model.cloud.surfaces[name], np.array(body.restrained[name])
     halves = _halves(surface, forces)
     points = surface.curve.points(halves.arc)
@@ -217,8 +208,8 @@ def reaction_of(body: ElasticBody, name: str, center: tuple[float, float], force
 
 
 def spring_pull_of(body: ElasticBody, name: str, forces: Forces) -> FloatArray:
-    """Force x, y and moment about the origin (3, 2k) of the soft springs along a surface, from the near
-    fields of unit forces: x at all places, then y."""
+    """Force and moment about the origin (3, 2k) of a surface's soft springs, from the near fields of unit
+    forces."""
     surface, springs = body.model.cloud.surfaces[name], np.array(body.soft_springs[name])
     halves = Halves.of(surface, FINE)
     points = surface.curve.points(halves.arc)

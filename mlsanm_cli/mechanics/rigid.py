@@ -99,8 +99,8 @@ def free_motions(
 
 
 def independent_rows(columns: FloatArray) -> list[int]:
-    """Indices of d well-conditioned rows of ``columns`` (n, d): the pivots of a QR factorisation of its
-    transpose (Golub and Van Loan, Matrix Computations, section 5.4.2)."""
+    """Indices of d well-conditioned rows of ``columns`` (n, d): QR pivots of its transpose (Golub and Van
+    Loan, Matrix Computations, section 5.4.2)."""
     if not columns.size:
         return []
     _, pivots, _, _, _ = dgeqp3(columns.T)
@@ -120,13 +120,10 @@ def pins(points: FloatArray, free: RigidBodyModes) -> list[tuple[int, int]]:
 
 @dataclass(frozen=True)
 class FreeSystem:
-    """A pinned body's ``system`` without the effect of the pins.
-
-    ``patterns`` (n, d) are the free motions, ``mean`` (d, n) extracts their amount from a displacement,
-    ``pinned`` (d,) are the pinned unknowns. Right-hand sides of the d rows from ``first_pin`` on are the mean
-    motions of the solution. ``work`` (d, r) is the work of right-hand sides in the free motions, ``balance``
-    (r, d) the body forces of work -1.
-    """
+    """A pinned body's ``system`` without the effect of the pins. ``patterns`` (n, d) are the free motions,
+    ``mean`` (d, n) extracts their amount from a displacement, ``pinned`` (d,) are the pinned unknowns.
+    Right-hand sides of the d rows from ``first_pin`` on are the mean motions of the solution. ``work`` (d, r)
+    is the work of right-hand sides in the free motions, ``balance`` (r, d) the body forces of work -1."""
 
     system: LinearSystem
     patterns: FloatArray

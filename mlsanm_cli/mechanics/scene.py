@@ -38,8 +38,7 @@ class SurfaceLoad:
         return body.source(self.surface, self.values, self.held, self.between)
 
     def on_springs(self, body: ElasticBody) -> FloatArray:
-        """The force (2,) of a traction on springs so stiff that they hold its surface: what the stress there
-        makes is what the springs exert and it together."""
+        """The force (2,) of a traction on springs so stiff that they hold its surface."""
         stiff = np.array(body.restrained.get(self.surface, FREE)) & ~np.array(
             body.held.get(self.surface, FREE)
         )
@@ -66,13 +65,10 @@ class BodyForce:
 
 @dataclass(frozen=True)
 class RigidMotion:
-    """One rigid motion of a platen, an obstacle or a floating body: ``component`` 0 (x), 1 (y) or 2 (rotation
-    about its centre); an ``axis`` replaces x or y as the unit vector of a translation.
-
-    ``prescribed`` (L,) is the motion per load factor, or None if it is unknown and balanced by ``force``
-    (L,). ``alone``: nothing else holds a platen's body in this component; the platen force is then the
-    resultant of the other forces on the body, otherwise it comes from the stress field.
-    """
+    """A rigid motion of a platen, an obstacle or a floating body: ``component`` 0 (x), 1 (y) or 2 (rotation
+    about its centre); an ``axis`` replaces x or y as the unit vector of a translation. ``prescribed`` (L,) is
+    the motion per load factor, or None if it is unknown and balanced by ``force`` (L,). ``alone``: nothing
+    else holds a platen's body in this component, so that its force is the resultant of the others."""
 
     component: int
     prescribed: FloatArray | None
@@ -94,13 +90,10 @@ class RigidMotion:
 
 @dataclass(frozen=True)
 class RigidConstraint:
-    """Rigid ``motions`` about a ``center`` that ``loads`` may cause: of a platen, an obstacle or a floating
-    body.
-
-    A platen, of that ``name`` in messages, is bonded to the ``held`` surfaces, each a body and a name; in a
-    component without a motion these are free of traction. An obstacle, named like its contact, has no
-    ``bodies``; it is fixed in components without a motion. A floating body of that ``name`` is held by
-    contact only in its motions, which are unknowns with its equilibrium as equations; one without resistance
+    """Rigid ``motions`` about a ``center`` that ``loads`` may cause. A platen of that ``name`` is bonded to
+    the ``held`` surfaces, each a body and a name; in a component without a motion these are free of traction.
+    An obstacle, named like its contact, has no ``bodies`` and is fixed in other components. A floating body
+    is held by contact only in its motions, unknowns with its equilibrium as equations; one without resistance
     or force is prescribed as zero."""
 
     name: str
@@ -135,14 +128,11 @@ class Probe:
 
 @dataclass(frozen=True)
 class Scene:
-    """Factorised bodies with everything that acts on them except contact.
-
-    ``supports`` maps a support's name to bodies and surfaces, ``single_supports`` that of a single node to
-    its body and node; ``held_nodes`` tells for each body whether single nodes hold it in x and y (their
-    forces do not follow from the stress field). ``held_motions`` are motions of floating bodies fixed for
-    lack of resistance, as velocities (3,) of each body: x, y and rotation about the origin.
-    ``loose_motions`` are those of them in which floating bodies only move.
-    """
+    """Factorised bodies with everything that acts on them except contact. ``supports`` maps a support's name
+    to bodies and surfaces, ``single_supports`` that of a single node to its body and node; ``held_nodes``
+    tells for each body whether single nodes hold it in x and y. ``held_motions`` are motions of floating
+    bodies fixed for lack of resistance, as velocities (3,) of each body: x, y and rotation about the origin.
+    ``loose_motions`` are those of them in which floating bodies only move."""
 
     bodies: Mapping[str, ElasticBody]
     loads: tuple[str, ...]
@@ -175,8 +165,7 @@ class Scene:
 
     @cached_property
     def sizes(self) -> Mapping[str, list[tuple[int, float]]]:
-        """For each body the load number and the sum of the magnitudes, at factor 1, of everything applied to
-        it."""
+        """For each body the load number and the sum of the magnitudes, at factor 1, of everything applied."""
         found: dict[str, list[tuple[int, float]]] = {name: [] for name in self.bodies}
         for load in self.applied:
             body = self.bodies[load.body]
@@ -196,8 +185,7 @@ class Scene:
         return [heating for heating in self.heatings if heating.body == body]
 
     def degrees(self, body: str, factors: FloatArray, points: FloatArray | None = None) -> FloatArray:
-        """Temperature change of a body at load ``factors`` (L,), at its cloud's points (n,) or at ``points``
-        (e, 2)."""
+        """Temperature change at load ``factors`` (L,), at a body's nodes (n,) or at ``points`` (e, 2)."""
         total = np.zeros(len(self.bodies[body].model.cloud.points if points is None else points))
         for heating in self.heated(body):
             if factors[heating.number]:
@@ -206,8 +194,7 @@ class Scene:
         return total
 
     def heat_force(self, body: str, factors: FloatArray) -> float:
-        """Largest resultant (force per thickness) that fully suppresses thermal expansion on one surface, or
-        on a cut of length √area: only the interior may be heated."""
+        """Largest resultant (force per thickness) that suppresses thermal expansion on a surface or a cut."""
         if not self.heated(body):
             return 0.0
         model, degrees = self.bodies[body].model, np.abs(self.degrees(body, factors))
@@ -247,9 +234,8 @@ class Scene:
         return [(*each, row) for each, row in zip(every, by, strict=True)]
 
     def floating_patterns(self, body: str) -> FloatArray:
-        """Displacements (2N, k) of a body under the unknown motions q. Motions without resistance are fixed
-        by choosing one of the unknowns, which depends on the axes. Subtracting their mean over the bodies
-        makes the patterns independent of that choice."""
+        """Displacements (2N, k) of a body under the unknown motions q, less their mean in motions without
+        resistance: independent of the choice of the unknowns that are fixed."""
         patterns = self._patterns(body)
         if not self.loose_motions:
             return patterns

@@ -24,8 +24,8 @@ FREE = (False, False)
 
 
 def stiffest_soft(cloud: Cloud, material: PlaneMaterial, surface: str | None = None) -> float:
-    """Largest stiffness k, traction per displacement, of a soft spring along a ``surface`` or the whole body:
-    the compliance of a body under a load on part of its boundary is proportional to the part's length."""
+    """Largest stiffness k, traction per displacement, of a soft spring along a ``surface`` or the whole
+    body."""
     size = float(np.ptp(cloud.points, axis=0).max())
     if surface is not None:
         size = min(size, cloud.surfaces[surface].curve.length)

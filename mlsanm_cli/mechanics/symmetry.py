@@ -25,8 +25,8 @@ MAX_COPIES = 12
 
 @dataclass(frozen=True)
 class Image:
-    """A reflection at a line through ``point`` (if it ``flips``), or a rotation about it: vectors v become
-    ``turn`` times v, or times its complex conjugate."""
+    """A reflection at a line through ``point`` (if it ``flips``), or a rotation: vectors v become ``turn`` v,
+    or ``turn`` times the complex conjugate of v."""
 
     point: complex
     turn: complex
@@ -86,8 +86,7 @@ class SymmetryPlane:
 
 
 def copies_around(first: SymmetryPlane, last: SymmetryPlane) -> int | None:
-    """Number 2 p of copies of a part between two planes that make a whole: these are parallel, or at an angle
-    of pi / p; else None."""
+    """Number 2 p of copies of a part between parallel planes or planes at an angle of pi / p, else None."""
     angle = abs(float(np.angle(last.along * np.conj(first.along))))
     count = 1 if angle <= COARSE_ROUND_OFF else round(np.pi / angle)
     closes = angle <= COARSE_ROUND_OFF or abs(angle - np.pi / count) <= COARSE_ROUND_OFF
@@ -95,8 +94,8 @@ def copies_around(first: SymmetryPlane, last: SymmetryPlane) -> int | None:
 
 
 def images_of(planes: Sequence[SymmetryPlane]) -> tuple[Image, ...]:
-    """The images of a part between up to two planes of symmetry: all that make a whole, or of parallel planes
-    those behind either."""
+    """The images of a part between up to two planes of symmetry: all that make a whole, or those behind
+    either of parallel planes."""
     if len(planes) < 2:
         return tuple(plane.image for plane in planes)
     first, last = planes

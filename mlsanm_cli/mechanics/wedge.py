@@ -46,12 +46,10 @@ DIFFERENCE_STEP = 0.01
 
 @dataclass(frozen=True)
 class Wedge:
-    """A wedge of a body with the near field ``kernel`` of its material, between two straight faces.
-
-    Unit tangents from the tip: ``along`` the face with forces, the material on the side ``turn`` (1j or -1j)
-    times it, and ``other`` along the second face, which is free, ``sliding`` along a wall or ``clamped``.
-    Interior angles up to 260 degrees, half of that if ``sliding``: branch cuts run outwards.
-    """
+    """A wedge of a body with the near field ``kernel``, between two straight faces with unit tangents from
+    the tip: ``along`` the face with forces, the material on the side ``turn`` (1j or -1j) times it, and
+    ``other`` along the second face, which is free, ``sliding`` along a wall or ``clamped``. Interior angles
+    up to 260 degrees, half of that if ``sliding``: branch cuts run outwards."""
 
     kernel: PointForceField
     along: complex
@@ -113,7 +111,7 @@ class Wedge:
         return both, np.asarray(self.image @ both)
 
     def _stretching(self) -> tuple[ComplexArray, ComplexArray]:
-        """Transforms (n, 2, 2) of C and D times tan(pi z), with z the transform variable. C tends to the
+        """Transforms (n, 2, 2) of C and D times tan(pi z), z the transform variable. C tends to the
         logarithmic tensor L like L / (1 + exp(-t)), with the transform -pi / sin(pi z); D is L / (1 -
         exp(-t)), with the transform -pi cot(pi z), plus the step under the force."""
         shift = DIFFERENCE_STEP * STEP
@@ -145,8 +143,8 @@ class Wedge:
 
     @cached_property
     def moved(self) -> FloatArray:
-        """Displacements (n, 2, 2) of the first face due to the densities and the image of a unit force at
-        distance 1."""
+        """Displacements (n, 2, 2) of the first face due to densities and image of a unit force at distance
+        1."""
         kept = np.abs(self.grid) <= TRUNCATION
         total = np.zeros((COUNT, 2, 2))
         # Half a step off the grid of densities, to avoid the singular point.
@@ -154,7 +152,10 @@ class Wedge:
         for density, face, inward in zip(self.densities, (self.along, self.second), self.inward, strict=True):
             w = np.asarray(np.exp(np.minimum(apart, 600.0)) * self.along - face, dtype=np.complex128)
             seen = self.kernel.displacement(w, np.full(len(w), inward))
-            total += STEP * _convolved(seen, density)
+            # Discrete convolution: the sum over k of seen[j - k] density[k].
+            spectra = [np.fft.rfft(one, 4 * COUNT, axis=0) for one in (seen, density)]
+            product = np.fft.irfft(spectra[0] @ spectra[1], 4 * COUNT, axis=0)
+            total += STEP * product[COUNT - 1 : 2 * COUNT - 1]
             total += self.logarithm @ (STEP * (self.grid[:, None, None] * density)[kept].sum(axis=0))
         # Correction for a logarithmic singularity midway between grid points (Sidi and Israeli 1988,
         # doi:10.1007/BF01061258).
@@ -166,16 +167,15 @@ class Wedge:
         return total
 
     def compliance(self, x: FloatArray, source: FloatArray, which: int, by: int) -> FloatArray:
-        """The same displacements in component ``which`` (e, k) at distances ``x`` (e,) due to unit forces in
-        component ``by`` at ``source`` (k,)."""
+        """These displacements in component ``which`` (e, k) at ``x`` (e,) by forces in ``by`` at ``source``
+        (k,)."""
         own = interpolated(self.moved[:, which, by], np.log(x)[:, None] - (np.log(source) + 0.5 * STEP))
         whole = STEP * (self.densities[0] + self.densities[1]).sum(axis=0) + self.image
         return np.asarray(own + np.log(source) * (self.logarithm @ whole)[which, by])
 
 
 def interpolated(table: FloatArray, t: FloatArray) -> FloatArray:
-    """Cubic interpolation (..., rest) of a ``table`` (n, rest) over the grid at ``t`` (...), constant
-    beyond."""
+    """Cubic interpolation (..., rest) of a ``table`` (n, rest) over the grid at ``t``, constant beyond."""
     return cubic(table, t / STEP + COUNT // 2)
 
 
@@ -184,12 +184,3 @@ def cubic(table: FloatArray, at: FloatArray) -> FloatArray:
     rows = np.ascontiguousarray(table.reshape(len(table), -1))
     found = cubic_rows(rows, np.ascontiguousarray(at, dtype=np.float64).ravel())
     return np.asarray(found).reshape(*at.shape, *table.shape[1:])
-
-
-def _convolved(seen: FloatArray, density: FloatArray) -> FloatArray:
-    """Discrete convolution (n, 2, 2): sum over k of seen[j - k] density[k], for (2n - 1, 2, 2) and (n, 2,
-    2)."""
-    size = 4 * COUNT
-    one, other = np.fft.rfft(seen, size, axis=0), np.fft.rfft(density, size, axis=0)
-    product = np.fft.irfft(one @ other, size, axis=0)
-    return np.asarray(product[COUNT - 1 : 2 * COUNT - 1])

@@ -21,7 +21,7 @@ RANK = 8
 CHECK_COLUMNS = 4
 """Columns for the error estimate."""
 NOISE_RATIO = 5.0
-"""Accepted error outside the basis over that inside, which is due to the refined solutions."""
+"""Accepted error outside the basis over that inside."""
 SEED = 0
 
 Apply = Callable[[FloatArray], FloatArray]

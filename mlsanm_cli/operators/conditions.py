@@ -38,8 +38,8 @@ class Conditions:
 
 
 def independent_sums(rows: sparse.csr_array, sums: sparse.csr_array) -> tuple[sparse.csr_array, IntArray]:
-    """Constraints (t, n) that are ``sums`` (s, g) of strong ``rows`` (g, n), and which sums they are (t,);
-    sums that cancel, such as forces on a floating body, are dropped."""
+    """Constraints (t, n) that are ``sums`` (s, g) of strong ``rows`` (g, n), without those that cancel, and
+    which sums they are (t,)."""
     taken = sparse.csr_array(sums @ rows)
     size = _largest(sparse.csr_array(abs(sums) @ abs(rows)))
     taken.data[np.abs(taken.data) <= FINE_ROUND_OFF * np.repeat(size, np.diff(taken.indptr))] = 0.0

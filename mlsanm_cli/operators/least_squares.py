@@ -187,8 +187,8 @@ class LeastSquares(LinearSystem):
         return relative(np.linalg.norm(update, axis=0), solutions)
 
     def _solve_once(self, misfit: FloatArray, wanted: FloatArray) -> FloatArray:
-        """Solutions (n, c) by the factor alone for a ``misfit`` (e + g, c) of the rows and conditions
-        ``wanted`` (s, c)."""
+        """Solutions (n, c) by the factor alone for a ``misfit`` (e + g, c) and conditions ``wanted`` (s,
+        c)."""
         return self._unrefined_conditions.met(self.inverse_normal(self._gather(misfit)), wanted)
 
     @cached_property
@@ -225,8 +225,7 @@ class LeastSquares(LinearSystem):
         return sparse.csc_array(sparse.vstack([own, self.strong.loads], format="csc"))
 
     def equations(self, sources: sparse.csc_array) -> Equations:
-        """The normal equations of all rows, including strong ones, which fill the matrix, with the forces of
-        the conditions in the right-hand sides."""
+        """The normal equations of all rows, with the forces of the conditions in the right-hand sides."""
         normal = sparse.csr_array(normal_equations(self.rows)) + self.strong.rows.T @ self.strong.rows
         weighted, first = sparse.csc_array(self._scaling @ sources), self.rows.shape[0]
         caused = self.rows.T @ weighted[:first] + self.strong.rows.T @ weighted[first:]
@@ -235,8 +234,7 @@ class LeastSquares(LinearSystem):
         return Equations(sparse.csr_array(normal), sparse.csr_array(caused), definite=True)
 
     def residual_vector(self, source: FloatArray, solution: FloatArray) -> FloatArray:
-        """Gradient (n,) of half the sum of squares, from the residuals of the rows, minus the forces of the
-        conditions."""
+        """Gradient (n,) of half the sum of squares, by the rows, minus the forces of the conditions."""
         scaled = np.concatenate([self.weight * source[: len(self.weight)], self.strong.loads @ source])
         turned, holding = self._holding
         return np.asarray(-self._gather(scaled - self._apply(solution)) - turned @ (holding @ scaled))
@@ -260,8 +258,8 @@ class LeastSquares(LinearSystem):
 
 @dataclass(frozen=True)
 class Symbolic:
-    """Pattern of equations bordered by strong rows, ``fronts`` of their elimination, and the numbers
-    ``transposed`` of their blocks."""
+    """Pattern of equations bordered by strong rows, their ``fronts``, and the ``transposed`` blocks'
+    numbers."""
 
     normal: NormalPattern
     fronts: Fronts

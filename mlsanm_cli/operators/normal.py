@@ -14,8 +14,7 @@ from mlsanm_cli.records import dataclass
 
 
 def normal_equations(rows: sparse.csr_array) -> sparse.bsr_array:
-    """M^T M of ``rows`` M (r, 2n), in 2 x 2 blocks of a node's two unknowns; columns of a row are not sorted.
-    Raises NumericalError for more blocks than 32-bit indices can count."""
+    """M^T M of ``rows`` M (r, 2n), in 2 x 2 blocks of a node's two unknowns (:class:`NormalPattern`)."""
     nothing = sparse.csr_array((0, rows.shape[1]))
     return bordered(rows, nothing, np.zeros(0, dtype=np.int64), 0)
 
@@ -23,8 +22,7 @@ def normal_equations(rows: sparse.csr_array) -> sparse.bsr_array:
 def bordered(
     rows: sparse.csr_array, strong: sparse.csr_array, owner: IntArray, vertices: int
 ) -> sparse.bsr_array:
-    """The matrix [M^T M, B^T; B, -1] of ``rows`` M (r, 2n) and ``strong`` rows B (g, 2n)
-    (:class:`NormalPattern`)."""
+    """The matrix [M^T M, B^T; B, -1] of ``rows`` M and ``strong`` rows B (:class:`NormalPattern`)."""
     return NormalPattern.of(rows, strong, owner, vertices).matrix(rows, strong, rows, strong)
 
 
@@ -55,8 +53,8 @@ class NormalPattern:
         cls, rows: sparse.csr_array, strong: sparse.csr_array, owner: IntArray, vertices: int
     ) -> NormalPattern:
         """The pattern for ``rows`` and ``strong`` rows like these. The multiplier of strong row i belongs to
-        vertex 2 ``owner[i]`` (g,) or the next one, of ``vertices`` in all; unused multipliers are zero.
-        Raises NumericalError for more blocks than 32-bit indices can count."""
+        vertex 2 ``owner[i]`` (g,) or the next one; unused ones are zero. Raises NumericalError for too many
+        blocks."""
         count = rows.shape[1] // 2
         own_indptr, nodes = structure(_pairs(rows))
         group, begin = np.empty(rows.shape[0], dtype=np.int32), np.zeros(rows.shape[0] + 1, dtype=np.int32)

@@ -8,12 +8,10 @@ NEIGHBORS = {1: 9, 2: 16, 3: 24, 4: 34, 5: 46, 6: 60}
 """Neighbours per stencil by degree: about 2.5 per polynomial coefficient."""
 
 WEIGHT_EXPONENT = 4.0
-"""Rows of a local fit are multiplied by exp(-WEIGHT_EXPONENT r^2), with r the distance over the stencil
-radius: larger exponents cost the compliance of contacts its positivity."""
+"""Rows of a local fit are multiplied by exp(-WEIGHT_EXPONENT r^2), r the distance over the radius."""
 
 ONE_SIDED_RADIUS, ONE_SIDED_DEGREE = 0.9, 4
-"""Factor on the radius in these weights at boundary nodes, whose stencils reach one and a half times as far,
-from this degree on."""
+"""Factor on this radius at boundary nodes, whose stencils reach farther, from this degree on."""
 
 
 @dataclass(frozen=True)

@@ -36,28 +36,23 @@ from mlsanm_cli.roundoff import ROUND_OFF
 ENRICHMENT_RADIUS = 2.0
 """Fits with their centre within this many radii of the fit around the tip are enriched."""
 MIN_SEPARATION = 3.6
-"""Least distance of enriched corners in radii of the fit around them, half of that across the material:
-closer corners see each other's singular fields."""
+"""Least distance of enriched corners in radii of the fit around them, half of that across the material."""
 RANK_TOLERANCE = 1e-3
 """Singular values of the functions' part orthogonal to polynomials are dropped below this fraction."""
 PER_COEFFICIENT = 2.5
 """Neighbours per coefficient, as in all fits."""
 VOID_ANGLE = 0.2
-"""Nodes farther than this angle (radians) beyond a corner's faces lie across a void: stencils with such nodes
-are not enriched."""
+"""Nodes farther than this angle (radians) beyond a corner's faces lie across a void: no enrichment."""
 
 ComplexArray: TypeAlias = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)
 class SingularCorner:
-    """Singular functions of a corner at ``place``.
-
-    The material fills the angle ``half`` on either side of the ``axis``; ``modes`` are the exponents and
-    kinds of its displacements, ``kappa`` is Muskhelishvili's constant. The fit around the corner has a
-    ``radius``; the ``strengths`` (m, k) give the coefficients of its functions from the values at nodes
-    ``indices`` (k,).
-    """
+    """Singular functions of a corner at ``place``. The material fills the angle ``half`` on either side of
+    the ``axis``; ``modes`` are the exponents and kinds of its displacements, ``kappa`` is Muskhelishvili's
+    constant. ``strengths`` (m, k) are the coefficients of the functions by the values at nodes ``indices``
+    (k,) of the fit of this ``radius``."""
 
     place: complex
     axis: complex
@@ -83,8 +78,7 @@ class SingularCorner:
         return np.asarray((np.abs(np.angle(seen)) > self.half + VOID_ANGLE) & (np.abs(seen) > ROUND_OFF))
 
     def derivatives(self, where: FloatArray, orders: tuple[int, int]) -> FloatArray:
-        """Derivatives (..., kinds, m) of the functions at points (..., 2); 0 at the tip, where they are
-        singular."""
+        """Derivatives (..., kinds, m) of the functions at points (..., 2); 0 at the tip."""
         seen = self._local(where)
         kinds = [(order - dy, dy) for order in range(orders[0], orders[1] + 1) for dy in range(order + 1)]
         found = np.zeros((*seen.shape, len(kinds), 2 * len(self.modes)))

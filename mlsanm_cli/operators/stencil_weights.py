@@ -47,8 +47,8 @@ class Stencils:
         return replace(found, radius=self.radius[rows], image=self.image[entry])
 
     def of_revolution(self, own: IntArray, radius: FloatArray) -> Stencils:
-        """The stencils in a body of revolution, whose last nodes are images of its nodes ``own`` (g,) behind
-        the axis; ``radius`` (e t,) are the distances of the targets from it."""
+        """The stencils in a body of revolution (``radius``), whose last nodes are images of nodes ``own``
+        (g,)."""
         count = self.nodes - len(own)
         image = self.indices >= count
         numbers = np.concatenate([np.arange(count), own])
@@ -73,8 +73,8 @@ class Stencils:
         return np.where(self.image[:, None], np.array(PARITY[2]), 1.0) * values
 
     def derivatives(self, field: FloatArray) -> FloatArray:
-        """Value and derivatives (e, kinds, c), in the order of the weights, of a nodal ``field`` (n, c).
-        Raises ValueError for a field of another number of nodes."""
+        """Value and derivatives (e, kinds, c) of a nodal ``field`` (n, c). Raises ValueError for another
+        n."""
         if len(field) != self.nodes:
             raise ValueError(f"a field of {len(field)} nodes for stencils of {self.nodes}")
         result, indices = (

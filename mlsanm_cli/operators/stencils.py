@@ -15,16 +15,18 @@ from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.kernels.stencils import mls_weights
-from mlsanm_cli.operators.neighbors import neighbors_of, weight_radius
-from mlsanm_cli.operators.settings import WEIGHT_EXPONENT, MlsSettings
+from mlsanm_cli.operators.neighbors import neighbors_of
+from mlsanm_cli.operators.settings import ONE_SIDED_RADIUS, WEIGHT_EXPONENT, MlsSettings
 from mlsanm_cli.operators.singular_functions import enriched, singular_corners
 from mlsanm_cli.operators.stencil_weights import Stencils
 
 ENLARGEMENT = 1.3
 MAX_GROWTH = 3.0
 CONDITION_MARGIN, MARGIN_DEGREE, MARGIN_GROWTH = 20.0, 3, 1.9
-"""From degree MARGIN_DEGREE on, fits are first sought CONDITION_MARGIN times above the rank tolerance, with
-up to MARGIN_GROWTH times the neighbours: a few fits below spoil the displacement of a structured mesh."""
+"""From degree MARGIN_DEGREE on, fits are first sought this far above the rank tolerance, with up to
+MARGIN_GROWTH times the neighbours."""
+CENTERED, HALF_DISK = 0.25, 4.0 / (3.0 * np.pi)
+"""Distance of a stencil's mean node from its target, in radii: inside, and at a straight boundary."""
 BLOCK_SIZE = 4096
 """Stencils fitted at once: a tenth of a second at high degrees."""
 
@@ -85,8 +87,7 @@ def _built(
     tips: Tips | None,
     own: IntArray | None,
 ) -> Stencils:
-    """Stencils at ``centers`` (e, 2) with the derivatives of ``orders[0]`` to ``orders[1]`` at their
-    ``targets`` (e, t, 2)."""
+    """Stencils with the derivatives of ``orders[0]`` to ``orders[1]`` at the ``targets`` (e, t, 2)."""
     centers, targets = np.ascontiguousarray(centers), np.ascontiguousarray(targets)
     kinds = targets.shape[1] * sum(order + 1 for order in range(orders[0], orders[1] + 1))
     if not len(centers):
@@ -106,7 +107,12 @@ def _built(
         size = min(size, len(points))
         some, near = centers[pending], None if known is None else known[pending]
         radius, indices = neighbors_of(points, tree, some, size, sight, near)
-        radius = weight_radius(points, some, radius, indices, settings)
+        if settings.narrows:
+            # Of the weights: smaller where stencils are one-sided, as at the boundary.
+            away = points[indices].mean(axis=1) - some
+            offset = np.hypot(away[:, 0], away[:, 1]) / radius
+            share = np.clip((offset - CENTERED) / (HALF_DISK - CENTERED), 0.0, 1.0)
+            radius = radius * (1.0 - (1.0 - ONE_SIDED_RADIUS) * share)
         weights, ratio, aims = np.empty((len(some), size, kinds)), np.empty(len(some)), targets[pending]
         # In slices, between which signals are handled.
         for first in range(0, len(some), BLOCK_SIZE):
@@ -149,8 +155,8 @@ def _built(
 
 
 def reflected(stencils: Stencils, mirror: Mirror) -> Stencils:
-    """Stencils of all nodes (n) from those of the mirror's own nodes (h). Stencils on the line are averaged
-    with their images, as only one of two equidistant nodes may be included."""
+    """Stencils of all nodes (n) from those of the mirror's own nodes (h); those on the line are averaged with
+    their images, as only one of two equidistant nodes may be included."""
     times = np.where(mirror.side == 0, 2, 1)
     whole = stencils.take(np.repeat(mirror.place, times))
     first = np.concatenate([[0], np.cumsum(times)])
@@ -164,10 +170,3 @@ def reflected(stencils: Stencils, mirror: Mirror) -> Stencils:
         whole.weights[:, kind] *= np.where(beyond, sign, 1.0) * share
     indices = np.where(beyond, mirror.image[whole.indices], whole.indices)
     return replace(whole, indptr=whole.indptr[first], indices=indices)
-
-
-def reflected_numbers(numbers: IndexArray, mirror: Mirror) -> IndexArray:
-    """Node numbers (n, k) for all nodes from those (h, k) of the mirror's own nodes."""
-    whole, beyond = numbers[mirror.place], mirror.side < 0
-    whole[beyond] = mirror.image[whole[beyond]]
-    return whole

@@ -14,26 +14,24 @@ from mlsanm_cli.records import dataclass
 FULL_TOLERANCE = 1e-11
 """Relative tolerance of the predicted next update."""
 FUNCTIONAL_TOLERANCE = 1e-8
-"""The same for many solutions of which only functionals are needed: on graded clouds round-off in the
-residual changes solutions by up to 2e-8 in every update."""
+"""The same for many solutions of which only functionals are needed."""
 VERIFIED_TOLERANCE = 1e-7
 """Limit of the last update where it serves as error estimate."""
 BLOCK_COLUMNS = 64
 """Solutions refined at once: enough for dense products, few enough for memory."""
 MAX_UPDATES = 15
 DIRECTIONS = 6
-"""Number of earlier directions that the next one is made conjugate to: in thin rings the short recurrence
-fails."""
+"""Number of earlier directions that the next one is made conjugate to."""
 STALL_RATIO, STALL_CHANGE = 0.5, 1e-5
 """An update larger than the first fraction of both previous ones, and smaller than the second fraction of the
-solution, means stagnation. Larger ones find bending modes of thin bodies that the factor has lost."""
+solution, means stagnation."""
 TINY = np.finfo(float).tiny
 
 
 @dataclass(frozen=True)
 class Equations:
-    """A body's scaled equations: ``matrix`` (n, n) u = ``sources`` (n, c) v. ``definite``: the matrix is
-    symmetric positive definite."""
+    """Scaled equations ``matrix`` (n, n) u = ``sources`` (n, c) v; ``definite`` if the matrix is
+    symmetric."""
 
     matrix: sparse.csr_array
     sources: sparse.csr_array
@@ -67,8 +65,7 @@ class LinearSystem(Protocol):
 
     def residual(self, sources: sparse.csc_array, solutions: FloatArray) -> FloatArray:
         """Relative change (c,) of the ``solutions`` (n, c) by one more refinement. The residual itself is no
-        measure: rows of nearly incompressible materials are so large that a useless solution has one of the
-        order of round-off."""
+        measure: rows of nearly incompressible materials are too large."""
 
     @property
     def note(self) -> str:
@@ -84,8 +81,7 @@ class LinearSystem(Protocol):
         """The equations for right-hand sides ``sources`` (r, c), to be factorised together with others."""
 
     def residual_vector(self, source: FloatArray, solution: FloatArray) -> FloatArray:
-        """Residual (n,) of ``solution`` (n,) for right-hand side ``source`` (r,), more accurate than with the
-        matrix of :meth:`equations`."""
+        """Residual (n,) of ``solution`` (n,) for ``source`` (r,), more accurate than by the matrix."""
 
 
 @dataclass(frozen=True)
@@ -120,9 +116,8 @@ class Progress:
 def refine(
     solution: FloatArray, update: Callable[[FloatArray], FloatArray], progress: Progress
 ) -> tuple[FloatArray, Progress]:
-    """``solution`` (n, c) after as many updates as needed, at least one, as the factor is inexact. ``update``
-    computes the factor's correction of the residual (Higham 2002, doi:10.1137/1.9780898718027). The iteration
-    also ends where updates stop shrinking; the size of the last one shows that."""
+    """``solution`` (n, c) after as many updates as needed, at least one, or until they stop shrinking.
+    ``update`` is the factor's correction of the residual (Higham 2002, doi:10.1137/1.9780898718027)."""
     for _ in range(MAX_UPDATES):
         step = update(solution)
         solution = solution + step

@@ -148,12 +148,10 @@ def test_a_case_may_be_nested_dicts_and_a_run_is_shown_as_html(tmp_path: Path) -
         mlsanm.check({**bar, "nodes": 7})
 
 
-def test_stopped_runs_are_resumed(tmp_path: Path) -> None:
-    path = tmp_path / "bar.toml"
-    path.write_text(BAR)
+def test_stopped_runs_are_resumed() -> None:
     with pytest.raises(mlsanm.Interrupted, match="wall time"):
-        mlsanm.run(path, max_wall=1e-9)
-    whole = mlsanm.run(path, force=True)
+        mlsanm.run(tomllib.loads(BAR), max_wall=1e-9)
+    whole = mlsanm.run(tomllib.loads(BAR), force=True)
     assert whole.status == "done"
     assert mlsanm.resume(whole.directory).status == "done"
     assert whole.probe is not None
@@ -161,14 +159,9 @@ def test_stopped_runs_are_resumed(tmp_path: Path) -> None:
     np.testing.assert_allclose(whole.force("pull", at=0.25), [7.5, 0.0])
 
 
-def test_warnings_are_pythons(tmp_path: Path) -> None:
-    path = tmp_path / "bar.toml"
-    path.write_text(BAR)
+def test_warnings_are_pythons() -> None:
     with pytest.warns(mlsanm.MlsanmWarning, match="strain"):
-        mlsanm.run(path, {"material.steel.E": 100.0})
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", mlsanm.MlsanmWarning)
-        mlsanm.run(path, {"material.steel.E": 100.0}, force=True)
+        mlsanm.run(tomllib.loads(BAR), {"material.steel.E": 100.0})
 
 
 def test_changes_are_written_as_toml() -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from benchmarks.formulas.lame import LameRing
+from benchmarks.formulas import LameRing
 from benchmarks.peers.scenes import REFERENCE, Profile, difference, read_profile
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.io.run_reader import RunData

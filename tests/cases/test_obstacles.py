@@ -7,9 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.formulas.lame import LameRing, press_fit
-from benchmarks.formulas.plates import plates_approach
-from benchmarks.formulas.punch import FlatPunch
+from benchmarks.formulas import FlatPunch, LameRing, plates_approach, press_fit
 from tests.app.scenes import EXACT_LAW
 from tests.cases.test_friction import cattaneo, contact_of, even, off, row
 from tests.cases.test_published import STEEL, solve

@@ -9,14 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.formulas.kirsch import KirschHole
-from benchmarks.formulas.lame import LameRing
-from benchmarks.formulas.persson import PinInHole
+from benchmarks.formulas import KirschHole, LameRing, PinInHole
+from mlsanm_cli.app.checks.references import HertzLine
 from mlsanm_cli.app.results.probe import probe_named, probe_point
 from mlsanm_cli.app.run import run
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.io.run_reader import RunData, read_run
-from mlsanm_cli.reference.hertz import HertzLine
 from tests.app.scenes import Quiet
 
 CASES = Path(__file__).parents[2] / "cases"

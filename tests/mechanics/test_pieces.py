@@ -9,7 +9,7 @@ import pytest
 import scipy.sparse as sparse
 
 from benchmarks import thin_bodies
-from benchmarks.formulas.kirsch import KirschHole
+from benchmarks.formulas import KirschHole
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud

@@ -1,4 +1,5 @@
-"""Analytical reference solution named by a case."""
+"""Analytical reference solution named by a case, and Hertz' line contact (Johnson, Contact Mechanics, 1985,
+doi:10.1017/CBO9781139171731, chapter 4)."""
 
 from __future__ import annotations
 
@@ -15,13 +16,39 @@ from mlsanm_cli.case import Case, Contact, DiskObstacle, LoadedCase, Mesh, Point
 from mlsanm_cli.cloud.curves import Arc, Curve, Segment
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
-from mlsanm_cli.reference.hertz import HertzLine
+from mlsanm_cli.records import dataclass
 
 if TYPE_CHECKING:
     from mlsanm_cli.solve.condensed_scene import CondensedScene
     from mlsanm_cli.solve.state import State
 
 SAMPLES = 4001
+
+
+@dataclass(frozen=True)
+class HertzLine:
+    """Two cylinders of relative ``radius`` (1/R = 1/R1 + 1/R2) pressed together by ``force`` per unit
+    thickness. ``modulus`` is E* with 1/E* = 1/E1' + 1/E2', E' = E/(1 - nu^2) in plane strain and E in plane
+    stress."""
+
+    force: float
+    radius: float
+    modulus: float
+
+    @property
+    def half_width(self) -> float:
+        """a = 2 sqrt(P R / (pi E*))."""
+        return 2.0 * math.sqrt(self.force * self.radius / (math.pi * self.modulus))
+
+    @property
+    def peak_pressure(self) -> float:
+        """p0 = 2 P / (pi a)."""
+        return 2.0 * self.force / (math.pi * self.half_width)
+
+    def pressure(self, x: FloatArray) -> FloatArray:
+        """p0 sqrt(1 - (x/a)^2), zero outside."""
+        result: FloatArray = self.peak_pressure * np.sqrt(np.maximum(0.0, 1.0 - (x / self.half_width) ** 2))
+        return result
 
 
 class ReferenceProfile(NamedTuple):

@@ -161,9 +161,11 @@ def _normals(pairing: Pairing, body: str) -> FloatArray:
 
 def _force(load: AnyLoad) -> FloatArray | None:
     """The direction of the force of a load, None if it is not given by numbers."""
-    if isinstance(load, Platen):
-        held = [load.control.get(axis, ("force", 0.0)) for axis in "xy"]
-        return np.array([value if how == "force" else 0.0 for how, value in held])
-    given = () if isinstance(load, Displacement) else amounts_of(load)
-    numbers = [part for part in given if isinstance(part, int | float)]
+    match load:
+        case Displacement():
+            return None
+        case Platen():
+            held = [load.control.get(axis, ("force", 0.0)) for axis in "xy"]
+            return np.array([value if how == "force" else 0.0 for how, value in held])
+    numbers = [part for part in amounts_of(load) if isinstance(part, int | float)]
     return np.array(numbers) if len(numbers) == 2 else None

@@ -63,7 +63,7 @@ def _type(value: Value) -> Any:
 
 def compiled(kernels: Sequence[Kernel]) -> list[Code]:
     """Compile all ``kernels``, those that call BLAS and the others each to an object file, on two processors
-    if there are. Raises RunError if this numba version does not expose its machine code."""
+    if there are."""
     users = {
         name
         for name in {kernel.__module__ for kernel in kernels}
@@ -125,8 +125,7 @@ def object_code(kernels: Iterable[Kernel]) -> Code:
 
 
 def _result(kernel: Kernel) -> Any:
-    """Numba's compilation result of a kernel. Raises TypeError if the kernel returns another type than
-    declared."""
+    """Numba's compilation result of a kernel. Raises TypeError if it returns another type than declared."""
     dispatcher = _dispatcher(kernel.__wrapped__)
     types = tuple(map(_type, kernel.arguments))
     dispatcher.compile(types)

@@ -49,8 +49,8 @@ def encoded(codes: list[Code]) -> bytes:
 
 
 def read(place: Path) -> list[Code] | None:
-    """Machine codes of a directory; None if it is missing or damaged, or if another user may have written it:
-    it runs with this user's rights, and its digest does not prove its origin."""
+    """Machine codes of a directory; None if it is missing or damaged, or if another user may have written
+    it."""
     try:
         if who_else_may_write(place / FILE_NAME):
             return None
@@ -64,8 +64,8 @@ def read(place: Path) -> list[Code] | None:
 
 
 def write(place: Path, codes: list[Code]) -> None:
-    """Store machine codes atomically, writable by its owner only. Raises OSError, also if others may write to
-    a parent directory, as it would not be read again."""
+    """Store machine codes atomically, writable by its owner only. Raises OSError, also if they would not be
+    read."""
     previous = os.umask(PRIVATE)
     try:
         place.mkdir(parents=True, exist_ok=True)

@@ -70,8 +70,7 @@ class Value:
         return "ppiip" + 2 * self.ndim * "i"
 
     def words(self, value: Any) -> tuple[Any, ...]:
-        """The words of a number or an array. Raises TypeError for a value of another type than the kernel was
-        compiled for, OverflowError for an integer of more than 64 bits."""
+        """The words of a number or an array. Raises TypeError for a value of another type."""
         if self.kinds == "d":
             if not isinstance(value, numbers.Real):
                 raise TypeError(f"{self.name} must be a number, not {type(value).__name__}")

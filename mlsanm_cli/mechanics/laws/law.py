@@ -35,8 +35,7 @@ WAVE_DIRECTIONS = 24
 @dataclass(frozen=True)
 class Stress:
     """First Piola-Kirchhoff stress ``plane`` 11, 12, 21, 22, functions that record the stress ``across`` and
-    the ``stretch`` across, and the ``mean`` stress p of volume changes that they leave out, None if it is a
-    part of them."""
+    the ``stretch`` across, and the ``mean`` stress of volume changes if left out, else None."""
 
     plane: Sequence[Series]
     across: Callable[[], Term]
@@ -53,14 +52,14 @@ class Law(ABC):
 
     @abstractmethod
     def stress_of(self, tape: Tape, f: Sequence[Series], across: Term | None, apart: bool) -> Stress:
-        """Elastic stress of the elastic deformation gradient ``f`` in the plane and the stretch ``across``,
-        None if there is no stress across. Leaves the mean stress ``apart`` if possible and asked for."""
+        """Elastic stress of the gradient ``f`` in the plane and the stretch ``across``, None if there is no
+        stress across. Leaves the mean stress ``apart`` if possible and asked for."""
 
     def series(
         self, orders: int, jets: int, points: int, warm: bool = False, apart: bool = False
     ) -> Response:
-        """Empty series of ``orders`` beyond the state at ``points`` points, with ``jets`` of 1 (values) or 3
-        (with spatial derivatives); with temperatures if ``warm``."""
+        """Empty series of ``orders`` beyond the state, with ``jets`` of 1 (values) or 3 (with spatial
+        derivatives)."""
         # The stretch across a sheet is the solution of an equation.
         orders = max(orders, 1) if self.plane == "stress" else orders
         return Response(self, Tape(orders, jets, points), warm, apart)
@@ -72,8 +71,7 @@ class Law(ABC):
         orders: int = 0,
         apart: bool = False,
     ) -> Response:
-        """The response, values only, to a displacement ``gradient`` (4, n) and temperature change ``degrees``
-        (n,), with room for ``orders``."""
+        """The response, values only, to a displacement ``gradient`` (4, n) and temperature change (n,)."""
         response = self.series(orders, 1, gradient.shape[1], degrees is not None, apart)
         response.put(0, gradient[:, None], None if degrees is None else degrees[None])
         return response
@@ -83,8 +81,7 @@ class Law(ABC):
         return np.asarray(self.state(gradient, degrees).stress[:, 0, 0])
 
     def mean(self, gradient: FloatArray, degrees: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
-        """Mean stress p (n,) of volume changes, and dp/dF (4, n), at a displacement ``gradient`` (4, n) and
-        temperature change (n,)."""
+        """Mean stress p (n,) of volume changes, and dp/dF (4, n), at a displacement ``gradient`` (4, n)."""
         response = self.state(gradient, degrees, 1, apart=True)
         assert response.mean is not None
         mean = response.mean
@@ -111,8 +108,8 @@ class Law(ABC):
         return False
 
     def ellipticity(self, gradient: FloatArray, degrees: FloatArray | None = None) -> FloatArray:
-        """Smallest eigenvalue (n,) over the shear modulus of the acoustic tensor A_iJkL N_J N_L over all
-        directions N; where it is not positive the material loses ellipticity."""
+        """Smallest eigenvalue (n,) of the acoustic tensors A_iJkL N_J N_L of all directions N, over the shear
+        modulus; where it is not positive the material loses ellipticity."""
         moduli = self.moduli(gradient, degrees).reshape(2, 2, 2, 2, -1)
         least = np.full(gradient.shape[1], np.inf)
         for angle in np.linspace(0.0, np.pi, WAVE_DIRECTIONS, endpoint=False):
@@ -131,8 +128,8 @@ def law_class(name: str) -> type[Any]:
 
 
 class Response:
-    """Series of F, ``gradient`` (4, K + 1, j, n), and P, ``stress`` (4, K + 1, j, n), of a law at points,
-    filled order by order. ``mean`` is the mean stress (K + 1, j, n) of volume changes if it is apart."""
+    """Series of F, ``gradient`` (4, K + 1, j, n), and P, ``stress``, of a law at points, filled order by
+    order. ``mean`` is the mean stress (K + 1, j, n) of volume changes if it is apart."""
 
     def __init__(self, law: Law, tape: Tape, warm: bool, apart: bool) -> None:
         self.law, self._tape = law, tape
@@ -167,8 +164,8 @@ class Response:
         return Stress(plane, lambda: cold.across() * area, lambda: cold.stretch() * g33, cold.mean)
 
     def put(self, order: int, gradient: FloatArray | None, degrees: FloatArray | None = None) -> None:
-        """Set ``order`` of the displacement gradient (4, j, n), None if unknown, and of the temperature
-        change ``degrees`` (j, n), zero if None, and compute P."""
+        """Set ``order`` of the displacement gradient (4, j, n) and the temperature change (j, n), zero if
+        None, and compute P."""
         self.gradient[:, order] = 0.0 if gradient is None else gradient
         if not order:
             self.gradient[[0, 3], 0, 0] += 1.0

@@ -16,7 +16,8 @@ With x' the derivative by the path parameter, recurrences follow from
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
+from functools import partial
 
 import numpy as np
 
@@ -39,7 +40,8 @@ class Series:
     def __add__(self, other: Term) -> Series:
         if isinstance(other, Series):
             return self.tape.record(lambda _, k: self.values[k] + other.values[k])
-        return self if other == 0.0 else self.tape.record(lambda _, k: _shifted(self.values[k], other, k))
+        x = self.values
+        return self if other == 0.0 else self.tape.record(lambda _, k: x[k] if k else _shifted(x[0], other))
 
     def __sub__(self, other: Term) -> Series:
         if isinstance(other, Series):
@@ -118,16 +120,14 @@ def dot(*pairs: tuple[Term, Series]) -> Series:
     """Sum of the products of ``pairs`` of a series or number and a series."""
 
     def coefficient(_: FloatArray, k: int) -> FloatArray:
-        total, *rest = (_product(x, y.values, k) for x, y in pairs)
+        total, *rest = (
+            convolved(x.values, y.values, k) if isinstance(x, Series) else x * y.values[k] for x, y in pairs
+        )
         for part in rest:
             total += part
         return total
 
     return pairs[0][1].tape.record(coefficient)
-
-
-def _product(x: Term, y: FloatArray, order: int) -> FloatArray:
-    return convolved(x.values, y, order) if isinstance(x, Series) else x * y[order]
 
 
 class Tape:
@@ -240,35 +240,25 @@ def exp(x: Series) -> Series:
 def analytic(x: Series, *functions: Callable[[FloatArray, int], FloatArray]) -> list[Series]:
     """Functions of a series, each by its first m Taylor coefficients (m, n) about values (n,): sums of powers
     of the series less its value."""
-    count = len(x.values) + 1
-    powers = [x.tape.record(lambda _, k: _less_value(x.values[k], k))]
-    for power in range(2, count):
-        powers.append(x.tape.record(_multiplied(powers[-1], powers[0], power)))
-    return [x.tape.record(_composition(x, powers, function)) for function in functions]
+    count, points = len(x.values) + 1, x.values.shape[2]
 
+    def less_value(_: FloatArray, k: int) -> FloatArray:
+        return x.values[k] if k else composed(x.values[0], np.zeros(points), np.ones(points))
 
-def _less_value(x: FloatArray, order: int) -> FloatArray:
-    return x if order else composed(x, np.zeros(x.shape[1]), np.ones(x.shape[1]))
+    powers = [x.tape.record(less_value)]
 
-
-def _multiplied(one: Series, other: Series, power: int) -> Callable[[FloatArray, int], FloatArray]:
-    """The product of two powers, the ``power`` of a series without value: of order 0 only its derivatives by
-    X and Y are left."""
-
-    def coefficient(_: FloatArray, k: int) -> FloatArray:
+    def next_power(power: int, last: Series, _: FloatArray, k: int) -> FloatArray:
+        # Of order 0 only derivatives by X and Y are left.
         if k + 1 < power:
-            return np.zeros(one.values.shape[1:])
-        return convolved(one.values, other.values, k)
+            return np.zeros(x.values.shape[1:])
+        return convolved(last.values, powers[0].values, k)
 
-    return coefficient
+    for power in range(2, count):
+        powers.append(x.tape.record(partial(next_power, power, powers[-1])))
 
-
-def _composition(
-    x: Series, powers: Sequence[Series], function: Callable[[FloatArray, int], FloatArray]
-) -> Callable[[FloatArray, int], FloatArray]:
-    taylor = np.zeros((len(powers) + 1, x.values.shape[2]))
-
-    def coefficient(_: FloatArray, k: int) -> FloatArray:
+    def composition(
+        function: Callable[[FloatArray, int], FloatArray], taylor: FloatArray, _: FloatArray, k: int
+    ) -> FloatArray:
         if not k:
             taylor[:] = function(x.values[0, 0], len(taylor))
             return composed(x.values[0], taylor[0], taylor[1])
@@ -278,7 +268,9 @@ def _composition(
             total += factor * power.values[k]
         return total
 
-    return coefficient
+    return [
+        x.tape.record(partial(composition, function, np.zeros((count, points)))) for function in functions
+    ]
 
 
 def composed(x: FloatArray, value: FloatArray, slope: FloatArray) -> FloatArray:
@@ -330,9 +322,7 @@ def inverse(x: FloatArray) -> FloatArray:
     return composed(x, 1.0 / x[0], -1.0 / x[0] ** 2)
 
 
-def _shifted(x: FloatArray, shift: float, order: int) -> FloatArray:
-    if order:
-        return x
+def _shifted(x: FloatArray, shift: float) -> FloatArray:
     moved = x.copy()
     moved[0] += shift
     return moved

@@ -32,8 +32,8 @@ MOST = 100
 
 @dataclass(frozen=True)
 class Hardening:
-    """Flow stress Y over the accumulated plastic strain: linear between the rows of ``table`` (k, 2), strains
-    and stresses, and constant beyond them, plus ``slope`` a + ``strength`` a^``exponent``; ``kinematic`` is
+    """Flow stress Y over the accumulated plastic strain a: linear between the rows of ``table`` (k, 2),
+    strains and stresses, constant beyond, plus ``slope`` a + ``strength`` a^``exponent``; ``kinematic`` is
     Prager's slope."""
 
     table: FloatArray
@@ -111,17 +111,13 @@ class VonMises(SaintVenantKirchhoff):
 
     def equivalent(self, stress: FloatArray, history: FloatArray) -> FloatArray:
         """The stress q (n,) that is compared with the flow stress."""
-        return self._measure(self._deviator(stress, history))[0]
+        return self._measure(stress, history)[0]
 
-    def _deviator(self, stress: FloatArray, history: FloatArray) -> FloatArray:
-        """s - x (n, 4)."""
+    def _measure(self, stress: FloatArray, history: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """q (n,) and the deviator s - x over it (n, 4)."""
         relative = stress - stress[:, DIRECT].mean(axis=1)[:, None] * np.array([1.0, 1.0, 1.0, 0.0])
         back = 2.0 / 3.0 * self.hardening.kinematic * np.array([1.0, 1.0, 1.0, 0.5])
-        return np.asarray(relative - back * history[:, :4])
-
-    @staticmethod
-    def _measure(deviator: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """q (n,) and the deviator over it (n, 4)."""
+        deviator = relative - back * history[:, :4]
         square = (deviator[:, DIRECT] ** 2).sum(axis=1) + 2.0 * deviator[:, SHEAR] ** 2
         q = np.sqrt(1.5 * square)
         return q, deviator / np.where(q > 0.0, q, 1.0)[:, None]
@@ -132,27 +128,11 @@ class VonMises(SaintVenantKirchhoff):
         elastic = strain - history[:, :4]
         volume = elastic[:, DIRECT].sum(axis=1)[:, None] * even
         stress = 2.0 * mu * elastic * np.array([1.0, 1.0, 1.0, 0.5]) + (bulk - 2.0 / 3.0 * mu) * volume
-        q, normal = self._measure(self._deviator(stress, history))
-        amount, slope = self._flows(q, history[:, 4])
-        stiff = 3.0 * mu + self.hardening.kinematic
-        after = history.copy()
-        after[:, :4] += 1.5 * amount[:, None] * normal * np.array([1.0, 1.0, 1.0, 2.0])
-        after[:, 4] += amount
-        # Perfectly elastic points have no normal part.
-        left = 1.0 - 3.0 * mu * amount / np.where(q > 0.0, q, 1.0)
-        along = np.where(amount > 0.0, 3.0 * mu / (stiff + slope) - (1.0 - left), 0.0)
-        identity = np.diag([1.0, 1.0, 1.0, 0.5]) - np.outer(even, even) / 3.0
-        tangent = 2.0 * mu * left[:, None, None] * identity + bulk * np.outer(even, even)
-        tangent -= 3.0 * mu * along[:, None, None] * normal[:, :, None] * normal[:, None, :]
-        return stress - 3.0 * mu * amount[:, None] * normal, tangent, after
-
-    def _flows(self, q: FloatArray, before: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Plastic strain (n,) of an increment with trial stresses ``q`` (n,) and an amount ``before`` (n,),
-        and the slope of the flow stress after it: the root of q - (3 mu + H) x - Y(before + x), which falls,
-        by Newton's method within brackets."""
-        stiff = 3.0 * self.linear.shear + self.hardening.kinematic
-        amount, slope = np.zeros(len(q)), np.zeros(len(q))
-        flow = self.hardening.flow(before)[0]
+        q, normal = self._measure(stress, history)
+        stiff, before = 3.0 * mu + self.hardening.kinematic, history[:, 4]
+        amount, slope, flow = np.zeros(len(q)), np.zeros(len(q)), self.hardening.flow(before)[0]
+        # Plastic strain of the increment: the root of q - stiff x - Y(before + x), by Newton's method in
+        # brackets.
         on = np.flatnonzero(q > (1.0 + FINE_ROUND_OFF) * flow)
         low, high = np.zeros(len(on)), (q - flow)[on] / stiff
         x = 0.5 * high
@@ -166,7 +146,16 @@ class VonMises(SaintVenantKirchhoff):
             if done.all():
                 break
         amount[on], slope[on] = x, self.hardening.flow(before[on] + x)[1]
-        return amount, slope
+        after = history.copy()
+        after[:, :4] += 1.5 * amount[:, None] * normal * np.array([1.0, 1.0, 1.0, 2.0])
+        after[:, 4] += amount
+        # Perfectly elastic points have no normal part.
+        left = 1.0 - 3.0 * mu * amount / np.where(q > 0.0, q, 1.0)
+        along = np.where(amount > 0.0, 3.0 * mu / (stiff + slope) - (1.0 - left), 0.0)
+        identity = np.diag([1.0, 1.0, 1.0, 0.5]) - np.outer(even, even) / 3.0
+        tangent = 2.0 * mu * left[:, None, None] * identity + bulk * np.outer(even, even)
+        tangent -= 3.0 * mu * along[:, None, None] * normal[:, :, None] * normal[:, None, :]
+        return stress - 3.0 * mu * amount[:, None] * normal, tangent, after
 
 
 def plastic_stress(material: PlaneMaterial, history: FloatArray) -> FloatArray:

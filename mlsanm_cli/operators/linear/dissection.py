@@ -16,7 +16,7 @@ from mlsanm_cli.operators.linear.interface import structure
 from mlsanm_cli.records import dataclass
 
 LEAF_SIZE = 16
-"""Largest part that is not cut: with 32 the factor is 5 % larger, with 8 no smaller."""
+"""Largest part that is not cut."""
 DIRECTIONS = 8
 
 
@@ -27,12 +27,10 @@ Tree: TypeAlias = tuple[IntArray, IntArray, IntArray]
 
 
 def nested_dissection(points: FloatArray, graph: sparse.csr_array | sparse.bsr_array) -> Tree:
-    """Nested dissection: both halves of the vertices first, the separator between them last.
-
-    ``points`` (n, 2); ``graph`` is a symmetric pattern in rows or blocks. A part is bisected at its median
-    along the one of DIRECTIONS directions with the smallest separator: the vertices of one half that touch
-    the other. Raises ValueError for a graph of another number of vertices.
-    """
+    """Nested dissection: both halves of the vertices first, the separator between them last. A part of the
+    ``points`` (n, 2) with the symmetric pattern ``graph`` is bisected at its median along the one of
+    DIRECTIONS directions with the smallest separator. Raises ValueError for a graph of another number of
+    vertices."""
     if graph.shape[0] != graph.shape[1] or len(graph.indptr) != len(points) + 1:
         raise ValueError(f"a graph of {len(graph.indptr) - 1} vertices for {len(points)} points")
     angles = np.pi * np.arange(DIRECTIONS) / DIRECTIONS
@@ -45,21 +43,6 @@ def nested_dissection(points: FloatArray, graph: sparse.csr_array | sparse.bsr_a
     parent = parents[:count][::-1]
     start = np.append(begins[:count][::-1], len(points))
     return order, start, np.where(parent >= 0, count - 1 - parent, -1)
-
-
-def with_multipliers(tree: Tree, graph: sparse.bsr_array, count: int) -> tuple[Tree, IntArray]:
-    """Insert the last ``count`` vertices of a ``graph`` into the ``tree`` of the others; also returns their
-    number per front (f,), in which they come last. They join the front where their neighbours' fronts meet:
-    in the dissection they would pull all adjacent vertices into separators."""
-    order, start, parent = tree
-    first, found = len(order), np.empty(count, dtype=np.int64)
-    front = np.empty(first, dtype=np.int64)
-    front[order] = np.repeat(np.arange(len(parent)), np.diff(start))
-    places_between(*structure(graph), first, front, parent, found)
-    of_front = np.bincount(found, minlength=len(parent)).astype(np.int64)
-    own = np.concatenate([front[order], found])
-    order = np.concatenate([order, first + np.arange(count)])[np.argsort(own, kind="stable")]
-    return (order, start + np.concatenate([[0], np.cumsum(of_front)]), parent), of_front
 
 
 @dataclass(frozen=True)
@@ -93,11 +76,19 @@ class Fronts:
         if negative:
             entries = (np.ones(len(graph.indices), dtype=np.int8), graph.indices, graph.indptr)
             pattern = sparse.csr_array(entries, shape=(len(points), len(points)))[:count, :count]
-            tree, of_front = with_multipliers(nested_dissection(points[:count], pattern), graph, negative)
+            order, start, parent = nested_dissection(points[:count], pattern)
+            # They join the front where their neighbours' fronts meet: in the dissection they would pull all
+            # adjacent vertices into separators.
+            front, found = np.empty(count, dtype=np.int64), np.empty(negative, dtype=np.int64)
+            front[order] = np.repeat(np.arange(len(parent)), np.diff(start))
+            places_between(*structure(graph), count, front, parent, found)
+            of_front = np.bincount(found, minlength=len(parent)).astype(np.int64)
+            own = np.concatenate([front[order], found])
+            order = np.concatenate([order, count + np.arange(negative)])[np.argsort(own, kind="stable")]
+            start = start + np.concatenate([[0], np.cumsum(of_front)])
         else:
-            tree = nested_dissection(points, graph)
-            of_front = np.zeros(len(tree[2]), dtype=np.int64)
-        order, start, parent = tree
+            order, start, parent = nested_dissection(points, graph)
+            of_front = np.zeros(len(parent), dtype=np.int64)
         place = np.empty_like(order)
         place[order] = np.arange(len(points))
         begin, border, waiting = borders(start, parent, *structure(graph), order, place)

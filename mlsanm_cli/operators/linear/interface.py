@@ -21,17 +21,10 @@ MAX_ENTRIES = np.iinfo(np.int32).max
 
 
 def structure(matrix: sparse.csr_array | sparse.bsr_array) -> tuple[IndexArray, IndexArray]:
-    """Row offsets (n + 1,) and column indices of a matrix's entries or blocks. Raises NumericalError for more
-    entries than 32-bit indices can count."""
+    """Row offsets and column indices of a matrix's entries or blocks. Raises NumericalError for too many."""
     refuse_too_many(int(matrix.indptr[-1]))
     indptr, indices = (part.astype(np.int32, copy=False) for part in (matrix.indptr, matrix.indices))
     return indptr, indices
-
-
-def compact(matrix: sparse.csr_array) -> sparse.csr_array:
-    """The same matrix with 32-bit indices. Raises NumericalError if it is too large."""
-    indptr, indices = structure(matrix)
-    return sparse.csr_array((matrix.data, indices, indptr), shape=matrix.shape)
 
 
 def refuse_too_many(entries: int) -> None:

@@ -21,8 +21,8 @@ from mlsanm_cli.records import dataclass
 
 @dataclass(frozen=True)
 class MultifrontalFactor:
-    """Panels of the factor, one after the other in ``values`` at offsets ``panel`` (f + 1,), and the
-    exchanges of rows ``swaps`` (2n,) among pivots, (0,) for a symmetric matrix."""
+    """Panels of the factor in ``values`` at offsets ``panel`` (f + 1,), and the exchanges of rows ``swaps``
+    (2n,) among pivots, (0,) for a symmetric matrix."""
 
     fronts: Fronts
     panel: IntArray
@@ -62,8 +62,8 @@ class MultifrontalFactor:
         return solution
 
     def products(self, left: sparse.csr_array, right: sparse.csc_array) -> FloatArray:
-        """``left`` (g, n) times the solutions for ``right`` (n, c), by forward substitution only, of a
-        symmetric matrix."""
+        """``left`` (g, n) times the solutions for ``right`` (n, c) by a symmetric matrix, by forward
+        substitution."""
         fronts = self.fronts
         both = sparse.csr_array(sparse.hstack([left.T, right], format="csr"))[fronts.unknowns]
         indptr, indices = both.indptr.astype(np.int64), both.indices.astype(np.int64)
@@ -114,9 +114,7 @@ def factor_general(matrix: sparse.bsr_array, fronts: Fronts, transposed: IntArra
 MAX_BACKWARD_ERROR = 1e-11
 """Accepted backward error of a factor; round-off is expected."""
 MAX_UNCORRECTED_ERROR, MAX_CORRECTED_ERROR = 1e-9, 1e-13
-"""Or: accepted backward error if one correction, as all solutions get, reduces it to MAX_CORRECTED_ERROR.
-Equations of nearly incompressible bodies lose digits in any factor without pivoting (1e-11 and more), which a
-correction restores (1e-17 to 4e-14)."""
+"""Or: accepted backward error if one correction, as all solutions get, reduces it to MAX_CORRECTED_ERROR."""
 
 
 def verified_or_superlu(factor: Factor | None, matrix: Matrix, points: FloatArray) -> Factor:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.formulas.lame import LameRing
+from benchmarks.formulas import LameRing
 from mlsanm_cli.app.checks import refinement as adapt
 from mlsanm_cli.app.checks.refinement import LOW_DEGREE_RULE
 from mlsanm_cli.errors import NumericalError

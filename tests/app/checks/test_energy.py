@@ -37,7 +37,6 @@ def beam(spacing: float, length: float = 20.0) -> Scene:
         ([support("block.left", spring=[2e4, 3e4]), traction("right", 0.0, -1.0)], 0.03),
         ([CLAMP, WEIGHT], 0.03),
         ([CLAMP, load("low", "block.right", "platen", fy=-1.0)], 0.03),
-        # By stresses next to the corners of the sides that are moved apart it were 9 to 12 %.
         ([CLAMP, load("shear", "block.right", "platen", ux=0.0, uy=0.01)], 0.03),
     ],
     ids=["bar", "soft", "stiff", "weight", "lowered", "sheared"],
@@ -123,7 +122,6 @@ def test_frames_with_three_nodes_across_have_degree_2_and_say_how_many_they_want
 
 
 def test_a_beam_whose_forces_are_not_looked_at_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    # On single nodes there is no reaction to compare: a beam that bent by 0.4 of what it should had passed.
     monkeypatch.setattr(pieces, "EQUILIBRIUM_WEIGHT", 10.0)
     on_nodes = beam(0.1, 8.0).pin("beam", [0.0, 0.0], ux=0.0, uy=0.0).pin("beam", [8.0, 0.0], uy=0.0)
     summary = solve(on_nodes, tmp_path / "run")
@@ -189,8 +187,6 @@ def test_forces_of_prescribed_displacements_are_as_wrong_as_the_stiffness(tmp_pa
 
 
 def test_errors_at_clamped_ends_are_estimated(tmp_path: Path) -> None:
-    """Fits of the next degree said a thirteenth of what a block gives too much or little, seen from beside a
-    contact: at the ends of its base they are as wrong as the others."""
     text = (
         scene("strain", E=1000.0)
         .body("block", "steel", 5.0, box=([-45.0, 45.0], [-50.0, 0.0]), clamped="bottom")

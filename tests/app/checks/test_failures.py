@@ -137,7 +137,6 @@ def test_a_certificate(
 
 @pytest.mark.usefixtures("by_nodes")
 def test_a_search_for_contact_without_end_tells_of_the_certificate(tmp_path: Path) -> None:
-    # It had pointed at a figure of `mlsanm check`, which has none.
     zones = [(0.0, 0.032, 0.07), (-0.05, 0.004, 0.004), (0.05, 0.004, 0.004)]
     refine = ", ".join(f"{{at=[{x}, 0.0], spacing={h}, radius={r}}}" for x, h, r in zones)
     coarse = [f"body.{body}.refine=[{refine}]" for body in ("cylinder", "block")]

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sparse
 
-from benchmarks.formulas.kirsch import KirschHole
-from benchmarks.formulas.lekhnitskii import AnisotropicHole
+from benchmarks.formulas import AnisotropicHole, KirschHole
 from mlsanm_cli.app.checks.peaks import along_over_across, traction_error
 from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import Arc, Outline, rectangle
@@ -37,7 +36,6 @@ def holed(around: int, degree: int, directory: Path) -> Mapping[str, Any]:
 
 @pytest.mark.parametrize(("around", "degree"), [(24, 2), (24, 4), (32, 4), (40, 2)])
 def test_coarse_holes_of_a_mesh_are_warned_of(around: int, degree: int, tmp_path: Path) -> None:
-    # At 2.3 to 6 % there had been no word of it.
     summary = holed(around, degree, tmp_path)
     told, state = summary["peak_stress"]["plate"], read_run(tmp_path / "run")
     assert np.hypot(*told["place"]) == pytest.approx(1.0)
@@ -69,7 +67,6 @@ def test_what_grows_towards_a_clamped_corner_is_no_peak(tmp_path: Path) -> None:
 
 
 def test_where_a_load_ends_no_stress_meets_both_sides(tmp_path: Path) -> None:
-    # Half of the jump had been warned of, 7 % here, and inside a load what its field leaves was its size.
     text = (
         scene("strain")
         .body("beam", "steel", 0.4, box=([-10.0, 10.0], [0.0, 2.0]))
@@ -111,8 +108,6 @@ def test_errors_along_fibres_are_larger_than_those_of_tractions(angle: float) ->
 
 
 def test_round_off_has_no_peak(tmp_path: Path) -> None:
-    # Rollers that nothing presses had been said to be 170 % off at stresses of 1e-17; grids of contacts that
-    # nothing presses shrank to a point, and the run was refused for what nodal pressures made of the others.
     text = (
         scene("stress")
         .body("base", "steel", 0.5, box=([-3.0, 3.0], [-2.0, 0.0]), clamped="bottom")

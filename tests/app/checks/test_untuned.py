@@ -13,8 +13,6 @@ from tests.case_text import EXACT, FLOOR, Scene, disk, polygon, scene
 
 
 def test_a_lever_that_turns_presses_along_the_normal_of_a_rigid_plane(tmp_path: Path) -> None:
-    """A shoe with a round nose, hinged at its end, on a drum that runs towards the hinge: directions were
-    those of the nose as drawn, where the lever has turned it to, and friction was 1.2 % above its limit."""
     friction, force = 0.4, 60.0
     slope = float(np.arctan(8.0 / 13.0))
     radius = 3.0 / (1.0 / float(np.sin(slope)) - 1.0)  # so that the nose ends at y = 0
@@ -42,8 +40,6 @@ def test_a_lever_that_turns_presses_along_the_normal_of_a_rigid_plane(tmp_path: 
 
 
 def test_a_body_in_a_bowl_stays_where_it_is_whatever_the_axes(tmp_path: Path) -> None:
-    """It may swing about the middle of the bowl; held by x or y alone it swung by three times its depth."""
-
     def moved(angle: float) -> np.ndarray:
         turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
 
@@ -82,8 +78,6 @@ def slider(spring: float) -> Scene:
 
 
 def test_a_block_slides_against_a_spring_and_half_of_the_way_back(tmp_path: Path) -> None:
-    """Jenkins' element, whose spring is soft. Corners beside springs had no fields, and the contact was
-    refused as one that does not resist pressures from node to node."""
     summary = solve(slider(300.0), tmp_path / "run")
     assert not summary["warnings"]
     # 90 - 30 = 60 strain the spring; unloaded it pulls the block back until 30 are left.
@@ -92,14 +86,13 @@ def test_a_block_slides_against_a_spring_and_half_of_the_way_back(tmp_path: Path
 
 
 def test_a_stiff_spring_leaves_the_corner_beside_it_free(tmp_path: Path) -> None:
-    """Pressures were those of nodes, 20 % off; -3.807 is the force with a quarter of the spacing."""
     summary = solve(slider(30e3), tmp_path / "run")
+    # The force with a quarter of the spacing.
     assert not summary["warnings"]
     assert summary["contacts"]["slide"]["force"] == pytest.approx([-3.807, 100.0], rel=0.01)
 
 
 def test_a_wedge_that_locks_keeps_its_forces(tmp_path: Path) -> None:
-    """One increment to no load ends where nothing touches: grids were refined to the round-off of that."""
     slope, friction, force = float(np.tan(np.radians(7.0))), 0.2, 600.0
 
     def high(x: float) -> float:
@@ -134,8 +127,6 @@ def test_a_wedge_that_locks_keeps_its_forces(tmp_path: Path) -> None:
 
 
 def test_a_band_on_a_drum_is_pulled_at_both_ends(tmp_path: Path) -> None:
-    """All of it slips from its middle to its ends. No state was found from sets that slip as a whole; it
-    gives way from one that sticks."""
     radius, thick, pull = 50.0, 1.0, 2.0
     half = {"kind": "sector", "center": [0.0, 0.0], "radii": [radius, radius + thick], "angles": [0.0, 180.0]}
     text = (
@@ -149,8 +140,6 @@ def test_a_band_on_a_drum_is_pulled_at_both_ends(tmp_path: Path) -> None:
 
 
 def test_a_shaft_in_a_v_block_settles_and_is_twisted_until_it_slides(tmp_path: Path) -> None:
-    """While it settles all of both contacts slips, and it may turn as well: that was said to slide as a whole
-    at a quarter of the weight. What presses says nothing of the plate's rotation, which was refused."""
     friction, radius, weight, more = 0.25, 20.0, 400.0, 1.5
     limit = friction * radius * weight * np.sqrt(2.0) / (1.0 + friction**2)
     text = (
@@ -169,8 +158,6 @@ def test_a_shaft_in_a_v_block_settles_and_is_twisted_until_it_slides(tmp_path: P
 
 
 def test_a_rubber_ring_is_twisted_by_tractions_that_add_up_to_no_force(tmp_path: Path) -> None:
-    """It was refused: for its forces, relative to a largest one of round-off, and for a certificate of 0.07,
-    as free faces of nearly incompressible rings have at degree 4."""
     shear, inner, outer = 0.01, 8.0, 14.0
     summary = solve(
         scene("strain", "rubber", E=2.9, nu=0.45)
@@ -184,8 +171,6 @@ def test_a_rubber_ring_is_twisted_by_tractions_that_add_up_to_no_force(tmp_path:
 
 
 def test_a_tilted_punch_is_as_wide_as_it_touches(tmp_path: Path) -> None:
-    """Its half-width was that of the singular pressure next to its edge, and its way down was said to follow
-    the two surfaces, both of them straight."""
     modulus, tilt, width = 1000.0 / 0.91, 0.004, 1.5
     punch = {"kind": "polyline", "points": [[-10.0, 8.0], [-10.0, 10.0 * tilt], [0.0, 0.0], [0.0, 8.0]]}
     summary = solve(
@@ -200,8 +185,6 @@ def test_a_tilted_punch_is_as_wide_as_it_touches(tmp_path: Path) -> None:
 
 
 def test_a_curve_through_points_of_an_arc_is_one_for_contacts(tmp_path: Path) -> None:
-    """The pin overlaps it by a few 1e-6 here and there. Beyond what its load presses it was refused as coming
-    into contact there, at position 0."""
     angles = np.linspace(0.0, np.pi, 31)
     groove = {"kind": "polyline", "points": [[8.0 * np.cos(a), -8.0 * np.sin(a)] for a in angles.tolist()]}
     summary = solve(
@@ -257,8 +240,6 @@ def test_the_peak_beside_a_contact(friction: float, stress: float, tmp_path: Pat
 
 
 def test_a_pin_in_the_hole_of_a_lug_that_friction_alone_keeps_from_turning(tmp_path: Path) -> None:
-    """Where all of it slipped, round-off in the normals of its arc resisted its rotation; and as normals of
-    all directions cancel, the load was said to pull it away."""
     summary = done(lug(0.15), tmp_path / "run")
     fit = summary["contacts"]["fit"]
     assert fit["force"] == pytest.approx([-4.4504 * np.pi * 5.98**2, 0.0], abs=1e-3)

@@ -182,7 +182,6 @@ def test_a_path_is_a_moving_picture(
 
 
 def test_mp4_by_ffmpeg(series_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A program of this name gets all frames and says where it failed; the real one was tried by hand."""
     monkeypatch.setattr(plot_module, "FRAMES", 5)
     monkeypatch.setenv("PATH", str(tmp_path))
     moving = Choice(animate=True, out=tmp_path / "p.mp4")

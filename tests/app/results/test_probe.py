@@ -67,7 +67,6 @@ def test_linear_fields_are_exact(tmp_path: Path) -> None:
 
 
 def test_saved_fields_give_only_levels_that_they_span(tmp_path: Path) -> None:
-    """One load saved: any level of it can be had, none with the other load."""
     solve(BAR, tmp_path / "bar", "output.at=[0.5]")
     (row,) = probe.probe_point(tmp_path / "bar", [0.8], "bar", (1.3, 0.7), "stress")
     assert (row["xx"], row["yy"]) == pytest.approx((24.0, 0.0), abs=1e-8)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.formulas.lame import LameRing, press_fit
+from benchmarks.formulas import LameRing, press_fit
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import done, prepared, solve
 from tests.case_text import body_force, disk, polygon, scene, support

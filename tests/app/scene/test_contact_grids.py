@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.formulas.below_hertz import stress_below
+from benchmarks.formulas import stress_below
+from mlsanm_cli.app.checks.references import HertzLine
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.io.run_reader import read_run
-from mlsanm_cli.reference.hertz import HertzLine
 from tests.app.scenes import Quiet, solve
 from tests.case_text import EXACT, Scene, head, polygon, scene
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mlsanm_cli.app.checks.references import HertzLine
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.io.run_reader import read_run
-from mlsanm_cli.reference.hertz import HertzLine
 from tests.app.scenes import EXACT_LAW, Quiet, done, refused, solve
 from tests.case_text import EXACT, FLOOR, Scene, body, contact, load, polyline, scene, support
 

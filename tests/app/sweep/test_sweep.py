@@ -277,7 +277,6 @@ def test_cells_of_a_table_are_no_formulas(value: object) -> None:
 
 
 def test_warnings_are_told(tmp_path: Path) -> None:
-    # Points that were done with warnings had looked like all others.
     case, console = tmp_path / "bar.toml", Quiet()
     refined = item("body.refine", at=[0.0, 0.0], spacing=0.05, radius=0.1)
     case.write_text(BAR.changed("[[support]]", f"{refined}[[support]]", 1))
@@ -319,7 +318,6 @@ def test_a_dask_cluster_that_loses_a_worker_finds_the_same(tmp_path: Path, case:
 
 
 def test_geometries_of_materials_with_axes() -> None:
-    """Expansion along three axes is a list or a number, which the library that writes it had stumbled on."""
     path = Path(__file__).parents[3] / "cases" / "orthotropic.toml"
     one, same, other = (
         geometry(load_case(path, overrides).case)

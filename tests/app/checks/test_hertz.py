@@ -9,12 +9,9 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.optimize import minimize_scalar
 
-from benchmarks.formulas.below_hertz import stress_below
-from benchmarks.formulas.kirsch import KirschHole
-from benchmarks.formulas.lame import LameRing
-from benchmarks.formulas.persson import FIT, PinInHole, clearance_ratio
+from benchmarks.formulas import FIT, KirschHole, LameRing, PinInHole, clearance_ratio, stress_below
+from mlsanm_cli.app.checks.references import HertzLine
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.reference.hertz import HertzLine
 
 UNIT = HertzLine(force=0.5 * np.pi, radius=1.0, modulus=2.0)
 """A contact with half width 1 and peak pressure 1."""

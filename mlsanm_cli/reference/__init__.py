@@ -1,1 +1,0 @@
-"""Closed formulas that results are checked against."""
