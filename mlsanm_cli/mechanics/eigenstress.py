@@ -21,7 +21,7 @@ from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.elasticity import force_sums, traction_of
 from mlsanm_cli.mechanics.pieces import reaction_of, reaction_rows
 from mlsanm_cli.mechanics.springs import FREE
-from mlsanm_cli.operators.rows import scalar_rows
+from mlsanm_cli.operators.stencil_weights import scalar_rows
 from mlsanm_cli.operators.stencils import build_gradients
 from mlsanm_cli.records import dataclass
 

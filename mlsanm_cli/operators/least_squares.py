@@ -34,8 +34,8 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.operators.compliance import corrected
 from mlsanm_cli.operators.conditions import Conditions, conditions_of, independent_sums
 from mlsanm_cli.operators.linear.dissection import Fronts
+from mlsanm_cli.operators.linear.factors import factor_definite, mirrored
 from mlsanm_cli.operators.linear.interface import Factor, LinearSolver
-from mlsanm_cli.operators.linear.multifrontal import factor_definite, mirrored
 from mlsanm_cli.operators.normal import NormalPattern, bordered, normal_equations
 from mlsanm_cli.operators.system import (
     DIRECTIONS,

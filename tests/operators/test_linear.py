@@ -18,7 +18,7 @@ from mlsanm_cli.cloud.curves import rectangle
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.operators.conditions import independent_sums
 from mlsanm_cli.operators.least_squares import LeastSquares, Strong, factorise
-from mlsanm_cli.operators.linear.superlu import elimination_order
+from mlsanm_cli.operators.linear.factors import elimination_order
 
 
 def neighbour_graph(points: FloatArray, count: int) -> sparse.csr_array:

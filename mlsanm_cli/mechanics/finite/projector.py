@@ -29,9 +29,13 @@ from mlsanm_cli.mechanics.finite.stability import SoftMotion, rows_of_force, sof
 from mlsanm_cli.mechanics.finite.tangent import MeanStress, tangent_rows
 from mlsanm_cli.operators import least_squares
 from mlsanm_cli.operators.least_squares import Strong
+from mlsanm_cli.operators.linear.factors import (
+    MultifrontalFactor,
+    SuperLUFactor,
+    factor_general,
+    factor_in_order,
+)
 from mlsanm_cli.operators.linear.interface import LinearSolver
-from mlsanm_cli.operators.linear.multifrontal import MultifrontalFactor, factor_general
-from mlsanm_cli.operators.linear.superlu import SuperLUFactor, factor_in_order
 from mlsanm_cli.records import dataclass
 
 PIVOT_THRESHOLD = 1e-3
