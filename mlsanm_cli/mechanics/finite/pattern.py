@@ -17,7 +17,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.loads import FacePoints
 from mlsanm_cli.mechanics.springs import FREE
-from mlsanm_cli.operators.least_squares import Symbolic
+from mlsanm_cli.operators.least_squares import Symbolic, symbolic_of
 from mlsanm_cli.records import dataclass
 
 
@@ -155,4 +155,4 @@ class Pattern:
         """Pattern of the equations and their elimination order."""
         rows, strong = self.rows(np.ones((len(self.whole.nodes), 2)))
         owner = np.tile(np.arange(self.elastic.pieces.count), 3)
-        return Symbolic.of(rows, strong, owner, self.elastic.model.cloud.points, self.elastic.pieces.middle)
+        return symbolic_of(rows, strong, owner, self.elastic.model.cloud.points, self.elastic.pieces.middle)

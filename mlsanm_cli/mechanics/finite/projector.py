@@ -132,12 +132,12 @@ class Projector:
         if np.array_equal(displacement, self.base_state):
             return Factorised(self, own, own_strong, None)
         rows, strong = self._weighted_rows(displacement, factors, mean)
-        symbolic = self.body.pattern.symbolic
-        matrix = symbolic.normal.matrix(own, own_strong, rows, strong)
+        normal, fronts, transposed = self.body.pattern.symbolic
+        matrix = normal.matrix(own, own_strong, rows, strong)
         if self._solver == "superlu":
-            args = sparse.csc_array(matrix), symbolic.fronts.unknowns, PIVOT_THRESHOLD
+            args = sparse.csc_array(matrix), fronts.unknowns, PIVOT_THRESHOLD
             return Factorised(self, rows, strong, factor_in_order(*args))
-        return Factorised(self, rows, strong, factor_general(matrix, symbolic.fronts, symbolic.transposed))
+        return Factorised(self, rows, strong, factor_general(matrix, fronts, transposed))
 
 
 @dataclass(frozen=True)
