@@ -19,9 +19,6 @@ from mlsanm_cli.case.starters import kinds, starter
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.toml import toml_value
 
-TYPO_SIMILARITY = 0.8
-"""Similarity (difflib ratio) from which the name of an item counts as a misspelt key."""
-
 _BOUNDS = {
     "exclusiveMinimum": "above",
     "minimum": "at least",
@@ -70,8 +67,7 @@ def explain(key: str = "") -> tuple[Explanation, ...]:
     # call it.
     keys = {name for table in tables_at(path) for name in table["properties"]}
     if named and (
-        SYNONYMS.get(parts[-1].lower()) in keys
-        or difflib.get_close_matches(parts[-1], keys, n=1, cutoff=TYPO_SIMILARITY)
+        SYNONYMS.get(parts[-1].lower()) in keys or difflib.get_close_matches(parts[-1], keys, n=1, cutoff=0.8)
     ):
         raise RunError(f'there is no key "{key}"', _nearest(key))
     if path and path[-1] == "kind":

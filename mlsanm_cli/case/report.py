@@ -114,9 +114,6 @@ def line_of(lines: Mapping[KeyPath, int], path: KeyPath) -> int:
     return next((lines[place] for place in enclosing if place in lines), 0)
 
 
-MAX_SHOWN_CHARACTERS = 500
-"""Longer keys are shown without their middle."""
-
 _OTHER_NAMES = {
     "E": "young youngs_modulus e_modulus elastic_modulus",
     "nu": "poisson poissons_ratio poisson_ratio",
@@ -172,15 +169,6 @@ def dotted(data: Any, path: KeyPath) -> str:
     return ".".join(parts)
 
 
-def shortened(text: str) -> str:
-    """The text, without its middle if it is far longer than any name.
-
-    >>> len(shortened("k" * 1_000_000))
-    125
-    """
-    return text if len(text) <= MAX_SHOWN_CHARACTERS else f"{text[:60]}[...]{text[-60:]}"
-
-
 def child(value: Any, step: str | int) -> Any:
     """The item of a table or list at a key or index, None if there is none."""
     if isinstance(value, Mapping):
@@ -211,7 +199,9 @@ class Report:
             created = path not in self.lines and any(one[: len(path)] == path for one in self.changed)
             if not created and not any(path[: len(one)] == one for one in self.changed):
                 line, source = max(line_of(self.lines, path), 1), self.source
-            key = shortened(dotted(self.data, path)) or "(file)"
+            key = dotted(self.data, path) or "(file)"
+            if len(key) > 500:
+                key = f"{key[:60]}[...]{key[-60:]}"
             problem = CaseProblem(key, fault.message, line, source, fault.hint)
             self._found.setdefault((path, fault.message), problem)
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import click
 
-from mlsanm_cli.cli import completion, declare
+from mlsanm_cli.cli import declare
 from mlsanm_cli.cli.settings import Settings, print_result, say
 from mlsanm_cli.cli.text import BOLD, grid, paint, table
 from mlsanm_cli.errors import RunError
@@ -30,7 +30,7 @@ SCHEMA_LINE = "#:schema ./mlsanm.schema.json"
         "Kind of scene, see --list.",
         default="hertz",
         show_default=True,
-        shell_complete=completion.kinds,
+        shell_complete=declare.complete_kinds,
     ),
     declare.option("--list listing", "List the kinds of scenes.", is_flag=True),
     declare.flag("force", "Overwrite an existing file."),
@@ -109,7 +109,7 @@ def fit_law(
 
 
 @declare.command(
-    click.argument("key", required=False, default="", shell_complete=completion.plain_keys),
+    click.argument("key", required=False, default="", shell_complete=declare.complete_plain_keys),
     declare.option("--all all_keys", "Print the reference of all keys as Markdown.", is_flag=True),
 )
 def explain(settings: Settings, key: str, all_keys: bool) -> int:

@@ -15,18 +15,13 @@ from mlsanm_cli.cli.text import BOLD, DIM, RED, YELLOW, paint, printable
 from mlsanm_cli.records import Closing
 from mlsanm_cli.stopping import Stopper
 
-INTERVAL = 0.5
-"""Seconds between two updates of the elapsed time."""
 _CLEAR = "\r\x1b[K"
-_LOG_INTERVAL = 1.0
-_TERMINAL_INTERVAL = 0.05
-"""Seconds between two rows of the step table in a log, and on a terminal."""
 
 
 class TerminalConsole(Closing):
     """Progress, notes and warnings; with ``quiet`` only warnings. On a terminal, phases and steps rewrite one
-    line, which shows the elapsed time while it does not change. Elsewhere a phase is a line, and steps are
-    shown at most once a second, and always the first and the last."""
+    line, which shows the elapsed time while it does not change, every ``interval`` seconds. Elsewhere a phase
+    is a line, and steps are shown at most once a second, and always the first and the last."""
 
     def __init__(
         self,
@@ -35,7 +30,7 @@ class TerminalConsole(Closing):
         *,
         clock: Callable[[], float] = time.monotonic,
         width: int | None = None,
-        interval: float = INTERVAL,
+        interval: float = 0.5,
     ) -> None:
         self._stream: TextIO | None = stream  # None after the reader has closed it
         self._quiet = settings.quiet
@@ -68,7 +63,7 @@ class TerminalConsole(Closing):
         remarks = text.split("  ") if text else []
         row = [f"step {index:4d} ", f"position {position:<9.6g}", f"residual {residual:8.2e} ", *remarks]
         with self._lock:
-            now, pause = self._clock(), _TERMINAL_INTERVAL if self._live else _LOG_INTERVAL
+            now, pause = self._clock(), 0.05 if self._live else 1.0
             if self._last is not None and now - self._last < pause:
                 self._waiting = row
                 return

@@ -6,9 +6,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import h5py
 import numpy as np
@@ -22,12 +23,8 @@ from mlsanm_cli.io.files import check_seal, read_summary
 from mlsanm_cli.io.run_dir import RUN_FILE, SUMMARY_FILE
 
 FORMAT = 1
-MAX_LISTED = 5
-"""Largest number of directories listed in a hint."""
 RESULTS = ("bodies", "path", "contacts", "probes", "maps", "fields")
 """The groups that are read by default; series and the checkpoint are read when they are needed."""
-
-Read = TypeVar("Read")
 
 
 class Dataset(Mapping[str, Any]):
@@ -67,42 +64,20 @@ class SavedState(NamedTuple):
 
 
 class RunData(Dataset):
-    """A run as read from its ``directory``; ``attributes`` are those of the file. Runs that were killed
-    before their first state have histories without rows."""
+    """A run as read from its ``directory``; ``attributes`` are those of the file. ``status`` is running (or
+    killed), done, failed or stopped; ``case_raw`` the case as given and ``case_resolved`` with all defaults,
+    as TOML; ``rows`` the number of rows of the path, S+1, 0 if the run ended before its first state;
+    ``seconds`` those that the rows took, of all processes; ``is_finite`` whether the run is at finite strain,
+    where states between two rows cannot be evaluated. Runs that were killed before their first state have
+    histories without rows."""
 
     def __init__(self, directory: Path, members: Mapping[str, Any], attributes: Mapping[str, Any]) -> None:
         super().__init__(members, attributes)
-        self.directory = directory
-
-    @property
-    def status(self) -> str:
-        """running (or killed), done, failed or stopped."""
-        return str(self.attributes["status"])
-
-    @property
-    def case_raw(self) -> str:
-        """The case as given, as TOML."""
-        return str(self.get("case/raw", ""))
-
-    @property
-    def case_resolved(self) -> str:
-        """The case with all defaults, as TOML."""
-        return str(self.get("case/resolved", ""))
-
-    @property
-    def rows(self) -> int:
-        """Number of rows of the path, S+1; 0 if the run ended before its first state."""
-        return len(self["path/position"])
-
-    @property
-    def seconds(self) -> float:
-        """Seconds that the rows took, of all processes."""
-        return float(self["path/seconds"][-1:].sum())
-
-    @property
-    def is_finite(self) -> bool:
-        """Whether the run is at finite strain, where states between two rows cannot be evaluated."""
-        return self.attributes.get("strain") == "finite"
+        self.directory, self.status = directory, str(attributes["status"])
+        self.case_raw, self.case_resolved = (str(self.get(f"case/{key}", "")) for key in ("raw", "resolved"))
+        self.rows = len(self.get("path/position", ()))
+        self.seconds = float(sum(self.get("path/seconds", np.empty(0))[-1:]))
+        self.is_finite = attributes.get("strain") == "finite"
 
     @property
     def unilateral_contacts(self) -> tuple[str, ...]:
@@ -123,7 +98,7 @@ def read_run(rundir: Path, groups: Sequence[str] = RESULTS) -> RunData:
     in progress. Raises RunError if there is no run, if run.h5 is damaged or not from mlsanm, or if it has
     another format."""
 
-    def read(root: Any, file: Path) -> RunData:
+    with _opened(rundir) as (root, file):
         attributes: dict[str, str | int | float] = {}
         for name, value in root.attrs.items():
             plain = value.item() if isinstance(value, np.generic) else value
@@ -136,12 +111,9 @@ def read_run(rundir: Path, groups: Sequence[str] = RESULTS) -> RunData:
         members = {name: _tree(root[name]) if name in root else {} for name in ("case", *groups)}
         return RunData(file.parent, _completed(members), attributes)
 
-    return _reading(rundir, read)
-
 
 def read_origin(rundir: Path) -> RunData:
-    """Reads the origin of the run in ``rundir``: its case, path and checkpoint. Raises RunError as `read_run`
-    does."""
+    """Reads the case, path and checkpoint of a run. Raises RunError as `read_run` does."""
     return read_run(rundir, ("path", "checkpoint"))
 
 
@@ -169,29 +141,27 @@ def read_path(rundir: Path) -> Mapping[str, NDArray[Any]]:
 
 def read_series(rundir: Path, step: int) -> Dataset:
     """Reads the series of ``step``, empty if it has none. Raises RunError as `read_run` does."""
-
-    def read(root: Any, file: Path) -> Dataset:
+    with _opened(rundir) as (root, _):
         group = root.get(f"series/{step}")
         return Dataset({}) if group is None else Dataset(_tree(group), group.attrs)
 
-    return _reading(rundir, read)
 
-
-def _reading(rundir: Path, read: Callable[[Any, Path], Read]) -> Read:
+@contextmanager
+def _opened(rundir: Path) -> Iterator[tuple[Any, Path]]:
     file = rundir if rundir.is_file() else rundir / RUN_FILE
     if not file.is_file():
         what = "no such directory" if not rundir.exists() else f"it holds no {RUN_FILE}"
         inside = sorted(path.parent for path in rundir.glob(f"*/{RUN_FILE}"))
         hint = "give the directory written by `mlsanm run`"
         if inside:
-            more = ", ..." if len(inside) > MAX_LISTED else ""
-            hint = f"there are runs in it: {', '.join(map(str, inside[:MAX_LISTED]))}{more}"
+            more = ", ..." if len(inside) > 5 else ""
+            hint = f"there are runs in it: {', '.join(map(str, inside[:5]))}{more}"
         raise RunError(f"{rundir} is not a run: {what}", hint)
     try:
         check_seal(file)
         # Needs no lock, as the writer replaces the file as a whole.
         with h5py.File(file, "r", locking=False) as root:
-            return read(root, file)
+            yield root, file
     except PermissionError as error:
         raise RunError(f"{file} cannot be read: {error.strerror}") from error
     except (OSError, LookupError, ValueError, RuntimeError, TypeError, AttributeError, MemoryError) as error:

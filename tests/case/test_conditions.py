@@ -130,6 +130,12 @@ def test_a_body_alone(conditions: str, free: str) -> None:
     assert "add a [[support]]" in problem.hint
 
 
+def test_one_load_of_a_plate_turns_it() -> None:
+    plate = load("a", "top", "platen", "ux = 0\nrotation = 1") + load("b", "top", "platen", "uy = 0")
+    first, second = parse(SQUARE + plate).case.model_dump()["load"]
+    assert (first["rotation"], second["rotation"]) == (1.0, 0.0)
+
+
 @pytest.mark.parametrize("plate", ['displacement = [0, 1]\nrotation = "free"', "force = [0, 1]"])
 def test_loads_of_a_plate_that_nothing_holds(plate: str) -> None:
     with pytest.raises(CaseError, match="nothing resists its force"):

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.geometry.clusters import Clusters
+from mlsanm_cli.contact.geometry.clusters import hierarchical
 from mlsanm_cli.contact.geometry.grid import Hats
 from mlsanm_cli.contact.geometry.hat_pairs import HatPairs
 from mlsanm_cli.contact.laws.contact_state import residual
 from mlsanm_cli.contact.laws.frictionless import solve_exact
-from mlsanm_cli.contact.response.compressed import Compressed, as_array, compressed, stacked
+from mlsanm_cli.contact.response.compressed import Compressed, as_array
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from tests.contact.scenes import synthetic
@@ -34,10 +34,9 @@ def normals(hats: Hats, curvature: float) -> FloatArray:
 
 def matrix(hats: Hats, curvature: float = 0.0) -> Compressed:
     """The compliance of a half-plane's kernel, with a smooth part."""
-    clusters, along = Clusters.of(HatPairs(hats)), normals(hats, curvature)
     count = len(hats.place)
     smooth = Compressed.product(np.ones((count, 1)), 0.5 * hats.weight[None], hats.weight)
-    near, far = clusters.near(LOG, TURN, along), clusters.beyond(LOG, TURN, along)
+    near, far = hierarchical(HatPairs(hats), LOG, TURN, normals(hats, curvature))
     assert near.nnz < 0.3 * count**2
     return smooth.plus(near, far, (), 0, hats.place)
 
@@ -76,10 +75,6 @@ def test_parts_of_a_compressed_matrix_are_those_of_the_array() -> None:
     whole = np.asarray(found)
     rows, columns = np.array([3, 50, 51, 399]), np.array([0, 120, 398])
     assert apart(found[np.ix_(rows, columns)], whole[np.ix_(rows, columns)]) <= 1e-12
-    assert apart(np.asarray(found[rows]), whole[rows]) <= 1e-12
-    both = compressed(stacked([as_array(found[rows]), as_array(found)]))
-    assert both is not None
-    assert apart(np.asarray(both), np.concatenate([whole[rows], whole])) <= 1e-12
 
 
 def test_many_places_carry_what_hertz_says() -> None:

@@ -28,10 +28,6 @@ from mlsanm_cli.inputs import MAX_TEXT_BYTES, STDIN, is_text, read_input
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.toml import plain
 
-MAX_LISTED_CASES = 1000
-"""Largest number of case files in a directory that are searched for a similar name."""
-
-
 GeometryOf = Callable[[AnyShape], Geometry]
 """The geometry of a shape. The case layer does no geometry and reads no geometry files. Raises GeometryError
 if the shape is not a valid body."""
@@ -69,7 +65,7 @@ def load_case(path: Path, overrides: Sequence[str] = (), geometry_of: GeometryOf
         if not isinstance(error.__cause__, FileNotFoundError):
             raise
         try:
-            there = {one.stem: one for one in sorted(path.parent.glob("*.toml"))[:MAX_LISTED_CASES]}
+            there = {one.stem: one for one in sorted(path.parent.glob("*.toml"))[:1000]}
         except (OSError, ValueError):
             raise error from None
         hint = f"existing cases: {', '.join(map(str, list(there.values())[:5]))}"

@@ -27,9 +27,9 @@ OWN_DISTANCE = 0.44
 
 @dataclass(frozen=True, eq=False)
 class Compressed:
-    """A matrix (r, m): entries ``near`` (r, m), plus matrix products ``far``, zero at near entries, and
-    ``smooth``. If it is square, multiplication by ``weight`` (r,) makes its singular part symmetric.
-    ``places`` are the arc lengths of the unknowns of each contact."""
+    """A matrix (m, m): entries ``near``, plus matrix products ``far``, zero at near entries, and ``smooth``.
+    Multiplication by ``weight`` (m,) makes its singular part symmetric. ``places`` are the arc lengths of the
+    unknowns of each contact."""
 
     near: sparse.csr_array
     far: tuple[Chain, ...]
@@ -48,25 +48,14 @@ class Compressed:
         rows, columns = self.near.shape
         return rows, columns
 
-    def __len__(self) -> int:
-        return self.shape[0]
-
     def __matmul__(self, values: FloatArray) -> FloatArray:
         total = self.near @ values
         for chain in (*self.far, *self.smooth):
             total += reduce(lambda right, one: one @ right, reversed(chain), values)
         return np.asarray(total)
 
-    def __getitem__(self, key: Any) -> Any:
-        """Some rows, compressed, or any other part as an array."""
-        if not isinstance(key, tuple):
-            rows = np.arange(len(self))[key]
-            if len(rows) == len(self) and (np.diff(rows) == 1).all():
-                return self
-            far, smooth = (
-                tuple((chain[0][rows], *chain[1:]) for chain in chains) for chains in (self.far, self.smooth)
-            )
-            return replace(self, near=self.near[rows], far=far, smooth=smooth, weight=self.weight[rows])
+    def __getitem__(self, key: tuple[Any, ...]) -> FloatArray:
+        """A part as an array."""
         rows, columns = (np.arange(count)[one].ravel() for one, count in zip(key, self.shape, strict=True))
         found = self.near[rows][:, columns].toarray()
         for chain in (*self.far, *self.smooth):
@@ -98,12 +87,12 @@ class Compressed:
         first: int,
         place: FloatArray,
     ) -> Compressed:
-        """Add the singular compliance (m, m) of a contact, whose hats at ``place`` (m,) come first in the
-        rows, divided by the weights, and from ``first`` on in the columns."""
+        """Add the singular compliance (m, m) of a contact, divided by the weights, whose hats at ``place``
+        (m,) are the unknowns from ``first`` on."""
         count = near.shape[0]
-        scale = sparse.diags_array(1.0 / self.weight[:count], format="csr")
-        rows = sparse.csr_array(sparse.eye_array(len(self), count, format="csr") @ scale)
         columns = sparse.csr_array(sparse.eye_array(count, self.shape[1], k=first, format="csr"))
+        scale = sparse.diags_array(1.0 / self.weight[first : first + count], format="csr")
+        rows = sparse.csr_array(columns.T @ scale)
 
         def placed(chain: Chain) -> Chain:
             return rows @ chain[0], *chain[1:-1], chain[-1] @ columns
@@ -145,25 +134,6 @@ def compressed(matrix: FloatArray) -> Compressed | None:
     """The compressed matrix behind an array type; None for an array."""
     whole: object = matrix
     return whole if isinstance(whole, Compressed) else None
-
-
-def stacked(parts: Sequence[FloatArray]) -> FloatArray:
-    """Stack matrices vertically; compressed if all that have rows are."""
-    some = [part for part in parts if len(part)]
-    if len(some) == 1:
-        return some[0]
-    matrices = [one for one in map(compressed, some) if one is not None]
-    if not matrices or len(matrices) < len(some):
-        return np.concatenate([np.asarray(part) for part in parts])
-    ends, far, smooth = np.cumsum([0, *map(len, matrices)]).tolist(), list[Chain](), list[Chain]()
-    for one, first in zip(matrices, ends[:-1], strict=True):
-        placed = sparse.csr_array(sparse.eye_array(ends[-1], len(one), k=-first, format="csr"))
-        far += [(placed @ chain[0], *chain[1:]) for chain in one.far]
-        smooth += [(placed @ chain[0], *chain[1:]) for chain in one.smooth]
-    near = sparse.csr_array(sparse.vstack([one.near for one in matrices], format="csr"))
-    weight = np.concatenate([one.weight for one in matrices])
-    along = tuple(one for part in matrices for one in part.places)
-    return as_array(Compressed(near, tuple(far), tuple(smooth), weight, along))
 
 
 def largest(matrix: FloatArray) -> float:

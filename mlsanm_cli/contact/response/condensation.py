@@ -15,13 +15,14 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.balance import ForceSums
+from mlsanm_cli.contact.response.basis import Basis
 from mlsanm_cli.contact.response.bonds import bind
 from mlsanm_cli.contact.response.compressed import COMPRESSED_CONTACT, COMPRESSED_TOTAL
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.contact.response.drivers import Drivers
+from mlsanm_cli.contact.response.drivers import Drivers, spans
 from mlsanm_cli.contact.response.eigenstress import Eigenstresses, flowing, narrowed, widened
 from mlsanm_cli.contact.response.linear_map import LinearMap, stack
-from mlsanm_cli.contact.response.near_field_response import add_fields, with_singular
+from mlsanm_cli.contact.response.near_field_response import add_fields, add_singular, compressed_gap
 from mlsanm_cli.contact.response.responses import BodyResponses, used_columns, without_coefficients
 from mlsanm_cli.contact.response.short_waves import correct_short_waves
 from mlsanm_cli.contact.response.walls import wall_forces
@@ -56,9 +57,33 @@ def _condensed(scene: Scene, content: str, responses: BodyResponses) -> Condense
     drivers, sources = responses.drivers, responses.sources
     pairings, counts = drivers.pairings, drivers.counts
     seen = {key: responses.observed[own] for key, own in responses.places.items()}
-    many = _many(pairings)
-    maps = [_contact_maps(scene, drivers, one, seen["contact", one.name], many) for one in pairings]
-    gap, slip = stack([one[0] for one in maps], counts), stack([s for one in maps for s in one[1]], counts)
+    rows = {
+        one.name: np.split(seen["contact", one.name], [drivers.bases[one.name].samples]) for one in pairings
+    }
+    weight = _joined([one.weight[one.candidate] for one in pairings])
+    if _many(pairings):
+        means = [drivers.bases[one.name].means(0) @ rows[one.name][0] for one in pairings]
+        gap, slip = compressed_gap(scene, drivers, np.concatenate(means), weight), LinearMap.zeros(0, counts)
+    else:
+        moved = {one.name: drivers.by_unknowns(rows[one.name][0]) for one in pairings}
+        gap, slip = (
+            stack([_averaged(drivers.bases[one.name], moved[one.name], which) for one in some], counts)
+            for which, some in enumerate((pairings, drivers.frictional))
+        )
+        for pairing in pairings:
+            add_singular(gap, scene, drivers, pairing, 0)
+        for pairing in drivers.frictional:
+            add_singular(slip, scene, drivers, pairing, 1)
+    watched = stack([drivers.by_unknowns(rows[one.name][1]) for one in pairings], counts)
+    places = spans(rows, [len(beyond) for _, beyond in rows.values()])
+    for pairing in pairings:
+        _add_loads(gap, drivers.spans[pairing.name], scene, pairing, pairing.candidate)
+        _add_loads(watched, places[pairing.name], scene, pairing, ~pairing.candidate)
+        if pairing.friction:
+            own = drivers.tangential[pairing.name]
+            _add_obstacle(slip, own, scene, pairing, pairing.tangent[pairing.candidate])
+    gap = gap.shifted(_joined([one.gap[one.candidate] for one in pairings]))
+    watched = watched.shifted(_joined([one.gap[~one.candidate] for one in pairings]))
     half_planes = {one.name: _half_plane(scene, one) for one in pairings}
     _without_tractions(scene, gap, slip, drivers)
     gap, slip, beyond = correct_short_waves(gap, slip, drivers, half_planes)
@@ -71,16 +96,13 @@ def _condensed(scene: Scene, content: str, responses: BodyResponses) -> Condense
     )
     balance, bonds = forces.balance(), bind(scene, drivers, gap, slip)
     loose = replace(drivers, pairings=tuple(one for one in pairings if not one.bonded))
-    free = _numbers([drivers.spans[one.name] for one in loose.pairings])
-    sliding = _numbers([drivers.tangential[one.name] for one in loose.frictional])
-    kept, unreduced = (
-        np.append(free, len(gap.constant) + sliding),
-        (gap.take(free), slip.take(sliding), balance),
-    )
-    own_gap, own_slip, own_balance = map(bonds.reduced, unreduced)
-    watched = stack(
-        [one[2] for one, pairing in zip(maps, pairings, strict=True) if not pairing.bonded], counts
-    )
+    if bonds.pairings:
+        free = _numbers([drivers.spans[one.name] for one in loose.pairings])
+        sliding = _numbers([drivers.tangential[one.name] for one in loose.frictional])
+        kept = np.append(free, len(gap.constant) + sliding)
+        gap, slip, beyond = gap.take(free), slip.take(sliding), sparse.csr_array(beyond[kept][:, kept])
+        watched = watched.take(_numbers([places[one.name] for one in loose.pairings]))
+    effects = np.concatenate([bonds.acting(one) for one in (gap, slip, balance)])
     probes = {one.name: _seen(scene, one, drivers, seen["probe", one.name]) for one in scene.probes}
     quantities = forces.quantities() | {"probe": probes}
     return Condensed(
@@ -92,15 +114,15 @@ def _condensed(scene: Scene, content: str, responses: BodyResponses) -> Condense
         tangential=loose.tangential,
         friction_nodes=_numbers([loose.spans[pairing.name] for pairing in loose.frictional]),
         friction=_friction(loose.pairings),
-        gap=own_gap,
-        slip=own_slip,
+        gap=bonds.reduced(gap),
+        slip=bonds.reduced(slip),
         watched=bonds.reduced(watched),
-        balance=own_balance,
-        beyond=sparse.csr_array(beyond[kept][:, kept]) if bonds.pairings else beyond,
+        balance=bonds.reduced(balance),
+        beyond=beyond,
         quantities={
             kind: {key: bonds.reduced(one) for key, one in each.items()} for kind, each in quantities.items()
         },
-        bonds=replace(bonds, effects=np.concatenate([bonds.acting(one) for one in unreduced])),
+        bonds=replace(bonds, effects=effects),
         sources=sources,
         solutions=responses.solutions,
         solves=sum(len(used_columns(source)) for source in sources.values()),
@@ -116,41 +138,28 @@ def _many(pairings: tuple[Pairing, ...]) -> bool:
     return many and not any(pairing.nodal or pairing.friction for pairing in pairings)
 
 
-def _contact_maps(
-    scene: Scene, drivers: Drivers, pairing: Pairing, rows: FloatArray, many: bool
-) -> tuple[LinearMap, list[LinearMap], LinearMap]:
-    """Gaps (m,) of a contact, slips (m,) if it has friction, and gaps (w - m,) watched beyond its candidates,
-    from its functionals ``rows`` of the drivers; for ``many`` unknowns compressed."""
-    chosen, basis = pairing.candidate, drivers.bases[pairing.name]
-    samples, beyond = np.split(rows, [basis.samples])
-    slips = list[LinearMap]()
-    if many:
-        gap = drivers.compressed(basis.means(0) @ samples, pairing.weight[chosen])
-        watched = drivers.compressed(beyond, pairing.weight[~chosen])
-    else:
-        moved, watched = drivers.by_unknowns(samples), drivers.by_unknowns(beyond)
-        gap = LinearMap(*(basis.means(0) @ part for part in moved.parts))
-        if pairing.friction:
-            slip = LinearMap(*(basis.means(1) @ part for part in moved.parts))
-            slips.append(with_singular(slip, scene, drivers, pairing, 1))
-            _add_obstacle(slips[0], scene, pairing, pairing.tangent[chosen])
-    gap = with_singular(gap, scene, drivers, pairing, 0)
-    for linear, own in ((gap, chosen), (watched, ~chosen)):
-        _add_obstacle(linear, scene, pairing, pairing.normal[own])
-        if pairing.interference:
-            linear.load[:, scene.loads.index(pairing.name)] -= pairing.interference
-    gap, watched = (one.shifted(pairing.gap[own]) for one, own in ((gap, chosen), (watched, ~chosen)))
-    return gap, slips, watched
+def _averaged(basis: Basis, moved: LinearMap, which: int) -> LinearMap:
+    """Gaps (``which`` 0) or slips (1) of a contact from the motions of its samples."""
+    return LinearMap(*(basis.means(which) @ part for part in moved.parts))
 
 
-def _add_obstacle(linear: LinearMap, scene: Scene, pairing: Pairing, direction: FloatArray) -> None:
-    """Add the motions of a contact's obstacle against ``direction`` (r, 2) to gaps or slips (r,)."""
+def _add_loads(linear: LinearMap, rows: slice, scene: Scene, pairing: Pairing, chosen: BoolArray) -> None:
+    """Add motions of a contact's obstacle, and its interference, to gaps at the ``chosen`` points (w,)."""
+    _add_obstacle(linear, rows, scene, pairing, pairing.normal[chosen])
+    if pairing.interference:
+        linear.load[rows, scene.loads.index(pairing.name)] -= pairing.interference
+
+
+def _add_obstacle(
+    linear: LinearMap, rows: slice, scene: Scene, pairing: Pairing, direction: FloatArray
+) -> None:
+    """Add the motions of a contact's obstacle against ``direction`` (r, 2) to gaps or slips."""
     for constraint, motion, by in scene.motions:
         if not constraint.bodies and constraint.name == pairing.name:
             change = np.outer(direction @ motion.direction[:2], by)
             by_loads, by_motions = np.split(change, [linear.load.shape[1]], axis=1)
-            linear.load[...] -= by_loads
-            linear.motion[...] -= by_motions
+            linear.load[rows] -= by_loads
+            linear.motion[rows] -= by_motions
 
 
 def _without_tractions(scene: Scene, gap: LinearMap, slip: LinearMap, drivers: Drivers) -> None:

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterable
-from dataclasses import replace
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -14,7 +13,6 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.basis import Basis, basis_of
-from mlsanm_cli.contact.response.compressed import Compressed, as_array
 from mlsanm_cli.contact.response.linear_map import Counts, LinearMap
 from mlsanm_cli.records import dataclass
 
@@ -104,14 +102,6 @@ class Drivers:
         rows = np.concatenate([row + part.coords[0] for row, _, part in parts])
         places = np.concatenate([column + part.coords[1] for _, column, part in parts])
         return sparse.csr_array((values, (rows, places)), shape=(self.total, sum(self.counts)))
-
-    def compressed(self, rows: FloatArray, weight: FloatArray) -> LinearMap:
-        """Functionals ``rows`` (r, drivers) in terms of the unknowns, compressed, for frictionless contacts
-        on grids; ``weight`` (r,) are the weights of the rows."""
-        first = self.loads + self.motions
-        few = LinearMap.of_rows(rows[:, :first] @ self.matrix[:first], self.counts)
-        right = self.matrix[first:, first:].toarray()
-        return replace(few, pressure=as_array(Compressed.product(rows[:, first:].copy(), right, weight)))
 
     def by_unknowns(self, rows: FloatArray) -> LinearMap:
         """Functionals ``rows`` (r, drivers) in terms of the unknowns."""

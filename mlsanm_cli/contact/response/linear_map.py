@@ -10,7 +10,6 @@ from typing import TypeAlias
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.contact.response.compressed import stacked
 from mlsanm_cli.records import dataclass
 
 Counts: TypeAlias = tuple[int, int, int, int]
@@ -89,4 +88,4 @@ class LinearMap:
 def stack(maps: Sequence[LinearMap], counts: Counts) -> LinearMap:
     """Stack maps vertically."""
     each = [LinearMap.zeros(0, counts).parts, *(one.parts for one in maps)]
-    return LinearMap(*(stacked(parts) for parts in zip(*each, strict=True)))
+    return LinearMap(*(np.concatenate(parts) for parts in zip(*each, strict=True)))

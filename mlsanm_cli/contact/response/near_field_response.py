@@ -15,7 +15,7 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.geometry.clusters import Chain
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.geometry.surface_response import SurfaceResponse
-from mlsanm_cli.contact.response.compressed import Compressed, as_array, compressed
+from mlsanm_cli.contact.response.compressed import Compressed, as_array
 from mlsanm_cli.contact.response.contact_fields import NearFields
 from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.linear_map import LinearMap
@@ -83,61 +83,56 @@ def _along(
     return total
 
 
-def with_singular(
-    linear: LinearMap, scene: Scene, drivers: Drivers, pairing: Pairing, which: int
-) -> LinearMap:
+def _singular(scene: Scene, pairing: Pairing) -> tuple[list[SurfaceResponse], FloatArray, FloatArray]:
+    """The responses of a contact's bodies, and their tensors L and T (2, 2) summed."""
+    kernels = [(scene.bodies[body].model.kernel, slave) for body, slave, _ in pairing.sides]
+    responses, log, turn = [SurfaceResponse.of(pairing.grid, *each) for each in kernels], *np.zeros((2, 2, 2))
+    for response in responses:
+        log, turn = log + response.tensors[0], turn + response.tensors[1]
+    return responses, log, turn
+
+
+def add_singular(linear: LinearMap, scene: Scene, drivers: Drivers, pairing: Pairing, which: int) -> None:
     """Add to a contact's gaps (``which`` 0) or slips (1) the singular part of the response to its own
     pressures and tractions: none of nodal ones."""
     if pairing.nodal:
-        return linear
-    grid, name, log, turn = pairing.grid, pairing.name, np.zeros((2, 2)), np.zeros((2, 2))
-    kernels = [(scene.bodies[body].model.kernel, slave) for body, slave, _ in pairing.sides]
-    responses = [SurfaceResponse.of(grid, *each) for each in kernels]
-    for response in responses:
-        log, turn = log + response.tensors[0], turn + response.tensors[1]
-    smooth = compressed(linear.pressure)
-    if smooth is not None:
+        return
+    grid, (responses, log, turn) = pairing.grid, _singular(scene, pairing)
+    spans = (drivers.spans[pairing.name], drivers.tangential.get(pairing.name))
+    rows = spans[which]
+    for other, (part, span) in enumerate(zip((linear.pressure, linear.traction), spans, strict=True)):
+        if span is not None:
+            total = grid.singular_integrals(log, turn, which, other)
+            for response in responses:
+                total += response.cornered(which, other)
+            if grid.evened[other]:
+                total = total @ grid.deviation(np.eye(len(total)), other)
+            part[rows, span] += (1.0 / grid.hats.weight[:, None]) * total
+
+
+def compressed_gap(scene: Scene, drivers: Drivers, rows: FloatArray, weight: FloatArray) -> LinearMap:
+    """Gaps (m,) of all contacts from their smooth functionals ``rows`` (m, drivers), with the singular parts;
+    the compliance is compressed. Of frictionless contacts on grids, with the ``weight`` (m,) of hats."""
+    first = drivers.loads + drivers.motions
+    few = LinearMap.of_rows(rows[:, :first] @ drivers.matrix[:first], drivers.counts)
+    right = drivers.matrix[first:, first:].toarray()
+    total = Compressed.product(rows[:, first:].copy(), right, weight)
+    for pairing in drivers.pairings:
+        grid, (responses, log, turn) = pairing.grid, _singular(scene, pairing)
         near, far = grid.singular_chains(log, turn)
-        more = _compressed(smooth, drivers.spans[name].start, pairing, near, far, responses)
-        return replace(linear, pressure=as_array(more))
-
-    def by(other: int) -> FloatArray:
-        total = grid.singular_integrals(log, turn, which, other)
-        for response in responses:
-            total += response.cornered(which, other)
-        if grid.evened[other]:
-            total = total @ grid.deviation(np.eye(len(total)), other)
-        return (1.0 / grid.hats.weight[:, None]) * total
-
-    linear.pressure[:, drivers.spans[name]] += by(0)
-    if pairing.friction:
-        linear.traction[:, drivers.tangential[name]] += by(1)
-    return linear
-
-
-def _compressed(
-    smooth: Compressed,
-    first: int,
-    pairing: Pairing,
-    near: sparse.csr_array,
-    far: list[Chain],
-    responses: list[SurfaceResponse],
-) -> Compressed:
-    """The ``smooth`` part of a contact's compressed compliance with the singular part, ``near`` entries and
-    ``far`` products, added; ``first`` is the index of its first pressure."""
-    grid = pairing.grid
-    cornered: list[Chain] = [
-        (seen, compliance, sparse.csr_array(acting.T))
-        for response in responses
-        for seen, compliance, acting in response.corner_terms(0, 0)
-    ]
-    if grid.covers:
-        even = np.ones(len(grid.hats.place))
-        evenly = near @ even
-        for chain in (*far, *cornered):
-            evenly += reduce(lambda right, one: one @ right, reversed(chain), even)
-        cornered.append((-evenly[:, None], grid.mean_weights[None]))
-    return smooth.plus(near, far, cornered, first, grid.hats.place)
+        cornered: list[Chain] = [
+            (seen, compliance, sparse.csr_array(acting.T))
+            for response in responses
+            for seen, compliance, acting in response.corner_terms(0, 0)
+        ]
+        if grid.covers:
+            even = np.ones(pairing.count)
+            evenly = near @ even
+            for chain in (*far, *cornered):
+                evenly += reduce(lambda right, one: one @ right, reversed(chain), even)
+            cornered.append((-evenly[:, None], grid.mean_weights[None]))
+        total = total.plus(near, far, cornered, drivers.spans[pairing.name].start, grid.hats.place)
+    return replace(few, pressure=as_array(total))
 
 
 def add_fields(linear: LinearMap, drivers: Drivers, scene: Scene, probe: Probe) -> None:
