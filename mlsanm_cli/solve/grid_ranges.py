@@ -211,6 +211,28 @@ def _pressed(condensed: Condensed, name: str, states: Sequence[ContactState]) ->
     return np.asarray(np.any(some, axis=0))
 
 
+def passed_beyond(
+    condensed: Condensed,
+    ranges: Mapping[str, ContactRange],
+    states: Sequence[ContactState],
+    passed: dict[str, FloatArray],
+) -> bool:
+    """Whether surfaces touch in some states beyond the ranges of their grids; ``passed`` is then extended to
+    the first and last of these places."""
+    beyond = False
+    for pairing in condensed.on_grids if states else ():
+        name, grid = pairing.name, pairing.grid
+        touched = [pairing.arc[condensed.touched(*one.unknowns)[name]] for one in states]
+        closed = np.any([one.closed[condensed.spans[name]] for one in states], axis=0)
+        seen = summits(condensed, name, ranges[name], states)
+        places = np.concatenate([grid.hats.place[closed], seen, *touched])
+        if len(places) and (places.min() < grid.first or places.max() > grid.last):
+            places = np.concatenate([places, passed.get(name, places)])
+            passed[name] = np.array([places.min(), places.max()])
+            beyond = True
+    return beyond
+
+
 def summits(
     condensed: Condensed, name: str, room: ContactRange, states: Sequence[ContactState]
 ) -> FloatArray:
