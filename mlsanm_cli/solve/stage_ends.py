@@ -27,8 +27,6 @@ from mlsanm_cli.solve.limit_loads import beyond_limit, check_resisted, near_limi
 
 MAX_LEVELS = 40
 """Largest number of levels of output that determine contact grids."""
-MAX_FIRST_LEVELS = 8
-"""Largest number of stages that determine the first grids; these are then checked at all stages."""
 LEVELS_BETWEEN = 8
 """Subdivisions of a stage at which contacts are checked to stay in the ranges of their grids; fewer with many
 stages."""
@@ -68,7 +66,7 @@ def searched_ends(
         followed = stages[: len(starts) + 1] if which == "known" else counted
         try:
             held = _friction_ends(scene, condensed, followed, starts)
-        except (NoStateError, UnbalancedError) as error:
+        except UnbalancedError as error:
             raise beyond_limit(scene, condensed, stages[:2], error) from error
         check_slips(condensed, held)
         return held
@@ -79,10 +77,6 @@ def searched_ends(
         parts = np.maximum(1, -(-most // _in_line(stages)))
         inner = (k + j / count for k, count in enumerate(parts.tolist()) for j in range(1, count))
         factors = np.stack([factors_at(stages, position) for position in (0.0, *inner)])
-    elif which == "known" and len(stages) - 1 > MAX_FIRST_LEVELS:
-        chosen = np.unique(np.linspace(0, len(stages) - 1, MAX_FIRST_LEVELS + 1).round().astype(int))
-        factors = stages[chosen]
-        starts = [starts[k - 1] for k in chosen[1:]] if len(starts) == len(stages) - 1 else starts
     if len(starts) not in (1, len(factors) - 1):
         starts = ()  # of other states
 
