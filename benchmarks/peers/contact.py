@@ -6,9 +6,9 @@ integral phi_i (u_slave - u_master) ds. Both chains run along x; the pieces betw
 integrated with three Gauss points each, which is exact for straight edges.
 
 Signorini's and Coulomb's laws by a primal-dual active set: unknown are the nodal pressures p, tractions t,
-and the motion d = (dx, dy) of a rigid platen that carries prescribed forces. The states decide which equations
-a ``solve`` callable gets: the compliance of the contact is condensed with one factorisation, or, as finite
-elements commonly do, every iteration factorises the sparse saddle point problem.
+and the motion d = (dx, dy) of a rigid platen that carries prescribed forces. The states decide which
+equations a ``solve`` callable gets: the compliance of the contact is condensed with one factorisation, or, as
+finite elements commonly do, every iteration factorises the sparse saddle point problem.
 """
 
 from __future__ import annotations
