@@ -42,7 +42,7 @@ from mlsanm_cli.mechanics.assembly import assemble  # noqa: E402
 from mlsanm_cli.mechanics.body_model import BodyModel  # noqa: E402
 from mlsanm_cli.mechanics.material import isotropic  # noqa: E402
 from mlsanm_cli.mechanics.stability import bulk_stability  # noqa: E402
-from mlsanm_cli.operators.settings import MlsSettings  # noqa: E402
+from mlsanm_cli.operators.neighbors import MlsSettings  # noqa: E402
 from mlsanm_cli.solve import coercivity  # noqa: E402
 from mlsanm_cli.solve.state import CONTACT_LIMIT  # noqa: E402
 from tests.app.scenes import Quiet  # noqa: E402
