@@ -1,17 +1,10 @@
 """The equations of a body at finite strain, their factorised derivative, and a stage of a path of them.
 
-Nonlinear least squares for rows R would solve J(u)^T W^2 R(u) = 0, whose own derivative is not available:
-Gauss-Newton iterations converge slowly, and series jump from step to step. Therefore the rows J_0 of one
-state, the base state, define the equations of a path, a smooth square system::
-
-    J_0^T W^2 R(u) = 0        derivative  J_0^T W^2 J(u)
-
-W are the weights of the linear body, with pieces as strong as there. At the base state this is the linear
-least-squares problem, whose solution for R measures the error of a state: the displacement that would correct
-it.
-
-Equation (20) of docs/method.md.
-"""
+The rows J_0 of one state, the base state, define the equations of a path, J_0^T W^2 R(u) = 0 with the
+derivative J_0^T W^2 J(u); W are the weights of the linear body. Those of least squares, with J(u), would be
+known to first order only: iterations converge slowly, and series jump from step to step. The solution for R
+at the base state measures the error of a state: the displacement that would correct it. Equation (20) of
+docs/method.md."""
 
 from __future__ import annotations
 
@@ -29,9 +22,13 @@ from mlsanm_cli.mechanics.finite.stability import SoftMotion, rows_of_force, sof
 from mlsanm_cli.mechanics.finite.tangent import MeanStress, tangent_rows
 from mlsanm_cli.operators import least_squares
 from mlsanm_cli.operators.least_squares import Strong
+from mlsanm_cli.operators.linear.factors import (
+    MultifrontalFactor,
+    SuperLUFactor,
+    factor_general,
+    factor_in_order,
+)
 from mlsanm_cli.operators.linear.interface import LinearSolver
-from mlsanm_cli.operators.linear.multifrontal import MultifrontalFactor, factor_general
-from mlsanm_cli.operators.linear.superlu import SuperLUFactor, factor_in_order
 from mlsanm_cli.records import dataclass
 
 PIVOT_THRESHOLD = 1e-3
@@ -128,12 +125,12 @@ class Projector:
         if np.array_equal(displacement, self.base_state):
             return Factorised(self, own, own_strong, None)
         rows, strong = self._weighted_rows(displacement, factors, mean)
-        symbolic = self.body.pattern.symbolic
-        matrix = symbolic.normal.matrix(own, own_strong, rows, strong)
+        normal, fronts, transposed = self.body.pattern.symbolic
+        matrix = normal.matrix(own, own_strong, rows, strong)
         if self._solver == "superlu":
-            args = sparse.csc_array(matrix), symbolic.fronts.unknowns, PIVOT_THRESHOLD
+            args = sparse.csc_array(matrix), fronts.unknowns, PIVOT_THRESHOLD
             return Factorised(self, rows, strong, factor_in_order(*args))
-        return Factorised(self, rows, strong, factor_general(matrix, symbolic.fronts, symbolic.transposed))
+        return Factorised(self, rows, strong, factor_general(matrix, fronts, transposed))
 
 
 @dataclass(frozen=True)
