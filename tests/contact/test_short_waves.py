@@ -14,11 +14,11 @@ from mlsanm_cli.contact.geometry.grid import chebyshev
 from mlsanm_cli.contact.geometry.transfer import surface_fit
 from mlsanm_cli.contact.laws.coulomb import increment, unloaded
 from mlsanm_cli.contact.response import condensation
+from mlsanm_cli.contact.response.basis import plain_smoothing
 from mlsanm_cli.contact.response.coercivity import contact_stability
 from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.contact.response.short_waves import FIT_WINDOW, correct_short_waves
-from mlsanm_cli.contact.response.smoothing import plain_smoothing
 from tests.case_text import annulus, body, contact, head, item, load, material, support, table
 from tests.contact.scenes import Small, build, cylinder
 

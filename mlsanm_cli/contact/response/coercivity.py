@@ -10,8 +10,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.response.compressed import compressed
-from mlsanm_cli.contact.response.dense import null_space
+from mlsanm_cli.contact.response.compressed import compressed, null_space
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
