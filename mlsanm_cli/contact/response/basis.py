@@ -24,6 +24,11 @@ from mlsanm_cli.mechanics.near_field import Isotropic, as_real
 from mlsanm_cli.mechanics.remainder import remainder_sources
 from mlsanm_cli.roundoff import ROUND_OFF
 
+SHORTEST_WAVE = 6.0
+"""Wavelength in spacings, in the middle of a contact, of the highest polynomial."""
+LEAST_ORDER = 6
+"""Order up to which polynomials are kept on contacts shorter than that."""
+
 
 class GridBasis:
     """The discretisation of a contact by a contact grid, with numbers of ``drivers`` and ``samples``. Its
@@ -141,12 +146,6 @@ def changes(
     normal, tangent = pairing.grid.means
     samples = sampled_rows(body, name, pairing, lost) @ displacement.ravel()
     return normal @ samples, tangent @ samples
-
-
-SHORTEST_WAVE = 6.0
-"""Wavelength in spacings, in the middle of a contact, of the highest polynomial."""
-LEAST_ORDER = 6
-"""Order up to which polynomials are kept on contacts shorter than that."""
 
 
 def smoothing(grid: ContactGrid, points: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray] | None:

@@ -27,6 +27,10 @@ OWN_DISTANCE = 0.44
 """Distance over a hat's width at which the kernel stands for the compliance of a node itself."""
 
 
+SINGULAR = 1e-15
+"""Reciprocal condition number of a singular matrix."""
+
+
 @dataclass(frozen=True, eq=False)
 class Compressed:
     """A matrix (m, m): entries ``near``, plus matrix products ``far``, zero at near entries, and ``smooth``.
@@ -146,10 +150,6 @@ def largest(matrix: FloatArray) -> float:
         return float(np.abs(matrix).max(initial=0.0))
     some = [np.unique(np.linspace(0, count - 1, SAMPLES).astype(np.int64)) for count in own.shape]
     return float(max(np.abs(own.diagonal()).max(), np.abs(own[np.ix_(*some)]).max()))
-
-
-SINGULAR = 1e-15
-"""Reciprocal condition number of a singular matrix."""
 
 
 class SingularSystemError(ArithmeticError):
