@@ -7,24 +7,23 @@ from typing import Any as _Any
 
 __version__ = "0.1.0"
 _NAMES = {
-    **{
-        name: name
-        for name in (
-            *("CaseError", "CaseProblem", "Contact", "ContactState", "Interrupted", "MlsanmError"),
-            *("MlsanmWarning", "NumericalError", "Run", "RunError"),
-            *("check", "collect", "overrides", "resume", "run", "sweep"),
-        )
-    },
-    "open": "open_run",
+    name: module
+    for module, names in (
+        ("errors", ("CaseError", "CaseProblem", "Interrupted", "MlsanmError", "NumericalError", "RunError")),
+        ("results", ("Contact", "ContactState", "Run")),
+        ("api", ("MlsanmWarning", "check", "collect", "open", "overrides", "resume", "run", "sweep")),
+    )
+    for name in names
 }
-"""The public names, with their names in the module ``api``."""
+"""The modules of the public names."""
 
 
 def __getattr__(name: str) -> _Any:
     if name not in _NAMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     # Imported by name: modules of all layers import the version from here, and must not depend on ``api``.
-    return getattr(_import_module(f"{__name__}.api"), _NAMES[name])
+    module = _import_module(f"{__name__}.{_NAMES[name]}")
+    return getattr(module, "open_run" if name == "open" else name)
 
 
 def __dir__() -> list[str]:

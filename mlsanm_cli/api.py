@@ -17,31 +17,11 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from mlsanm_cli.errors import CaseError, CaseProblem, Interrupted, MlsanmError, NumericalError, RunError
+from mlsanm_cli.errors import Interrupted, NumericalError
 from mlsanm_cli.inputs import results_of
-from mlsanm_cli.results import Contact, ContactState, Run
+from mlsanm_cli.results import Run
 from mlsanm_cli.system import THREAD_VARIABLES
 from mlsanm_cli.toml import toml_value
-
-__all__ = [
-    "CaseError",
-    "CaseProblem",
-    "Contact",
-    "ContactState",
-    "Interrupted",
-    "MlsanmError",
-    "MlsanmWarning",
-    "NumericalError",
-    "Run",
-    "RunError",
-    "check",
-    "collect",
-    "open_run",
-    "overrides",
-    "resume",
-    "run",
-    "sweep",
-]
 
 Place = str | os.PathLike[str]
 Changes = Mapping[str, Any]

@@ -31,8 +31,6 @@ LOCKED_BYTE = 2**30
 MAX_RENAMES, RENAME_INTERVAL = 50, 0.1
 """Attempts to rename a file that others are reading, and seconds between them."""
 
-MB = 2.0**20
-
 
 def host() -> str:
     return platform.node()
@@ -158,11 +156,11 @@ def peak_memory_mb() -> float:
         return float("nan")
     size = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     # In bytes on macOS, in KB elsewhere.
-    return size / (MB if sys.platform == "darwin" else 1024.0)
+    return size / (2.0**20 if sys.platform == "darwin" else 1024.0)
 
 
 def physical_memory_mb() -> float:
     """Memory of the machine; inf if the system does not report it."""
     if hasattr(os, "sysconf"):
-        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / MB
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2.0**20
     return float("inf")

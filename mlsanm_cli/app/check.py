@@ -83,7 +83,7 @@ def check(
         "estimated_cpu_seconds": round(cpu_seconds(case, prepared), 1),
         "bodies": {
             name: figures | {"finest": float(prepared.models[name].cloud.spacing.min())}
-            for name, figures in quality.figures["bodies"].items()
+            for name, figures in quality.figures(prepared.models)["bodies"].items()
         },
         "contacts": {
             one.name: {

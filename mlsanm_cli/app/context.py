@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import field
 from typing import Any, ClassVar, Protocol
 
 from mlsanm_cli.memo import NO_CACHE, Memo
@@ -90,7 +91,7 @@ class RunContext:
     clock: Clock
     console: Console
     memo: Memo = NO_CACHE
-    stopper: Stopper | None = None
+    stopper: Stopper = field(default_factory=Stopper)
 
     @contextmanager
     def phase(self, name: str, announced: str = "") -> Iterator[None]:
@@ -99,18 +100,3 @@ class RunContext:
             if announced:
                 self.console.phase(announced)
             yield
-
-    def stop_gently(self) -> None:
-        """From now on the command stops between steps, where no results are lost, unless one takes long."""
-        if self.stopper is not None:
-            self.stopper.gentle = True
-        self.check_stop()
-
-    def finishing(self) -> None:
-        """From now on a signal only stops the command if it is the second one."""
-        if self.stopper is not None:
-            self.stopper.finish()
-
-    def check_stop(self) -> None:
-        if self.stopper is not None:
-            self.stopper.check()

@@ -26,7 +26,7 @@ from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.files import read_summary
 from mlsanm_cli.io.run_dir import locked
 from mlsanm_cli.io.run_file import Attribute
-from mlsanm_cli.io.run_reader import RunData, held_run, read_origin
+from mlsanm_cli.io.run_reader import held_run, read_origin
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.stopping import Stopper
 
@@ -101,7 +101,7 @@ def carry_out(
                 ending = Ending("failed", error.message, error.hint, error)
             except KeyboardInterrupt as stop:
                 ending = Ending("stopped", str(stop), f"continue with: {again}")
-            context.finishing()
+            context.stopper.finish()
             if ending.error is not None:
                 recorder.failure(analysis, ending.error)
             for note in (ending.hint if ending.status == "stopped" else "", *analysis.notes):
@@ -123,10 +123,12 @@ def follow(analysis: Analysis, recorder: Recorder) -> Ending:
     """Follows the path of a scene; states are checked and recorded. Raises NumericalError for a bad one."""
     context = analysis.context
     analysis.set_up(recorder.verdicts)
-    context.stop_gently()
+    # From now on the command stops between steps, where no results are lost, unless one takes long.
+    context.stopper.gentle = True
+    context.stopper.check()
     steps = analysis.steps(recorder.start(analysis), recorder.last, recorder.verdicts)
     while True:
-        context.check_stop()
+        context.stopper.check()
         with context.phase("continuation"):
             step = next(steps, None)
         if step is None:
@@ -158,24 +160,19 @@ def resume(rundir: Path, *, max_wall: float | None = None, console: Console) -> 
                 f"the run in {rundir} failed, and resuming would repeat the failure",
                 "change the case and run it with --force",
             )
-        loaded = stored_case(origin, rundir)
+        if not origin.case_resolved:
+            raise RunError(
+                f"the run in {rundir} was killed before its first step", "run the case again with --force"
+            )
+        loaded = parse_case(origin.case_resolved, rundir / run_dir.RESOLVED_FILE, (), geometry_of)
+        if loaded.case_hash != origin.attributes["case_hash"]:
+            raise RunError(
+                f"the case stored in {rundir} is not the one of the run: another version wrote it",
+                f"it was mlsanm {origin.attributes['mlsanm_version']}; run the case again with --force",
+            )
+        loaded = replace(loaded, raw=origin.case_raw, path=Path(str(origin.attributes["case_path"])))
         earlier = interrupted_run(origin)
         analysis = analysis_of(loaded, context, earlier.refinement)
         again = {"resumed": int(origin.attributes.get("resumed", 0)) + 1}
         run_dir.reopen(rundir)
         return carry_out(analysis, rundir, loaded, again, earlier)
-
-
-def stored_case(origin: RunData, rundir: Path) -> LoadedCase:
-    """The stored case of a run, with its files inspected again. Raises RunError if it is incomplete."""
-    if not origin.case_resolved:
-        raise RunError(
-            f"the run in {rundir} was killed before its first step", "run the case again with --force"
-        )
-    loaded = parse_case(origin.case_resolved, rundir / run_dir.RESOLVED_FILE, (), geometry_of)
-    if loaded.case_hash != origin.attributes["case_hash"]:
-        raise RunError(
-            f"the case stored in {rundir} is not the one of the run: another version wrote it",
-            f"it was mlsanm {origin.attributes['mlsanm_version']}; run the case again with --force",
-        )
-    return replace(loaded, raw=origin.case_raw, path=Path(str(origin.attributes["case_path"])))

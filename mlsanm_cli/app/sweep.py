@@ -31,8 +31,6 @@ from mlsanm_cli.io.run_reader import held_run
 from mlsanm_cli.memo import Memo, digest
 
 TABLE_FILE = "sweep.csv"
-RESULTS_PER_BODY = 4
-"""A process keeps so many results of each kind for each body of a scene."""
 MAX_NAME_LENGTH = 120
 """Longest name of a run directory, made of the values; longer ones end with a digest."""
 _ONE_AT_A_TIME = threading.Lock()
@@ -255,7 +253,7 @@ def _plan(
             run_dir.check(place, force=False)
         done = summary is not None
         # Clouds, operators and responses of two geometries.
-        memory = RESULTS_PER_BODY * len(loaded.case.body)
+        memory = 4 * len(loaded.case.body)
         changes = (*overrides, *values)
         point = SweepPoint(case_path, changes, place, place.name, memory=memory, done=done, **options)
         found.append((geometry(loaded.case), point))

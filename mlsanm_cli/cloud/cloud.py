@@ -49,6 +49,16 @@ class Cloud:
         surfaces = {s.name: [s.index, s.arc_length, s.normal] for s in self.surfaces.values()}
         return digest(self.points, self.spacing, surfaces, self.mirror, self.revolved)
 
+    def mirrored(self, line: SymmetryLine) -> Cloud | None:
+        """The same cloud with its symmetry about a ``line``; None if its nodes are not symmetric or the line
+        runs along its outline."""
+        mirror = line.mirror(self.points, self.spacing, self.edges)
+        if mirror is None:
+            return None
+        # The image of a quadrilateral may be split along its other diagonal: neighbour distances then differ.
+        spacing = 0.5 * (self.spacing + self.spacing[mirror.image])
+        return Cloud(self.points, spacing, self.surfaces, mirror)
+
     def around(self, points: FloatArray) -> FloatArray:
         """Circumference (...) of the circles of ``points`` (..., 2) of a body of revolution; 1, per unit
         thickness, of a plane one."""

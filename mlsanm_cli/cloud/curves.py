@@ -14,6 +14,8 @@ from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 
+ARC_CHORDS = 16
+"""Chords that describe an arc."""
 Point = tuple[float, float]
 Chain = tuple[tuple[int, ...], bool]
 """Curves by index as they follow each other along a loop, and whether they are all of it."""
@@ -41,6 +43,11 @@ class Curve:
     def data_points(self) -> int:
         """Number of given points that the curve interpolates."""
         return 0
+
+    @property
+    def node_arcs(self) -> FloatArray:
+        """Arc lengths (k,) of both ends and of points between them that describe the curve."""
+        return np.array([0.0, self.length])
 
     def points(self, s: FloatArray) -> FloatArray:
         """Positions (n, 2) at arc lengths ``s`` (n,)."""
@@ -155,6 +162,10 @@ class Arc(Curve):
     @property
     def length(self) -> float:
         return self.radius * abs(self.sweep)
+
+    @property
+    def node_arcs(self) -> FloatArray:
+        return np.linspace(0.0, self.length, ARC_CHORDS + 1)
 
     def points(self, s: FloatArray) -> FloatArray:
         return np.array(self.center) + self._turn * self.radius * self.normals(s)

@@ -24,8 +24,6 @@ from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
 Named = tuple[str, Curve]
 
-ARC_CHORDS = 16
-"""Chords per arc in the search for crossings."""
 IN_ORDER = "list the points in order around the body"
 MAX_CHORDS = 4000
 """Largest number of chords of an outline of sides: with more, the search for crossings takes seconds."""
@@ -170,7 +168,8 @@ def with_holes(outer: Sequence[Named], holes: Sequence[tuple[str, Point, float]]
     """The outline of a chain and circular holes (name, centre, radius). Several curves of one name become
     "name/1", "name/2" and so on. Raises OutlineError where the chain crosses or touches itself (reported at
     ``key``) and for holes that are not surrounded by material."""
-    parts = [_chords(curve) for _, curve in outer]
+    chains = [curve.points(curve.node_arcs) for _, curve in outer]
+    parts = [np.hstack([points[:-1], points[1:]]) for points in chains]
     chords = np.concatenate(parts)
     names = [name for (name, _), part in zip(outer, parts, strict=True) for _ in part]
     size = float(np.ptp(chords[:, :2], axis=0).max())
@@ -302,13 +301,3 @@ def _apart(one: FloatArray, others: FloatArray) -> FloatArray:
     crossing &= twice_area(c, d, a) * twice_area(c, d, b) < 0.0
     ends = np.minimum.reduce([away(a, c, d), away(b, c, d), away(c, a, b), away(d, a, b)])
     return np.where(crossing, 0.0, ends)
-
-
-def _chords(curve: Curve) -> FloatArray:
-    """Chords (e, 4) of a curve; those of a smooth curve join its given points."""
-    if isinstance(curve, Spline):
-        points = curve.points(curve.node_arcs)
-    else:
-        count = ARC_CHORDS if isinstance(curve, Arc) else 1
-        points = curve.points(np.linspace(0.0, curve.length, count + 1))
-    return np.hstack([points[:-1], points[1:]])

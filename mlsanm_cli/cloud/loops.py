@@ -15,7 +15,6 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Curve, Outline, Segment
 from mlsanm_cli.cloud.membership import cross, numbered, signed_area, turns
-from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.sight import triangulate, visibility_criterion
 from mlsanm_cli.cloud.splines import NodeSpline, Spline
 from mlsanm_cli.cloud.surface import Surface
@@ -74,17 +73,6 @@ def cloud_of_nodes(points: FloatArray, outline: Outline, normals: FloatArray | N
     cloud = Cloud(points, np.ones(len(points)), surfaces)
     triangles = triangulate(points, cloud.edges, visibility_criterion(points, cloud.edges))
     return Cloud(points, _neighbour_distance(points, triangles), surfaces)
-
-
-def mirrored(cloud: Cloud, line: SymmetryLine) -> Cloud | None:
-    """The same cloud with its symmetry about a ``line``; None if its nodes are not symmetric or the line runs
-    along its outline."""
-    mirror = line.mirror(cloud.points, cloud.spacing, cloud.edges)
-    if mirror is None:
-        return None
-    # The image of a quadrilateral may be split along its other diagonal: neighbour distances then differ.
-    spacing = 0.5 * (cloud.spacing + cloud.spacing[mirror.image])
-    return Cloud(cloud.points, spacing, cloud.surfaces, mirror)
 
 
 def _neighbour_distance(points: FloatArray, triangles: IntArray) -> FloatArray:

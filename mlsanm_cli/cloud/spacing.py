@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.curves import Curve, Segment
 from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
-from mlsanm_cli.cloud.search import BATCH_SIZE, in_batches, nearest
+from mlsanm_cli.cloud.search import BATCH_SIZE, nearest
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.kernels.fill import DONE, EMPTY, FULL_POINTS, FULL_TABLE, advance_front, spacing_at
 from mlsanm_cli.records import dataclass
@@ -92,9 +92,10 @@ class Spacing:
 
     def at(self, points: FloatArray) -> FloatArray:
         """Spacing (n,) at ``points`` (n, 2)."""
-        table = self.table()
+        table, points = self.table(), np.ascontiguousarray(points)
         piece = BATCH_SIZE * 8 // (len(table) + 1) + 1
-        return in_batches(lambda some: spacing_at(self.far, table, some), np.ascontiguousarray(points), piece)
+        starts = range(0, max(len(points), 1), piece)
+        return np.concatenate([spacing_at(self.far, table, points[at : at + piece]) for at in starts])
 
     def with_zones(self, zones: tuple[Zone, ...]) -> Spacing:
         """The same field with further zones."""

@@ -75,7 +75,6 @@ def joined_surface(name: str, parts: Sequence[Surface], around: bool) -> Surface
     """Concatenate surfaces; ``around`` if the last one ends where the first begins."""
     if len(parts) == 1:
         return parts[0]
-    curve = joined([part.curve for part in parts], around)
     ends = np.cumsum([part.curve.length for part in parts])
     arc = [np.zeros(1)]
     index, normal = [parts[0].index[:1]], [parts[0].normal[:1].copy()]
@@ -88,6 +87,7 @@ def joined_surface(name: str, parts: Sequence[Surface], around: bool) -> Surface
     if around:
         normals[:1] = _between(normals[-1:], normals[:1])
         places, nodes, normals = places[:-1], nodes[:-1], normals[:-1]
+    curve = joined([part.curve for part in parts], around)
     return Surface(name, curve, nodes, places, normals, tuple(parts))
 
 

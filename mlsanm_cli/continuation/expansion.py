@@ -1,25 +1,12 @@
 """The power series of a path at one of its points.
 
-With y = x/scale and the product <(x, lam), (z, mu)> = mean(y_x y_z) + lam mu (a mean, so that the load
-factor keeps its weight whatever the number of unknowns), the parameter of the path is
-
-    a = <X - X_0, T> / unit^2,    T tangent to the path at X_0,    |T| = unit,
-
-hence regular at folds. A start point has a small residual R_0; its series follows R(X(a)) = (1 - a) R_0,
-which returns to the path over about the length of the step without another factorisation. Orders 1 and
-k >= 2 are
-
-    dR/dx x_1 + dR/dlam lam_1 = -R_0,     <X_1 - T, T> = 0,
-    dR/dx x_k + dR/dlam lam_k = rhs_k,    <X_k, T> = 0,
-
-solved with the factorised dR/dx and the slope v = dx/dlam. ``unit`` is near the expected length of the step,
-which keeps high orders from overflowing, and a power of two, which adds no round-off.
-
-Source: B. Cochelin, A path-following technique via an asymptotic-numerical method, Computers & Structures
-53 (1994) 1181-1192.
-
-Equation (16) of docs/method.md.
-"""
+With y = x/scale and the product <(x, lam), (z, mu)> = mean(y_x y_z) + lam mu (a mean, so that the load factor
+keeps its weight whatever the number of unknowns), the parameter of the path is a = <X - X_0, T> / unit^2, T
+being tangent to it at X_0 with |T| = unit: regular at folds. A start point has a small residual R_0; its
+series follows R(X(a)) = (1 - a) R_0, which returns to the path over about the length of the step without
+another factorisation. ``unit`` is near the expected length of the step, which keeps high orders from
+overflowing, and a power of two, which adds no round-off. Source: B. Cochelin, Computers & Structures 53
+(1994) 1181-1192. Equation (16) of docs/method.md."""
 
 from __future__ import annotations
 

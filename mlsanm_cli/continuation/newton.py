@@ -1,15 +1,10 @@
 """Newton-Raphson: a path followed from state to state, with a step length adapted to the iteration count.
 
-A step starts along the tangent (its first iteration) and ends where damped Newton updates converge: at a
-given load factor, or on the plane normal to the tangent at a given distance, which passes folds. Updates stay
-in the admissible region and lower the norm of the residual. Between its ends a step is interpolated: by the
-cubic with the values and tangents of both. A load factor inside is therefore located on the cubic and
-solved for.
-
-Sources: E. Riks, An incremental approach to the solution of snapping and buckling problems, International
-Journal of Solids and Structures 15 (1979) 529-551; M. A. Crisfield, A fast incremental/iterative solution
-procedure that handles snap-through, Computers & Structures 13 (1981) 55-62.
-"""
+A step starts along the tangent and ends where damped Newton updates converge: at a given load factor, or on
+the plane normal to the tangent at a given distance, which passes folds (E. Riks, International Journal of
+Solids and Structures 15 (1979) 529-551; M. A. Crisfield, Computers & Structures 13 (1981) 55-62). Between its
+ends a step is the cubic with the values and tangents of both: a load factor inside is located on it and
+solved for."""
 
 from __future__ import annotations
 

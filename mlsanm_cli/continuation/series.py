@@ -1,21 +1,15 @@
-"""One step of a path as a function of its parameter: a truncated power series or a vector Padé approximant.
+"""One step of a path as a function of its parameter: a truncated power series or a vector Padé approximant
 
-    power series:  X(a) = sum_{n<=N} a^n X_n
-    Padé:          X(a) = X_0 + sum_{1<=n<=N} a^n Y_n / D(a),    Y_n = sum_{j<n} d_j X_{n-j},
+    X(a) = X_0 + sum_{1<=n<=N} a^n Y_n / D(a),    Y_n = sum_{j<n} d_j X_{n-j},
+    D(a) = 1 + d_1 a + ... + d_M a^M,
 
-with the denominator D(a) = 1 + d_1 a + ... + d_M a^M, common to all unknowns and the load factor: the series
-of D (X - X_0), cut at order N, over D. (Summing the Y_n loses fewer digits than weighting the X_n does.)
+the series of D (X - X_0), cut at order N, over D. (Summing the Y_n loses fewer digits than weighting the
+X_n.) The denominator is to make the coefficients of D X vanish at the last orders, which in an orthonormal
+basis of the X_n is a small least-squares problem for the d_j. The literature asks it of the order N alone,
+with M = N - 1; here M = 2N/3 and the last three orders are taken together, which depends less on round-off.
 
-The coefficient vectors X_1..X_N are orthonormalised (Gram-Schmidt in its stable form, a QR factorisation):
-X_n = sum_{j<=n} r_jn X*_j. The denominator is to make the coefficients of D X vanish at the last orders,
-sum_j d_j X_{n-j} = 0, which in the basis X* is a small least-squares problem for the d_j. The literature asks
-it of the order N alone, with M = N - 1, one component of X* each; here M = 2N/3 and the last three orders are
-taken together, which depends less on the smallest r_jn, mostly round-off.
-
-Sources: B. Cochelin, A path-following technique via an asymptotic-numerical method, Computers & Structures
-53 (1994) 1181-1192; A. Elhage-Hussein, M. Potier-Ferry, N. Damil, A numerical continuation method based on
-Padé approximants, International Journal of Solids and Structures 37 (2000) 6981-7001.
-"""
+Sources: B. Cochelin, Computers & Structures 53 (1994) 1181-1192; A. Elhage-Hussein, M. Potier-Ferry, N.
+Damil, International Journal of Solids and Structures 37 (2000) 6981-7001."""
 
 from __future__ import annotations
 

@@ -13,19 +13,11 @@ pressures and tractions of the contact; and motions of platens. Their equations 
     q  platens   forces(f, q, p, t)                  = 0
 
 K is the strong form by moving least squares, solved by least squares or collocation. N u and T u are the
-motions of the slave's nodes relative to virtual nodes of the master, which move by its moving least-squares
-values; A corrects waves too short for the clouds.
-
-Every inequality is a hyperbola. Signorini's conditions are p >= 0, h >= 0, p h = 0; Coulomb's law says the
-same of the slip to either side and the margin of the traction there. These products get small values instead
-of zero: a sticking node is a spring of compliance c about its stick reference r, a slipping one carries
-t = +-mu p, both up to terms of relative size eta and without a corner between them. In increments of the
-loads r follows the plastic slips: backward Euler's integration of Coulomb's law.
-
-So R(x, lam) = C(lam) + M x + Q(x, x) = 0. Order k of a series about x_0 solves, with the tangent of
-Newton-Raphson, (M + 2 Q(x_0, .)) x_k = -C_k - sum of Q(x_j, x_{k-j}) over 0 < j < k.
+motions of the slave's nodes relative to virtual nodes of the master; A corrects waves too short for the
+clouds. The hyperbolas give the products of Signorini's and Coulomb's conditions small values instead of zero;
+in increments of the loads r follows the plastic slips, by backward Euler's rule. All is quadratic, R(x, lam)
+= C(lam) + M x + Q(x, x).
 
 Sources: B. Cochelin, Computers & Structures 53 (1994) 1181; A. Elhage-Hussein, M. Potier-Ferry, N. Damil,
-Int. J. Solids Structures 37 (2000) 6981, contact; P. Wriggers, Computational Contact Mechanics (2006),
-section 5.2, friction as elastoplasticity. Equations (13) to (15) of docs/method.md.
-"""
+Int. J. Solids Structures 37 (2000) 6981; P. Wriggers, Computational Contact Mechanics (2006), section 5.2.
+Equations (13) to (15) of docs/method.md."""

@@ -212,28 +212,6 @@ def _pressed(condensed: Condensed, name: str, states: Sequence[ContactState]) ->
     return np.asarray(np.any(some, axis=0))
 
 
-def passed_beyond(
-    condensed: Condensed,
-    ranges: Mapping[str, ContactRange],
-    states: Sequence[ContactState],
-    passed: dict[str, FloatArray],
-) -> bool:
-    """Whether surfaces touch in some states beyond the ranges of their grids; ``passed`` is then extended to
-    the first and last of these places."""
-    beyond = False
-    for pairing in condensed.on_grids if states else ():
-        grid, span = pairing.grid, condensed.spans[pairing.name]
-        touched = [pairing.arc[condensed.touched(*one.unknowns)[pairing.name]] for one in states]
-        seen = summits(condensed, pairing.name, ranges[pairing.name], states)
-        closed = grid.hats.place[np.any([state.closed[span] for state in states], axis=0)]
-        places = np.concatenate([closed, seen, *touched])
-        if len(places) and (places.min() < grid.first or places.max() > grid.last):
-            places = np.concatenate([places, passed.get(pairing.name, places)])
-            passed[pairing.name] = np.array([places.min(), places.max()])
-            beyond = True
-    return beyond
-
-
 def summits(
     condensed: Condensed, name: str, room: ContactRange, states: Sequence[ContactState]
 ) -> FloatArray:

@@ -10,7 +10,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.complementarity.equilibrium import BALANCED, equilibrium
-from mlsanm_cli.contact.laws.failures import NoStateError, SlidingError, UnbalancedError, UnresistedError
+from mlsanm_cli.contact.laws.failures import SlidingError, UnbalancedError
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.rigid import ROTATION
@@ -77,8 +77,8 @@ def at_limit(
 
 
 def beyond_limit(
-    scene: Scene, condensed: Condensed, stages: FloatArray, error: UnbalancedError | NoStateError
-) -> UnbalancedError | NoStateError:
+    scene: Scene, condensed: Condensed, stages: FloatArray, error: UnbalancedError
+) -> UnbalancedError:
     """The error that no state balances the loads at the end of a stage, or the limit load."""
     for stage, (begin, end) in enumerate(itertools.pairwise(stages)):
         limit = _limit(condensed, begin, end - begin)
@@ -88,10 +88,10 @@ def beyond_limit(
 
 
 def check_resisted(scene: Scene, condensed: Condensed, stages: FloatArray) -> None:
-    """Raise UnresistedError if the first loads drive bodies that no pressures and tractions hold."""
+    """Raise UnbalancedError if the first loads drive bodies that no pressures and tractions hold."""
     limit = _limit(condensed, stages[0], stages[1] - stages[0])
     if limit is not None and limit.driven and limit.part <= COARSE_ROUND_OFF:
-        raise UnresistedError(*_named(scene, condensed, stages, 0, limit))
+        raise UnbalancedError(*_named(scene, condensed, stages, 0, limit))
 
 
 def near_limit(condensed: Condensed, stages: FloatArray) -> tuple[FloatArray, float] | None:

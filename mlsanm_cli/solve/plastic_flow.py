@@ -146,18 +146,10 @@ class PlasticScene:
         factors, condensed = self.built.stages[0], self.built.condensed
         count = {name: len(body.model.cloud.points) for name, body in self.bodies.items()}
         none = {name: np.zeros((n, 4)) for name, n in count.items()}
-        return Flow(
-            factors,
-            np.zeros(len(self._root)),
-            unloaded(condensed, factors),
-            none,
-            none,
-            {},
-            {name: np.zeros((n, HISTORY)) for name, n in count.items()},
-            {name: np.zeros(n) for name, n in count.items()},
-            np.zeros(0),
-            0.0,
-        )
+        work = {name: np.zeros(n) for name, n in count.items()}
+        history = {name: np.zeros((n, HISTORY)) for name, n in count.items()}
+        start, contact = np.zeros(len(self._root)), unloaded(condensed, factors)
+        return Flow(factors, start, contact, none, none, {}, history, work, np.zeros(0), 0.0)
 
     def advanced(self, before: Flow, factors: FloatArray, first: FloatArray | None = None) -> Flow:
         """The state after an increment to load ``factors`` (L,), searched from eigenstresses ``first`` (u,).

@@ -154,7 +154,7 @@ def _step(
     the sum of those of the increments, relative, and the largest of displacements by spacings."""
     built, solver = scene.built, {"errors": errors}
     for name in built.laws:
-        solver |= {f"{key}.{name}": getattr(flow, key)[name] for key in ("history", "stress", "work")}
+        solver |= {f"{key}.{name}": getattr(flow, key)[name] for key in KEPT}
     nodes = built.condensed.friction_nodes
     state = State.of(flow.contact, nodes, position, scene.residual(flow), solver)
     history = friction_history(flow.contact) | {"half": np.array([half])}
@@ -170,23 +170,10 @@ def _step(
 
 def _restored(built: CondensedScene, start: Checkpoint) -> Flow:
     """The state of a checkpoint."""
-    state, history = start.state, start.history
-    contact = state.contacts(built.condensed.friction_nodes, history)
-    known = {key: {name: state.solver[f"{key}.{name}"] for name in built.laws} for key in KEPT}
-    stresses = [
-        plastic_stress(law.linear, known["history"][name]).T.ravel() for name, law in built.laws.items()
-    ]
-    strains = {name: law.elastic_strain(known["stress"][name]) for name, law in built.laws.items()}
-    strains = {name: one + known["history"][name][:, :4] for name, one in strains.items()}
-    return Flow(
-        state.factors,
-        np.concatenate(stresses),
-        contact,
-        strains,
-        known["stress"],
-        {},
-        known["history"],
-        known["work"],
-        np.zeros(0),
-        0.0,
-    )
+    state, laws = start.state, built.laws
+    contact = state.contacts(built.condensed.friction_nodes, start.history)
+    stress, history, work = ({name: state.solver[f"{key}.{name}"] for name in laws} for key in KEPT)
+    unknowns = [plastic_stress(law.linear, history[name]).T.ravel() for name, law in laws.items()]
+    strain = {n: law.elastic_strain(stress[n]) + history[n][:, :4] for n, law in laws.items()}
+    first, none = np.concatenate(unknowns), np.zeros(0)
+    return Flow(state.factors, first, contact, strain, stress, {}, history, work, none, 0.0)

@@ -118,10 +118,7 @@ class StoppedPath:
 
 
 def measured(
-    stop: Stop,
-    quantities: Quantities,
-    forces: Mapping[str, FloatArray],
-    weights: Mapping[str, FloatArray],
+    stop: Stop, quantities: Quantities, forces: Mapping[str, FloatArray], weights: Mapping[str, FloatArray]
 ) -> float:
     """The value of the quantity of a stop among the ``quantities`` of a state; ``forces`` (2,) are those of
     loads, supports and contacts by name, ``weights`` (m,) the lengths of the nodes of contacts."""

@@ -8,7 +8,7 @@ import pytest
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import Outline, Segment, rectangle
-from mlsanm_cli.cloud.loops import Loop, cloud_of_nodes, mirrored, trace
+from mlsanm_cli.cloud.loops import Loop, cloud_of_nodes, trace
 from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.cloud.splines import Spline
@@ -129,13 +129,13 @@ def test_nodes_that_come_with_a_body_are_their_own_images_if_they_are() -> None:
     traced = trace(points, [loop(16, "")], CORNER)
     for axis in (0, 1):
         line = SymmetryLine(axis, 0.5)
-        cloud = mirrored(cloud_of_nodes(points, traced), line)
+        cloud = cloud_of_nodes(points, traced).mirrored(line)
         assert cloud is not None
         assert cloud.mirror is not None
         np.testing.assert_allclose(line.reflect(points), points[cloud.mirror.image], atol=1e-15)
         assert np.array_equal(cloud.mirror.side, np.sign(points[:, axis] - 0.5))
         assert np.array_equal(cloud.spacing, cloud.spacing[cloud.mirror.image])
         # An outline that runs along the line is in no half.
-        assert mirrored(cloud_of_nodes(points, traced), SymmetryLine(axis, 0.0)) is None
+        assert cloud_of_nodes(points, traced).mirrored(SymmetryLine(axis, 0.0)) is None
     points[-1, 0] += 1e-6
-    assert mirrored(cloud_of_nodes(points, traced), SymmetryLine(0, 0.5)) is None
+    assert cloud_of_nodes(points, traced).mirrored(SymmetryLine(0, 0.5)) is None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mlsanm_cli.continuation import Branch, Problem, SingularTangentError, correct
+from mlsanm_cli.continuation import Branch, Problem, correct
 from mlsanm_cli.continuation.expansion import Metric, expand, expansion_point
 
 from .problems import Circle, Contact, Scalar, Truss, random_contact
@@ -71,17 +71,3 @@ def test_residual_of_the_start_is_led_to_zero() -> None:
         powers = a ** np.arange(21.0)
         residual = problem.residual(powers @ series.x, float(powers @ series.lam))
         np.testing.assert_allclose(residual, (1.0 - a) * start, atol=1e-13)
-
-
-def test_direction_decides_the_sign() -> None:
-    problem = Circle()
-    metric = Metric(problem.scale)
-    here = expansion_point(problem, np.array([0.8]), 0.6)
-    for direction, sign in (((np.array([-1.0]), 0.0), 1.0), ((np.array([1.0]), 0.0), -1.0)):
-        series, _ = expand(problem, metric, here, 2, direction, 1.0)
-        assert np.sign(series.lam[1]) == sign
-
-
-def test_singular_tangent_is_named() -> None:
-    with pytest.raises(SingularTangentError):
-        expansion_point(Circle(), np.zeros(1), 1.0)

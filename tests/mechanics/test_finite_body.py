@@ -176,7 +176,7 @@ def test_loads_and_reactions_balance_in_force_and_moment() -> None:
     series.put(0, x, np.ones(2))
     # Moments of all pieces about their own deformed middles, moved to one point, are those on the body.
     lack = series.rows(0)[-3 * body.count :].reshape(3, -1)
-    middle = series.state()[2]
+    middle = series.middle[0]
     size = body.elastic.pieces.size
     moment = (size * lack[2] + middle[0] * lack[1] - middle[1] * lack[0]).sum()
     assert abs(moment) <= 1e-5

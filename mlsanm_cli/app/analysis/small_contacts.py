@@ -25,8 +25,6 @@ from mlsanm_cli.solve.state import Fields, State
 
 MAX_NEIGHBOR_DISTANCE = 3.0
 """Contact nodes are neighbours up to this distance, relative to the mean of their weights (lengths)."""
-NEAREST_EDGES = 8
-MAX_WORST_NODES = 10
 
 
 def contact_lines(
@@ -73,7 +71,7 @@ def along_boundary(cloud: Cloud, values: FloatArray, points: FloatArray) -> Floa
     """Nodal ``values`` (n, c) at ``points`` (m, 2) on the boundary of a cloud, linear between its nodes."""
     first, last = cloud.edges.T
     start, along = cloud.points[first], cloud.points[last] - cloud.points[first]
-    count = min(NEAREST_EDGES, len(start))
+    count = min(8, len(start))
     near = cKDTree(start + 0.5 * along).query(points, k=count)[1].reshape(len(points), count)
     offset = points[:, None] - start[near]
     share = np.clip((offset * along[near]).sum(axis=2) / (along[near] ** 2).sum(axis=2), 0.0, 1.0)
@@ -178,7 +176,7 @@ def worst_state(
     residual = np.max(violations, axis=0)
     values = {"residual": residual, "pressure": pressure, "gap": gap, "cone_ratio": ratio}
     # nan first.
-    worst = np.argsort(-np.nan_to_num(residual, nan=np.inf), kind="stable")[:MAX_WORST_NODES].tolist()
+    worst = np.argsort(-np.nan_to_num(residual, nan=np.inf), kind="stable")[:10].tolist()
     rank, rows = np.zeros(len(residual)), dict[int, dict[str, Any]]()
     rank[worst] = 1.0 + np.arange(len(worst))
     data = {

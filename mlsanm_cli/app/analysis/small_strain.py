@@ -92,7 +92,6 @@ class SmallStrain(Analysis):
         if self._refined:
             self.quality = assess(self.case, self.prepared, self.context.memo)
             verdicts.judge(all_of(MODEL, self.quality))
-        self.quality = replace(self.quality, models=self.models)
 
     def steps(self, start: Checkpoint | None, last: State | None, verdicts: Verdicts) -> Iterator[PathStep]:
         built = self._built

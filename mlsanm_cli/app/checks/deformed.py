@@ -27,8 +27,6 @@ DISPLACEMENT_ERROR = 0.01
 """Displacements below this part of those of a body are discretisation errors."""
 SPACING_SHARE = 0.5
 """Part of the spacing to which surfaces are known between nodes at finite strain."""
-BLOCK_SIZE = 2**18
-"""Pairs of a point and an edge that are processed together."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +109,8 @@ def distances(points: FloatArray, edges: FloatArray) -> tuple[FloatArray, IntArr
     start, way = edges[:, :2], edges[:, 2:] - edges[:, :2]
     square = np.maximum((way**2).sum(axis=1), np.finfo(float).tiny)
     distance, nearest = np.zeros(len(points)), np.zeros(len(points), dtype=np.int64)
-    step = max(1, BLOCK_SIZE // len(edges))
+    # Not more pairs at once than the memory bears.
+    step = max(1, 2**18 // len(edges))
     for first in range(0, len(points), step):
         away = points[first : first + step, None] - start
         share = np.clip((away * way).sum(axis=2) / square, 0.0, 1.0)

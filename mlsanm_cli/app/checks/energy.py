@@ -84,8 +84,6 @@ MIN_ENERGY_DEGREE = 3
 """Degree from which on energies estimate errors of clamped bodies better than fits of the next degree."""
 MIN_BENDING_SHARE = 0.1
 """Not if contacts with contact grids do more than this part of the work by themselves."""
-STRAIN_QUANTILE = 0.99
-"""Larger strains are those at corners, where they are unbounded."""
 
 
 def energy_error(built: CondensedScene, state: State, fields: Mapping[str, Fields]) -> EnergyErrors:
@@ -191,7 +189,8 @@ def strain_of(points: FloatArray, displacement: FloatArray, von_mises: FloatArra
     """Strain of a body: the range of its displacements (n, 2) over its size, or a high quantile of its
     stresses (n,) over its stiffness, whichever is larger."""
     apart = float(np.ptp(displacement, axis=0).max()) / float(np.ptp(points, axis=0).max())
-    return max(apart, float(np.quantile(von_mises, STRAIN_QUANTILE)) / modulus)
+    # The largest ones are those at corners, where they are unbounded.
+    return max(apart, float(np.quantile(von_mises, 0.99)) / modulus)
 
 
 def flow_figures(built: CondensedScene, state: State) -> dict[str, Any]:

@@ -42,29 +42,29 @@ from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
 @dataclass(frozen=True)
 class Quality:
-    """A scene of a ``case`` with the measures of clouds and models by body, and ratios of facing spacings."""
+    """A scene of a ``case`` with the measures of its clouds by body, and ratios of facing spacings."""
 
     case: Case
     prepared: SceneModel
     bodies: Mapping[str, Mapping[str, float]]
-    models: Mapping[str, BodyModel]
     spacing_ratio: Mapping[str, float]
 
-    @property
-    def figures(self) -> dict[str, Any]:
-        bodies = {}
-        for name, cloud in self.bodies.items():
-            model = self.models[name]
-            bodies[name] = {
-                **cloud,
-                "degree": model.settings.degree,
-                "stencils_enlarged": model.stencils.enlarged,
-                "worst_ratio": model.stencils.worst_ratio,
+    def figures(self, models: Mapping[str, BodyModel]) -> dict[str, Any]:
+        """The measures, with the stencils of ``models``, as plain values."""
+        bodies = {
+            name: {
+                **measures,
+                "degree": models[name].settings.degree,
+                "stencils_enlarged": models[name].stencils.enlarged,
+                "worst_ratio": models[name].stencils.worst_ratio,
             }
+            for name, measures in self.bodies.items()
+        }
         return {"bodies": bodies, "spacing_ratio": dict(self.spacing_ratio)}
 
     @property
     def clouds(self) -> Mapping[str, Cloud]:
+        """The nodes of all bodies."""
         return {name: model.cloud for name, model in self.prepared.models.items()}
 
 
@@ -84,7 +84,7 @@ def assess(case: Case, prepared: SceneModel, memo: Memo = NO_CACHE) -> Quality:
         name: memo.value("quality", cloud.content, partial(measure, cloud)) for name, cloud in clouds.items()
     }
     ratios = {pairing.name: spacing_ratio(pairing, clouds) for pairing in prepared.pairings}
-    return Quality(case, prepared, bodies, prepared.models, ratios)
+    return Quality(case, prepared, bodies, ratios)
 
 
 def factor_notes(scene: Scene) -> Iterator[str]:

@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from mlsanm_cli.solve.condensed_scene import CondensedScene
     from mlsanm_cli.solve.state import State
 
-SAMPLES = 4001
-
 
 @dataclass(frozen=True)
 class HertzLine:
@@ -123,7 +121,7 @@ def profile_on(
         def curve(x: FloatArray) -> FloatArray:
             return np.full(len(x), even)
 
-    x = np.linspace(coordinate[0], coordinate[-1], SAMPLES)
+    x = np.linspace(coordinate[0], coordinate[-1], 4001)
     expected = curve(x)
     difference = np.interp(x, coordinate, pressure) - expected
     error = float(np.sqrt((difference**2).sum() / (expected**2).sum()))

@@ -138,12 +138,10 @@ def _next(body: FiniteBody) -> FiniteBody:
 
 def energy_errors(scene: FiniteScene, state: State) -> tuple[dict[str, FloatArray], float]:
     """Contributions (n,) of the nodes to the estimated error of the energy, by body, and the energy."""
-    acting, parts = scene.acting(state.driven, state.side_traction), scene.parts(state.displacement)
-    near = near_pressed(scene, state.side_traction)
-    nodal, total = {}, 0.0
-    for name, body in scene.bodies.items():
-        nodal[name] = unaccounted(body, parts[name], acting[name])
-        total += energy(body, parts[name], acting[name])
+    near, nodal, total = near_pressed(scene, state.side_traction), {}, 0.0
+    for name, loaded in scene.loaded(state).items():
+        nodal[name] = unaccounted(*loaded)
+        total += energy(*loaded)
         nodal[name][near[name]] = 0.0
     return nodal, total
 
@@ -152,22 +150,19 @@ def missing_works(scene: FiniteScene, before: State, now: State) -> dict[str, fl
     """Internal less external work from one state to another, by body. By the principle of virtual work the
     two are equal for every stress in equilibrium, whether or not it derives from a strain. Bodies without
     supports are rotated back first: rigid motions do no work."""
-    found, then, at = {}, scene.parts(before.displacement), scene.parts(now.displacement)
-    factors = [scene.acting(one.driven, one.side_traction) for one in (before, now)]
+    found, both = {}, [scene.loaded(one) for one in (before, now)]
     near = near_pressed(scene, np.abs(before.side_traction) + np.abs(now.side_traction))
     for name, body in scene.bodies.items():
-        nodes, elastic = body.elastic.model.cloud.points, body.elastic
-        turn = 0.0
+        elastic, (then, at) = body.elastic, (one[name][1] for one in both)
+        turn, nodes = 0.0, elastic.model.cloud.points
         if not any(map(any, elastic.held.values())) and len(elastic.held_nodes) == body.pins:
-            turn = body.turn(at[name]) - body.turn(then[name])
+            turn = body.turn(at) - body.turn(then)
         cos, sin = np.cos(turn), np.sin(turn)
         ahead = np.array([[cos, sin], [-sin, cos]])
-        first, last = nodes + then[name].reshape(-1, 2), nodes + at[name].reshape(-1, 2)
+        first, last = nodes + then.reshape(-1, 2), nodes + at.reshape(-1, 2)
         ways = ((last @ ahead.T - first).ravel(), (last - first @ ahead).ravel())
-        found[name] = 0.5 * sum(
-            missing_work(body, one[name], acting[name], way, near[name])
-            for one, acting, way in zip((then, at), factors, ways, strict=True)
-        )
+        works = [missing_work(*one[name], way, near[name]) for one, way in zip(both, ways, strict=True)]
+        found[name] = 0.5 * sum(works)
     return found
 
 

@@ -333,11 +333,9 @@ class _Path:
     def finished(self, state: State, length: float, saved: tuple[State, ...]) -> PathStep:
         """The step that ends in a state, with its counters. Equations far from their expansion point are
         renewed."""
-        acting = self._scene.acting(state.driven, state.side_traction)
-        renewed, kept = False, self._kept(state.side_traction)
-        self._fresh = frozenset()
-        for name, own in self._scene.parts(state.displacement).items():
-            body, base_state = self._scene.bodies[name], self._projectors[name].base_state
+        renewed, kept, self._fresh = False, self._kept(state.side_traction), frozenset()
+        for name, (body, own, acting) in self._scene.loaded(state).items():
+            base_state = self._projectors[name].base_state
             angle = body.turn(own) - body.turn(base_state)
             if far_from(body, own, base_state):
                 base_state, self._fresh = own, self._fresh | {name}
@@ -350,7 +348,7 @@ class _Path:
                     base_state = (places @ np.array([[cos, sin], [-sin, cos]]) - nodes).ravel()
             else:
                 continue
-            self._projectors[name] = self._scene.projector(name, base_state, acting[name])
+            self._projectors[name] = self._scene.projector(name, base_state, acting)
             self.spent += 1
             renewed = True
         if renewed:

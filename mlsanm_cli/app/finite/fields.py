@@ -19,7 +19,9 @@ from mlsanm_cli.contact.geometry.profile import unrolled
 from mlsanm_cli.io.columns import Quantities
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.finite.body_series import Forces
+from mlsanm_cli.mechanics.finite.stability import Loaded
 from mlsanm_cli.mechanics.laws.law import Law, determinant, gradient_of, stretches
+from mlsanm_cli.operators.stencil_weights import Stencils
 from mlsanm_cli.operators.stencils import build_stencils
 from mlsanm_cli.solve.state import Fields, State
 
@@ -59,13 +61,19 @@ def fields_of(scene: FiniteScene, state: State) -> dict[str, Fields]:
     found = dict[str, Fields]()
     for name, own in scene.parts(scene.shown(state)).items():
         body = scene.bodies[name]
-        derivatives = body.elastic.model.stencils.derivatives(own.reshape(-1, 2))
-        mean = body.mean_stress(own, state.factors)
-        if mean is not None:
-            mean = body.elastic.model.stencils.derivatives(mean[:, None])[:, 0, 0]
-        fields = fields_at(body.law, derivatives, body.degrees(state.factors), mean)
+        fields = _fitted((body, own, state.factors), body.elastic.model.stencils)
         found[name] = fields | {"displacement": own.reshape(-1, 2)}
     return found
+
+
+def _fitted(loaded: Loaded, stencils: Stencils, points: FloatArray | None = None) -> dict[str, FloatArray]:
+    """Fields of the fits of ``stencils`` at the nodes, or at ``points`` (e, 2)."""
+    body, displacement, factors = loaded
+    mean = body.mean_stress(displacement, factors)
+    if mean is not None:
+        mean = stencils.derivatives(mean[:, None])[:, 0, 0]
+    derivatives = stencils.derivatives(displacement.reshape(-1, 2))
+    return fields_at(body.law, derivatives, body.degrees(factors, points), mean)
 
 
 def quantities(scene: FiniteScene, state: State) -> Quantities:
@@ -86,15 +94,11 @@ def probe_values(scene: FiniteScene, state: State) -> dict[str, dict[str, Any]]:
         return values
     shown = scene.parts(scene.shown(state))
     for probe in scene.probes:
-        body, own = scene.bodies[probe.body], shown[probe.body]
-        model, warm = body.elastic.model, body.degrees(state.factors, probe.point)
+        body, own, model = scene.bodies[probe.body], shown[probe.body], scene.bodies[probe.body].elastic.model
         stencils = build_stencils(
             model.cloud.points, model.cloud.tree, probe.point, 1, model.settings, model.cloud.sight
         )
-        mean = body.mean_stress(own, state.factors)
-        if mean is not None:
-            mean = stencils.derivatives(mean[:, None])[:, 0, 0]
-        seen = fields_at(body.law, stencils.derivatives(own.reshape(-1, 2)), warm, mean)
+        seen = _fitted((body, own, state.factors), stencils, probe.point)
         vectors = {key: seen[key][0] for key in ("displacement", "stress")}
         values[probe.name] = {**vectors, "von_mises": float(seen["von_mises"][0])}
     return values
@@ -105,8 +109,7 @@ class SceneForces:
     master."""
 
     def __init__(self, scene: FiniteScene, state: State) -> None:
-        acting, parts = scene.acting(state.driven, state.side_traction), scene.parts(state.displacement)
-        self.bodies = {name: Forces(body, parts[name], acting[name]) for name, body in scene.bodies.items()}
+        self.bodies = {name: Forces(*one) for name, one in scene.loaded(state).items()}
         self.contacts = dict[str, tuple[FloatArray, ...]]()
         first = dict.fromkeys(scene.bodies, len(scene.case.moved) + scene.contacts.free)
         for contact in scene.contacts.pairs:
@@ -228,10 +231,9 @@ def platen_displacements(scene: FiniteScene, state: State) -> dict[str, FloatArr
 
 def plates_turned(scene: FiniteScene, state: State) -> dict[str, dict[str, float]]:
     """Rotation of every plate that rotates, and moment about its hinge."""
-    acting, parts = scene.acting(state.driven, state.side_traction), scene.parts(state.displacement)
-    found = {}
+    found, loaded = {}, scene.loaded(state)
     for plate in (one for one in scene.contacts.plates if one.motion[2].any()):
-        moments = [plate.pulled(scene.bodies[k], k, parts[k], acting[k])[0][2] for k in plate.surfaces]
+        moments = [plate.pulled(name, *loaded[name])[0][2] for name in plate.surfaces]
         rotation = float(plate.motion[2] @ state.driven)
         found[plate.name] = {"rotation": rotation, "moment": float(sum(moments))}
     return found

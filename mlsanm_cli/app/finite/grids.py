@@ -198,7 +198,7 @@ def _touched(scene: FiniteScene, context: RunContext) -> tuple[list[list[Sizes]]
     fewest, wanted = np.inf, {*scene.case.output.at, *np.arange(1.0, len(scene.stages)).tolist()}
     steps, reached = contact_path(scene, coarse=True), 0.0
     while True:
-        context.check_stop()
+        context.stopper.check()
         try:
             state = next(steps).state
         except StopIteration:

@@ -33,6 +33,7 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.loads import Loads, Turning
 from mlsanm_cli.mechanics.finite.projector import NO_ROWS, Projector, weights_of
+from mlsanm_cli.mechanics.finite.stability import Loaded
 from mlsanm_cli.mechanics.near_field import as_complex
 from mlsanm_cli.mechanics.rigid import ROTATION, free_motions, pins
 from mlsanm_cli.mechanics.scene import Probe
@@ -122,6 +123,11 @@ class FiniteScene:
         body's part of the ``traction`` (2s,) at the knots of all sides in contact."""
         spread = {name: self.contacts.spread(name) for name in self.bodies}
         return {name: np.concatenate([factors, some @ traction]) for name, some in spread.items()}
+
+    def loaded(self, state: State) -> dict[str, Loaded]:
+        """The bodies with their displacements and load factors in a state."""
+        acting, parts = self.acting(state.driven, state.side_traction), self.parts(state.displacement)
+        return {name: (body, parts[name], acting[name]) for name, body in self.bodies.items()}
 
     @cached_property
     def weights(self) -> Mapping[str, FloatArray]:
@@ -243,12 +249,30 @@ def _contact(case: Case, prepared: SceneModel, number: int, motions: Contacts) -
 
 def _side(prepared: SceneModel, body: str, surface: Surface) -> ContactSide:
     """A side, with its knots at the nodes."""
-    fixed = [node for node, _ in prepared.held_nodes[body]]
-    model, held = prepared.models[body], prepared.held[body]
+    model, held, curve = prepared.models[body], prepared.held[body], surface.curve
     planes, wedges = ends_of(model, surface, {**held, **dict.fromkeys(prepared.acting.springs[body])})
-    places, inward = as_complex(model.cloud.points[surface.index]), -as_complex(surface.normal)
-    centers = void_center(model.cloud, places, inward)
-    nodes = SideNodes.of(body, model.cloud, surface, held, fixed, planes, wedges, centers)
+    places, inward = model.cloud.points[surface.index], -as_complex(surface.normal)
+    fixed = np.zeros(len(model.cloud.points), dtype=bool)
+    for name, components in held.items():
+        fixed[model.cloud.surfaces[name].index] |= any(components)
+    fixed[[node for node, _ in prepared.held_nodes[body]]] = True
+    corners = {int(np.argmin(np.abs(surface.arc_length - one))) for one in curve.corners}
+    nodes = SideNodes(
+        body=body,
+        places=places,
+        outward=surface.normal,
+        weight=surface.weight,
+        arc=surface.arc_length,
+        around=curve.length if curve.closed else None,
+        held=fixed[surface.index],
+        corners=tuple(sorted(corners if curve.closed else {*corners, 0, len(places) - 1})),
+        planes=planes,
+        wedges=wedges,
+        geometry=curve,
+        index=surface.index,
+        members=tuple((part.name, numbers) for part, numbers in surface.members),
+        centers=void_center(model.cloud, as_complex(places), inward),
+    )
     return ContactSide.on(nodes, nodes.arc)
 
 

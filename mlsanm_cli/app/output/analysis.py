@@ -53,7 +53,7 @@ class Analysis(ABC):
         self, case: Case, prepared: SceneModel, context: RunContext, known: Refinement | None = None
     ) -> None:
         self.case, self.prepared, self.context, self.known = case, prepared, context, known
-        self.quality = Quality(case, prepared, {}, {}, {})
+        self.quality = Quality(case, prepared, {}, {})
         self._reached: Stop | None = None
 
     @property

@@ -97,7 +97,6 @@ def model_bodies(prepared: SceneModel) -> list[VtuPart]:
     return bodies
 
 
-CIRCLE_POINTS = 181
 QUANTITIES = members(FIELDS)
 PLANE_LENGTH = 0.75
 """Length of a plane to both sides, in diameters of the scene."""
@@ -117,7 +116,7 @@ def obstacles(case: Case, points: FloatArray) -> dict[str, tuple[FloatArray, Int
             reach = PLANE_LENGTH * float(np.hypot(*(high - low))) * np.array([normal[1], -normal[0]])
             drawn = np.array([foot - reach, foot + reach])
         elif isinstance(obstacle, DiskObstacle):
-            angle = np.linspace(0.0, 2.0 * np.pi, CIRCLE_POINTS)
+            angle = np.linspace(0.0, 2.0 * np.pi, 181)
             ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
             drawn = np.array(obstacle.center) + obstacle.radius * ring
         else:

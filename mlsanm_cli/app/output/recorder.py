@@ -28,8 +28,6 @@ from mlsanm_cli.system import peak_memory_mb
 
 ESTIMATE_AFTER = 2.0
 """Seconds after which the remaining time of a path is shown."""
-MAX_STAGE_LOADS = 2
-"""Largest number of loads in the name of a stage."""
 
 
 class Recorder(Closing):
@@ -203,7 +201,7 @@ class Recorder(Closing):
             return []
         left = (now - begun) * (stages - position) / (position - first)
         number = math.floor(position)
-        names = ", ".join(list(self._case.stage[number])[:MAX_STAGE_LOADS])
+        names = ", ".join(list(self._case.stage[number])[:2])
         stage = f"stage {number + 1} of {stages} ({names}), " if stages > 1 else ""
         passed = self._clock.wall_seconds
         return [f"{stage}{100.0 * position / stages:.0f} %", f"{passed:.0f} s, {left:.0f} s left"]
@@ -266,7 +264,7 @@ def summarise(analysis: Analysis, ending: Ending, recorder: Recorder) -> dict[st
     if isinstance(ending.error, UnstableError) and summary.get("stability") is None:
         summary["stability"] = ending.error.stability
     return summary | {
-        "quality": analysis.quality.figures,
+        "quality": analysis.quality.figures(analysis.models),
         "limits": analysis.limits(),
         "seconds": context.clock.seconds,
         "wall_seconds": context.clock.wall_seconds,

@@ -30,8 +30,6 @@ from mlsanm_cli.io.plots.cloud import BodyPicture, CloudBody, plot_bodies
 from mlsanm_cli.io.plots.figures import ConditionMarks
 from mlsanm_cli.io.run_reader import Dataset, RunData, SavedState
 
-MAX_TICKS, MAX_ARROWS = 40, 7
-"""Largest number of ticks along a supported boundary, and of arrows along a loaded one."""
 NO_FACTORS: Mapping[str, float] = {}
 UNMOVED: Mapping[str, FloatArray] = {}
 
@@ -60,7 +58,7 @@ def marks_of(
     held, nodes = [], []
     for support in case.support:
         if support.place is not None:
-            index, normals = _along(bodies[support.place.body], support.place, MAX_TICKS)
+            index, normals = _along(bodies[support.place.body], support.place, 40)
             held.append((shown[support.place.body][index], normals))
         elif support.body is not None and support.near is not None:
             near = bodies[support.body].points
@@ -147,7 +145,7 @@ def _acting(
         yield shown[load.place.body][index[half]], _control(load), normals[half]
     elif not isinstance(load, Temperature):
         body, places = bodies[load.place.body], shown[load.place.body]
-        index, normals = _along(body, load.place, MAX_ARROWS)
+        index, normals = _along(body, load.place, 7)
         for point, normal, place in zip(places[index], normals, body.points[index], strict=True):
             if isinstance(load, Pressure):
                 # A table is drawn as a positive pressure.

@@ -21,8 +21,8 @@ from mlsanm_cli.io.plots.cloud import BodyPicture, plot_bodies
 from mlsanm_cli.io.plots.curves import Picture, draw
 from mlsanm_cli.io.run_reader import RunData, read_run
 
-FRAMES, MIN_FRAMES = 40, 2
-"""Frames of a path with power series, and least number of frames."""
+FRAMES = 40
+"""Frames of a path with power series."""
 TOGETHER = ("pressure", "force", "peak", "loop", "hysteresis", "line")
 """Pictures of several runs."""
 Make = Callable[[], Picture | BodyPicture]
@@ -113,7 +113,7 @@ def pictures(run: RunData, case: Case, choice: Choice) -> Iterator[tuple[str, st
 def animate(run: RunData, case: Case, choice: Choice) -> list[Path]:
     """Draws pressures along the path, or bodies at saved positions. Raises RunError for one state only."""
     if "bodies" in choice.what or choice.field is not None or not run.contacts:
-        if len(run.states) < MIN_FRAMES:
+        if len(run.states) < 2:
             raise RunError(
                 "fields are saved at one position only; an animation needs at least two",
                 "list several positions in output.at and run again",
@@ -133,7 +133,7 @@ def animate(run: RunData, case: Case, choice: Choice) -> list[Path]:
     stored = run.path.position
     # Without series only stored states are known.
     places = np.linspace(stored[0], stored[-1], FRAMES) if run.path.order.any() else np.unique(stored)
-    if len(places) < MIN_FRAMES:
+    if len(places) < 2:
         raise RunError("the run has one state only", "an animation needs at least two")
     known, files = [pressures_at(run, level) for level in places.tolist()], []
     titles = [curves.load_words(run, case, level) or f"position {level:.3f}" for level in places.tolist()]

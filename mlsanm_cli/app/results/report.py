@@ -19,13 +19,9 @@ from mlsanm_cli.io.plots.figures import resolution
 from mlsanm_cli.io.run_reader import RunData, read_run
 from mlsanm_cli.roundoff import ROUND_OFF
 
-MAX_CONTACTS = 4
-"""Largest number of contacts that are drawn, those with the largest pressures."""
 COMPARED = ("status", "position", "steps", "nodes", "warnings")
 MAIN = ("peak_pressure", "half_width")
 OF_CONTACTS = (*MAIN, "force", "closed_nodes")
-MAX_VARIED = 15
-"""Largest number of different keys of several cases that are listed."""
 SIZES = ("position", "steps", "nodes", "contact_unknowns", "wall_seconds", "peak_memory_mb")
 OUTCOMES = {"failed": html.BAD + "fails", "warned": html.BAD + "warns", "passed": html.GOOD + "passes"}
 ORIGINS = {"git": "commit", "argv": "command", "cpu": "processor"}
@@ -160,7 +156,7 @@ def _table(
 
 def _pictures(run: RunData, case: Case) -> Iterator[str]:
     peaks = {name: float(contact.pressure.max(initial=0.0)) for name, contact in run.contacts.items()}
-    drawn = sorted(peaks, key=lambda name: -peaks[name])[:MAX_CONTACTS]
+    drawn = sorted(peaks, key=lambda name: -peaks[name])[:4]
     if len(drawn) < len(peaks):
         shown = f"{len(drawn)} of {len(peaks)} contacts are drawn, those with the largest pressures."
         yield element("p", shown)
@@ -194,7 +190,7 @@ def _compared(runs: Sequence[RunData], titles: Sequence[str]) -> str:
     last = keys.index("position") if "position" in keys else len(keys)
     varied = keys[keys.index("status") + 1 : last]
     # The files of very different cases are shown below.
-    varied = varied if len(varied) <= MAX_VARIED else []
+    varied = varied if len(varied) <= 15 else []
     lines = []
     for key in (*varied, *(key for key in COMPARED if key in keys), *figures):
         # contacts.nose.reference.peak_pressure is nose: reference peak pressure.

@@ -10,14 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.scene.boundaries import Boundaries, prescribes, refuse_conflicts
+from mlsanm_cli.app.scene.boundaries import Boundaries, prescribed, prescribes, refuse_conflicts
 from mlsanm_cli.app.scene.contact_pairs import check_tips, pair
 from mlsanm_cli.app.scene.contact_ranges import contact_ranges, directed
 from mlsanm_cli.app.scene.free_motions import Restrained, constrain_free_rigid_modes
 from mlsanm_cli.app.scene.loads import Acting, acting, rigid_constraints
 from mlsanm_cli.app.scene.materials import materials
-from mlsanm_cli.case import Body, Case, Displacement
-from mlsanm_cli.case.model.conditions import Support
+from mlsanm_cli.case import Body, Case
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.geometry.pairing import Pairing, facing_parts
@@ -95,12 +94,13 @@ def prepare(
     probes outside their body.
     """
     case = boundaries.case
-    refuse_conflicts(boundaries)
     stiffness = materials(case)
     if case.model.revolved:
         _refuse_on_axis(boundaries, clouds, stiffness)
-    loads = acting(boundaries, clouds)
     held, fixed = _held_surfaces(boundaries, clouds)
+    held_nodes = {body.name: single_nodes(case, body.name, clouds[body.name]) for body in case.body}
+    refuse_conflicts(boundaries)
+    loads = acting(boundaries, clouds)
     pairings = tuple(pair(boundaries, clouds))
     # Errors are estimated at a higher degree; with friction the path would have to be repeated.
     known_next = case.mls.degree == "auto" or case.mls.degree in DEGREES
@@ -127,7 +127,6 @@ def prepare(
                 raise
             # Some part is too thin for the high degree.
             models[body.name] = modelled(body, low=True)
-    held_nodes = {body.name: single_nodes(case, body.name, clouds[body.name]) for body in case.body}
     restraints, occupied = dict[str, Any](), dict[str, Any]()
     for name, model in models.items():
         restraints[name] = restrained(held[name], loads.springs[name], model.cloud, model.material)
@@ -258,12 +257,11 @@ def _held_surfaces(
     fixed: dict[str, set[str]] = {body: set() for body in clouds}
     moving: dict[str, set[str]] = {body: set() for body in clouds}
     for _, condition, place in boundaries.conditions:
-        x, y = prescribes(condition)
+        values = prescribed(condition)
+        x, y = (value is not None for value in values)
         if not (x or y):
             continue
-        still = isinstance(condition, Support)
-        if isinstance(condition, Displacement):
-            still = all(one is None or one == 0.0 for one in condition.components)
+        still = all(value is None or value == 0.0 for value in values)
         for surface in boundaries.names[place]:
             before = held[place.body].get(surface, (False, False))
             held[place.body][surface] = (before[0] or x, before[1] or y)

@@ -8,6 +8,7 @@ supports and loads act on each piece. A contact joins its pieces to one surface.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import TypeAlias
@@ -15,15 +16,14 @@ from typing import TypeAlias
 import numpy as np
 
 from mlsanm_cli.app.scene.load_profiles import profiles, with_spread_forces
-from mlsanm_cli.app.scene.outlines import drawn, imported_geometry, run_of
+from mlsanm_cli.app.scene.outlines import drawn, given_nodes, run_of
 from mlsanm_cli.case import Body, Case, Contact, Displacement, Place, Platen, Pressure, Traction
 from mlsanm_cli.case.model.conditions import Kind, Support, compatible
 from mlsanm_cli.case.model.loads import OnBoundary
-from mlsanm_cli.case.model.shapes import Mesh, Points
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Arc, Outline, Segment, turn
 from mlsanm_cli.cloud.joined import SMOOTH_ANGLE, BoundaryRun
-from mlsanm_cli.cloud.surface import Surface, joined_surface
+from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, FINE_ROUND_OFF
@@ -42,17 +42,24 @@ Cuts = Mapping[int, Sequence[float]]
 Condition: TypeAlias = Support | OnBoundary
 
 
+def prescribed(condition: Condition) -> tuple[float | str | None, float | str | None]:
+    """The displacements that a condition prescribes in x and in y: None where it leaves them free, nan where
+    a plate makes them rigid."""
+    match condition:
+        case Platen():
+            x, y = (math.nan if axis in condition.control else None for axis in "xy")
+            return x, y
+        case Displacement():
+            return condition.components
+        case Support():
+            return condition.ux, condition.uy
+    return None, None
+
+
 def prescribes(condition: Condition) -> tuple[bool, bool]:
     """Whether a condition prescribes the displacements, or makes them rigid, in x and in y."""
-    if isinstance(condition, Platen):
-        return "x" in condition.control, "y" in condition.control
-    components: tuple[float | str | None, ...] = (None, None)
-    if isinstance(condition, Displacement):
-        components = condition.components
-    elif isinstance(condition, Support):
-        components = condition.ux, condition.uy
-    x, y = (component is not None for component in components)
-    return x, y
+    x, y = prescribed(condition)
+    return x is not None, y is not None
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,11 +111,6 @@ class Boundaries:
     def outline(self, body: str) -> Outline:
         """The outline of a body with its cuts."""
         return self.drawn[body].cut(self.cuts[body])
-
-    def surface(self, cloud: Cloud, place: Place, run: BoundaryRun) -> Surface:
-        """A side of a contact as one surface."""
-        pieces = [cloud.surfaces[name] for name in self.names[place]]
-        return joined_surface(place.label.partition(".")[2], pieces, run.around and run.ends is None)
 
     def split(self, body: str, cloud: Cloud) -> Cloud:
         """A cloud from a file with its surfaces cut like the outline, at the nearest nodes."""
@@ -183,8 +185,9 @@ def _cuts_of(
         pieces = zip(run.numbers, run.curves, run.starts, strict=False)
         number, curve, start = next(piece for piece in pieces if piece[2] <= at <= piece[2] + piece[1].length)
         s = at - start
-        if isinstance(body.shape, Mesh | Points) and body.has_nodes:
-            nodes = imported_geometry(body.shape).cloud.surfaces[run.outline.names[number]].arc_length
+        given = given_nodes(body)
+        if given is not None:
+            nodes = given.cloud.surfaces[run.outline.names[number]].arc_length
             s = float(nodes[np.argmin(np.abs(nodes - s))])
         known = [*cuts.get(number, ()), *(() if curve.closed else (0.0, curve.length))]
         if all(abs(s - other) > COARSE_ROUND_OFF * curve.length for other in known):

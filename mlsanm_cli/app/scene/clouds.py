@@ -9,12 +9,10 @@ import numpy as np
 
 from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.condition_sizes import CONDITION_SOURCES
-from mlsanm_cli.app.scene.outlines import geometry_of, imported_geometry
+from mlsanm_cli.app.scene.outlines import geometry_of, given_nodes
 from mlsanm_cli.app.scene.sizes import OUTLINE_SOURCES, Domain
 from mlsanm_cli.case import Body
-from mlsanm_cli.case.model.shapes import Mesh, Points
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
-from mlsanm_cli.cloud.loops import mirrored
 from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.memo import NO_CACHE, Memo
@@ -51,9 +49,10 @@ def clouds(boundaries: Boundaries, zones: tuple[Zone, ...] = (), memo: Memo = NO
     line of symmetry where outline and spacing are."""
     placed, case, line = dict[str, Cloud](), boundaries.case, line_of(boundaries)
     for body in case.body:
-        if isinstance(body.shape, Mesh | Points) and body.shape.has_nodes:
-            cloud = boundaries.split(body.name, imported_geometry(body.shape).cloud)
-            placed[body.name] = (mirrored(cloud, line) if line is not None else None) or cloud
+        given = given_nodes(body)
+        if given is not None:
+            cloud = boundaries.split(body.name, given.cloud)
+            placed[body.name] = (cloud.mirrored(line) if line is not None else None) or cloud
         else:
             spacing = spacing_of(boundaries, body).with_zones(zones)
             wanted = [support.near for support in case.support if support.body == body.name and support.near]
@@ -71,15 +70,16 @@ def line_of(boundaries: Boundaries) -> SymmetryLine | None:
     case = boundaries.case
     if case.model.revolved or any(contact.friction for contact in case.contact):
         return None
-    if any(isinstance(body.shape, Mesh | Points) and not body.has_nodes for body in case.body):
-        return None
     shapes = [geometry_of(body.shape) for body in case.body]
+    if any(shape.digest and not body.has_nodes for shape, body in zip(shapes, case.body, strict=True)):
+        return None
     size = max(shape.size for shape in shapes)
 
     def symmetric(body: Body, line: SymmetryLine) -> bool:
-        if not isinstance(body.shape, Mesh | Points):
+        given = given_nodes(body)
+        if given is None:
             return spacing_of(boundaries, body).symmetric(line)
-        nodes = imported_geometry(body.shape).points
+        nodes = given.points
         return line.images(nodes, np.full(len(nodes), size / np.sqrt(len(nodes)))) is not None
 
     for axis in (0, 1):

@@ -16,7 +16,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import AnyLoad, Case, Displacement, Platen
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.laws.contact_state import ContactState
-from mlsanm_cli.contact.laws.failures import EndlessError, NoStateError, UnbalancedError
+from mlsanm_cli.contact.laws.failures import EndlessError, UnbalancedError
 from mlsanm_cli.contact.response.condensation import condense
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
@@ -38,7 +38,7 @@ def condense_scene(
     the same model as in the scene ``before`` keep their systems."""
     try:
         return _condensed_scene(case, prepared, context, before)
-    except (UnbalancedError, NoStateError) as error:
+    except UnbalancedError as error:
         forces = [(load, force) for load in case.load if (force := _force(load)) is not None]
         found = [
             f"load {load.name} pulls {load.owner} away from contact {pairing.name}"
@@ -161,9 +161,11 @@ def _normals(pairing: Pairing, body: str) -> FloatArray:
 
 def _force(load: AnyLoad) -> FloatArray | None:
     """The direction of the force of a load, None if it is not given by numbers."""
-    if isinstance(load, Platen):
-        held = [load.control.get(axis, ("force", 0.0)) for axis in "xy"]
-        return np.array([value if how == "force" else 0.0 for how, value in held])
-    given = () if isinstance(load, Displacement) else amounts_of(load)
-    numbers = [part for part in given if isinstance(part, int | float)]
+    match load:
+        case Displacement():
+            return None
+        case Platen():
+            held = [load.control.get(axis, ("force", 0.0)) for axis in "xy"]
+            return np.array([value if how == "force" else 0.0 for how, value in held])
+    numbers = [part for part in amounts_of(load) if isinstance(part, int | float)]
     return np.array(numbers) if len(numbers) == 2 else None

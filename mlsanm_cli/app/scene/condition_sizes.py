@@ -26,7 +26,6 @@ from mlsanm_cli.app.scene.sizes import (
 )
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Contact, Displacement, ExpressionError, Pressure, Traction, value_at
-from mlsanm_cli.case.model.conditions import Support
 from mlsanm_cli.cloud.curves import Curve, Outline, turn
 from mlsanm_cli.cloud.membership import inside_polygon
 from mlsanm_cli.cloud.spacing import Zone
@@ -83,8 +82,7 @@ def loaded_parts(domain: Domain) -> Iterator[Zone]:
     """Zones along loaded and fixed parts of sides, and at their ends where the boundary continues
     smoothly."""
     for condition, place in domain.conditions:
-        sprung = isinstance(condition, Support) and condition.spring is not None
-        loose = sprung or isinstance(condition, Pressure | Traction)
+        loose = getattr(condition, "spring", None) is not None or not any(prescribes(condition))
         for run in runs_of(domain.outline, place):
             curve, length, edges = run.part, domain.length(run.part), list[int]()
             for end in () if curve.closed else (0, 1):
@@ -227,9 +225,9 @@ def contacts(domain: Domain) -> Iterator[Zone]:
 def _finest(domain: Domain, partner: str) -> float:
     """The finer one of the coarse spacings of a body and its ``partner``."""
     body = next(body for body in domain.case.body if body.name == partner)
-    if isinstance(body.spacing, float) or body.has_nodes:
-        return min(domain.far, body.spacing if isinstance(body.spacing, float) else np.inf)
-    return min(domain.far, Domain(domain.boundaries, body).far)
+    if isinstance(body.spacing, float):
+        return min(domain.far, body.spacing)
+    return domain.far if body.has_nodes else min(domain.far, Domain(domain.boundaries, body).far)
 
 
 def _contact(

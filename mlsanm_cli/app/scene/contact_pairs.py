@@ -20,7 +20,7 @@ from mlsanm_cli.case.model.contacts import PolylineObstacle
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Arc, Curve
 from mlsanm_cli.cloud.joined import SMOOTH_ANGLE
-from mlsanm_cli.cloud.search import nearest
+from mlsanm_cli.cloud.surface import joined_surface
 from mlsanm_cli.contact.geometry.facing import Facing
 from mlsanm_cli.contact.geometry.obstacles import Chain, Plane, Round, Shape
 from mlsanm_cli.contact.geometry.pairing import Pairing, pair_surfaces
@@ -63,10 +63,11 @@ def pair(boundaries: Boundaries, clouds: Mapping[str, Cloud]) -> list[Pairing]:
 
 def _paired(boundaries: Boundaries, contact: Contact, clouds: Mapping[str, Cloud]) -> Pairing:
     case, key = boundaries.case, f"contact.{contact.name}"
-    sides = [
-        (place.body, boundaries.surface(clouds[place.body], place, run))
-        for place, run in boundaries.sides[contact.name]
-    ]
+    sides = []
+    for place, run in boundaries.sides[contact.name]:
+        pieces = [clouds[place.body].surfaces[name] for name in boundaries.names[place]]
+        label, around = place.label.partition(".")[2], run.around and run.ends is None
+        sides.append((place.body, joined_surface(label, pieces, around)))
     exchanged = False
     if case.model.strain == "finite" and len(sides) > 1:
         # At finite strain pressures are nodal values of the slave: a stiffer body as the slave would not
@@ -114,7 +115,7 @@ def _unfaced_hint(contact: Contact, places: Sequence[FloatArray], normals: Seque
             if abs(part) > 0.4 * most
         ]
         facing.append(f"{side} faces {' and '.join(words) if most >= 0.1 else 'all directions'}")
-    distance = float(nearest(cKDTree(places[1]), places[0])[0].min())
+    distance = float(np.min(cKDTree(places[1]).query(places[0])[0]))
     return (
         f"{' and '.join(facing)}, at least {distance:.3g} apart: contact surfaces must face each other; turn "
         "a body (shape.side, for instance), move it, or choose another boundary"
@@ -182,11 +183,12 @@ def profile_of(contact: Contact) -> AmountField | None:
 
 def shape_of(obstacle: AnyObstacle) -> Shape:
     """The geometry of an obstacle."""
-    if isinstance(obstacle, PlaneObstacle):
-        size = math.hypot(*obstacle.normal)
-        return Plane(obstacle.point, (obstacle.normal[0] / size, obstacle.normal[1] / size))
-    if isinstance(obstacle, DiskObstacle):
-        return Round(obstacle.center, obstacle.radius, obstacle.inside)
+    match obstacle:
+        case PlaneObstacle(normal=(x, y)):
+            size = math.hypot(x, y)
+            return Plane(obstacle.point, (x / size, y / size))
+        case DiskObstacle():
+            return Round(obstacle.center, obstacle.radius, obstacle.inside)
     return Chain(np.array(obstacle.points))
 
 

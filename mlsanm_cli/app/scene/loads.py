@@ -71,14 +71,15 @@ def acting(boundaries: Boundaries, clouds: Mapping[str, Cloud]) -> Acting:
     heatings = list[Heating]()
     for number, load in enumerate(case.load):
         try:
-            if isinstance(load, BodyForce | Centrifugal):
-                values = amounts_at(load.body_force, clouds[load.body].points)
-                body_forces.append(mechanics.BodyForce(number, load.body, values))
-            elif isinstance(load, Temperature):
-                field = temperature_of(load)
-                heatings.append(Heating(number, load.body, field, field.at(clouds[load.body].points)))
-            elif isinstance(load, Traction | Pressure | Displacement):
-                surface_loads += _on_boundary(number, load, boundaries, clouds[load.owner])
+            match load:
+                case Traction() | Pressure() | Displacement():
+                    surface_loads += _on_boundary(number, load, boundaries, clouds[load.owner])
+                case BodyForce() | Centrifugal():
+                    values = amounts_at(load.body_force, clouds[load.body].points)
+                    body_forces.append(mechanics.BodyForce(number, load.body, values))
+                case Temperature():
+                    field = temperature_of(load)
+                    heatings.append(Heating(number, load.body, field, field.at(clouds[load.body].points)))
         except ExpressionError as error:
             problems.append(CaseProblem(f"load.{load.name}.{load.kind}", str(error)))
         except CaseError as error:

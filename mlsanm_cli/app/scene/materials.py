@@ -72,14 +72,14 @@ def _hyperelastic(material: Material, plane: str) -> Law:
 
 def _in_plane(material: Material, plane: str) -> PlaneMaterial:
     alpha = material.alpha or 0.0
+    expansion = alpha if isinstance(alpha, tuple) else (alpha, alpha, alpha)
     if material.stiffness is not None:
-        expansion = alpha if isinstance(alpha, tuple) else (alpha, alpha, 0.0)
-        return anisotropic(np.array(material.stiffness), plane, expansion)
+        along = alpha if isinstance(alpha, tuple) else (alpha, alpha, 0.0)
+        return anisotropic(np.array(material.stiffness), plane, along)
     if material.form == "isotropic":
         assert material.E is not None
         assert material.nu is not None
-        assert isinstance(alpha, float)
-        return replace(isotropic(material.E, material.nu, plane, alpha), flows=material.flows)
+        return replace(isotropic(material.E, material.nu, plane, expansion[0]), flows=material.flows)
     assert material.G12 is not None
     return orthotropic(
         _known(material.E1, material.E2, material.E3),
@@ -87,7 +87,7 @@ def _in_plane(material: Material, plane: str) -> PlaneMaterial:
         material.G12,
         math.radians(material.angle or 0.0),
         plane,
-        alpha if isinstance(alpha, tuple) else (alpha, alpha, alpha),
+        expansion,
     )
 
 

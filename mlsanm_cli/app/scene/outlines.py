@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Geometry, LoadedCase, Place, load_case
+from mlsanm_cli.case import Body, Geometry, LoadedCase, Place, load_case
 from mlsanm_cli.case.model import shapes
 from mlsanm_cli.case.model.shapes import AnyShape, FileShape, Mesh, Points
 from mlsanm_cli.cloud import drawing
@@ -106,6 +106,13 @@ def imported_geometry(shape: FileShape) -> ImportedGeometry:
         return _read(shape.model_copy(update={"sha256": digest}))
     except GeometryError as error:
         raise GeometryError(f"{path.name}: {error.message}", error.hint) from error
+
+
+def given_nodes(body: Body) -> ImportedGeometry | None:
+    """The geometry of a body whose nodes are those of its file, None for others."""
+    if isinstance(body.shape, Mesh | Points) and body.has_nodes:
+        return imported_geometry(body.shape)
+    return None
 
 
 @lru_cache(maxsize=16)

@@ -9,8 +9,8 @@ from dataclasses import replace
 from mlsanm_cli.app.scene.assemble import SceneModel, mls_settings
 from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.clouds import spacing_of
-from mlsanm_cli.app.scene.outlines import imported_geometry
-from mlsanm_cli.case import Case, Mesh, Points
+from mlsanm_cli.app.scene.outlines import given_nodes
+from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.spacing import Spacing
 from mlsanm_cli.cloud.zones import estimate_nodes
 from mlsanm_cli.contact.geometry.pairing import Pairing
@@ -31,8 +31,9 @@ def node_counts(boundaries: Boundaries) -> dict[str, float]:
     """Nodes by body: by quadrature of the spacing field, or counted."""
     counts = {}
     for body in boundaries.case.body:
-        if isinstance(body.shape, Mesh | Points) and body.shape.has_nodes:
-            counts[body.name] = float(len(imported_geometry(body.shape).points))
+        given = given_nodes(body)
+        if given is not None:
+            counts[body.name] = float(len(given.points))
         else:
             spacing = spacing_of(boundaries, body)
             counts[body.name] = estimate_nodes(boundaries.outline(body.name), spacing, COUNT_LIMIT)

@@ -196,5 +196,6 @@ class ObstacleMotion(_RigidMotion):
                 yield Fault(("pivot",), message, "one pivot for all")
 
 
+# In the order of the reference.
 _FirstKinds = Traction | Pressure | Displacement | Platen | Force
 AnyLoad = _FirstKinds | BodyForce | Centrifugal | Temperature | ObstacleMotion

@@ -260,10 +260,7 @@ class Search:
 
 
 def solve(
-    problem: Problem,
-    free: FloatArray,
-    *starts: ContactStatus,
-    near: FloatArray | None = None,
+    problem: Problem, free: FloatArray, *starts: ContactStatus, near: FloatArray | None = None
 ) -> State:
     """The state with ``free`` rows (N,), searched thoroughly from the statuses ``starts``. Raises Ray if
     there is none."""

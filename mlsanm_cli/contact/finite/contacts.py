@@ -68,7 +68,7 @@ class LooseMotions:
         """Rows (d, 3k) that sum the imbalance of the pieces to force and moment on the body, and rows (d, 2N)
         of their derivative by the lever arms, at ``displacement`` (2N,)."""
         pieces, count = body.elastic.pieces, body.count
-        _, _, middle = series.state()
+        middle = series.middle[0]
         center = middle.mean(axis=1)
         # A node held in x reacts along x only: its moment vanishes about points on that line alone.
         for node, component in self.anchors:
@@ -124,7 +124,7 @@ class Plate:
         return self.number + np.arange(len(self.components))
 
     def pulled(
-        self, body: FiniteBody, name: str, displacement: FloatArray, factors: FloatArray
+        self, name: str, body: FiniteBody, displacement: FloatArray, factors: FloatArray
     ) -> tuple[FloatArray, sparse.csr_array]:
         """Force x, y and moment about the hinge (3,) on one body from its stress, and rows (3, 2N) of the
         derivative."""

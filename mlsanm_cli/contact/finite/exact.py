@@ -1,8 +1,5 @@
-"""Exact contact at finite strain, p >= 0, h >= 0, p h = 0, with Coulomb friction, by Newton's method for
-bodies and contacts together.
-
-Equations (22) and (26) of docs/method.md.
-"""
+"""Exact contact at finite strain with Coulomb friction, by Newton's method for bodies and contacts together.
+Equations (22) and (26) of docs/method.md."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ from mlsanm_cli.contact.response.coercivity import constrained_resistance
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.projector import Factorised
-from mlsanm_cli.mechanics.finite.stability import SoftMotion, rows_of_force, softest_motion
+from mlsanm_cli.mechanics.finite.stability import Loaded, SoftMotion, rows_of_force, softest_motion
 from mlsanm_cli.mechanics.finite.tangent import load_columns, tangent_rows
 from mlsanm_cli.mechanics.rigid import ROTATION
 from mlsanm_cli.records import dataclass
@@ -94,17 +94,18 @@ class Iteration:
         left: Mapping[str, FloatArray] | None = None,
     ) -> None:
         self.system, self.factors, self.response = system, factors, response
-        self._u, self._p, self._q, self._met, contacts = u, p, q, met, system.contacts
+        self._p, self._q, self._met, contacts = p, q, met, system.contacts
         applied = contacts.tractions(met, p, q)
-        factorised, z = {}, np.zeros(len(u))
+        factorised, z, self._loaded = {}, np.zeros(len(u)), dict[str, Loaded]()
         for name, projector in system.projectors.items():
             here = system.bodies[name]
-            whole = np.concatenate([factors, system.spread[name] @ applied])
-            rest = projector.left(u[here], whole) if left is None else left[name]
+            state = u[here], np.concatenate([factors, system.spread[name] @ applied])
+            self._loaded[name] = (projector.body, *state)
+            rest = projector.left(*state) if left is None else left[name]
             if known is not None:
                 factorised[name] = known.factorised[name]
             else:
-                factorised[name] = projector.factorised(u[here], whole, iterating=True)
+                factorised[name] = projector.factorised(*state, iterating=True)
             z[here] = -factorised[name].solve(projector.scaled(rest))
         self.chosen, touched = self._may_touch(z)
         idle = not len(self.chosen) and not contacts.free
@@ -159,7 +160,7 @@ class Iteration:
             nodal = np.flatnonzero((np.abs(spread) > NO_TRACTION).any(axis=1))
             whole = np.append(self.factors, np.zeros(projector.body.loads.count - len(self.factors)))
             known = slice(len(self.factors) - free, None)
-            loads = load_columns(projector.body, self._u[system.bodies[name]], whole, known)
+            loads = load_columns(projector.body, self._loaded[name][1], whole, known)
             loads = sparse.csr_array(loads[:, np.concatenate([free + nodal, moves])])
             onto = np.zeros((len(nodal) + len(moves), len(acting) + len(moves)))
             onto[: len(nodal), : len(acting)] = spread[nodal]
@@ -172,18 +173,17 @@ class Iteration:
 
     def _balance(self, applied: FloatArray) -> None:
         """The forces missing on unknown motions with ``applied`` (2s,) tractions, and their derivatives."""
-        system, contacts, responses, u = self.system, self.system.contacts, self.responses, self._u
+        system, contacts, responses = self.system, self.system.contacts, self.responses
         free, count = contacts.free, len(responses.touched)
         missing, derivative = np.zeros(free), np.zeros((free, count + free))
-        by_displacement = np.zeros((free, len(u)))
+        by_displacement = np.zeros((free, system.unknowns))
         self.sums: dict[str, tuple[IntArray, sparse.csr_array]] = {}
         for one in (some for some in contacts.loose if some.count):
             here, rows, columns = system.bodies[one.body], one.numbers, responses.columns[one.body]
-            body = system.projectors[one.body].body
-            whole = np.concatenate([self.factors, system.spread[one.body] @ applied])
-            series = BodySeries.at(body, u[here], whole)
-            sums, moving = one.sums(body, series, u[here])
-            moved = sums @ tangent_rows(body, u[here], whole)[1] + moving
+            body, own, acting = self._loaded[one.body]
+            series = BodySeries.at(body, own, acting)
+            sums, moving = one.sums(body, series, own)
+            moved = sums @ tangent_rows(body, own, acting)[1] + moving
             missing[rows] = sums @ series.rows(0)[-3 * body.count :]
             by_displacement[rows, here] = moved.toarray()
             direct = (sums @ responses.pieces[one.body]).toarray()
@@ -195,9 +195,7 @@ class Iteration:
             missing[rows] -= plate.scale * (plate.force @ self.factors[:known])
             for name in plate.surfaces:
                 here, columns = system.bodies[name], responses.columns[name]
-                body = system.projectors[name].body
-                whole = np.concatenate([self.factors, system.spread[name] @ applied])
-                pull, by_moving = plate.pulled(body, name, u[here], whole)
+                pull, by_moving = plate.pulled(name, *self._loaded[name])
                 moved = plate.unknown(by_moving.toarray())
                 missing[rows] += plate.unknown(pull)
                 by_displacement[rows, here] += moved
@@ -206,14 +204,15 @@ class Iteration:
                 arms = np.zeros_like(plate.motion)
                 arms[ROTATION] = plate.motion[1] * pull[0] - plate.motion[0] * pull[1]
                 derivative[rows, count:] += plate.unknown(arms)[:, known:]
-                derivative[rows, count + rows] += DAMPING * body.elastic.model.material.modulus
+                modulus = self._loaded[name][0].elastic.model.material.modulus
+                derivative[rows, count + rows] += DAMPING * modulus
         for driven in contacts.driven:
             number, slave = driven.number, contacts.pairs[driven.contact].slave
             weight = np.zeros(len(applied))
             weight[contacts.pushing(driven)] = slave.weight
             missing[number] = weight @ applied - driven.force @ self.factors[: len(driven.force)]
             derivative[number, :count] = weight[responses.touched]
-            modulus = system.projectors[slave.body].body.elastic.model.material.modulus
+            modulus = self._loaded[slave.body][0].elastic.model.material.modulus
             derivative[number, count + number] = DAMPING * modulus
         self.missing, self.by_displacement, self.by_acting = missing, by_displacement, derivative
 

@@ -1,18 +1,11 @@
 """Contact of two deformable sides at finite strain: closest points, gaps and directions for any motion.
 
-Slave nodes x have their closest point on the curve y(xi) through the master's deformed nodes where (x - y) .
-y' = 0; n is the master's current normal there, h = (x - y) . n the gap. xi is a reference length of the
-master, hence a material coordinate: slips are measured by it, however both bodies move.
-
-A master's nodes receive the slave's traction T projected onto their hat functions N_i::
-
-    sum_j M_ij T_j = - int N_i(xi(S)) T(S) dS,    M_ij = int N_i N_j,    xi linear in S between slave nodes
-
-M being inverted to second order, so that the forces on both sides agree to round-off, and a constant traction
-is reproduced. The integral is exact: between the nodes of either side the integrand is quadratic.
-
-Equations (23) and (24) of docs/method.md.
-"""
+Slave nodes have their closest point on the curve through the master's deformed nodes, at a reference length
+xi of the master, a material coordinate: slips are measured by it, however both bodies move. A master's nodes
+receive the slave's traction projected onto their hat functions, the mass matrix being inverted to second
+order, so that the forces on both sides agree to round-off, and a constant traction is reproduced. Between the
+nodes of either side the integrand is quadratic, and Simpson's rule exact. Equations (23) and (24) of
+docs/method.md."""
 
 from __future__ import annotations
 

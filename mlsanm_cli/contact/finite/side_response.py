@@ -1,18 +1,9 @@
 """Response of sides to their own tractions, of any wave length.
 
-For the undeformed body the displacements K of a side's knots due to unit tractions there, linear between
-knots, are computed as for contact grids: closed-form near fields, and a smooth remainder
-(:mod:`mlsanm_cli.mechanics.remainder`) of forces at the nodes, interpolated. The cloud alone answers the
-projected tractions P T with E C P T at the knots. The change of the response with the state is smooth, and
-that of the cloud::
-
-    displacement of the side = E u + Q (K - E C P) Q^T T
-
-with the cloud's displacements u and the knots' rotations Q. Tractions thus need no nodes, and small loads
-give the small-strain response.
-
-Equation (25) of docs/method.md.
-"""
+The displacements K of the undeformed side's knots due to unit tractions there are computed as for contact
+grids: closed-form near fields, and a smooth remainder (:mod:`mlsanm_cli.mechanics.remainder`). They replace
+what the cloud alone answers, E C P, in directions that turn with the side; so tractions need no nodes, and
+small loads give the small-strain response. Equation (25) of docs/method.md."""
 
 from __future__ import annotations
 

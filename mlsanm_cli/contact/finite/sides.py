@@ -9,7 +9,7 @@ Equation (25) of docs/method.md.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from functools import cached_property
 from typing import TypeAlias
 
@@ -18,9 +18,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cells import FINE, GAUSS, Halves
-from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Curve
-from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.finite.node_curve import NodeCurve
 from mlsanm_cli.contact.geometry.unfolding import Planes
 from mlsanm_cli.mechanics.body import ElasticBody
@@ -35,7 +33,6 @@ on that of near fields."""
 HALF_WINDOW = 4
 """Half-width of the fits' windows, in nodes: they suppress waves shorter than about six nodes."""
 
-Restraints: TypeAlias = Mapping[str, tuple[bool, bool]]
 Wedges: TypeAlias = tuple[Corner | None, Corner | None]
 
 
@@ -99,49 +96,6 @@ class SideNodes(Points):
     index: IntArray
     members: tuple[tuple[str, IntArray], ...]
     centers: Sequence[complex | None]
-
-    @classmethod
-    def of(
-        cls,
-        body: str,
-        cloud: Cloud,
-        surface: Surface,
-        held: Restraints,
-        nodes: Sequence[int] = (),
-        planes: Planes = (None, None),
-        wedges: Wedges = (None, None),
-        centers: Sequence[complex | None] = (None,),
-    ) -> SideNodes:
-        """The side on a ``surface`` of a body's ``cloud`` with ``held`` components of surfaces and held
-        ``nodes``, with ``planes`` of symmetry or ``wedges`` at its ends."""
-        around = surface.curve.length if surface.curve.closed else None
-        found = np.zeros(len(cloud.points), dtype=bool)
-        for name, components in held.items():
-            found[cloud.surfaces[name].index] |= any(components)
-        found[list(nodes)] = True
-        ends = (0, len(surface.index) - 1)
-        known = {int(np.argmin(np.abs(surface.arc_length - one))) for one in surface.curve.corners}
-        return cls(
-            body=body,
-            places=cloud.points[surface.index],
-            outward=surface.normal,
-            weight=surface.weight,
-            arc=surface.arc_length,
-            around=around,
-            held=found[surface.index],
-            corners=tuple(sorted(known if around is not None else known.union(ends))),
-            planes=planes,
-            wedges=wedges,
-            geometry=surface.curve,
-            index=surface.index,
-            members=tuple((part.name, numbers) for part, numbers in surface.members),
-            centers=centers,
-        )
-
-    @property
-    def name(self) -> str:
-        """Its first surface, as in the case."""
-        return f"{self.body}.{self.members[0][0].partition('/')[0]}"
 
     @property
     def unknowns(self) -> IntArray:
@@ -225,11 +179,6 @@ class ContactSide(Points):
         held = np.interp(arc, nodes.arc, nodes.held.astype(float)) > 1.0 - COARSE_ROUND_OFF
         kept = (nodes.body, geometry.points(arc), outward, weight, arc, nodes.around, held, corners)
         return cls(*kept, nodes.planes, nodes.wedges, geometry, nodes)
-
-    @property
-    def name(self) -> str:
-        """Its first surface, as in the case."""
-        return self.nodes.name
 
     def spacing(self, place: FloatArray) -> FloatArray:
         """Distances (e,) of the nodes at arc lengths (e,)."""

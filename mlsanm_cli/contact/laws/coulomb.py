@@ -157,13 +157,7 @@ def event_driven_path(
         raise SlidingError(now.lam) if slides else NoStateError from ray
 
 
-def _slides(
-    condensed: Condensed,
-    before: State,
-    after: State,
-    begin: FloatArray,
-    change: FloatArray,
-) -> bool:
+def _slides(condensed: Condensed, before: State, after: State, begin: FloatArray, change: FloatArray) -> bool:
     """Whether the rates from one state to the next are those of a contact that slides as a whole and is
     driven by loads, not of bodies that others graze."""
     assert after.rates is not None

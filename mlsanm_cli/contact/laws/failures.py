@@ -9,11 +9,7 @@ class UnbalancedError(NumericalError):
     """No contact pressure balances the loads."""
 
 
-class UnresistedError(UnbalancedError):
-    """The first loads drive bodies that no contacts hold, wherever they touch."""
-
-
-class NoStateError(NumericalError):
+class NoStateError(UnbalancedError):
     """No contact status satisfies all conditions."""
 
     def __init__(self) -> None:

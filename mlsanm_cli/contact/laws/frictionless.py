@@ -21,7 +21,7 @@ from mlsanm_cli.contact.complementarity.problem import FEASIBLE, ContactStatus
 from mlsanm_cli.contact.complementarity.solution import solve
 from mlsanm_cli.contact.laws.contact_state import ContactState
 from mlsanm_cli.contact.laws.failures import EndlessError, UnbalancedError
-from mlsanm_cli.contact.response.compressed import SINGULAR, Compressed, SingularSystemError, compressed
+from mlsanm_cli.contact.response.compressed import SINGULAR, Compressed, compressed
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.roundoff import ROUND_OFF
@@ -62,7 +62,7 @@ def solve_exact(condensed: Condensed, factors: FloatArray, start: BoolArray | No
     if compressed(condensed.gap.pressure) is not None:
         try:
             found = _searched(condensed, free_gap, -load, starts[0])
-        except (NotConvergedError, SingularSystemError):
+        except NotConvergedError:
             if len(drawn) > MAX_DENSE:
                 raise
     closed, pressure, motion, solves = found or _by_pivots(condensed, factors, starts)
@@ -102,7 +102,7 @@ def _searched(
     condensed: Condensed, free_gap: FloatArray, force: FloatArray, active: BoolArray
 ) -> tuple[BoolArray, FloatArray, FloatArray, int]:
     """The same of many unknowns with ``free_gap`` (m,) and ``force`` (k,): semismooth Newton steps from the
-    set ``active`` (m,), at first with rough solutions. Raises NotConvergedError, SingularSystemError."""
+    set ``active`` (m,), at first with rough solutions. Raises NotConvergedError."""
     gap_map, balance, seen = condensed.gap, condensed.balance, set[bytes]()
     compliance = compressed(gap_map.pressure)
     assert compliance is not None
@@ -110,7 +110,7 @@ def _searched(
     for count in range(1, MAX_PASSES + 1):
         closed = np.flatnonzero(active)
         if not len(closed) and len(force):
-            raise SingularSystemError
+            raise NotConvergedError
         solve_closed = _conjugate_residuals(compliance, closed)
         moved, forces, by_motion = gap_map.motion[closed], balance.pressure[:, closed], np.zeros(0)
         for part in dict.fromkeys([SEARCH_TOLERANCE, *parts]):
@@ -123,7 +123,7 @@ def _searched(
                 rows = np.abs(balance.motion) + np.abs(forces) @ np.abs(by_motion)
                 scale = np.maximum(rows.max(axis=1), np.finfo(float).tiny)
                 if np.linalg.cond(reduced / scale[:, None]) > 1.0 / SINGULAR:
-                    raise SingularSystemError
+                    raise NotConvergedError
             if part not in parts:
                 continue
             alone, motion = solve_closed(-free_gap[closed], pressure[closed], part), force

@@ -152,10 +152,6 @@ def largest(matrix: FloatArray) -> float:
     return float(max(np.abs(own.diagonal()).max(), np.abs(own[np.ix_(*some)]).max()))
 
 
-class SingularSystemError(ArithmeticError):
-    """The matrix is singular to working precision."""
-
-
 class Multiplier(Protocol):
     """An operator that multiplies vectors."""
 

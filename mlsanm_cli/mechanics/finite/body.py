@@ -1,17 +1,9 @@
 """A body at finite strain: its equations, rows and derivatives.
 
 Total Lagrangian: all derivatives are taken on the reference cloud. Rows are those of the linear body with the
-first Piola-Kirchhoff stress P in place of the Cauchy stress::
-
-    Div P + b = 0  at every node        P N = t  on free sides        u = g  on held ones
-    sum over the faces of a piece of P N + int t + int b = 0          forces
-    sum of (x - x_P) x (P N) + int (x - x_P) x t + ... = 0            moments about deformed places
-
-x = X + u is the deformed position, x_P that of the piece, the mean of its nodes. Moments are taken in the
-deformed configuration: in the reference one, forces times deflections would be missing. Springs keep their
-directions: t = -k u, per reference length.
-
-Equations (17) and (18) of docs/method.md.
+first Piola-Kirchhoff stress P in place of the Cauchy stress; moments on a piece are taken in the deformed
+configuration, about the mean of its nodes: in the reference one, forces times deflections would be missing.
+Springs keep their directions: t = -k u, per reference length. Equations (17) and (18) of docs/method.md.
 """
 
 from __future__ import annotations
@@ -109,7 +101,7 @@ class FiniteBody:
     @cached_property
     def pattern(self) -> Pattern:
         """Pattern of the derivative of the rows."""
-        return Pattern.of(self.elastic, self.points, self.pulls, self.turning.values(), self.law.nested)
+        return Pattern(self.elastic, self.points, self.pulls, self.turning.values(), self.law.nested)
 
     @property
     def pinned(self) -> sparse.csr_array:

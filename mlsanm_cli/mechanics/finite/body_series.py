@@ -17,7 +17,8 @@ JETS = np.array([[1, 3, 4], [2, 4, 5]])
 class BodySeries:
     """Residuals of a body's equations along u(a), factors(a), filled order by order. Order k of the residual
     needs the orders up to k of displacement and factors; an unknown one is first put as None, then with its
-    value."""
+    value. ``force`` and ``place`` (K + 1, 2, q) are those of the points of the pieces, ``middle`` (K + 1, 2,
+    k) the centres of these."""
 
     def __init__(self, body: FiniteBody, orders: int) -> None:
         self.body, self.orders = body, orders
@@ -33,9 +34,9 @@ class BodySeries:
         # Mean stress of volume changes: fits of nodal values with derivatives at nodes, values at faces.
         self._mean = np.zeros((orders + 1, 3, nodes)) if apart else None
         self._face_mean = np.zeros((orders + 1, stressed)) if apart else None
-        self._force, self._place = np.zeros((2, orders + 1, 2, total))
+        self.force, self.place = np.zeros((2, orders + 1, 2, total))
         self._moved = np.zeros((orders + 1, 2, loaded))
-        self._middle = np.zeros((orders + 1, 2, body.count))
+        self.middle = np.zeros((orders + 1, 2, body.count))
         self._displacement = np.zeros((orders + 1, body.unknowns))
         self._factors = np.zeros((orders + 1, body.loads.count))
         self._loaded_gradient = np.zeros((orders + 1, 4, loaded))
@@ -70,9 +71,9 @@ class BodySeries:
         if displacement is not None:
             self._displacement[order] = displacement
             seen = np.concatenate([one.seen(displacement) for one in body.points])
-            self._place[order] = seen[:, 0].T
+            self.place[order] = seen[:, 0].T
             self._moved[order] = seen[self._loaded, 0].T
-            self._middle[order] = (body.centers @ displacement.reshape(-1, 2)).T
+            self.middle[order] = (body.centers @ displacement.reshape(-1, 2)).T
             whole = gradient_of(seen)
             gradient, self._loaded_gradient[order] = whole[:, None, :stressed], whole[:, stressed:]
             jets = jets_of(body.elastic.model.stencils.derivatives(displacement.reshape(-1, 2)))
@@ -93,8 +94,8 @@ class BodySeries:
             self._mean[order] = body.elastic.model.stencils.derivatives(nodal)[:, :3, 0].T
             self._face_mean[order] = np.concatenate(faces)
         if not order:
-            self._place[0] += np.concatenate([one.places.reshape(-1, 2) for one in body.points]).T
-            self._middle[0] += body.elastic.pieces.middle.T
+            self.place[0] += np.concatenate([one.places.reshape(-1, 2) for one in body.points]).T
+            self.middle[0] += body.elastic.pieces.middle.T
             self._loaded_gradient[0, [0, 3]] += 1.0
         self._forces(order)
 
@@ -102,21 +103,21 @@ class BodySeries:
         """Forces at all points, in the components that count."""
         applied, end = self.body.applied, self._held.stop
         stress, normal = self._faces.stress[:, order, 0], self._normals[:end].T
-        self._force[order, 0, :end] = stress[0] * normal[0] + stress[1] * normal[1]
-        self._force[order, 1, :end] = stress[2] * normal[0] + stress[3] * normal[1]
+        self.force[order, 0, :end] = stress[0] * normal[0] + stress[1] * normal[1]
+        self.force[order, 1, :end] = stress[2] * normal[0] + stress[3] * normal[1]
         if self._face_mean is not None:
             for low in range(order + 1):
                 turned = cofactor_normal(self._faces.gradient[:, order - low, 0], self._normals[:end])
-                self._force[order, :, :end] += self._face_mean[low] * turned
-        self._force[order, :, end:] = (
+                self.force[order, :, :end] += self._face_mean[low] * turned
+        self.force[order, :, end:] = (
             applied.dead @ self._factors[order] - applied.pulling * self._moved[order]
         )
         if applied.follows:
             for low in range(order + 1):
                 pressure = applied.pressure @ self._factors[low]
                 turned = cofactor_normal(self._loaded_gradient[order - low], self._normals[end:])
-                self._force[order, :, end:] -= pressure * turned
-        self._force[order] *= self._kept
+                self.force[order, :, end:] -= pressure * turned
+        self.force[order] *= self._kept
 
     def rows(self, order: int) -> FloatArray:
         """Coefficient (r,) of ``order`` of the residual of all rows: of the nodes, then of the pieces."""
@@ -168,8 +169,8 @@ class BodySeries:
     def _pieces(self, order: int) -> FloatArray:
         """Force x, y and moment imbalance (3k,) of the pieces."""
         count, (point, owner, sign) = self.body.count, self.body.on_pieces
-        force = sign * self._force[: order + 1][:, :, point]
-        arm = self._place[: order + 1][:, :, point] - self._middle[: order + 1][:, :, owner]
+        force = sign * self.force[: order + 1][:, :, point]
+        arm = self.place[: order + 1][:, :, point] - self.middle[: order + 1][:, :, owner]
         back = force[::-1]
         moment = np.einsum("km,km->m", arm[:, 0], back[:, 1]) - np.einsum("km,km->m", arm[:, 1], back[:, 0])
         x, y, turn = (np.bincount(owner, one, count) for one in (*force[order], moment))
@@ -185,16 +186,12 @@ class BodySeries:
 
     def outline_forces(self) -> tuple[FloatArray, FloatArray]:
         """Forces (2, g), at order 0, at the points of held sides and of those with prescribed tractions."""
-        return self._force[0, :, self._held], self._force[0, :, self._loaded]
+        return self.force[0, :, self._held], self.force[0, :, self._loaded]
 
     def resultant(self) -> FloatArray:
         """Sum (2, k), at order 0, of the forces on the faces of each piece, as in its rows."""
         point, owner, sign = self.body.on_pieces
-        return np.stack([np.bincount(owner, one, self.body.count) for one in sign * self._force[0][:, point]])
-
-    def state(self) -> tuple[FloatArray, ...]:
-        """At order 0: forces (2, q), positions (2, q) and centres of pieces (2, k), for the derivative."""
-        return self._force[0], self._place[0], self._middle[0]
+        return np.stack([np.bincount(owner, one, self.body.count) for one in sign * self.force[0][:, point]])
 
 
 def jets_of(derivatives: FloatArray) -> FloatArray:

@@ -1,17 +1,9 @@
-"""Residual-based error estimate of a body's energy at finite strain.
-
-Residuals of equilibrium inside and of tractions on free sides, weighted with the spacing h and the
-uniaxial-strain modulus M, estimate the error of the energy (Babuska and Rheinboldt 1978,
-doi:10.1002/nme.1620121010; Ainsworth and Oden 2000, section 2.2)::
-
-    eta = (sum of A h^2 |Div P + b|^2 + sum of w h |P N - t|^2) / M
-
-relative to the integral of S : E = P : (F - F^-T) / 2, which is twice the strain energy at small strain for
-any rotation. Fits of the next degree do not reveal the error at a crushed corner: least squares makes the
-state smooth there.
-
-Equation (27) of docs/method.md.
-"""
+"""Residual-based error estimate of a body's energy at finite strain: residuals of equilibrium inside and of
+tractions on free sides, weighted with the spacing and the uniaxial-strain modulus (Babuska and Rheinboldt
+1978, doi:10.1002/nme.1620121010; Ainsworth and Oden 2000, section 2.2), relative to the integral of P :
+(F - F^-T) / 2, which is twice the strain energy at small strain for any rotation. Fits of the next degree
+do not reveal the error at a crushed corner: least squares makes the state smooth there. Equation (27) of
+docs/method.md."""
 
 from __future__ import annotations
 

@@ -1,14 +1,8 @@
 """Loads on a body at finite strain, and the quadrature points on the faces of its pieces, where they and the
-stresses act.
-
-Loads are prescribed displacements, dead and follower loads, by load factors. Dead loads keep their direction
-and their amount per reference length or volume. A follower pressure acts per current length along the current
-normal: its nominal traction is - p cof(F) N, linear in F in the plane.
-
-Points are grouped in fits: the boundary between two nodes' cells (inner faces of the division), or one point
-of the outline. Inner points and those of held sides carry the first Piola-Kirchhoff stress, the others
-prescribed tractions. Every fit acts on one or two pieces.
-"""
+stresses act. Dead loads keep their direction and their amount per reference length or volume. A follower
+pressure acts per current length along the current normal: its nominal traction is - p cof(F) N, linear in F
+in the plane. Points are grouped in fits: the boundary between two nodes' cells, or one point of the outline.
+Every fit acts on one or two pieces."""
 
 from __future__ import annotations
 

@@ -1,17 +1,10 @@
 """The equations of a body at finite strain, their factorised derivative, and a stage of a path of them.
 
-Nonlinear least squares for rows R would solve J(u)^T W^2 R(u) = 0, whose own derivative is not available:
-Gauss-Newton iterations converge slowly, and series jump from step to step. Therefore the rows J_0 of one
-state, the base state, define the equations of a path, a smooth square system::
-
-    J_0^T W^2 R(u) = 0        derivative  J_0^T W^2 J(u)
-
-W are the weights of the linear body, with pieces as strong as there. At the base state this is the linear
-least-squares problem, whose solution for R measures the error of a state: the displacement that would correct
-it.
-
-Equation (20) of docs/method.md.
-"""
+The rows J_0 of one state, the base state, define the equations of a path, J_0^T W^2 R(u) = 0 with the
+derivative J_0^T W^2 J(u); W are the weights of the linear body. Those of least squares, with J(u), would be
+known to first order only: iterations converge slowly, and series jump from step to step. The solution for R
+at the base state measures the error of a state: the displacement that would correct it. Equation (20) of
+docs/method.md."""
 
 from __future__ import annotations
 

@@ -1,14 +1,8 @@
-"""Stability of equilibrium: the least resistance of bodies to small motions.
-
-With unit mass per undeformed area, motions v of a state obey K v = k v, K being the second variation of its
-energy: the state is stable while every k is positive. Rows of least squares are no forces, so that K itself
-is unknown; but its inverse is what every solution applies: the displacement S f by a body force f. Its
-eigenvalues 1/k largest in modulus belong to the softest motions, which are those with negative k, as short
-waves are stiff; some steps of Arnoldi's method find them (Arnoldi 1951, doi:10.1090/qam/42792), whatever
-state the equations of the path are those of.
-
-Equation (31) of docs/method.md.
-"""
+"""Stability of equilibrium: the least resistance k of bodies to small motions v, K v = k v, K being the
+second variation of the energy, with unit mass per undeformed area. Rows of least squares are no forces, so
+that only the inverse of K is known: the displacement S f by a body force f. Its largest eigenvalues 1/k
+belong to the softest motions, stable or not; some steps of Arnoldi's method find them (Arnoldi 1951,
+doi:10.1090/qam/42792). Equation (31) of docs/method.md."""
 
 from __future__ import annotations
 

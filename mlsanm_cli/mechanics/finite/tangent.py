@@ -33,7 +33,7 @@ def tangent_rows(
     coefficients = _coefficients(body, displacement, factors, mean)
     add_rows(stencils.indptr, stencils.weights, pattern.stencil, coefficients, pattern.at, values)
     state = BodySeries.at(body, displacement, factors)
-    force, place, middle = state.state()
+    force, place, middle = state.force[0], state.place[0], state.middle[0]
     first, size = 0, body.elastic.pieces.size
     for points, at in zip(body.points, pattern.on_pieces, strict=True):
         here = slice(first, first + points.count)
@@ -220,7 +220,8 @@ def held_force(
     here, some = slice(inner.count, inner.count + held.count), np.zeros(held.count)
     for name in names:
         some[held.along[name]] = 1.0
-    force, place = (one[:, here] for one in BodySeries.at(body, displacement, factors).state()[:2])
+    series = BodySeries.at(body, displacement, factors)
+    force, place = series.force[0][:, here], series.place[0][:, here]
     mean = MeanStress(body, displacement, factors) if body.law.nested else None
     moduli = _moduli(body, held, here, displacement, factors, mean)
     nodes = body.unknowns // 2
