@@ -15,7 +15,7 @@ from mlsanm_cli.contact.geometry.facing import turned
 from mlsanm_cli.contact.geometry.pairing import MAX_FACING_COSINE, Pairing, facing_parts, opposed
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.pieces import turned_along
-from mlsanm_cli.operators.rows import nodal_pairs
+from mlsanm_cli.operators.stencil_weights import nodal_pairs
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, FINE_ROUND_OFF
 
 WINDOW = 2.0
