@@ -24,7 +24,6 @@ BULK_LIMIT = 0.03
 """Smallest accepted estimate of a body."""
 EQUAL_SPACING_RATIO = 1.5
 """Ratio of facing spacings below which they are not the cause of instability."""
-COARSER = "larger spacings along the contact, which flexible bodies need"
 
 
 def check_coercivity(
@@ -106,11 +105,13 @@ def _contact_hint(scene: Scene, condensed: Condensed, name: str) -> str:
         )
     if any(model.settings.degree != 2 for model in models.values()):
         return "use mls.degree = 2, or more even clouds (lower growth, or another seed)"
-    if pairing.master is None:
-        return f"use another body.{pairing.slave_body}.seed, a more even cloud (lower growth), or {COARSER}"
-    unlike = spacing_ratio(pairing, {body: model.cloud for body, model in models.items()})
+    clouds = {body: model.cloud for body, model in models.items()}
+    unlike = spacing_ratio(pairing, clouds) if pairing.master else 1.0
     if unlike < EQUAL_SPACING_RATIO:
-        return f"use another body.{pairing.slave_body}.seed, or {COARSER}"
+        return (
+            f"use another body.{pairing.slave_body}.seed, a more even cloud (lower growth), or larger "
+            f"spacings along the contact, which flexible bodies need"
+        )
     return (
         f"spacings that face each other differ by a factor of {unlike:.3g}: bring those of "
         f"{' and '.join(pairing.names)} closer together"

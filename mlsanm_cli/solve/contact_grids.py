@@ -27,7 +27,7 @@ from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import Memo
 from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.solve.direction_updates import rolling, turns, unturned
-from mlsanm_cli.solve.grid_ranges import begun_open, first_grid, ranged, touching_first
+from mlsanm_cli.solve.grid_ranges import begun_open, first_grid, passed_beyond, ranged, touching_first
 from mlsanm_cli.solve.grid_refinement import COMPRESSED_LIMITS, DENSE_LIMITS, refined, sampled
 
 FIRST_HALF_WIDTH = 0.05
@@ -43,9 +43,9 @@ MAX_PATCHES, MAX_ENDS = 2, 10
 """Frictionless contacts with more patches, or on paths with more ends of stages and requested states, are
 refined to the requested accuracy only: one grid is fine at the ends of contact in all states."""
 
-Wanted: TypeAlias = Literal["ends", "known", "every"]
-"""States at the ends of the stages, of those that had one to start from, or all that count: also requested
-ones."""
+Wanted: TypeAlias = Literal["ends", "known", "every", "between"]
+"""States at the ends of the stages, of those that had one to start from, all that count, or some on the way
+that show where surfaces touch."""
 Path: TypeAlias = Callable[[Condensed], tuple[ContactState, ...]]
 """The states of the path of a condensed scene whose bodies flow, or those up to one at an end of a grid."""
 Search = Callable[
@@ -78,7 +78,7 @@ def find_grids(
     limits = COMPRESSED_LIMITS if exact else DENSE_LIMITS
     responses = resolved = None
     known: tuple[ContactState, ...] = ()
-    flows = settled = False
+    looked = flows = settled = False
     every, turnings = False, MAX_TURNS * (2 if scene.held_motions else 1)
     condensed: Condensed | None = None
     some = _on_grids(pairings, grids, pairings)
@@ -121,9 +121,17 @@ def find_grids(
             if every and turnings:
                 turned = _turned(scene, condensed, states, grids, common)
             if turned is None and every:
-                if path is None:
-                    return condensed, search(condensed, starts, "ends", states)
-                flows = True
+                whole = all(
+                    grids[name].first <= room.first and room.last <= grids[name].last
+                    for name, room in ranges.items()
+                )
+                between = () if looked or whole else search(condensed, (), "between", ())
+                if not passed_beyond(condensed, ranges, between, passed):
+                    if path is None:
+                        return condensed, search(condensed, starts, "ends", states)
+                    flows = True
+                    continue
+                looked = True
                 continue
             every = True
             if turned is None:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.contact.complementarity.problem import FEASIBLE
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.laws.contact_state import ContactState
@@ -31,8 +32,6 @@ RANGE_MARGIN = 0.3
 """Extension of the range beyond the outermost contact, relative to the width of the contact."""
 MIN_NARROWING = 0.6
 """Ranges are narrowed if the new width is below this part of the old one."""
-ZERO_PRESSURE = 1e-10
-"""Pressures below this part of the largest of all contacts are round-off."""
 TOUCHING = 1e-3
 """Gap, relative to the range, below which surfaces touch as drawn."""
 MAX_OPEN_SHARE = 0.1
@@ -206,10 +205,32 @@ def _pressed(condensed: Condensed, name: str, states: Sequence[ContactState]) ->
     span = condensed.spans[name]
     some = [
         state.closed[span]
-        & (state.pressure[span].max(initial=0.0) > ZERO_PRESSURE * state.pressure.max(initial=0.0))
+        & (state.pressure[span].max(initial=0.0) > FEASIBLE * state.pressure.max(initial=0.0))
         for state in states
     ]
     return np.asarray(np.any(some, axis=0))
+
+
+def passed_beyond(
+    condensed: Condensed,
+    ranges: Mapping[str, ContactRange],
+    states: Sequence[ContactState],
+    passed: dict[str, FloatArray],
+) -> bool:
+    """Whether surfaces touch in some states beyond the ranges of their grids; ``passed`` is then extended to
+    the first and last of these places."""
+    beyond = False
+    for pairing in condensed.on_grids if states else ():
+        name, grid = pairing.name, pairing.grid
+        touched = [pairing.arc[condensed.touched(*one.unknowns)[name]] for one in states]
+        closed = np.any([one.closed[condensed.spans[name]] for one in states], axis=0)
+        seen = summits(condensed, name, ranges[name], states)
+        places = np.concatenate([grid.hats.place[closed], seen, *touched])
+        if len(places) and (places.min() < grid.first or places.max() > grid.last):
+            places = np.concatenate([places, passed.get(name, places)])
+            passed[name] = np.array([places.min(), places.max()])
+            beyond = True
+    return beyond
 
 
 def summits(

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.contact.complementarity.problem import ContactStatus
 from mlsanm_cli.contact.laws.contact_state import ContactState
@@ -19,6 +19,7 @@ from mlsanm_cli.contact.laws.frictionless import solve_exact
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import factors_at
 from mlsanm_cli.solve.contact_grids import Wanted
 from mlsanm_cli.solve.direction_updates import rolling
@@ -26,6 +27,9 @@ from mlsanm_cli.solve.limit_loads import beyond_limit, check_resisted, near_limi
 
 MAX_LEVELS = 40
 """Largest number of levels of output that determine contact grids."""
+LEVELS_BETWEEN = 8
+"""Subdivisions of a stage at which contacts are checked to stay in the ranges of their grids; fewer with many
+stages."""
 MAX_NORMAL_TURN = 0.25
 """Rotation (radian) of normals over slips above which contact at small strain is not valid."""
 FIRST_PARTS = (0.5, 0.1, 0.01)
@@ -50,6 +54,8 @@ def searched_ends(
     if len(condensed.friction_nodes):
         counted = stages if which == "ends" else levels
         reached = [one for one in known if (counted == one.factors).all(axis=1).any()]
+        if which == "between":
+            return ()
         if which == "ends" and known:
             return tuple(reached or known)
         if which == "every" and len(reached) == len(known) == len(positions) - 1:
@@ -64,7 +70,13 @@ def searched_ends(
             raise beyond_limit(scene, condensed, stages[:2], error) from error
         check_slips(condensed, held)
         return held
+    every = which in ("every", "between")
     factors = levels if which == "every" else stages
+    if which == "between":
+        most = max(2, min(LEVELS_BETWEEN, MAX_LEVELS // (len(stages) - 1)))
+        parts = np.maximum(1, -(-most // _in_line(stages)))
+        inner = (k + j / count for k, count in enumerate(parts.tolist()) for j in range(1, count))
+        factors = np.stack([factors_at(stages, position) for position in (0.0, *inner)])
     if len(starts) not in (1, len(factors) - 1):
         starts = ()  # of other states
 
@@ -88,15 +100,25 @@ def searched_ends(
         except NumericalError as error:
             # Loads beyond their limit, or a body not in contact.
             lost = lost or error
-            if which == "every":
+            if every:
                 continue
             near = near_limit(condensed, stages) if isinstance(error, UnbalancedError) else None
             if near is None:
                 break
             return (*ends, solved(near[0], last))
-    if lost is None or (which == "every" and ends):
+    if lost is None or (every and ends):
         return tuple(ends)
     raise beyond_limit(scene, condensed, stages, lost) if isinstance(lost, UnbalancedError) else lost
+
+
+def _in_line(stages: FloatArray) -> IntArray:
+    """Number of consecutive stages (s,) with the same direction of loads, from each of the ``stages`` (s + 1,
+    L)."""
+    way = np.diff(stages, axis=0)
+    size = np.sqrt((way**2).sum(axis=1))
+    turns = (way[1:] * way[:-1]).sum(axis=1) < (1.0 - ROUND_OFF) * size[1:] * size[:-1]
+    row = np.concatenate([[0], np.cumsum(turns)])
+    return np.asarray(np.bincount(row)[row])
 
 
 def check_slips(condensed: Condensed, ends: Sequence[ContactState]) -> None:
