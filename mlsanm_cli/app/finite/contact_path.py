@@ -274,7 +274,7 @@ class _Path:
         start: FiniteContactState | None = None,
         earlier: FiniteContactState | None = None,
     ) -> FiniteContactState | None:
-        """The state at a ``position``, searched from ``start`` or the present one, after an ``earlier`` one."""
+        """The state at a ``position``, searched from ``start`` or the present one, after ``earlier``."""
         begin, tolerance, found = earlier or self.now, self._scene.case.solver.tolerance, None
         if self._coarse:
             tolerance = max(tolerance, COARSE_TOLERANCE)
