@@ -25,7 +25,7 @@ from mlsanm_cli.continuation import (
 )
 from mlsanm_cli.continuation.corrector import Correction, iterate
 from mlsanm_cli.continuation.problem import SingularTangentError
-from mlsanm_cli.continuation.roots import root
+from mlsanm_cli.continuation.series import root
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.body import far_from
 from mlsanm_cli.mechanics.finite.projector import FiniteProblem
