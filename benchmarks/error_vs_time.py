@@ -26,7 +26,7 @@ sys.path.insert(0, str(ROOT))
 
 from mlsanm_cli.mechanics.assembly import assemble  # noqa: E402
 from mlsanm_cli.mechanics.body_model import BodyModel  # noqa: E402
-from mlsanm_cli.operators.settings import MlsSettings  # noqa: E402
+from mlsanm_cli.operators.neighbors import MlsSettings  # noqa: E402
 from tests.mechanics.bodies import (  # noqa: E402
     STEEL,
     boundary_values,

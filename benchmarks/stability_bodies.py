@@ -16,7 +16,7 @@ from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.material import isotropic
 from mlsanm_cli.mechanics.stability import bulk_stability
-from mlsanm_cli.operators.settings import MlsSettings
+from mlsanm_cli.operators.neighbors import MlsSettings
 from tests.mechanics.bodies import boundary_values, with_body_force
 from tests.mechanics.waves import Wave
 

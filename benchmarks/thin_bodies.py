@@ -43,7 +43,7 @@ from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.energy import energy_between_nodes, twice_strain_energy
 from mlsanm_cli.mechanics.material import isotropic
-from mlsanm_cli.operators.settings import MlsSettings
+from mlsanm_cli.operators.neighbors import MlsSettings
 
 ENERGY_WARNING, ENERGY_LIMIT = level("energy_error"), LIMITS["energy_error"].fails or 0.0
 

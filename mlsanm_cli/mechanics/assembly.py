@@ -42,7 +42,7 @@ from mlsanm_cli.memo import digest
 from mlsanm_cli.operators import least_squares
 from mlsanm_cli.operators.least_squares import Strong
 from mlsanm_cli.operators.linear.interface import LinearSolver, structure
-from mlsanm_cli.operators.rows import nodal_pairs, nodal_rows
+from mlsanm_cli.operators.stencil_weights import nodal_pairs, nodal_rows
 from mlsanm_cli.operators.system import LinearSystem
 
 HOLD_WEIGHT = 5.0

@@ -28,11 +28,9 @@ from mlsanm_cli.mechanics.elasticity import (
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.near_field import Isotropic, PointForceField, kernel_of
 from mlsanm_cli.memo import digest
-from mlsanm_cli.operators.neighbors import nearest_nodes
-from mlsanm_cli.operators.rows import pair_rows, scalar_rows
-from mlsanm_cli.operators.settings import MlsSettings
+from mlsanm_cli.operators.neighbors import MlsSettings, nearest_nodes
 from mlsanm_cli.operators.singular_functions import isolated_tips
-from mlsanm_cli.operators.stencil_weights import Stencils
+from mlsanm_cli.operators.stencil_weights import Stencils, pair_rows, scalar_rows
 from mlsanm_cli.operators.stencils import build_gradients, build_stencils, reflected
 from mlsanm_cli.records import dataclass
 

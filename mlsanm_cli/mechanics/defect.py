@@ -27,7 +27,7 @@ from mlsanm_cli.mechanics.elasticity import divergence_of_stress, stress_of, tra
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.pieces import reaction_of
 from mlsanm_cli.memo import NO_CACHE, Memo
-from mlsanm_cli.operators.settings import MlsSettings
+from mlsanm_cli.operators.neighbors import MlsSettings
 from mlsanm_cli.operators.stencil_weights import Stencils
 from mlsanm_cli.operators.stencils import build_stencils
 from mlsanm_cli.operators.system import FUNCTIONAL_TOLERANCE, MAX_UPDATES, STALL_RATIO

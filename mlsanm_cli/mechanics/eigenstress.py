@@ -21,7 +21,7 @@ from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.elasticity import force_sums, traction_of
 from mlsanm_cli.mechanics.pieces import reaction_of, reaction_rows
 from mlsanm_cli.mechanics.springs import FREE
-from mlsanm_cli.operators.rows import scalar_rows
+from mlsanm_cli.operators.stencil_weights import scalar_rows
 from mlsanm_cli.operators.stencils import build_gradients
 from mlsanm_cli.records import dataclass
 
@@ -31,7 +31,8 @@ def eigenstress_loads(body: ElasticBody) -> sparse.csr_array:
     model, nodes = body.model, len(body.model.cloud.points)
     weights = model.stencils.weights
     d_x, d_y = (scalar_rows(model.stencils, np.ascontiguousarray(weights[:, kind])) for kind in (1, 2))
-    blocks = [sparse.block_array([[d_x, None, d_y], [None, d_y, d_x]], format="csr")]
+    none = sparse.csr_array((nodes, nodes))
+    blocks = [sparse.hstack(parts, format="csr") for parts in ([d_x, none, d_y], [none, d_y, d_x])]
     for name, surface in model.cloud.surfaces.items():
         count = len(surface.index)
         for axis in (0, 1):

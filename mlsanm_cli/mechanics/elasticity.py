@@ -26,8 +26,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.kernels.assembly import add_forces
 from mlsanm_cli.mechanics.material import PlaneMaterial
-from mlsanm_cli.operators.rows import pair_rows, scalar_rows, vector_rows
-from mlsanm_cli.operators.stencil_weights import Stencils
+from mlsanm_cli.operators.stencil_weights import Stencils, pair_rows, scalar_rows, vector_rows
 
 XX, YY, XY, HOOP = 0, 1, 2, 3
 

@@ -19,7 +19,7 @@ from scipy.linalg.lapack import dgeqp3
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.springs import Springs
-from mlsanm_cli.operators.system import FULL_TOLERANCE, Equations, LinearSystem
+from mlsanm_cli.operators.system import FULL_TOLERANCE, LinearSystem
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 
@@ -201,7 +201,7 @@ class FreeSystem:
     def scaled(self, sources: sparse.csc_array, strong: bool = True) -> FloatArray:
         return self.system.scaled(self._balanced(sources), strong)
 
-    def equations(self, sources: sparse.csc_array) -> Equations:
+    def equations(self, sources: sparse.csc_array) -> tuple[sparse.csr_array, sparse.csr_array]:
         return self.system.equations(self._balanced(sources))
 
     def residual_vector(self, source: FloatArray, solution: FloatArray) -> FloatArray:

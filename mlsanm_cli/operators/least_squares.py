@@ -26,6 +26,7 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import replace
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse as sparse
@@ -34,8 +35,8 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.operators.compliance import corrected
 from mlsanm_cli.operators.conditions import Conditions, conditions_of, independent_sums
 from mlsanm_cli.operators.linear.dissection import Fronts
+from mlsanm_cli.operators.linear.factors import factor_definite, mirrored
 from mlsanm_cli.operators.linear.interface import Factor, LinearSolver
-from mlsanm_cli.operators.linear.multifrontal import factor_definite, mirrored
 from mlsanm_cli.operators.normal import NormalPattern, bordered, normal_equations
 from mlsanm_cli.operators.system import (
     DIRECTIONS,
@@ -44,7 +45,6 @@ from mlsanm_cli.operators.system import (
     MAX_UPDATES,
     TINY,
     VERIFIED_TOLERANCE,
-    Equations,
     LinearSystem,
     Progress,
     relative,
@@ -224,14 +224,14 @@ class LeastSquares(LinearSystem):
         own = sparse.diags_array(self.weight, shape=(len(self.weight), self.strong.loads.shape[1]))
         return sparse.csc_array(sparse.vstack([own, self.strong.loads], format="csc"))
 
-    def equations(self, sources: sparse.csc_array) -> Equations:
+    def equations(self, sources: sparse.csc_array) -> tuple[sparse.csr_array, sparse.csr_array]:
         """The normal equations of all rows, with the forces of the conditions in the right-hand sides."""
         normal = sparse.csr_array(normal_equations(self.rows)) + self.strong.rows.T @ self.strong.rows
         weighted, first = sparse.csc_array(self._scaling @ sources), self.rows.shape[0]
         caused = self.rows.T @ weighted[:first] + self.strong.rows.T @ weighted[first:]
         turned, holding = self._holding
         caused = caused + turned @ sparse.csr_array((weighted.T @ holding.T).T)
-        return Equations(sparse.csr_array(normal), sparse.csr_array(caused), definite=True)
+        return sparse.csr_array(normal), sparse.csr_array(caused)
 
     def residual_vector(self, source: FloatArray, solution: FloatArray) -> FloatArray:
         """Gradient (n,) of half the sum of squares, by the rows, minus the forces of the conditions."""
@@ -256,30 +256,19 @@ class LeastSquares(LinearSystem):
         return np.asarray(self.rows.T @ scaled[:count] + self.strong.rows.T @ scaled[count:])
 
 
-@dataclass(frozen=True)
-class Symbolic:
-    """Pattern of equations bordered by strong rows, their ``fronts``, and the ``transposed`` blocks'
-    numbers."""
+Symbolic: TypeAlias = tuple[NormalPattern, Fronts, IntArray]
+"""Pattern of equations bordered by strong rows, their fronts, and the numbers of transposed blocks."""
 
-    normal: NormalPattern
-    fronts: Fronts
-    transposed: IntArray
 
-    @classmethod
-    def of(
-        cls,
-        rows: sparse.csr_array,
-        strong: sparse.csr_array,
-        owner: IntArray,
-        points: FloatArray,
-        places: FloatArray,
-    ) -> Symbolic:
-        """That of ``rows`` and ``strong`` rows like these (:class:`Strong`)."""
-        vertices = np.repeat(places, 2, axis=0)
-        normal = NormalPattern.of(rows, strong, owner, len(vertices))
-        graph = normal.matrix(rows, strong, rows, strong)
-        fronts = Fronts.of(np.concatenate([points, vertices]), graph, len(vertices))
-        return cls(normal, fronts, mirrored(graph))
+def symbolic_of(
+    rows: sparse.csr_array, strong: sparse.csr_array, owner: IntArray, points: FloatArray, places: FloatArray
+) -> Symbolic:
+    """That of ``rows`` and ``strong`` rows like these (:class:`Strong`)."""
+    vertices = np.repeat(places, 2, axis=0)
+    normal = NormalPattern.of(rows, strong, owner, len(vertices))
+    graph = normal.matrix(rows, strong, rows, strong)
+    fronts = Fronts.of(np.concatenate([points, vertices]), graph, len(vertices))
+    return normal, fronts, mirrored(graph)
 
 
 def factorise(
@@ -302,7 +291,7 @@ def factorise(
     if symbolic is None:
         whole, fronts = bordered(rows, strong.rows, strong.owner, len(vertices)), None
     else:
-        whole, fronts = symbolic.normal.matrix(rows, strong.rows, rows, strong.rows), symbolic.fronts
+        whole, fronts = symbolic[0].matrix(rows, strong.rows, rows, strong.rows), symbolic[1]
     places = np.concatenate([points, vertices])
     factor = factor_definite(whole, places, len(vertices), solver=solver, fronts=fronts)
     none = Conditions.none(rows.shape[1])

@@ -27,8 +27,14 @@ from scipy.spatial import cKDTree
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.cloud.tips import Tips
-from mlsanm_cli.operators.neighbors import EXTRA_NODES, TIE_TOLERANCE, distances, neighbors_of
-from mlsanm_cli.operators.settings import WEIGHT_EXPONENT, MlsSettings
+from mlsanm_cli.operators.neighbors import (
+    EXTRA_NODES,
+    TIE_TOLERANCE,
+    WEIGHT_EXPONENT,
+    MlsSettings,
+    distances,
+    neighbors_of,
+)
 from mlsanm_cli.operators.stencil_weights import Stencils
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF

@@ -15,8 +15,7 @@ from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.kernels.stencils import mls_weights
-from mlsanm_cli.operators.neighbors import neighbors_of
-from mlsanm_cli.operators.settings import ONE_SIDED_RADIUS, WEIGHT_EXPONENT, MlsSettings
+from mlsanm_cli.operators.neighbors import ONE_SIDED_RADIUS, WEIGHT_EXPONENT, MlsSettings, neighbors_of
 from mlsanm_cli.operators.singular_functions import enriched, singular_corners
 from mlsanm_cli.operators.stencil_weights import Stencils
 

@@ -28,16 +28,6 @@ solution, means stagnation."""
 TINY = np.finfo(float).tiny
 
 
-@dataclass(frozen=True)
-class Equations:
-    """Scaled equations ``matrix`` (n, n) u = ``sources`` (n, c) v; ``definite`` if the matrix is
-    symmetric."""
-
-    matrix: sparse.csr_array
-    sources: sparse.csr_array
-    definite: bool
-
-
 class LinearSystem(Protocol):
     """Factorised equations for n unknowns, with right-hand sides in the physical units of r rows."""
 
@@ -77,8 +67,8 @@ class LinearSystem(Protocol):
     def scaled(self, sources: sparse.csc_array, strong: bool = True) -> FloatArray:
         """Right-hand sides (r, c) in the scaling of the equations, without the ``strong`` rows if false."""
 
-    def equations(self, sources: sparse.csc_array) -> Equations:
-        """The equations for right-hand sides ``sources`` (r, c), to be factorised together with others."""
+    def equations(self, sources: sparse.csc_array) -> tuple[sparse.csr_array, sparse.csr_array]:
+        """The scaled equations' matrix (n, n) and their right-hand sides (n, c) for ``sources`` (r, c)."""
 
     def residual_vector(self, source: FloatArray, solution: FloatArray) -> FloatArray:
         """Residual (n,) of ``solution`` (n,) for ``source`` (r,), more accurate than by the matrix."""

@@ -14,8 +14,8 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.assembly import node_rows
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.springs import FREE, NO_SPRING
-from mlsanm_cli.operators.linear.superlu import THRESHOLD, elimination_order, factor_in_order
-from mlsanm_cli.operators.system import FULL_TOLERANCE, Equations, Progress, refine
+from mlsanm_cli.operators.linear.factors import THRESHOLD, elimination_order, factor_in_order
+from mlsanm_cli.operators.system import FULL_TOLERANCE, Progress, refine
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 
 LENGTH = 0.1
@@ -88,9 +88,9 @@ class Collocation:
         self.choice = sparse.csr_array((scale[row], (unknown[row], row)), shape=(2 * len(h), body.rows))
         self.matrix = sparse.csr_array(self.choice[:, : rows.shape[0]] @ rows)
 
-    def equations(self, sources: sparse.csc_array) -> Equations:
+    def equations(self, sources: sparse.csc_array) -> tuple[sparse.csr_array, sparse.csr_array]:
         """The equations for right-hand sides ``sources`` (r, c) of the rows."""
-        return Equations(self.matrix, sparse.csr_array(self.choice @ sources), definite=False)
+        return self.matrix, sparse.csr_array(self.choice @ sources)
 
     def residual_vector(self, source: FloatArray, solution: FloatArray) -> FloatArray:
         """Left-hand side minus right-hand side (2N,)."""
@@ -118,8 +118,8 @@ class System:
             body.equations(sparse.csc_array(c.sources[name] @ c.drivers.matrix))
             for name, body in self.bodies.items()
         ]
-        stiffness = sparse.csr_array(sparse.block_diag([one.matrix for one in equations]))
-        caused = -sparse.vstack([one.sources for one in equations], format="csc")[:, loads:]
+        stiffness = sparse.csr_array(sparse.block_diag([matrix for matrix, _ in equations]))
+        caused = -sparse.vstack([sources for _, sources in equations], format="csc")[:, loads:]
         normal, tangential = _relative_motions(built)
         cone, one_n = sparse.diags_array(law.mu * law.eta[c.friction_nodes]), sparse.eye_array(n)
         near, along = np.split(c.beyond.toarray(), [m])
@@ -171,7 +171,7 @@ class System:
         self.order = np.concatenate([order, np.arange(len(order), self.size)])
         ordered = (linear @ sparse.diags_array(self.scale))[self.order][:, self.order]
         self.ordered = sparse.csc_array(ordered)
-        self.threshold = 0.0 if all(one.definite for one in equations) else THRESHOLD
+        self.threshold = THRESHOLD if square else 0.0
         self.reference: FloatArray = np.zeros(n)
         self.start, self.end = built.stages[:2]
 

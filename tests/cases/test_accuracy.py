@@ -15,8 +15,8 @@ from benchmarks.formulas import LameRing
 from benchmarks.peers.scenes import REFERENCE, Profile, difference, read_profile
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.io.run_reader import RunData
-from mlsanm_cli.operators.rows import scalar_rows
-from mlsanm_cli.operators.settings import MlsSettings
+from mlsanm_cli.operators.neighbors import MlsSettings
+from mlsanm_cli.operators.stencil_weights import scalar_rows
 from mlsanm_cli.operators.stencils import build_stencils
 from tests.app.scenes import EXACT_LAW
 from tests.cases.test_published import solve

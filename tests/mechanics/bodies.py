@@ -18,7 +18,7 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.material import PlaneMaterial, isotropic
-from mlsanm_cli.operators.settings import MlsSettings
+from mlsanm_cli.operators.neighbors import MlsSettings
 
 STEEL = isotropic(210.0, 0.3, "strain")
 Field = Callable[[FloatArray], FloatArray]

@@ -15,8 +15,7 @@ from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.loads import Loads
 from mlsanm_cli.mechanics.finite.projector import FiniteProblem, Projector, weights_of
-from mlsanm_cli.mechanics.laws.law import Law, law_class
-from mlsanm_cli.mechanics.laws.saint_venant_kirchhoff import SaintVenantKirchhoff
+from mlsanm_cli.mechanics.laws.law import Law, SaintVenantKirchhoff, law_class
 from mlsanm_cli.mechanics.material import isotropic
 from tests.mechanics.bodies import build
 

@@ -21,7 +21,7 @@ from mlsanm_cli.mechanics.energy import (
     twice_strain_energy,
 )
 from mlsanm_cli.mechanics.material import PlaneMaterial, anisotropic, isotropic, orthotropic
-from mlsanm_cli.operators.settings import MlsSettings
+from mlsanm_cli.operators.neighbors import MlsSettings
 from tests.mechanics.bodies import STEEL, jittered_square
 
 CLOUD = jittered_square(9, 0.4)

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.mechanics.laws.law import Law, law_class
-from mlsanm_cli.mechanics.laws.saint_venant_kirchhoff import SaintVenantKirchhoff
+from mlsanm_cli.mechanics.laws.law import Law, SaintVenantKirchhoff, law_class
 from mlsanm_cli.mechanics.material import orthotropic
 from tests.mechanics.finite_bodies import NU, E, law_of
 

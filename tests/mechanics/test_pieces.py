@@ -25,7 +25,7 @@ from mlsanm_cli.mechanics.material import isotropic
 from mlsanm_cli.mechanics.pieces import Pieces
 from mlsanm_cli.mechanics.rigid import FreeSystem
 from mlsanm_cli.mechanics.springs import Springs
-from mlsanm_cli.operators.settings import MlsSettings
+from mlsanm_cli.operators.neighbors import MlsSettings
 from tests.mechanics.bodies import (
     STEEL,
     boundary_values,

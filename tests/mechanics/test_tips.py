@@ -19,7 +19,7 @@ from mlsanm_cli.mechanics.elasticity import traction_rows
 from mlsanm_cli.mechanics.energy import energy_at_tips, twice_strain_energy
 from mlsanm_cli.mechanics.material import isotropic, orthotropic
 from mlsanm_cli.operators import singular_functions
-from mlsanm_cli.operators.settings import MlsSettings
+from mlsanm_cli.operators.neighbors import MlsSettings
 from tests.mechanics.bodies import polygon, solved
 
 SOFT = isotropic(1000.0, 0.3, "stress")

@@ -16,18 +16,18 @@ from scipy.spatial import cKDTree
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.kernels import multifrontal
-from mlsanm_cli.operators.linear import multifrontal as factors
+from mlsanm_cli.operators.linear import factors
 from mlsanm_cli.operators.linear.dissection import Fronts
-from mlsanm_cli.operators.linear.interface import Factor, backward_error
-from mlsanm_cli.operators.linear.multifrontal import (
+from mlsanm_cli.operators.linear.factors import (
     MAX_BACKWARD_ERROR,
     MultifrontalFactor,
+    SuperLUFactor,
     factor_definite,
     factor_general,
     mirrored,
     verified_or_superlu,
 )
-from mlsanm_cli.operators.linear.superlu import SuperLUFactor
+from mlsanm_cli.operators.linear.interface import Factor, backward_error
 from mlsanm_cli.operators.normal import bordered
 
 

@@ -31,7 +31,7 @@ from mlsanm_cli.mechanics.scene import Probe
 from mlsanm_cli.mechanics.springs import restrained, restraining
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.operators.linear.interface import LinearSolver
-from mlsanm_cli.operators.settings import MlsSettings
+from mlsanm_cli.operators.neighbors import MlsSettings
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 

@@ -9,8 +9,7 @@ import numpy as np
 
 from mlsanm_cli.case import Case, Material
 from mlsanm_cli.errors import CaseError, CaseProblem
-from mlsanm_cli.mechanics.laws.law import Law, law_class
-from mlsanm_cli.mechanics.laws.saint_venant_kirchhoff import SaintVenantKirchhoff
+from mlsanm_cli.mechanics.laws.law import Law, SaintVenantKirchhoff, law_class
 from mlsanm_cli.mechanics.laws.von_mises import Hardening, VonMises
 from mlsanm_cli.mechanics.material import PlaneMaterial, anisotropic, isotropic, orthotropic
 

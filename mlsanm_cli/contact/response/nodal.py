@@ -13,7 +13,7 @@ from mlsanm_cli.contact.geometry.pairing import MAX_FACING_COSINE, Pairing, faci
 from mlsanm_cli.contact.geometry.transfer import feet, slave_normals, transfer
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.pieces import turned_along
-from mlsanm_cli.operators.rows import nodal_pairs
+from mlsanm_cli.operators.stencil_weights import nodal_pairs
 
 
 class NodalBasis:

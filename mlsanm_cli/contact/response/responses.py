@@ -22,7 +22,7 @@ from mlsanm_cli.contact.response.nodal import relative_rows
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import NO_CACHE, Arrays, Memo, digest
-from mlsanm_cli.operators.rows import nodal_rows
+from mlsanm_cli.operators.stencil_weights import nodal_rows
 from mlsanm_cli.records import dataclass
 
 Functional: TypeAlias = tuple[str, Any]

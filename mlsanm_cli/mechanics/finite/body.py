@@ -24,7 +24,7 @@ from mlsanm_cli.mechanics.finite.pattern import Pattern
 from mlsanm_cli.mechanics.laws.law import Law, determinant, gradient_of
 from mlsanm_cli.mechanics.near_field import ComplexArray
 from mlsanm_cli.mechanics.pieces import rule_of
-from mlsanm_cli.operators.rows import pair_rows
+from mlsanm_cli.operators.stencil_weights import pair_rows
 from mlsanm_cli.records import dataclass
 
 PINNED = ("angle", "single")

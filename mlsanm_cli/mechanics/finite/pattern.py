@@ -16,7 +16,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.loads import FacePoints
 from mlsanm_cli.mechanics.springs import FREE
-from mlsanm_cli.operators.least_squares import Symbolic
+from mlsanm_cli.operators.least_squares import symbolic_of
 
 
 class Entries:
@@ -107,7 +107,7 @@ class Pattern:
         rows, strong = self.rows(np.ones((len(self.whole.nodes), 2)))
         owner, cloud = np.tile(np.arange(count), 3), elastic.model.cloud
         # The equations and their elimination order.
-        self.symbolic = Symbolic.of(rows, strong, owner, cloud.points, elastic.pieces.middle)
+        self.symbolic = symbolic_of(rows, strong, owner, cloud.points, elastic.pieces.middle)
 
     def rows(self, values: FloatArray) -> tuple[sparse.csr_array, sparse.csr_array]:
         """Rows (r - 3k, 2N) of nodes and (3k, 2N) of pieces with coefficients ``values`` (m, 2)."""

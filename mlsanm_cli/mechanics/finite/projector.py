@@ -22,9 +22,13 @@ from mlsanm_cli.mechanics.finite.stability import SoftMotion, rows_of_force, sof
 from mlsanm_cli.mechanics.finite.tangent import MeanStress, tangent_rows
 from mlsanm_cli.operators import least_squares
 from mlsanm_cli.operators.least_squares import Strong
+from mlsanm_cli.operators.linear.factors import (
+    MultifrontalFactor,
+    SuperLUFactor,
+    factor_general,
+    factor_in_order,
+)
 from mlsanm_cli.operators.linear.interface import LinearSolver
-from mlsanm_cli.operators.linear.multifrontal import MultifrontalFactor, factor_general
-from mlsanm_cli.operators.linear.superlu import SuperLUFactor, factor_in_order
 from mlsanm_cli.records import dataclass
 
 PIVOT_THRESHOLD = 1e-3
@@ -121,12 +125,12 @@ class Projector:
         if np.array_equal(displacement, self.base_state):
             return Factorised(self, own, own_strong, None)
         rows, strong = self._weighted_rows(displacement, factors, mean)
-        symbolic = self.body.pattern.symbolic
-        matrix = symbolic.normal.matrix(own, own_strong, rows, strong)
+        normal, fronts, transposed = self.body.pattern.symbolic
+        matrix = normal.matrix(own, own_strong, rows, strong)
         if self._solver == "superlu":
-            args = sparse.csc_array(matrix), symbolic.fronts.unknowns, PIVOT_THRESHOLD
+            args = sparse.csc_array(matrix), fronts.unknowns, PIVOT_THRESHOLD
             return Factorised(self, rows, strong, factor_in_order(*args))
-        return Factorised(self, rows, strong, factor_general(matrix, symbolic.fronts, symbolic.transposed))
+        return Factorised(self, rows, strong, factor_general(matrix, fronts, transposed))
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from mlsanm_cli.mechanics.finite.body_series import BodySeries, jets_of
 from mlsanm_cli.mechanics.finite.loads import FacePoints, cofactor_normal
 from mlsanm_cli.mechanics.laws.law import gradient_of
 from mlsanm_cli.mechanics.pieces import gathering
-from mlsanm_cli.operators.rows import pair_rows
+from mlsanm_cli.operators.stencil_weights import pair_rows
 
 
 def tangent_rows(

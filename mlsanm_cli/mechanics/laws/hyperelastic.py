@@ -169,7 +169,6 @@ class Hyperelastic(Law):
         return Stress(plane, across, lambda: e.across, mean if apart else None)
 
 
-@dataclass(frozen=True, kw_only=True)
 class ByInvariants(Hyperelastic):
     """A law by its invariants."""
 
@@ -186,7 +185,6 @@ class ByInvariants(Hyperelastic):
         return 2.0 * (e.across * (first + second * e.trace)) + e.area * volume
 
 
-@dataclass(frozen=True, kw_only=True)
 class Isochoric(ByInvariants):
     """A law by its isochoric invariants, with the energy K (J - 1)^2 / 2 of volume changes."""
 

@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.mechanics.laws.saint_venant_kirchhoff import SaintVenantKirchhoff
+from mlsanm_cli.mechanics.laws.law import SaintVenantKirchhoff
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import FINE_ROUND_OFF, LAST_DIGITS
