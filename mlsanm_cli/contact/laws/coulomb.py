@@ -15,8 +15,8 @@ from mlsanm_cli.contact.complementarity.problem import GRAZING, ContactStatus, P
 from mlsanm_cli.contact.complementarity.solution import State, solve
 from mlsanm_cli.contact.laws.contact_state import ContactState, residual
 from mlsanm_cli.contact.laws.failures import NoStateError, SlidingError
+from mlsanm_cli.contact.response.compressed import null_space
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.contact.response.dense import null_space
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
