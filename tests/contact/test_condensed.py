@@ -7,13 +7,12 @@ import pytest
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.geometry.transfer import surface_fit
 from mlsanm_cli.contact.response.coercivity import (
     constrained_resistance,
     contact_stability,
     relative_resistance,
 )
-from mlsanm_cli.contact.response.nodal import _on_pieces, relative_rows
+from mlsanm_cli.contact.response.nodal import _on_pieces, relative_rows, surface_fit
 from mlsanm_cli.contact.response.short_waves import FIT_WINDOW
 from tests.contact.scenes import Small, cylinder
 

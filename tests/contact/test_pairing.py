@@ -15,7 +15,7 @@ from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Outline, annulus, disk, half_disk, rectangle
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.contact.geometry.pairing import MAX_FACING_COSINE, Pairing, pair_surfaces, spacing_ratio
-from mlsanm_cli.contact.geometry.transfer import surface_fit, transfer
+from mlsanm_cli.contact.response.nodal import surface_fit, transfer
 from tests.cloud.shapes import polygon
 
 BLOCK = rectangle((-2.0, 2.0), (-1.0, 0.0))
