@@ -14,22 +14,14 @@ from mlsanm_cli.stopping import Stopper
 
 
 class Console(Protocol):
-    """Messages of a run, all on stderr."""
+    """Messages of a run, all on stderr: the start of a phase, a finished step of the path, a note, a warning
+    about the accuracy or validity of the result, and why a run failed, and what to do."""
 
-    def phase(self, text: str) -> None:
-        """Starts a phase."""
-
-    def step(self, index: int, position: float, residual: float, text: str) -> None:
-        """A finished step of the path."""
-
-    def note(self, text: str) -> None:
-        """A note."""
-
-    def warning(self, text: str) -> None:
-        """A warning about the accuracy or validity of the result."""
-
-    def error(self, message: str, hint: str) -> None:
-        """Why a run failed, and what to do."""
+    def phase(self, text: str) -> None: ...
+    def step(self, index: int, position: float, residual: float, text: str) -> None: ...
+    def note(self, text: str) -> None: ...
+    def warning(self, text: str) -> None: ...
+    def error(self, message: str, hint: str) -> None: ...
 
 
 class Silent:

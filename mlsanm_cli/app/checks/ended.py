@@ -21,11 +21,10 @@ NODE_FORCE_SHIFT = 2.0 * np.log(2.0) / np.pi
 
 @dataclass(frozen=True)
 class EnergyErrors:
-    """By body the relative difference of twice the strain energy and the work, the strain, the relative
-    increase of the work at single supported nodes with half the spacing (``pointed``) and a description of
-    parts with too few nodes across (``thin``). ``deflection`` is the root mean square error of the
-    displacements, relative, as far as only the energies show it. ``name`` is the limit of the differences,
-    ``what`` the quantity compared with the work."""
+    """By body the relative difference of twice the strain energy and the work, the strain, the increase of
+    the work at single nodes with half the spacing (``pointed``) and parts with too few nodes across
+    (``thin``). ``deflection`` is the root mean square error of displacements that only energies show,
+    ``name`` the limit of the differences, ``what`` the quantity compared with the work."""
 
     bodies: Mapping[str, float]
     strains: Mapping[str, float] = field(default_factory=dict)

@@ -176,7 +176,19 @@ def _adapted(
     """The scene refined for the requested number of passes or until convergence; if a refined scene cannot be
     solved, the one before it is kept."""
     history = [_figures(built, accuracy, None)]
-    rule, passes = _required(case, prepared)
+    # The spacings that contact patches require, and the number of passes.
+    touching = {body for pairing in prepared.pairings for body in pairing.bodies}
+    smooth = any(contact.regularization.law == "hyperbolic" for contact in case.touching)
+    flows = any(case.material[body.material].flows for body in case.body if body.name in touching)
+    passes = case.adapt.passes
+    if case.model.revolved and case.touching:
+        meshed = any(body.has_nodes for body in case.body)
+        rule, passes = RING_RULE, passes or (0 if meshed else NODAL_PASSES)
+    elif (smooth or flows) and has_automatic_spacings(case, touching) and not passes:
+        rule, passes = NODAL_RULE, NODAL_PASSES
+    else:
+        degree = min(model.settings.degree for model in prepared.models.values())
+        rule = LOW_DEGREE_RULE if degree < 4 else HIGH_DEGREE_RULE
     bulk, placed, failed = tuple[Zone, ...](), tuple[Zone, ...](), ""
     for number in range(1, passes + 1):
         patches = tuple(found_patches(built, rule))
@@ -213,19 +225,6 @@ def _adapted(
         if now["change"] <= CHANGE_TOLERANCE:
             break
     return prepared, built, accuracy, Refinement(placed, tuple(history), failed)
-
-
-def _required(case: Case, prepared: SceneModel) -> tuple[Rule, int]:
-    touching = {body for pairing in prepared.pairings for body in pairing.bodies}
-    if case.model.revolved and case.touching:
-        placed = not any(body.has_nodes for body in case.body)
-        return RING_RULE, case.adapt.passes or placed * NODAL_PASSES
-    smooth = any(contact.regularization.law == "hyperbolic" for contact in case.touching)
-    flows = any(case.material[body.material].flows for body in case.body if body.name in touching)
-    if (smooth or flows) and has_automatic_spacings(case, touching) and not case.adapt.passes:
-        return NODAL_RULE, NODAL_PASSES
-    degree = min(model.settings.degree for model in prepared.models.values())
-    return LOW_DEGREE_RULE if degree < 4 else HIGH_DEGREE_RULE, case.adapt.passes
 
 
 def _solved(
