@@ -73,7 +73,7 @@ def assemble(
     restraints = restrained(held, springs, cloud, material)
     # In nearly incompressible plane bodies, pairs would make nodal pressures alternate.
     unpaired = material.nearly_incompressible and not cloud.revolved
-    pieces = Pieces.of(cloud, () if unpaired else touching, restraints)
+    pieces = Pieces(cloud, () if unpaired else touching, restraints)
     count = total + 3 * pieces.count
     # Computed on first use, by the equations or for the body's forces.
     loads = cache(partial(pieces.loads, first_row, count, restraints))

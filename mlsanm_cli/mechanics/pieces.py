@@ -39,7 +39,6 @@ from mlsanm_cli.mechanics.corners import WEIGHT_REACH, thickness
 from mlsanm_cli.mechanics.elasticity import HOOP, traction_of
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.springs import FREE, Held
-from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 
 BOUNDARY_NODES = 16
@@ -57,24 +56,17 @@ ForcesThrough: TypeAlias = Callable[[FloatArray, FloatArray, FloatArray], sparse
 """Rows (3e, ...) as by :meth:`BodyModel.forces_through`."""
 
 
-@dataclass(frozen=True)
 class Pieces:
-    """The division of a ``cloud`` into k pieces, each ``strength`` (k,) times as strong as a node's rows.
-    ``levels`` are piece numbers of all nodes (n,), -1 for none: connected pieces that make up the body, and
-    pairs of neighbours at contact surfaces. ``middle`` (k, 2) are centroids; pieces that are not ``closed``
-    (k,) miss a part of the outline. Loads and fluxes are 3k rows: forces x of all pieces, forces y, and
-    moments about the centroids over ``size`` (k,), the square root of the area."""
+    """The division of a ``cloud`` into k pieces of about BOUNDARY_NODES nodes, which make up the body
+    (``main``), and pairs along the contact surfaces ``touching``, each ``strength`` (k,) times as strong as a
+    node's rows. ``levels`` are piece numbers of all nodes (n,), -1 for none, the first ``labels`` without.
+    ``middle`` (k, 2) are centroids; pieces that are not ``closed`` (k,) miss a part of the outline. Loads and
+    fluxes are 3k rows: forces x of all pieces, forces y, and moments about the centroids over ``size`` (k,),
+    the square root of the area."""
 
-    cloud: Cloud
-    levels: tuple[IntArray, ...]
-    middle: FloatArray
-    closed: BoolArray
-    size: FloatArray
-    strength: FloatArray
-
-    @classmethod
-    def of(cls, cloud: Cloud, touching: Collection[str] = (), held: Held = MappingProxyType({})) -> Pieces:
-        """Pieces of about BOUNDARY_NODES nodes, and pairs along the contact surfaces ``touching``."""
+    def __init__(
+        self, cloud: Cloud, touching: Collection[str] = (), held: Held = MappingProxyType({})
+    ) -> None:
         labels = divide(cloud, BOUNDARY_NODES)
         levels: tuple[IntArray, ...] = (labels,)
         strength: FloatArray = np.full(int(labels.max()) + 1, EQUILIBRIUM_WEIGHT)
@@ -87,25 +79,13 @@ class Pieces:
         parts = [measure(cloud.points, cloud.faces, cloud.surfaces, level) for level in levels]
         area, middle, closed = (np.concatenate(values) for values in zip(*parts, strict=True))
         nodal = sum(np.bincount(one[one >= 0], cloud.areas[one >= 0], len(strength)) for one in levels)
-        size = np.sqrt(np.where(closed, area, nodal))
-        main = slice(0, int(labels.max()) + 1)
+        size: FloatArray = np.sqrt(np.where(closed, area, nodal))
+        main: BoolArray = np.arange(len(size)) <= labels.max()
         strength[main] *= np.minimum(1.0, size[main] / (WEIGHT_REACH * thickness(cloud)))
-        return cls(cloud, levels, middle, closed, size, strength)
-
-    @property
-    def labels(self) -> IntArray:
-        """Piece (n,) of every node, on the first level."""
-        return self.levels[0]
-
-    @property
-    def main(self) -> BoolArray:
-        """Mask (k,) of the first-level pieces, which together make up the body."""
-        return np.asarray(np.arange(self.count) <= self.labels.max())
-
-    @property
-    def count(self) -> int:
-        """Number of pieces (k)."""
-        return len(self.size)
+        self.cloud, self.levels, self.labels, self.main, self.count = cloud, levels, labels, main, len(size)
+        self.middle: FloatArray = middle
+        self.closed: BoolArray = closed
+        self.size, self.strength = size, strength
 
     def strengths_of(self, material: PlaneMaterial) -> FloatArray:
         """Strengths (k,) in a body of a ``material``, per force on a circle of unit length."""
