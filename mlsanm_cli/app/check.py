@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,19 +15,15 @@ from mlsanm_cli.app.context import Clock, Console, RunContext
 from mlsanm_cli.app.output.parts import model_bodies
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.build import build_scene, load_kernels
+from mlsanm_cli.app.scene.load_profiles import amounts_of, table_of
 from mlsanm_cli.app.scene.outlines import load_with_files
 from mlsanm_cli.app.scene.size_estimate import cpu_seconds, memory_mb, node_counts
 from mlsanm_cli.case import (
     AnyLoad,
-    BodyForce,
     Case,
-    Centrifugal,
-    Displacement,
     Force,
     ObstacleMotion,
     Platen,
-    Pressure,
-    Temperature,
 )
 from mlsanm_cli.io.vtu import write_parts
 from mlsanm_cli.kernels.aot.jit import is_warm
@@ -131,24 +127,14 @@ def _conditions(case: Case) -> dict[str, dict[str, str]]:
 
 
 def _described(load: AnyLoad) -> tuple[str, str]:
-    values: Sequence[float | str | None]
     if isinstance(load, Platen | ObstacleMotion):
         moved = {axis: f"{kind} {value:g}" for axis, (kind, value) in load.control.items()}
         return moved.get("x", ""), moved.get("y", "")
-    if isinstance(load, Temperature):
-        values = (load.temperature,) * 2
-    elif isinstance(load, Force):
-        values = [part or None for part in load.total]
-    elif isinstance(load, BodyForce | Centrifugal):
-        values = load.body_force
-    elif isinstance(load, Displacement):
-        values = load.components
-    elif load.table is not None:
-        values = ("table",) * 2
-    else:
-        values = (load.pressure,) * 2 if isinstance(load, Pressure) else load.traction or (None, None)
-    texts = ["" if value is None else value if isinstance(value, str) else f"{value:g}" for value in values]
-    first, second = (f"{load.kind} {text}" if text else "" for text in texts)
+    amounts = [part or None for part in load.total] if isinstance(load, Force) else amounts_of(load)
+    amounts = ("table",) if table_of(load) else amounts
+    texts = ["" if part is None else part if isinstance(part, str) else f"{part:g}" for part in amounts]
+    # One amount acts in both directions.
+    first, second = (f"{load.kind} {text}" if text else "" for text in (*texts, *texts, "", "")[:2])
     return first, second
 
 

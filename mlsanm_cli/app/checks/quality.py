@@ -15,14 +15,15 @@ from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.condense import pulling_loads
 from mlsanm_cli.app.scene.corners import planes_of
-from mlsanm_cli.app.scene.load_profiles import amounts_at, runs_of
+from mlsanm_cli.app.scene.load_profiles import amounts_at, amounts_of, runs_of
 from mlsanm_cli.case import (
-    BodyForce,
     Case,
-    Centrifugal,
+    Displacement,
     ExpressionError,
+    Force,
+    ObstacleMotion,
+    Platen,
     Pressure,
-    Temperature,
     Traction,
     finer_nodes,
     rounded,
@@ -202,22 +203,15 @@ def initial_gap(model: Quality) -> Iterator[Check]:
 def load_resolution(model: Quality) -> Iterator[Check]:
     """Errors of linear interpolation of varying loads between the nodes."""
     for load in model.case.load:
-        if not isinstance(load, Temperature | BodyForce | Centrifugal | Pressure | Traction):
+        if isinstance(load, Displacement | Force | Platen | ObstacleMotion):
             continue
-        cloud, amounts = model.clouds[load.owner], list[Any]()
-        if isinstance(load, Temperature):
-            amounts = [load.temperature]
-        elif isinstance(load, BodyForce | Centrifugal):
-            amounts += load.body_force
-        else:
-            amounts += [load.pressure] if isinstance(load, Pressure) else load.traction or ()
-        if isinstance(load, Pressure | Traction):
-            surfaces = [cloud.surfaces[name].index for name in model.prepared.boundaries.names[load.place]]
+        cloud, surfaces = model.clouds[load.owner], model.clouds[load.owner].surfaces
+        spans = [] if load.places else [cloud.triangles]
+        for place in load.places:
             # Only inside of surfaces: tractions may be discontinuous at their ends.
-            spans = [np.stack([index[1:-2], index[2:-1]], axis=1) for index in surfaces if len(index) > 3]
-        else:
-            spans = [cloud.triangles]
-        varying, error, x, y = [one for one in amounts if isinstance(one, str)], 0.0, 0.0, 0.0
+            indices = (surfaces[name].index for name in model.prepared.boundaries.names[place])
+            spans += [np.stack([index[1:-2], index[2:-1]], axis=1) for index in indices if len(index) > 3]
+        varying, error, x, y = [one for one in amounts_of(load) if isinstance(one, str)], 0.0, 0.0, 0.0
         # Without a value at some node the load is refused when it is evaluated there.
         with suppress(ExpressionError):
             if varying and spans:

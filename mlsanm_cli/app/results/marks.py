@@ -10,13 +10,13 @@ import numpy as np
 
 from mlsanm_cli.app.output.parts import obstacle_shift, obstacles
 from mlsanm_cli.app.scene.assemble import SceneModel
+from mlsanm_cli.app.scene.load_profiles import amounts_of, table_of
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import (
     AnyLoad,
     BodyForce,
     Case,
     Centrifugal,
-    Displacement,
     ExpressionError,
     Force,
     ObstacleMotion,
@@ -133,7 +133,7 @@ def _acting(
         if place is not None:
             index, _ = _along(bodies[load.owner], place, 3)
             middle = shown[load.owner][index[len(index) // 2]]
-        force = load.total if isinstance(load, Force) else load.body_force
+        force = load.total if isinstance(load, Force) else amounts_of(load)
         yield middle, _numbers(force, middle), np.zeros(2)
     elif isinstance(load, ObstacleMotion):
         if load.obstacle in touching:
@@ -145,18 +145,12 @@ def _acting(
         yield shown[load.place.body][index[half]], _control(load), normals[half]
     elif not isinstance(load, Temperature):
         body, places = bodies[load.place.body], shown[load.place.body]
-        index, normals = _along(body, load.place, 7)
+        (index, normals), table = _along(body, load.place, 7), table_of(load)
         for point, normal, place in zip(places[index], normals, body.points[index], strict=True):
-            if isinstance(load, Pressure):
-                # A table is drawn as a positive pressure.
-                size = 1.0 if load.pressure is None else np.sign(_numbers([load.pressure], place)[0])
-                vector = -size * normal
-            elif isinstance(load, Displacement):
-                vector = _numbers(load.components, place)
-            elif load.traction is not None:
-                vector = _numbers(load.traction, place)
-            else:
-                vector = np.array(load.table)[:, 1:].mean(axis=0)
+            values = np.array(table)[:, 1:].mean(axis=0) if table else _numbers(amounts_of(load), place)
+            # The table of a pressure is drawn as a positive one.
+            pressure = -(1.0 if table else np.sign(values[0])) * normal
+            vector = pressure if isinstance(load, Pressure) else values
             yield point, vector, normal
 
 

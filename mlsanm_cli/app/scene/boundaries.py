@@ -177,9 +177,8 @@ def _cuts_of(
             raise CaseError((CaseProblem(f"{key}.to", message, hint="give two different points"),))
     for load in case.load:
         if isinstance(load, Pressure | Traction) and load.owner == body.name:
-            for profile in profiles(outlines[body.name], load):
-                run = profile.run
-                marks += [(run, (run.range[0] + jump) % run.starts[-1]) for jump in profile.jumps]
+            for run, _, jumps in profiles(outlines[body.name], load):
+                marks += [(run, (run.range[0] + jump) % run.starts[-1]) for jump in jumps]
     cuts: dict[int, list[float]] = {}
     for run, at in marks:
         pieces = zip(run.numbers, run.curves, run.starts, strict=False)

@@ -104,11 +104,11 @@ def varying_loads(domain: Domain) -> Iterator[Zone]:
     for load in domain.case.load:
         if not isinstance(load, Pressure | Traction | Displacement) or load.owner != domain.body.name:
             continue
-        for profile in profiles(domain.outline, load):
-            curve = profile.run.part
-            arc = np.linspace(0.0, curve.length, len(profile.values))
-            sizes = resolved_sizes(profile.values, curve.length, far)
-            marks = np.array([0.0, *profile.jumps, curve.length])
+        for run, values, jumps in profiles(domain.outline, load):
+            curve = run.part
+            arc = np.linspace(0.0, curve.length, len(values))
+            sizes = resolved_sizes(values, curve.length, far)
+            marks = np.array([0.0, *jumps, curve.length])
             for before, jump, after in zip(marks, marks[1:], marks[2:], strict=False):
                 apart = float(min(jump - before, after - jump))
                 least = apart / PER_PART_AT_ENDS

@@ -55,18 +55,15 @@ def contact_ranges(
     for pairing in pairings:
         for body, slave, _ in pairing.sides:
             touching[body] |= {part.name for part, _ in pairing.surface_of(slave).members}
-    ranges = {
-        pairing.name: _clear(case, models, pairing, held, touching, fixed)
-        for pairing in pairings
-        if pairing.slave.name not in held[pairing.slave_body]
-        and (pairing.master is None or pairing.master.name not in held[str(pairing.master_body)])
-    }
-    pairs = {pairing.name: pairing for pairing in pairings}
-    return {
-        name: replace(clear, pins=_pins(clear.facing, pairs[name], models, held_nodes))
-        for name, clear in ranges.items()
-        if clear is not None
-    }
+    ranges = {}
+    for pairing in pairings:
+        surfaces = [(pairing.surface_of(slave).name, body) for body, slave, _ in pairing.sides]
+        if not any(name in held[body] for name, body in surfaces):
+            clear = _clear(case, models, pairing, held, touching, fixed)
+            if clear is not None:
+                pins = _pins(clear.facing, pairing, models, held_nodes)
+                ranges[pairing.name] = replace(clear, pins=pins)
+    return ranges
 
 
 def _pins(
@@ -95,11 +92,11 @@ def directed(pairings: tuple[Pairing, ...], clear: Mapping[str, ContactRange]) -
     """The pairings with the directions of pressures on grids, and without candidates outside their ranges."""
     result = []
     for pairing in pairings:
-        if pairing.name in clear:
-            limits = clear[pairing.name]
+        limits = clear.get(pairing.name)
+        if limits is not None:
             s = limits.facing.locate(pairing.points)
-            candidate = limits.within(s) & pairing.candidate
-            candidate = candidate if candidate.sum() > 1 else pairing.candidate
+            within = limits.within(s) & pairing.candidate
+            candidate = within if within.sum() > 1 else pairing.candidate
             pairing = replace(pairing, normal=limits.facing.normal(s), candidate=candidate)
         result.append(pairing)
     return tuple(result)

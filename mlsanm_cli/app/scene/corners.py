@@ -90,7 +90,6 @@ def stretches_of(
     places, found = [k for k, begins in enumerate(cut) if begins or not k], []
     for k, after in pairwise([*places, len(parts)]):
         own = joined_surface(surface.name, parts[k:after], False)
-        names = {part.name for part in parts[k:after]}
         beyond = dict(continuations(model.cloud, own))
         # A straight continuation that is held is a corner of 180 degrees.
         smooth = tuple(place in beyond and beyond[place] not in held for place in (0, -1))
@@ -100,8 +99,8 @@ def stretches_of(
             SmoothPart(
                 first,
                 first + own.curve.length,
-                tuple(None if on else _corner(model, own, names, end, held) for end, on in ends),
-                tuple(None if on else _plane(model, own, names, end, held, fixed) for end, on in ends),
+                tuple(None if on else _corner(model, own, end, held) for end, on in ends),
+                tuple(None if on else _plane(model, own, end, held, fixed) for end, on in ends),
                 smooth,
                 tuple(on and beyond[-1 if end else 0] not in touching for end, on in ends),
             )
@@ -143,9 +142,8 @@ def ends_of(
     first, last = planes_of(model, surface, held)
     if first is not None and last is not None and copies_around(first, last) is None:
         last = None
-    own = {part.name for part, _ in surface.members}
     corners = [
-        _corner(model, surface, own, at_end, held) if plane is None and not surface.curve.closed else None
+        _corner(model, surface, at_end, held) if plane is None and not surface.curve.closed else None
         for at_end, plane in ((False, first), (True, last))
     ]
     return (first, last), (corners[0], corners[1])
@@ -155,19 +153,16 @@ def planes_of(model: BodyModel, surface: Surface, held: Restraints) -> Planes:
     """The planes of symmetry at both ends of a surface, whatever their motion."""
     if surface.curve.closed:
         return None, None
-    own = {part.name for part, _ in surface.members}
-    first, last = (_plane(model, surface, own, at_end, held, held) for at_end in (False, True))
+    first, last = (_plane(model, surface, at_end, held, held) for at_end in (False, True))
     return first, last
 
 
-def _corner(
-    model: BodyModel, surface: Surface, own: Collection[str], at_end: bool, held: Restraints
-) -> Corner | None:
+def _corner(model: BodyModel, surface: Surface, at_end: bool, held: Restraints) -> Corner | None:
     """The corner at one end of a surface, None if its fields are not known. They are if the adjacent face is
     free or clamped, or if both faces are straight and that of an isotropic body slides along a wall, for
     angles that are neither blunt nor very sharp."""
     face = _face(surface.curve, at_end)
-    for name, adjacent, other in _adjacent(model, face, surface.curve.length, own):
+    for name, adjacent, other in _adjacent(model, face, surface):
         clamped = held.get(name) == (True, True)
         sliding = name in held and not clamped
         if sliding and not (_straight(adjacent.curve) and _slides(other.along, held[name])):
@@ -195,19 +190,14 @@ def _corner(
 
 
 def _plane(
-    model: BodyModel,
-    surface: Surface,
-    own: Collection[str],
-    at_end: bool,
-    held: Restraints,
-    fixed: Collection[str],
+    model: BodyModel, surface: Surface, at_end: bool, held: Restraints, fixed: Collection[str]
 ) -> SymmetryPlane | None:
     """The plane of symmetry at one end of a surface, None if there is none: a straight side, held in its
     normal component at zero (``fixed``), that the surface meets at a right angle, with all of the body on one
     side. The angle may differ as that of splines through nodes does, by the square of their turn from node to
     node."""
     face = _face(surface.curve, at_end)
-    for name, adjacent, other in _adjacent(model, face, surface.curve.length, own):
+    for name, adjacent, other in _adjacent(model, face, surface):
         if name not in fixed or not _straight(adjacent.curve) or not _slides(other.along, held[name]):
             return None
         end = surface.index[-1 if at_end else 0]
@@ -223,17 +213,15 @@ def _plane(
     return None
 
 
-def _adjacent(
-    model: BodyModel, face: Face, length: float, own: Collection[str]
-) -> Iterator[tuple[str, Surface, Face]]:
-    """The surface, not one of its ``own``, that begins or ends at the tip of a face of some ``length``, and
-    its face there."""
-    for name, surface in model.cloud.surfaces.items():
-        if name not in own and not surface.curve.closed:
-            ends = [_face(surface.curve, at) for at in (False, True)]
+def _adjacent(model: BodyModel, face: Face, surface: Surface) -> Iterator[tuple[str, Surface, Face]]:
+    """The surface that begins or ends at the tip of a ``face`` of another one, and its face there."""
+    own = {part.name for part, _ in surface.members}
+    for name, adjacent in model.cloud.surfaces.items():
+        if name not in own and not adjacent.curve.closed:
+            ends = [_face(adjacent.curve, at) for at in (False, True)]
             other = min(ends, key=lambda end: abs(end.tip - face.tip))
-            if abs(other.tip - face.tip) <= ROUND_OFF * length:
-                yield name, surface, other
+            if abs(other.tip - face.tip) <= ROUND_OFF * surface.curve.length:
+                yield name, adjacent, other
 
 
 def _face(curve: Curve, at_end: bool) -> Face:

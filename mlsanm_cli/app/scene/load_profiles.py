@@ -46,6 +46,9 @@ Amounts = Sequence[float | str | None]
 """Numbers and expressions in x and y; None where nothing is given."""
 Table = tuple[tuple[float, ...], ...]
 """Rows of arc length and values, interpolated linearly."""
+Profile = tuple[BoundaryRun, FloatArray, tuple[float, ...]]
+"""Values (SAMPLES + 1, c) of a load, relative to the largest, at even steps along the part of a run, and the
+arc lengths of jumps along the part."""
 
 
 def amounts_of(load: AnyLoad) -> Amounts:
@@ -103,16 +106,6 @@ class AmountField:
             raise CaseError((CaseProblem(self.key, str(error)),)) from error
 
 
-@dataclass(frozen=True)
-class LoadProfile:
-    """``values`` (SAMPLES + 1, c) of a load, relative to the largest, at even steps along the part of a
-    ``run``, and the arc lengths of ``jumps`` along the part."""
-
-    run: BoundaryRun
-    values: FloatArray
-    jumps: tuple[float, ...]
-
-
 def runs_of(outline: Outline, place: Place) -> list[BoundaryRun]:
     """The runs of a place on the outline of its body. Loaded boundaries need not join."""
     groups = [place.edges] if place.ends else [(edge,) for edge in place.edges]
@@ -123,7 +116,7 @@ def runs_of(outline: Outline, place: Place) -> list[BoundaryRun]:
     ]
 
 
-def profiles(outline: Outline, load: Pressure | Traction | Displacement) -> tuple[LoadProfile, ...]:
+def profiles(outline: Outline, load: Pressure | Traction | Displacement) -> tuple[Profile, ...]:
     """The profiles of a load that varies along boundaries of its body's ``outline``; empty if an expression
     has no value."""
     expressions = tuple(amount for amount in amounts_of(load) if isinstance(amount, str))
@@ -134,7 +127,7 @@ def profiles(outline: Outline, load: Pressure | Traction | Displacement) -> tupl
 @lru_cache(maxsize=256)
 def _profiles(
     outline: Outline, place: Place, expressions: tuple[str, ...], table: Table
-) -> tuple[LoadProfile, ...]:
+) -> tuple[Profile, ...]:
     found, start = [], 0.0
     for run in runs_of(outline, place):
         curve = run.part
@@ -148,7 +141,7 @@ def _profiles(
             scale = float(np.abs(sampled).max())
             if scale > 0.0:
                 jumps = _jumps(values, arc, sampled, MIN_JUMP * scale)
-                found.append(LoadProfile(run, sampled / scale, jumps))
+                found.append((run, sampled / scale, jumps))
         except ExpressionError:
             # Reported when loads are evaluated at the nodes.
             return ()

@@ -110,7 +110,8 @@ def _on_boundary(
         message = f"goes from {table[0][0]:.6g} to {table[-1][0]:.6g}, the boundary from 0 to {length:.9g}"
         raise CaseError((CaseProblem(f"load.{load.name}.table", message),))
     nodal = any(body.has_nodes for body in boundaries.case.body if body.name == load.owner)
-    averaged = nodal and not held and any(one.jumps for one in profiles(boundaries.drawn[load.owner], load))
+    outline = boundaries.drawn[load.owner]
+    averaged = nodal and not held and any(jumps for _, _, jumps in profiles(outline, load))
     for surface, start in zip(surfaces, starts, strict=True):
         curve, between = surface.curve, None
 
