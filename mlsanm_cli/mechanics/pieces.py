@@ -244,6 +244,7 @@ class Pieces:
             return total
         # The difference from the mean, cell by cell.
         points, first, second = cloud.points, *corner_moments()
+        varying = np.zeros_like(total)
         for level, turn in product(self.levels, range(3)):
             corners = np.roll(cloud.triangles, -turn, axis=1)
             corners = corners[level[corners[:, 0]] >= 0]
@@ -257,8 +258,8 @@ class Pieces:
             moment = ((across @ second) * y).sum(axis=1) - ((along @ second) * x).sum(axis=1)
             for row, values in enumerate((x @ first, y @ first, moment)):
                 span = slice(row * self.count, (row + 1) * self.count)
-                total[span] += np.bincount(owner, area * values, self.count)
-        return total
+                varying[span] += np.bincount(owner, area * values, self.count)
+        return total + varying
 
     def gathered(self, nodes: IntArray, points: FloatArray, force: FloatArray) -> FloatArray:
         """Force and moment (3k, ...) on the pieces of ``nodes`` (e,) by forces (e, 2, ...) at ``points`` (e,
@@ -337,9 +338,12 @@ def reaction_rows(
 ) -> sparse.csr_array:
     """Rows (3, 2N) of force and moment about ``center`` of a held surface on its body, in ``held``
     components."""
-    points, normals, sums = _held_side(model, surface, held, center)
-    forces = (through or model.forces_through)(points, points[:, None], normals[:, None])
-    return sparse.csr_array(sums @ forces)
+    points, normals = _along(model.cloud, surface, Halves.of(surface, rule_of(model)))
+    forces, count = (through or model.forces_through)(points, points[:, None], normals[:, None]), len(points)
+    x, y = (points - np.array(center)).T
+    along, one, none = np.array(held, dtype=float), np.ones(count), np.zeros(count)
+    lines = [[one * along[0], none, none], [none, one * along[1], none], [-y * along[0], x * along[1], none]]
+    return sparse.csr_array(sparse.csr_array(np.stack([np.concatenate(line) for line in lines])) @ forces)
 
 
 def reaction_of(
@@ -350,18 +354,7 @@ def reaction_of(
     stress: Callable[[FloatArray], FloatArray],
 ) -> FloatArray:
     """The same force and moment (3,) for a ``stress`` function of points (g, 2), values (g, 3)."""
-    points, normals, sums = _held_side(model, surface, held, center)
-    x, y = traction_of(stress(points), normals).T
-    return np.asarray(sums @ np.concatenate([x, y, np.zeros(len(x))]))
-
-
-def _held_side(
-    model: BodyModel, surface: Surface, held: tuple[bool, bool], center: tuple[float, float]
-) -> tuple[FloatArray, FloatArray, sparse.csr_array]:
-    """Quadrature points (g, 2) of a surface, normals times weights (g, 2), and the sums (3, 3g) of forces x
-    and y there in ``held`` components and of their moments about ``center``."""
     points, normals = _along(model.cloud, surface, Halves.of(surface, rule_of(model)))
-    x, y = (points - np.array(center)).T
-    along, one, none = np.array(held, dtype=float), np.ones(len(points)), np.zeros(len(points))
-    lines = [[one * along[0], none, none], [none, one * along[1], none], [-y * along[0], x * along[1], none]]
-    return points, normals, sparse.csr_array(np.stack([np.concatenate(line) for line in lines]))
+    x, y = (traction_of(stress(points), normals) * np.array(held)).T
+    arm = points - np.array(center)
+    return np.array([x.sum(), y.sum(), arm[:, 0] @ y - arm[:, 1] @ x])
