@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mlsanm_cli.app.checks.references import HertzLine
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.continuation.roots import root
+from mlsanm_cli.continuation.series import root
 
 ComplexArray = NDArray[np.complex128]
 

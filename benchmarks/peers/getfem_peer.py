@@ -144,8 +144,7 @@ def newton(problem: str, arrays: Mesh, levels: int) -> tuple[Array, Array, Array
 def on_compliance(problem: str, arrays: Mesh, levels: int) -> tuple[Array, Array, Array]:
     """x, pressure and traction after all levels, by an active set on GetFEM's matrices."""
     import scipy.sparse as sparse
-    from activeset import equilibrium, start
-    from condense import Scene, condensed
+    from contact import Scene, condensed, equilibrium, start
 
     friction = FRICTION if problem in ("slip", "history") else 0.0
     bodies = meshes_of(arrays, patch=False)

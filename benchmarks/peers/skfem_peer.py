@@ -12,10 +12,8 @@ import sys
 
 import numpy as np
 import scipy.sparse as sparse
-from activeset import equilibrium, start
-from condense import Scene, condensed, sparse_steps
+from contact import Chain, Scene, condensed, couple, equilibrium, sparse_steps, start
 from meshes import Mesh, load
-from mortar import Chain, couple
 from numpy.typing import NDArray
 from scenes import FRICTION, HALF_WIDTH, POISSON, RADIUS, YOUNG, path, write_profile
 from skfem import Basis, ElementTriP2, ElementVector, MeshTri

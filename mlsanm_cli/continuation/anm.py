@@ -240,8 +240,7 @@ def _growth(before: tuple[float, float], after: tuple[float, float], power: floa
 
 
 def _next(a: float, ratio: float, power: float, low: float, high: float) -> float:
-    """Return the next length to try after ``a``, whose residual is ``ratio`` times the tolerance and grows as
-    ``a**power``."""
+    """Return the next length after ``a``; its residual, ``ratio`` tolerances, grows as ``a**power``."""
     if 0.0 < ratio < np.inf:
         trial = a * float(np.clip((_AIM / ratio) ** (1.0 / power), _SHRINK, _GROW))
     else:

@@ -173,8 +173,7 @@ def correct_end(
 
 
 def admissible_part(problem: Problem, x: FloatArray, lam: float, dx: FloatArray, dlam: float) -> float:
-    """Return the part of an update of an admissible point that stays in the admissible region: 1, a margin
-    before its boundary, or 0 if that is next to nothing."""
+    """Return the part of an update in the admissible region: 1, a margin before its boundary, or 0."""
 
     def inside(part: float) -> bool:
         return problem.admissible(x + part * dx, lam + part * dlam)

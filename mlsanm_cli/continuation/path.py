@@ -89,8 +89,7 @@ class Follower(ABC):
 
     @abstractmethod
     def _follow(self, here: ExpansionPoint, toward: tuple[FloatArray, float]) -> Iterator[Step]:
-        """Yield steps from the point ``here`` on, first in the direction ``toward``, until something raises
-        ``Stopped``."""
+        """Yield steps from ``here``, first ``toward`` a direction, until something raises ``Stopped``."""
 
     @property
     def reached(self) -> bool:

@@ -10,16 +10,16 @@ import re
 from collections import Counter
 from collections.abc import Iterator
 from copy import deepcopy
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.errors import GeometryError
 
-if TYPE_CHECKING:
-    import meshio
-
+Grid = tuple[FloatArray, list[tuple[str, IntArray, list[list[str]]]], dict[str, IntArray]]
+"""Points (p, 3), blocks of elements (kind, nodes (e, k) and names of the groups of each element), and sets of
+nodes."""
 _FACES = re.compile(r"(?:CP(?:S|E|EG)|SFM3D|M3D|R3D|STRI|S|DC2D|AC2D)([34689])[A-Z0-9]*")
 _FACE_KINDS = {"3": "triangle", "4": "quad", "6": "triangle6", "8": "quad8", "9": "quad9"}
 _LINE_KINDS = {
@@ -167,7 +167,7 @@ class _Scope:
                 self.element_sets.setdefault(name, []).append(number)
 
 
-def read_abaqus(text: str) -> meshio.Mesh:
+def read_abaqus(text: str) -> Grid:
     """The mesh of an input file, with sets of nodes and, for every instance, set and named list, of elements.
     Programs name every list of elements: a line that is in a set too is not in its list. Raises GeometryError
     with the number of the line."""
@@ -279,46 +279,30 @@ def _placed(section: _Section, parts: dict[str, _Scope]) -> _Scope:
     return instance
 
 
-def _merged(scopes: dict[str, _Scope]) -> meshio.Mesh:
-    """The mesh of all scopes: a block of cells for each of them and each kind of element."""
-    import meshio
-
+def _merged(scopes: dict[str, _Scope]) -> Grid:
+    """The mesh of all scopes: a block of elements for each of them and each kind of element."""
     points: list[FloatArray] = []
-    blocks: list[tuple[str, list[list[int]]]] = []
-    point_sets: dict[str, list[int]] = {}
-    members: dict[str, dict[int, list[int]]] = {}
+    blocks: list[tuple[str, IntArray, list[list[str]]]] = []
+    node_sets: dict[str, list[int]] = {}
     for title, scope in scopes.items():
         scope.name_surfaces({**scopes[""].surfaces, **scope.surfaces})
         row = {number: len(points) + k for k, number in enumerate(scope.nodes)}
         points += scope.nodes.values()
-        place, kinds = dict[int, tuple[int, int]](), dict[str, int]()
-        for number, (kind, nodes) in scope.elements.items():
-            block = kinds.setdefault(kind, len(blocks))
-            if block == len(blocks):
-                blocks.append((kind, []))
-            place[number] = block, len(blocks[block][1])
-            blocks[block][1].append([row[node] for node in nodes])
         for name, numbers in scope.node_sets.items():
-            point_sets.setdefault(name, []).extend(row[number] for number in numbers if number in row)
+            node_sets.setdefault(name, []).extend(row[number] for number in numbers if number in row)
         lines = {number for number, (kind, _) in scope.elements.items() if kind.startswith("line")}
         sets = {name: numbers for name, numbers in scope.element_sets.items() if name not in scope.listed}
         named = lines & {number for numbers in sets.values() for number in numbers}
-        groups = [
-            (name, numbers if name in sets else [number for number in numbers if number not in named])
-            for name, numbers in scope.element_sets.items()
-        ]
         # An instance is a group of faces; lines are in one group at most.
-        groups += [(title, [number for number in scope.elements if number not in lines])] if title else []
-        for name, numbers in groups:
-            for block, cell in (place[number] for number in dict.fromkeys(numbers) if number in place):
-                members.setdefault(name, {}).setdefault(block, []).append(cell)
-    cell_sets: dict[str, list[IntArray]] = {
-        name: [np.array(cells.get(block, ()), dtype=np.int64) for block in range(len(blocks))]
-        for name, cells in members.items()
-    }
-    return meshio.Mesh(
-        np.array(points).reshape(-1, 3),
-        [(kind, np.array(cells, dtype=np.int64)) for kind, cells in blocks],
-        point_sets={name: np.unique(np.array(rows, dtype=np.int64)) for name, rows in point_sets.items()},
-        cell_sets=cell_sets,
-    )
+        faces = {title: list(scope.elements.keys() - lines)} if title else {}
+        groups: dict[int, list[str]] = {number: [] for number in scope.elements}
+        for name, numbers in (*scope.element_sets.items(), *faces.items()):
+            for number in groups.keys() & numbers:
+                if name not in scope.listed or number not in named:
+                    groups[number].append(name)
+        for kind in dict.fromkeys(kind for kind, _ in scope.elements.values()):
+            chosen = [number for number, element in scope.elements.items() if element[0] == kind]
+            cells = [[row[node] for node in scope.elements[number][1]] for number in chosen]
+            blocks.append((kind, np.array(cells, dtype=np.int64), [groups[number] for number in chosen]))
+    rows = {name: np.unique(np.array(numbers, dtype=np.int64)) for name, numbers in node_sets.items()}
+    return np.array(points).reshape(-1, 3), blocks, rows

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.errors import GeometryError
-from mlsanm_cli.io.abaqus import read_abaqus
+from mlsanm_cli.io.abaqus import Grid, read_abaqus
 from mlsanm_cli.io.self_contained import bounded_unpacking, check_self_contained
 from mlsanm_cli.roundoff import ROUND_OFF
 
@@ -54,24 +54,22 @@ class MeshFile(NamedTuple):
 def read_mesh(path: Path, group: str | None = None) -> MeshFile:
     """The triangles and quads of a file, restricted to those of a ``group`` if one is named. Raises
     GeometryError for unreadable files, other elements, nodes out of plane and unknown groups."""
-    mesh = _read(path)
-    if not len(mesh.points):
+    points, blocks, node_sets = _read(path, with_faces=group is not None)
+    if not len(points):
         raise GeometryError("there are no nodes")
     faces, lines, known = [], [], dict[str, None]()
-    for number, block in enumerate(mesh.cells):
-        kind, cells = block.type, np.asarray(block.data, dtype=np.int64)
+    for kind, cells, groups in blocks:
         if kind not in (*_RINGS, *_LINES, "vertex"):
             hint = f"triangles and quads only: {', '.join(_RINGS)}"
             raise GeometryError(f'there are elements of type "{kind}"', hint)
-        if len(cells) and not 0 <= cells.min() <= cells.max() < len(mesh.points):
+        if len(cells) and not 0 <= cells.min() <= cells.max() < len(points):
             raise GeometryError("an element refers to a node that is not in the file")
         if kind in _RINGS:
-            groups = _groups(mesh, number, 2, len(cells)) if group is not None else []
             known |= dict.fromkeys(name for names in groups for name in names)
-            chosen = np.array([group in names for names in groups], dtype=bool)
+            chosen = [number for number, names in enumerate(groups) if group in names]
             faces.append((cells if group is None else cells[chosen], _RINGS[kind]))
         elif kind in _LINES:
-            lines.append((cells[:, _LINES[kind]], _groups(mesh, number, 1, len(cells))))
+            lines.append((cells[:, _LINES[kind]], groups))
     rings = tuple(cells[:, ring] for cells, ring in faces if len(cells))
     if not rings and group is None:
         raise GeometryError("there are no triangles or quads")
@@ -79,23 +77,29 @@ def read_mesh(path: Path, group: str | None = None) -> MeshFile:
         hint = f"groups: {', '.join(sorted(known)) or 'none'}"
         raise GeometryError(f'there is no group of elements "{group}"', hint)
     used = np.unique(np.concatenate([cells.ravel() for cells, _ in faces]))
-    number_of = np.full(len(mesh.points), -1, dtype=np.int64)
+    number_of = np.full(len(points), -1, dtype=np.int64)
     number_of[used] = np.arange(len(used))
-    sets = {_name(name): number_of[np.asarray(nodes, dtype=int)] for name, nodes in mesh.point_sets.items()}
-    if len(sets) < len(mesh.point_sets):
+    sets = {_name(name): number_of[np.asarray(nodes, dtype=int)] for name, nodes in node_sets.items()}
+    if len(sets) < len(node_sets):
         message = "the names of two node sets differ only in characters not allowed in boundary names"
         raise GeometryError(message)
     return MeshFile(
-        _plane(mesh.points, used),
+        _plane(points, used),
         tuple(number_of[ring] for ring in rings),
         *_edges([(number_of[chains], groups) for chains, groups in lines], whole=group is None),
         {name: nodes[nodes >= 0] for name, nodes in sets.items()},
     )
 
 
-def _read(path: Path) -> meshio.Mesh:
+def _read(path: Path, with_faces: bool) -> Grid:
+    """The mesh of a file; ``with_faces`` also the groups of faces, else those of lines only."""
     if path.suffix.lower() == ".inp":
-        return read_abaqus(path.read_text(encoding="utf-8", errors="replace"))
+        points, blocks, node_sets = read_abaqus(path.read_text(encoding="utf-8", errors="replace"))
+        return (
+            points,
+            [(kind, cells, [[*map(_name, one)] for one in names]) for kind, cells, names in blocks],
+            node_sets,
+        )
     import meshio
 
     output = io.StringIO()
@@ -111,13 +115,19 @@ def _read(path: Path) -> meshio.Mesh:
             warnings.simplefilter("ignore")
             # numpy only warns about truncated data.
             warnings.filterwarnings("error", message="string or file could not be read")
-            return meshio.read(path)
+            mesh = meshio.read(path)
     except GeometryError:
         raise
     except (Exception, SystemExit) as error:
         reason = " ".join(output.getvalue().split()) or str(error) or type(error).__name__
         hint = "Gmsh .msh 2.2 and 4.1, Abaqus .inp and VTU are known to work"
         raise GeometryError(f"meshio cannot read it: {reason}", hint) from error
+    blocks = []
+    for number, block in enumerate(mesh.cells):
+        kind, cells = block.type, np.asarray(block.data, dtype=np.int64)
+        named = kind in _LINES or (with_faces and kind in _RINGS)
+        blocks.append((kind, cells, _groups(mesh, number, 1 if kind in _LINES else 2) if named else []))
+    return mesh.points, blocks, mesh.point_sets
 
 
 @contextlib.contextmanager
@@ -159,7 +169,7 @@ def _plane(points: NDArray[Any], used: IntArray) -> FloatArray:
 
 
 def _edges(
-    lines: Sequence[tuple[IntArray, list[tuple[str, ...]]]], whole: bool
+    lines: Sequence[tuple[IntArray, list[list[str]]]], whole: bool
 ) -> tuple[IntArray, tuple[str, ...]]:
     """Edges (l, 2) of line elements, by blocks of their nodes (c, 2 or 3) and groups, with their names. Nodes
     of no face are -1; there are none if the ``whole`` file is read."""
@@ -176,10 +186,11 @@ def _edges(
     return np.concatenate(edges), tuple(names)
 
 
-def _groups(mesh: meshio.Mesh, block: int, dimension: int, count: int) -> list[tuple[str, ...]]:
-    """Names of the groups of each of the ``count`` cells of a block: Gmsh's physical groups, sets, or, where
-    there are neither, integers."""
-    groups: list[tuple[str, ...]] = [()] * count
+def _groups(mesh: meshio.Mesh, block: int, dimension: int) -> list[list[str]]:
+    """Names of the groups of each cell of a block: Gmsh's physical groups, sets, or, where there are neither,
+    integers."""
+    count = len(mesh.cells[block].data)
+    groups: list[list[str]] = [[] for _ in range(count)]
     sets = {
         name: cells[block]
         for name, cells in mesh.cell_sets.items()
@@ -202,14 +213,14 @@ def _groups(mesh: meshio.Mesh, block: int, dimension: int, count: int) -> list[t
         known = {int(tag): name for name, (tag, d) in mesh.field_data.items() if d == dimension}
         prefix = array.rpartition(":")[2]
         for cell, tag in enumerate(map(int, tags[block])):
-            groups[cell] = (_name(known.get(tag, f"{prefix}{tag}")),) if tag else ()
+            groups[cell] = [_name(known.get(tag, f"{prefix}{tag}"))] if tag else []
     # Of a cell in several physical groups meshio has one as its tag and all as sets.
     for name, cells in sets.items():
         for cell in map(int, cells):
             if not 0 <= cell < count:
                 raise GeometryError(f'the set "{name}" has an element that is not in the file')
             if _name(name) not in groups[cell]:
-                groups[cell] = (*groups[cell], _name(name))
+                groups[cell].append(_name(name))
     return groups
 
 

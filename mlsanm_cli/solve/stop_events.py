@@ -98,7 +98,7 @@ class StoppedPath:
             return found[place][0]
 
         if last - first > near and value > 0.0:
-            from mlsanm_cli.continuation.roots import root  # for few runs
+            from mlsanm_cli.continuation.series import root  # for few runs
 
             with suppress(LookupError):
                 root(beyond, first, last, near)

@@ -141,7 +141,7 @@ def test_supports_of_a_coarse_plate_that_leave_it_free(tmp_path: Path) -> None:
     assert outcome.sound, outcome.err
 
 
-@pytest.mark.parametrize(("seed", "law"), [(28, "exact"), (56, "hyperbolic")])
+@pytest.mark.parametrize(("seed", "law"), [(28, "exact"), (4, "hyperbolic")])
 def test_random_scenes_with_friction_end_well_or_say_why(tmp_path: Path, seed: int, law: str) -> None:
     options = ["output.vtu=false", "output.fields=[]"]
     options += ["contact.interface.accuracy=0.1"] if law == "exact" else []

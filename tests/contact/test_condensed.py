@@ -7,13 +7,12 @@ import pytest
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.geometry.transfer import surface_fit
 from mlsanm_cli.contact.response.coercivity import (
     constrained_resistance,
     contact_stability,
     relative_resistance,
 )
-from mlsanm_cli.contact.response.nodal import _on_pieces, relative_rows
+from mlsanm_cli.contact.response.nodal import _on_pieces, relative_rows, surface_fit
 from mlsanm_cli.contact.response.short_waves import FIT_WINDOW
 from tests.contact.scenes import Small, cylinder
 
@@ -190,14 +189,6 @@ def test_certificate_of_the_half_plane_itself_is_one(nodes: int) -> None:
     compliance = np.real(np.fft.ifft(symbol[:, None] * np.fft.fft(np.eye(nodes), axis=0), axis=0))
     value = relative_resistance(np.full(nodes, 1.0 / nodes), np.eye(nodes) / 3.0, compliance)
     assert value == pytest.approx(1.0)
-
-
-def test_a_grain_along_the_surface_does_not_look_unsound() -> None:
-    # Along the grain a half-plane resists ten times as much as across, and normal and tangent are coupled.
-    own = np.array([[1.0, 0.1], [0.1, 0.1]])
-    waves = np.diag([2.0, 1.0, 0.5])
-    value = relative_resistance(np.ones(6), np.kron(own, np.eye(3)), np.kron(own, waves) * 2.0 / np.pi)
-    assert value == pytest.approx(0.5)
 
 
 def test_gaps_of_the_wrong_sign_do_not_pass(forced: Small, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.polynomial.legendre import leggauss
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.geometry.grid import MAX_RATIO, Hats, chebyshev, lagrange, on_panels
+from mlsanm_cli.contact.geometry.grid import MAX_RATIO, Hats, on_panels
 from mlsanm_cli.contact.geometry.hat_pairs import HatPairs
 from mlsanm_cli.contact.geometry.profile import THRESHOLD, half_width
 from mlsanm_cli.solve.grid_ranges import spaced_apart
@@ -117,14 +117,6 @@ def test_pressures_of_no_net_force_do_work() -> None:
     assert np.linalg.eigvalsh(free.T @ found @ free).min() > 0.0
 
 
-def test_hats_integrate_polynomials() -> None:
-    hats = GRADED
-    assert hats.integrals @ np.ones(len(hats.points)) == pytest.approx(hats.weight, rel=1e-13)
-    # A hat's center of mass is the mean of its three nodes.
-    middle = (hats.nodes[:-2] + hats.nodes[1:-1] + hats.nodes[2:]) / 3.0
-    assert hats.at_places(hats.points[:, None])[:, 0] == pytest.approx(middle, rel=1e-12)
-
-
 @given(
     seed=st.integers(0, 1000), count=st.integers(3, 30), rounds=st.integers(1, 4), part=st.floats(0.05, 0.9)
 )
@@ -172,29 +164,6 @@ def test_estimated_errors_of_hertz_pressures(accuracy: float) -> None:
     assert len(hats.place) <= 400
     assert 0.5 <= float(np.linalg.norm(errors)) / true <= 2.0
     assert hats.norm(values) == pytest.approx(np.sqrt(4.0 / 3.0), rel=accuracy)
-
-
-def test_estimates_of_parabolas_are_exact() -> None:
-    hats = Hats(np.linspace(0.0, 1.0, 21))
-    x, h = hats.place, 0.05
-    errors = hats.errors(x * (1.0 - x))
-    # p'' = -2: h^(5/2) 2 / sqrt(120) on every interval.
-    assert errors == pytest.approx(np.full(20, 2.0 * h**2.5 / np.sqrt(120.0)), rel=1e-10)
-
-
-@given(count=st.integers(2, 24), low=st.floats(-5.0, 5.0), size=st.floats(0.1, 10.0))
-def test_polynomials_through_samples(count: int, low: float, size: float) -> None:
-    nodes = chebyshev(low, low + size, count)
-    assert (np.diff(nodes) > 0.0).all()
-    places = np.append(np.linspace(low, low + size, 17), nodes[0])
-    coefficients = np.random.default_rng(count).uniform(-1.0, 1.0, count)
-
-    def polynomial(s: FloatArray) -> FloatArray:
-        return np.asarray(
-            np.polynomial.chebyshev.chebval(2.0 * (s - low) / size - 1.0, coefficients), dtype=np.float64
-        )
-
-    assert lagrange(places, nodes) @ polynomial(nodes) == pytest.approx(polynomial(places), abs=1e-8)
 
 
 def test_panels_stand_for_places_towards_a_corner() -> None:

@@ -10,9 +10,7 @@ import pytest
 from mlsanm_cli.contact.laws.contact_state import ContactState, residual
 from mlsanm_cli.contact.laws.coulomb import (
     event_driven_path,
-    increment,
     start,
-    unloaded,
 )
 from mlsanm_cli.contact.laws.failures import SlidingError
 from tests.contact.friction import HalfPlanes, half_planes
@@ -93,24 +91,6 @@ def test_an_event_takes_one_new_system(planes: HalfPlanes) -> None:
     assert sum(event.solves for event in events) <= 1.2 * len(events)
 
 
-def test_small_increments_tend_to_it() -> None:
-    planes = half_planes(40, 0.3, 0.2, 0.0003)
-    targets = (PRESSED, UP, TURNED)
-    exact = planes.event_driven_path(*targets)[-1].traction
-    errors = []
-    for count in (5, 20, 80):
-        state: ContactState = unloaded(planes.condensed, np.zeros(2))
-        for target in targets:
-            begin = state.factors
-            for part in np.linspace(0.0, 1.0, count + 1)[1:]:
-                found = increment(planes.condensed, state, begin + part * (np.array(target) - begin))
-                assert found is not None
-                state = found
-        errors.append(difference(state.traction, exact, exact))
-    assert errors[2] < 0.6 * errors[1] < 0.6 * errors[0]
-    assert errors[2] <= 0.02
-
-
 def test_sliding_as_a_whole_is_named() -> None:
     planes = half_planes(60)
     state = planes.event_driven_path(PRESSED)[0]
@@ -120,14 +100,6 @@ def test_sliding_as_a_whole_is_named() -> None:
     # The load factor of the shear force is relative to mu P.
     assert caught.value.fraction * 1.25 == pytest.approx(1.0, abs=1e-9)
     assert events[-1].fraction == caught.value.fraction
-
-
-def test_an_overlap_as_drawn_pushes_apart() -> None:
-    planes = half_planes(40)
-    lower = replace(planes.condensed.gap, constant=planes.condensed.gap.constant - 1e-4)
-    event = start(replace(planes.condensed, gap=lower), np.zeros(2))
-    assert residual(replace(planes.condensed, gap=lower), event) <= 1e-9
-    assert event.motion[0] == pytest.approx(1e-4, rel=0.02)
 
 
 def test_a_guided_plate_backs_out_of_an_inclined_overlap_without_friction() -> None:

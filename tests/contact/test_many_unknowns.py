@@ -70,13 +70,6 @@ def test_clusters_are_as_exact_as_pairs(curvature: float) -> None:
     assert apart(found.diagonal(), expected.diagonal()) <= 1e-10
 
 
-def test_parts_of_a_compressed_matrix_are_those_of_the_array() -> None:
-    found = matrix(uneven(400))
-    whole = np.asarray(found)
-    rows, columns = np.array([3, 50, 51, 399]), np.array([0, 120, 398])
-    assert apart(found[np.ix_(rows, columns)], whole[np.ix_(rows, columns)]) <= 1e-12
-
-
 def test_many_places_carry_what_hertz_says() -> None:
     # Gap x^2 / 2 and -0.3 ln|s - s'|, which is 2 / (pi E*): a^2 = 0.6 P, peak 2 P / (pi a).
     hats = Hats(np.linspace(-1.0, 1.0, 3002))

@@ -8,9 +8,9 @@ import pytest
 from mlsanm_cli.app.checks.references import HertzLine
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.profile import half_width
-from mlsanm_cli.contact.geometry.transfer import transfer
 from mlsanm_cli.contact.laws.contact_state import ContactState
 from mlsanm_cli.contact.response.coercivity import contact_stability
+from mlsanm_cli.contact.response.nodal import transfer
 from tests.contact.scenes import Small, blocks, blocks_text, build, cylinder
 
 RATIOS = [0.5, 0.73, 1.37, 2.0]

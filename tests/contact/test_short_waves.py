@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -11,14 +10,12 @@ import pytest
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.grid import chebyshev
-from mlsanm_cli.contact.geometry.transfer import surface_fit
 from mlsanm_cli.contact.laws.coulomb import increment, unloaded
 from mlsanm_cli.contact.response import condensation
+from mlsanm_cli.contact.response.basis import plain_smoothing
 from mlsanm_cli.contact.response.coercivity import contact_stability
-from mlsanm_cli.contact.response.drivers import Drivers
-from mlsanm_cli.contact.response.linear_map import LinearMap
-from mlsanm_cli.contact.response.short_waves import FIT_WINDOW, correct_short_waves
-from mlsanm_cli.contact.response.smoothing import plain_smoothing
+from mlsanm_cli.contact.response.nodal import surface_fit
+from mlsanm_cli.contact.response.short_waves import FIT_WINDOW
 from tests.case_text import annulus, body, contact, head, item, load, material, support, table
 from tests.contact.scenes import Small, build, cylinder
 
@@ -74,13 +71,6 @@ def test_alternating_tractions_meet_the_half_plane() -> None:
     assert amplitude[1] == pytest.approx(1.8 * expected, rel=0.4)
 
 
-def test_smooth_tractions_hardly_notice() -> None:
-    raw, kept = (small(flag).condensed.slip.traction for flag in (False, True))
-    arc = small(True).pairing.arc[small(True).pairing.candidate]
-    t = np.cos(2.0 * np.pi * (arc - arc.mean()) / np.ptp(arc))
-    assert np.abs(middle(kept @ t - raw @ t)).max() <= 0.02 * np.abs(raw @ t).max()
-
-
 def test_slips_and_gaps_follow_the_local_fit() -> None:
     raw, kept = (small(flag).condensed for flag in (False, True))
     arc, fit = small(True).pairing.arc[small(True).pairing.candidate], fit_of(small(True))
@@ -111,25 +101,6 @@ def test_degree_4_resists_where_spacings_grow_along_the_contact() -> None:
     one = cylinder(0.006, *settings)
     bearing = np.abs(one.coordinate) <= 0.05
     assert 0.2 <= contact_stability(one.condensed, bearing) <= 2.0
-
-
-def test_contacts_keep_to_themselves() -> None:
-    pairing = small(True).pairing
-    m = len(small(True).condensed.weight)
-    eye, nothing = np.eye(2 * m), np.zeros((2 * m, 0))
-    gap = LinearMap(np.zeros(2 * m), np.zeros((2 * m, 1)), nothing, eye, eye)
-    slip = LinearMap(np.zeros(2 * m), np.zeros((2 * m, 1)), nothing, eye, 0.0 * eye)
-    drivers = Drivers(1, 0, (replace(pairing, name="first", friction=np.inf), pairing))
-    half_planes = {name: np.ones((m, 2, 2)) for name in ("first", pairing.name)}
-    gaps, both, _ = correct_short_waves(gap, slip, drivers, half_planes)
-    assert (both.pressure[:m] == eye[:m]).all()
-    assert (both.pressure[:, :m] == eye[:, :m]).all()
-    assert np.abs(both.pressure[m:] - eye[m:])[:, m:].max() > 0.1
-    assert (both.traction[:m] == 0.0).all()
-    assert (both.traction[:, :m] == 0.0).all()
-    assert np.abs(both.traction[m:, m:]).max() > 0.0
-    assert (gaps.traction[:, :m] == eye[:, :m]).all()
-    assert np.abs(gaps.traction[:, m:] - eye[:, m:]).max() > 0.1
 
 
 def test_materials_answer_along_their_own_directions() -> None:

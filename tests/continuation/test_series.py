@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.continuation import Branch, FloatArray
-from mlsanm_cli.continuation.roots import root
-from mlsanm_cli.continuation.series import denominator, nearest_pole
+from mlsanm_cli.continuation.series import denominator, nearest_pole, root
 
 
 def polynomial(*lam: float, length: float = 1.0) -> Branch:

@@ -119,8 +119,7 @@ def _rotated(body: FiniteBody, rows: FloatArray, angle: float) -> FloatArray:
 
 
 def missed_alone(projector: Projector, displacement: FloatArray, factors: FloatArray) -> Missing:
-    """Of the ``displacement`` (2N,) of a body without contact at load ``factors`` (L,). Raises NumericalError
-    or LinAlgError."""
+    """Of the ``displacement`` (2N,) of a body without contact. Raises NumericalError or LinAlgError."""
     left, none = BodySeries.at(_next(projector.body), displacement, factors).rows(0), np.zeros(0)
     left = projector.scaled(left)
     return Missing(-projector.factorised(displacement, factors).solve(left), none, none)
@@ -170,21 +169,18 @@ def missing_figures(scene: FiniteScene, state: State, missing: Missing) -> dict[
     """Estimated errors of a state for summary.json by what its fits are ``missing``: of all displacements
     (root mean square), and by contact of the pressures (L2 norm) and of the force over the largest one."""
     size = float(np.linalg.norm(state.displacement))
-    found: dict[str, Any] = {
-        "displacement": float(np.linalg.norm(missing.displacement)) / size if size else None
-    }
+    part = float(np.linalg.norm(missing.displacement)) / size if size else None
+    found: dict[str, Any] = {"displacement": part}
     if not scene.in_increments:
         return found
     pressure, force = {}, {}
     for contact, here, there in scene.contacts.each:
         weight = contact.slave.weight
-        tractions = (
-            one[there].reshape(-1, 2)[: len(weight)] for one in (state.side_traction, missing.traction)
-        )
+        both = (one[there].reshape(-1, 2)[: len(weight)] for one in (state.side_traction, missing.traction))
         if state.pressure[here].any():
-            part = weight @ missing.pressure[here] ** 2 / (weight @ state.pressure[here] ** 2)
-            pressure[contact.name] = float(np.sqrt(part))
-            force[contact.name] = [float(np.hypot(*(weight @ one))) for one in tractions]
+            square = weight @ missing.pressure[here] ** 2 / (weight @ state.pressure[here] ** 2)
+            pressure[contact.name] = float(np.sqrt(square))
+            force[contact.name] = [float(np.hypot(*(weight @ one))) for one in both]
     largest = max((whole for whole, _ in force.values()), default=0.0)
     return found | {
         "pressure": pressure,

@@ -220,8 +220,7 @@ class FiniteEnd:
 
 
 def energy_estimate(end: FiniteEnd) -> Iterator[Check]:
-    """Estimated error of the energy by residuals, with the place of its largest contribution, or that most of
-    it is due to residuals kept by equations."""
+    """Estimated error of the energy by residuals: where it is largest, or that equations keep most of it."""
     estimate = end.errors["energy"]
     if estimate <= level("energy_estimate"):
         yield Check("energy_estimate", estimate, "")

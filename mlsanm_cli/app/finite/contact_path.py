@@ -274,8 +274,7 @@ class _Path:
         start: FiniteContactState | None = None,
         earlier: FiniteContactState | None = None,
     ) -> FiniteContactState | None:
-        """The state at a ``position``, searched from the present one or another ``start``, after the present
-        one or an ``earlier`` one."""
+        """The state at a ``position``, searched from ``start`` or the present one, after ``earlier``."""
         begin, tolerance, found = earlier or self.now, self._scene.case.solver.tolerance, None
         if self._coarse:
             tolerance = max(tolerance, COARSE_TOLERANCE)
@@ -331,8 +330,7 @@ class _Path:
         )
 
     def finished(self, state: State, length: float, saved: tuple[State, ...]) -> PathStep:
-        """The step that ends in a state, with its counters. Equations far from their expansion point are
-        renewed."""
+        """The step that ends in a state. Equations far from their expansion point are renewed."""
         renewed, kept, self._fresh = False, self._kept(state.side_traction), frozenset()
         for name, (body, own, acting) in self._scene.loaded(state).items():
             base_state = self._projectors[name].base_state

@@ -105,8 +105,7 @@ def probe_values(scene: FiniteScene, state: State) -> dict[str, dict[str, Any]]:
 
 
 class SceneForces:
-    """Forces of a state on the ``bodies`` by name, and those (2,) of every contact on its slave and its
-    master."""
+    """Forces of a state on the ``bodies``, and those (2,) of every contact on its slave and its master."""
 
     def __init__(self, scene: FiniteScene, state: State) -> None:
         self.bodies = {name: Forces(*one) for name, one in scene.loaded(state).items()}
@@ -165,8 +164,7 @@ def resultants(scene: FiniteScene, forces: SceneForces) -> dict[str, FloatArray]
 
 
 def contact_values(scene: FiniteScene, state: State) -> dict[str, dict[str, Any]]:
-    """Pressures and tractions per deformed length, gaps, slips, status and dissipated work of every
-    contact."""
+    """Pressures and tractions per deformed length, gaps, slips, status and work of every contact."""
     values = {}
     for contact, here, there in scene.contacts.each:
         slave = contact.slave

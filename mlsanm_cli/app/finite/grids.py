@@ -85,8 +85,7 @@ class Sizes:
 
 
 def knots(nodes: SideNodes, sizes: Sizes) -> FloatArray:
-    """Arc lengths (g,) of knots on a side: its corners, the marks, and between them as many as sizes ask
-    for."""
+    """Arc lengths (g,) of knots on a side: corners, marks, and as many between them as sizes ask for."""
     first, last = float(nodes.ends[0]), float(nodes.ends[-1])
     fixed = np.unique([first, last, *nodes.arc[list(nodes.corners)]])
     marks = sizes.marks[np.argsort(sizes.marks[:, 1])]

@@ -41,10 +41,8 @@ def excess(
             ratios.append(float(np.abs(found.slip[here][closed]).max()) / (MAX_SLIP * width))
     if work is not None:
         weight, part = scene.contacts.weight, (reached - position) / (int(position) + 1.0 - position)
-        last, mean = (
-            dissipated(scene, now, found, pressure)
-            for pressure in (found.pressure, 0.5 * (found.pressure + now.pressure))
-        )
+        pressures = found.pressure, 0.5 * (found.pressure + now.pressure)
+        last, mean = (dissipated(scene, now, found, one) for one in pressures)
         ahead = float(weight @ (work + mean / part))
         change = float(weight @ np.abs(last - mean))
         ratios.append(change / (MAX_WORK_CHANGE * ahead) if ahead > 0.0 else 0.0)

@@ -25,7 +25,7 @@ from mlsanm_cli.continuation import (
 )
 from mlsanm_cli.continuation.corrector import Correction, iterate
 from mlsanm_cli.continuation.problem import SingularTangentError
-from mlsanm_cli.continuation.roots import root
+from mlsanm_cli.continuation.series import root
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.body import far_from
 from mlsanm_cli.mechanics.finite.projector import FiniteProblem
@@ -62,19 +62,18 @@ def finite_path(
     are saved.
 
     NumericalError if the path cannot be continued, if det F <= 0, or if the law has lost ellipticity."""
-    most, begun, steps, path = scene.case.solver.max_steps, 0, 0, _Path(scene, renewals)
+    most, steps, path = scene.case.solver.max_steps, 0, _Path(scene, renewals)
     wanted = sorted({*(scene.case.output.at or [float(len(scene.stages) - 1)]), *at})
     if checkpoint is None:
         first = State(0.0, scene.stages[0], displacement=path.x)
         start = Checkpoint(first, {"base_state": path.x})
         yield PathStep(first, (first,) if 0.0 in wanted else (), checkpoint=start)
-    elif checkpoint.heading.size:
-        begun = int(checkpoint.history["stage"])
-        path.take_up_equations(checkpoint)
-    for stage in range(begun, len(scene.stages) - 1):
+    goes_on = checkpoint if checkpoint is not None and checkpoint.heading.size else None
+    for stage in range(int(goes_on.history["stage"]) if goes_on is not None else 0, len(scene.stages) - 1):
         path.begin(stage, [position - stage for position in wanted if stage < position <= stage + 1])
-        if checkpoint is not None and stage == begun and checkpoint.heading.size:
-            path.take_up(checkpoint, [position - stage for position in at if stage < position <= stage + 1])
+        if goes_on is not None:
+            path.take_up(goes_on, [position - stage for position in at if stage < position <= stage + 1])
+            goes_on = None
         for step in path.steps():
             steps += 1
             if steps > most:
@@ -119,20 +118,16 @@ class _Path:
         if self._given is not None:
             self._renewals = [one for one in self._given if stage < one.position < stage + 1]
 
-    def take_up_equations(self, checkpoint: Checkpoint) -> None:
-        """Use the equations that the state of a checkpoint solves."""
-        self.x, history = checkpoint.state.displacement, checkpoint.history
-        start, name = replace(self._problem, start=checkpoint.state.factors), self._scene.alone[0]
+    def take_up(self, checkpoint: Checkpoint, more: list[float]) -> None:
+        """Continue from a checkpoint within the stage, with ``more`` levels and the equations that its state
+        solves."""
+        self.x, history, heading = checkpoint.state.displacement, checkpoint.history, checkpoint.heading
+        self._lam, name = float(history["lam"]), self._scene.alone[0]
         for keeps in (False, True):
             projector = self._scene.projector(name, history["base_state"], history["acting"], keeps)
-            self._problem = replace(start, projector=projector)
-            if np.abs(self._problem.residual(self.x, 0.0)).max() <= self._options.tolerance:
+            self._problem = replace(self._problem, projector=projector)
+            if np.abs(self._problem.residual(self.x, self._lam)).max() <= self._options.tolerance:
                 break
-
-    def take_up(self, checkpoint: Checkpoint, more: list[float]) -> None:
-        """Continue from a checkpoint within the stage, with ``more`` levels."""
-        history, heading = checkpoint.history, checkpoint.heading
-        self._lam = float(history["lam"])
         x, lam = np.stack([self.x, heading[:-1]]), np.array([self._lam, heading[-1]])
         self._previous = Branch(x, lam, checkpoint.pace)
         self._levels = sorted({*history["levels"].tolist(), *more})
@@ -183,8 +178,7 @@ class _Path:
         return [one.position - self._stage for one in (self._renewals or ())[:1]]
 
     def _is_left(self, x: FloatArray, lam: float) -> bool:
-        """Whether the equations are renewed at a state ``x`` (2N,), the end of a step, before the path goes
-        on."""
+        """Whether the equations are renewed at a state ``x`` (2N,), the end of a step."""
         if lam == 1.0:
             return False
         projector = self._problem.projector

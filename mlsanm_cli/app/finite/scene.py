@@ -148,8 +148,7 @@ class FiniteScene:
 
     @cached_property
     def upright(self) -> Mapping[str, list[SideNodes]]:
-        """Sides, by body, that initially touch an obstacle with friction up to both corners; only of bodies
-        that are not loose."""
+        """Sides of held bodies that initially touch an obstacle with friction up to both corners."""
         found: dict[str, list[SideNodes]] = {}
         loose = {one.body for one in self.contacts.loose if one.count}
         for contact in self.contacts.pairs:
@@ -220,8 +219,7 @@ def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
 
 
 def _contact(case: Case, prepared: SceneModel, number: int, motions: Contacts) -> AnyContact:
-    """Contact ``number``, of a side with that of another body or a rigid obstacle, with its unknown
-    motions."""
+    """Contact ``number``, with another body or a rigid obstacle, with its unknown motions."""
     pairing = prepared.pairings[number]
     found = next(one for one in case.contact if one.name == pairing.name)
     slave = _side(prepared, pairing.slave_body, pairing.slave)

@@ -150,11 +150,11 @@ def prepare(
             raise
         # The resisting part of a surface, for instance a chamfer, may lie outside the ranges.
         return prepare(boundaries, clouds, memo, before, grids=False)
-    notes = [*_support_notes(case, clouds), *free.notes]
+    probes, notes = _observed(case, clouds)
+    notes += free.notes
     if not small:
         reaching = [contact.name for contact in case.contact if contact.reach != "auto"]
         notes += [f"contact.{name}.reach has no effect at finite strain" for name in reaching]
-    probes = _probes(case, clouds)
     return SceneModel(
         boundaries, models, pairings, held, held_nodes, loads, probes, free, tuple(notes), ranges
     )
@@ -285,9 +285,10 @@ def _nearest(cloud: Cloud, point: tuple[float, float]) -> int:
     return int(np.flatnonzero(away <= away.min() + ROUND_OFF * cloud.spacing.min())[0])
 
 
-def _support_notes(case: Case, clouds: Mapping[str, Cloud]) -> list[str]:
-    """Notes on supports whose node is not at the given point. CaseError if that is outside the body."""
-    notes, problems = [], []
+def _observed(case: Case, clouds: Mapping[str, Cloud]) -> tuple[tuple[Probe, ...], list[str]]:
+    """The probes, and notes on supports whose node is not at the given point. CaseError for points outside
+    their body."""
+    probes, notes, problems = list[Probe](), list[str](), list[CaseProblem]()
     for number, support in enumerate(case.support):
         if support.body is None or support.near is None:
             continue
@@ -303,22 +304,14 @@ def _support_notes(case: Case, clouds: Mapping[str, Cloud]) -> list[str]:
         elif away > MAX_SUPPORT_OFFSET * cloud.spacing[node]:
             near = f"the support of {support.body} near {place}"
             notes.append(f"{near} fixes the node at ({x:g}, {y:g}), {away:.3g} away")
-    if problems:
-        raise CaseError(tuple(problems))
-    return notes
-
-
-def _probes(case: Case, clouds: Mapping[str, Cloud]) -> tuple[Probe, ...]:
-    probes, problems = [], []
     for probe in case.probe:
         point = np.array([probe.point])
         # Points on inclined sides are given to the digits that are written.
         if not clouds[probe.body].contains(point, COARSE_ROUND_OFF)[0]:
-            x, y = probe.point
-            message = f'({x:g}, {y:g}) lies outside body "{probe.body}"'
+            message = f'({probe.point[0]:g}, {probe.point[1]:g}) lies outside body "{probe.body}"'
             hint = "give coordinates of the undeformed body"
             problems.append(CaseProblem(f"probe.{probe.name}.point", message, hint=hint))
         probes.append(Probe(probe.name, probe.body, point))
     if problems:
         raise CaseError(tuple(problems))
-    return tuple(probes)
+    return tuple(probes), notes

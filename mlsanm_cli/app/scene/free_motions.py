@@ -23,7 +23,7 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.joined import normals_towards
 from mlsanm_cli.contact.geometry.facing import turned
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.response.walls import resultant
+from mlsanm_cli.contact.response.near_field_response import resultant
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics.rigid import ROTATION, independent_rows, rigid_pattern
 from mlsanm_cli.mechanics.scene import RigidConstraint, RigidMotion

@@ -57,8 +57,8 @@ def memory_mb(case: Case, nodes: Mapping[str, float], stencil: int | None = None
 
 
 def refuse_too_large(boundaries: Boundaries) -> tuple[float, float]:
-    """Estimated nodes and memory (MB). Raises CaseError, for the key that causes the size, if the scene would
-    not fit in memory."""
+    """Estimated nodes and memory (MB). Raises CaseError, for the key that causes the size (the neighbours,
+    else the spacing or refinement of the largest body), if the scene would not fit in memory."""
     case, nodes = boundaries.case, node_counts(boundaries)
     memory, room = memory_mb(case, nodes), physical_memory_mb()
     if memory > room:
@@ -67,7 +67,19 @@ def refuse_too_large(boundaries: Boundaries) -> tuple[float, float]:
             f"the scene needs about {memory / 1024:.3g} GB of memory, the machine has "
             f"{room / 1024:.3g} GB (nodes: {counts})"
         )
-        key, hint = _cause(boundaries, nodes, room)
+        usual = replace(mls_settings(case), neighbors=None).stencil_size
+        if memory_mb(case, nodes, usual) <= room:
+            raise CaseError((CaseProblem("mls.neighbors", message, hint=f'"auto" takes {usual}'),))
+        body = max(case.body, key=lambda body: nodes[body.name])
+        key, hint = f"body.{body.name}.shape.file", "use a coarser mesh"
+        if not body.has_nodes:
+            hint = "use larger spacings, smaller refinement radii or a larger growth"
+            even = Spacing(spacing_of(boundaries, body).far)
+            coarse = estimate_nodes(boundaries.outline(body.name), even, COUNT_LIMIT)
+            key = f"body.{body.name}.spacing"
+            if body.refine and coarse < 0.5 * nodes[body.name]:
+                finest = min(range(len(body.refine)), key=lambda index: body.refine[index].spacing)
+                key = f"body.{body.name}.refine.{finest}.spacing"
         raise CaseError((CaseProblem(key, message, hint=hint),))
     return sum(nodes.values()), memory
 
@@ -84,24 +96,6 @@ def refuse_too_many_contacts(case: Case, pairings: Sequence[Pairing]) -> None:
         )
         hint = f"use larger spacings along {next(c.names[0] for c in case.contact if c.name == name)}"
         raise CaseError((CaseProblem(f"contact.{name}", message, hint=hint),))
-
-
-def _cause(boundaries: Boundaries, nodes: Mapping[str, float], room: float) -> tuple[str, str]:
-    """The key to change, and a hint."""
-    case = boundaries.case
-    usual = replace(mls_settings(case), neighbors=None).stencil_size
-    if memory_mb(case, nodes, usual) <= room:
-        return "mls.neighbors", f'"auto" takes {usual}'
-    body = max(case.body, key=lambda body: nodes[body.name])
-    if body.has_nodes:
-        return f"body.{body.name}.shape.file", "use a coarser mesh"
-    hint = "use larger spacings, smaller refinement radii or a larger growth"
-    far = spacing_of(boundaries, body).far
-    even = estimate_nodes(boundaries.outline(body.name), Spacing(far), COUNT_LIMIT)
-    if even >= 0.5 * nodes[body.name] or not body.refine:
-        return f"body.{body.name}.spacing", hint
-    finest = min(range(len(body.refine)), key=lambda index: body.refine[index].spacing)
-    return f"body.{body.name}.refine.{finest}.spacing", hint
 
 
 START, STAGE = 0.8, 0.1

@@ -154,13 +154,12 @@ def increment(
     free: FloatArray,
     lam: float,
     *starts: ContactStatus,
-    allowed: Changes | None = None,
     pivoting: bool = True,
 ) -> State | None:
     """The state with ``free`` rows (N,) at ``lam`` after a jump, with slips opposed from those of a
     ``state``, searched from ``starts`` or its status; None if it is not found."""
     p, before = problem, state.w[problem.m : problem.contacts]
-    search = Search(p, free, before, allowed or p.everything, state.x)
+    search = Search(p, free, before, p.everything, state.x)
     try:
         found = search.solved(*(starts or (state.status,)), pivoting=pivoting)
     except Ray:

@@ -65,8 +65,7 @@ class LooseMotions:
     def sums(
         self, body: FiniteBody, series: BodySeries, displacement: FloatArray
     ) -> tuple[sparse.csr_array, sparse.csr_array]:
-        """Rows (d, 3k) that sum the imbalance of the pieces to force and moment on the body, and rows (d, 2N)
-        of their derivative by the lever arms, at ``displacement`` (2N,)."""
+        """Rows (d, 3k) that sum the imbalance of pieces, and their change (d, 2N) by lever arms."""
         pieces, count = body.elastic.pieces, body.count
         middle = series.middle[0]
         center = middle.mean(axis=1)
@@ -126,8 +125,7 @@ class Plate:
     def pulled(
         self, name: str, body: FiniteBody, displacement: FloatArray, factors: FloatArray
     ) -> tuple[FloatArray, sparse.csr_array]:
-        """Force x, y and moment about the hinge (3,) on one body from its stress, and rows (3, 2N) of the
-        derivative."""
+        """Force and moment about the hinge (3,) on a body from its stress, and the derivative (3, 2N)."""
         hinge = self.center + self.motion[:2] @ factors[: self.motion.shape[1]]
         return held_force(body, displacement, factors, self.surfaces[name], hinge)
 
@@ -170,8 +168,7 @@ class Contacts:
 
     @cached_property
     def each(self) -> list[tuple[AnyContact, slice, slice]]:
-        """Every contact, the range of its slave's knots among those of all slaves (c,), and of the components
-        of the knots of its sides among those of all sides (2s,)."""
+        """Contacts, ranges of their knots (c,) and of the components (2s,) at those of their sides."""
         knots = ranges(one.slave.count for one in self.pairs)
         components = ranges(2 * sum(side.count for side in one.sides) for one in self.pairs)
         return list(zip(self.pairs, knots, components, strict=True))
@@ -194,8 +191,7 @@ class Contacts:
 
     @cached_property
     def friction(self) -> FloatArray:
-        """Friction coefficients at the slaves' knots (c,); zero at held ones, as at a plane of symmetry: a
-        knot that cannot slip has undetermined friction."""
+        """Coefficients at the knots (c,); zero at held ones, whose friction would be undetermined."""
         found = [np.where(one.slave.held, 0.0, one.friction) for one in self.pairs]
         return np.concatenate([*found, np.zeros(0)])
 

@@ -76,12 +76,11 @@ class ExactContact(ContactSystem):
     ) -> tuple[Meeting, ...]:
         """All contacts for displacements ``surface`` (2s,) of the sides; slips are relative to the places
         ``before`` (c,), zero without; ``closed`` (c,) is the earlier status."""
-        return tuple(
-            contact.meet(
-                surface[there].reshape(-1, 2), factors, None if before is None else before[here], closed[here]
-            )
-            for contact, here, there in self.contacts.each
-        )
+        found = list[Meeting]()
+        for contact, here, there in self.contacts.each:
+            since = None if before is None else before[here]
+            found.append(contact.meet(surface[there].reshape(-1, 2), factors, since, closed[here]))
+        return tuple(found)
 
     def solved(
         self,
@@ -188,8 +187,7 @@ class ExactContact(ContactSystem):
         return found
 
     def _until_touch(self, met: Sequence[Meeting], step: Iteration) -> float:
-        """Fraction of an update after which a body that nothing holds meets something: the full update would
-        penetrate it, as hardly anything resists."""
+        """Fraction of an update after which a body that nothing holds meets something."""
         least = 1.0
         if not self.contacts.free or step.sets.closed.any():
             return least

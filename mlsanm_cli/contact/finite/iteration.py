@@ -125,8 +125,7 @@ class Iteration:
             self._solve(sets, z, applied - traction, first)
 
     def _may_touch(self, z: FloatArray) -> tuple[IntArray, IntArray]:
-        """The nodes that may touch after the displacements ``z`` (2N,), and the tractions (t,) of all sides
-        that these affect."""
+        """Nodes that may touch after the displacements ``z`` (2N,), and the tractions (t,) these affect."""
         chosen, touched = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
         smooth = self.system.onto @ z
         reach = REACH_WITH_MOTIONS * self.system.length if self.system.contacts.free else 0.0

@@ -28,8 +28,7 @@ def wrapped(apart: FloatArray, around: float | None) -> FloatArray:
 
 
 def on_polyline(points: FloatArray, corners: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Segment (e,) of a polyline through ``corners`` (m, 2) closest to each of ``points`` (e, 2), and the
-    fraction (e,) of it at the closest point."""
+    """Closest segments (e,) of a polyline through ``corners`` to ``points`` (e, 2), and fractions of them."""
     along, away = np.diff(corners, axis=0), points[:, None] - corners[None, :-1]
     part = np.clip((away * along).sum(axis=2) / (along**2).sum(axis=1), 0.0, 1.0)
     number = np.argmin(((away - part[:, :, None] * along) ** 2).sum(axis=2), axis=1)
@@ -130,8 +129,7 @@ class NodeCurve:
         return found[0], found[1], found[2]
 
     def _shapes(self, place: FloatArray) -> tuple[IntArray, FloatArray, tuple[tuple[FloatArray, ...], ...]]:
-        """For places (c,): index of the lower knot, interval length, and Hermite coefficients of value, first
-        and second derivative for lower node, its slope, upper node, its slope."""
+        """Lower knots, lengths, and by order Hermite coefficients of both nodes and their slopes in turn."""
         low = self.interval(place)
         step = self.knots[low + 1] - self.knots[low]
         t = (place - self.knots[low]) / step
@@ -142,8 +140,7 @@ class NodeCurve:
     def _seen(
         self, place: FloatArray, nodes: FloatArray, slopes: tuple[FloatArray, FloatArray]
     ) -> list[FloatArray]:
-        """Value, first and second derivative (c, 2) at places (c,) of the curve through ``nodes`` (m, 2) with
-        left and right ``slopes`` (m, 2)."""
+        """Value and derivatives (c, 2) at places (c,), for ``nodes`` and left and right ``slopes`` (m, 2)."""
         low, step, values = self._shapes(place)
         high, (behind, ahead) = (low + 1) % len(self.arc), slopes
         ends = nodes[low], step[:, None] * ahead[low], nodes[high], step[:, None] * behind[high]
@@ -184,8 +181,7 @@ class NodeCurve:
 
 
 def _slopes(arc: FloatArray, around: float | None, chosen: IntArray, size: int) -> sparse.csr_array:
-    """Rows (m, m) of the derivatives at the ``chosen`` nodes of polynomials through ``size`` nodes; zero for
-    others."""
+    """Rows (m, m) of the derivatives at ``chosen`` nodes of polynomials through ``size`` nodes, else zero."""
     count, number = len(arc), np.arange(len(chosen))
     first = chosen - size // 2
     if around is None:

@@ -110,8 +110,7 @@ class BodyContact:
 
     @cached_property
     def _outward(self) -> tuple[float, float]:
-        """Signs (1 or -1) for which a tangent rotated by -90 degrees points out of the slave and of the
-        master."""
+        """Signs for which a tangent rotated by -90 degrees points out of the slave and of the master."""
         found = []
         for side, curve in ((self.slave, self.slave.curve), (self.master, self.master.curve)):
             along = curve.rows(side.arc)[1] @ side.places
@@ -123,8 +122,7 @@ class BodyContact:
         return self.meet(np.zeros((self.slave.count + self.master.count, 2)), factors, None).normal
 
     def apart(self, displacement: FloatArray, _factors: FloatArray, place: FloatArray) -> FloatArray:
-        """Vectors (c, 2) from places (c,) of the master to the nodes, for displacements (c + m, 2) of both
-        sides."""
+        """Vectors (c, 2) from places (c,) of the master to the nodes, for displacements (c + m, 2)."""
         count = self.slave.count
         nodes = self.master.places + displacement[count:]
         return np.asarray(self.slave.places + displacement[:count] - self.master.curve.rows(place)[0] @ nodes)
@@ -251,8 +249,7 @@ def transfer(
 
 
 def _spread(side: ContactSide) -> sparse.csr_array:
-    """Nodal tractions (m, m) of nodal forces, linear between nodes: the inverse of M to second order. Forces
-    over the nodes' lengths alone would smooth tractions."""
+    """Nodal tractions (m, m) of nodal forces, linear between nodes: the inverse of M to second order."""
     first, second, step = _stretches(side)
     ends = np.concatenate([first, second])
     entries = (np.tile(step / 6.0, 2), (ends, np.concatenate([second, first])))
@@ -272,8 +269,7 @@ def _stretches(side: ContactSide) -> tuple[IntArray, IntArray, FloatArray]:
 
 
 def _pieces(curve: NodeCurve, start: FloatArray, end: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Intervals split at knots: for every piece the interval and the fractions of it, from 0 to 1, at its
-    ends."""
+    """Intervals split at knots: for every piece its interval, and the fractions of it at its ends."""
     knots = curve.knots
     if curve.around is not None:
         knots = np.concatenate([curve.arc + turn * curve.around for turn in (-1.0, 0.0, 1.0, 2.0)])

@@ -54,8 +54,7 @@ class RigidContact:
     def seen(
         self, places: FloatArray, outward: FloatArray, factors: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Distances (e,) of ``places`` (e, 2) with outward normals (e, 2) from the obstacle, and its normals
-        (e, 2), at load ``factors`` (L,)."""
+        """Distances (e,) of ``places`` with ``outward`` normals from the obstacle, and its normals (e, 2)."""
         turn = self.turn(factors)
         at = self._drawn(places, factors, turn)
         partner, normal = self.shape.closest(at, outward @ turn)

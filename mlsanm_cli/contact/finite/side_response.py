@@ -200,8 +200,7 @@ class SideResponse:
 
 
 def rotated(answers: FloatArray, rows: ComplexArray, columns: ComplexArray) -> FloatArray:
-    """``answers`` (2n, 2g) in directions that have turned by unit complex numbers at the ``rows`` (n,) and
-    ``columns`` (g,)."""
+    """``answers`` (2n, 2g) in directions turned by unit complex numbers at rows (n,) and columns (g,)."""
     parts = answers.reshape(len(rows), 2, len(columns), 2)
     seen = (parts[:, 0] + 1j * parts[:, 1]) * rows[:, None, None]
     by_x, by_y = seen[..., 0], seen[..., 1]

@@ -73,8 +73,7 @@ class Points:
         return self.curve.knots
 
     def turned(self, displacement: FloatArray) -> tuple[ComplexArray, sparse.csr_array]:
-        """Rotations of the side at its points as unit complex numbers (c,), for displacements (c, 2), and
-        rows (c, 2c) of the derivatives of the angles."""
+        """Rotations (c,) of the side as unit complex numbers, and rows (c, 2c) of the angles."""
         slopes = self.curve.mean_slopes
         before, now = (as_complex(slopes @ one) for one in (self.places, self.places + displacement))
         turn = now * np.conj(before)
@@ -142,8 +141,7 @@ class SideNodes(Points):
         return np.asarray((self.share == 1.0) & (self._away(()) >= 2 * CORNER_NODES))
 
     def _away(self, ignored: Collection[int]) -> FloatArray:
-        """Numbers (c,) of nodes to the nearest corner that is neither ``ignored`` nor at a plane of
-        symmetry."""
+        """Numbers (c,) of nodes to the nearest corner not ``ignored`` or at a plane of symmetry."""
         number, away = np.arange(self.count), np.full(self.count, np.inf)
         for corner in set(self.corners) - _ends(self, self.planes) - set(ignored):
             apart = np.abs(number - corner)

@@ -15,8 +15,8 @@ from mlsanm_cli.contact.complementarity.problem import GRAZING, ContactStatus, P
 from mlsanm_cli.contact.complementarity.solution import State, solve
 from mlsanm_cli.contact.laws.contact_state import ContactState, residual
 from mlsanm_cli.contact.laws.failures import NoStateError, SlidingError
+from mlsanm_cli.contact.response.compressed import null_space
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.contact.response.dense import null_space
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
@@ -44,16 +44,11 @@ def unloaded(condensed: Condensed, factors: FloatArray) -> ContactState:
 
 
 def increment(
-    condensed: Condensed,
-    state: ContactState,
-    factors: FloatArray,
-    slipping: bool = True,
-    guess: ContactStatus | None = None,
+    condensed: Condensed, state: ContactState, factors: FloatArray, guess: ContactStatus | None = None
 ) -> ContactState | None:
     """The state after a finite increment to ``factors`` (L,), with slips opposed from those of the ``state``;
-    None if there is none. The search starts from a ``guess``, if given, and from the ``state``. Without
-    ``slipping`` all closed nodes stick."""
-    p, before, free = condensed.problem, _scaled(condensed, state), condensed.free_rows(factors)
+    None if there is none. The search starts from a ``guess``, if given, and from the ``state``."""
+    p = condensed.problem
     touching = replace(state.status, closed=state.closed | (state.gap <= ROUND_OFF * condensed.weight))
     starts = list[ContactStatus]()
     for status in (touching,) if guess is None else (guess, touching):
@@ -62,12 +57,7 @@ def increment(
         rests = on & (status.stuck | (sign == 0.0))
         slip_sign = np.where(rests & ~p.rubs, 1.0, np.where(on, sign, 0.0))
         starts.append(ContactStatus(status.closed, rests & p.rubs, slip_sign))
-    if slipping:
-        found = history.increments(p, before, free, *starts)
-    else:
-        none = np.zeros(p.n, dtype=bool)
-        allowed = replace(p.everything, forward=none, backward=none)
-        found = history.increment(p, before, free, 0.0, *starts, allowed=allowed)
+    found = history.increments(p, _scaled(condensed, state), condensed.free_rows(factors), *starts)
     return None if found is None else _unscaled(condensed, found, factors)
 
 
@@ -81,16 +71,14 @@ def start(condensed: Condensed, factors: FloatArray, typical: float = 0.0) -> Co
     parted = _parted(condensed, state) if floats else None
     if parted is not None:
         return parted
-    # Wedged bodies move straight out without slip as far as possible: friction would admit many positions.
-    tries = ((False, np.inf), (True, NEGLIGIBLE * typical)) if floats else ((True, np.inf),)
-    for slipping, most in tries:
-        found = increment(condensed, state, factors, slipping)
-        if found is None or found.pressure.max() > most:
-            continue
-        if not floats or residual(condensed, found) <= GRAZING:
-            return found
+    found = increment(condensed, state, factors)
     if not floats:
-        raise NoStateError
+        if found is None:
+            raise NoStateError
+        return found
+    small = found is not None and found.pressure.max() <= NEGLIGIBLE * typical
+    if found is not None and small and residual(condensed, found) <= GRAZING:
+        return found
     raise NumericalError(
         "surfaces with friction overlap as drawn, and forces alone do not determine how the bodies move "
         "apart",

@@ -21,9 +21,8 @@ from mlsanm_cli.contact.complementarity.problem import FEASIBLE, ContactStatus
 from mlsanm_cli.contact.complementarity.solution import solve
 from mlsanm_cli.contact.laws.contact_state import ContactState
 from mlsanm_cli.contact.laws.failures import EndlessError, UnbalancedError
-from mlsanm_cli.contact.response.compressed import Compressed, compressed
+from mlsanm_cli.contact.response.compressed import SINGULAR, Compressed, compressed
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.contact.response.dense import SINGULAR
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.roundoff import ROUND_OFF
 

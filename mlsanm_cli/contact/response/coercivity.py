@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.response.compressed import compressed
-from mlsanm_cli.contact.response.dense import null_space
+from mlsanm_cli.contact.response.compressed import compressed, null_space
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
@@ -27,16 +26,12 @@ def contact_stability(condensed: Condensed, chosen: BoolArray, loose: Sequence[s
     :func:`relative_resistance`; the bodies ``loose`` are held by contact only. For many candidates only some
     blocks are examined: the least-resisted pressures oscillate from node to node."""
     kept = np.flatnonzero(chosen)
-    if compressed(condensed.gap.pressure) is None or len(kept) <= BLOCK:
-        return _stability(condensed, kept, loose)
-    rows = np.array_split(kept, -(-len(kept) // BLOCK))
-    finest = int(np.argmin([condensed.weight[row].min() for row in rows]))
-    some = {finest, *np.linspace(0, len(rows) - 1, BLOCKS).astype(int).tolist()}
-    return min(_stability(condensed, rows[number], loose) for number in some)
-
-
-def _stability(condensed: Condensed, kept: IntArray, loose: Sequence[str]) -> float:
-    """:func:`contact_stability` of the candidates ``kept``."""
+    if compressed(condensed.gap.pressure) is not None and len(kept) > BLOCK:
+        rows = np.array_split(kept, -(-len(kept) // BLOCK))
+        finest = int(np.argmin([condensed.weight[row].min() for row in rows]))
+        some = {finest, *np.linspace(0, len(rows) - 1, BLOCKS).astype(int).tolist()}
+        numbers = np.arange(len(chosen))
+        return min(contact_stability(condensed, np.isin(numbers, rows[one]), loose) for one in some)
     friction_nodes = np.flatnonzero(np.isin(condensed.friction_nodes, kept))
     gap, slip = condensed.gap, condensed.slip
     both = ((gap, kept), (slip, friction_nodes))

@@ -6,7 +6,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import reduce
-from typing import Any, cast
+from itertools import pairwise
+from typing import Any, Protocol, cast
 
 import numpy as np
 import scipy.sparse as sparse
@@ -15,6 +16,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.geometry.clusters import Chain
 from mlsanm_cli.operators.system import BLOCK_COLUMNS
 from mlsanm_cli.records import dataclass
+from mlsanm_cli.roundoff import ROUND_OFF
 
 COMPRESSED_CONTACT, COMPRESSED_TOTAL = 800, 3000
 """Numbers of unknowns of one contact, or of all, above which frictionless compliances are compressed; below,
@@ -23,6 +25,10 @@ SAMPLES = 32
 """Rows and columns sampled for the largest entry."""
 OWN_DISTANCE = 0.44
 """Distance over a hat's width at which the kernel stands for the compliance of a node itself."""
+
+
+SINGULAR = 1e-15
+"""Reciprocal condition number of a singular matrix."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,3 +150,63 @@ def largest(matrix: FloatArray) -> float:
         return float(np.abs(matrix).max(initial=0.0))
     some = [np.unique(np.linspace(0, count - 1, SAMPLES).astype(np.int64)) for count in own.shape]
     return float(max(np.abs(own.diagonal()).max(), np.abs(own[np.ix_(*some)]).max()))
+
+
+class Multiplier(Protocol):
+    """An operator that multiplies vectors."""
+
+    def __matmul__(self, vector: FloatArray, /) -> FloatArray: ...
+
+
+class Blocks:
+    """A matrix (r, r) in blocks between ``cuts``. In products zero blocks cost nothing, nor do unknowns of a
+    block before the first and after the last that are not zero: open nodes beside a contact."""
+
+    def __init__(self, matrix: FloatArray, cuts: Sequence[int]) -> None:
+        spans = [slice(first, last) for first, last in pairwise(sorted({0, *cuts, len(matrix)}))]
+        self._parts = list[tuple[slice, list[slice]]]()
+        for columns in spans:
+            runs = list[slice]()
+            for rows in spans:
+                if not matrix[rows, columns].any():
+                    continue
+                begun = runs and runs[-1].stop == rows.start
+                runs.append(slice(runs.pop().start if begun else rows.start, rows.stop))
+            self._parts.append((columns, runs))
+        self._matrix = matrix
+
+    def __matmul__(self, vector: FloatArray) -> FloatArray:
+        total = np.zeros(len(self._matrix))
+        for columns, runs in self._parts:
+            acting = np.flatnonzero(vector[columns]) + columns.start
+            if not len(acting):
+                continue
+            some = slice(acting[0], acting[-1] + 1)
+            for rows in runs:
+                total[rows] += self._matrix[rows, some] @ vector[some]
+        return total
+
+
+@dataclass(frozen=True, eq=False)
+class Bordered:
+    """A matrix (m + k, m + k) of blocks: ``own`` (m, m), ``right``, ``below`` and ``last`` (k, k)."""
+
+    own: Multiplier
+    right: FloatArray
+    below: FloatArray
+    last: FloatArray
+
+    def __matmul__(self, vector: FloatArray) -> FloatArray:
+        first, rest = np.split(vector, [len(self.right)])
+        upper = self.own @ first + self.right @ rest
+        return np.concatenate([upper, self.below @ first + self.last @ rest])
+
+
+def null_space(rows: FloatArray, least: float = ROUND_OFF) -> FloatArray:
+    """Orthonormal null space (k, d) of the ``rows`` (r, k), up to singular values of ``least``."""
+    if not len(rows):
+        return np.eye(rows.shape[1])
+    # The R factor has the same singular values and is much smaller.
+    _, values, right = np.linalg.svd(np.linalg.qr(rows, mode="r"))
+    basis: FloatArray = right[int((values > least).sum()) :].T
+    return basis

@@ -15,17 +15,20 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.balance import ForceSums
-from mlsanm_cli.contact.response.basis import Basis
 from mlsanm_cli.contact.response.bonds import bind
 from mlsanm_cli.contact.response.compressed import COMPRESSED_CONTACT, COMPRESSED_TOTAL
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.drivers import Drivers, spans
 from mlsanm_cli.contact.response.eigenstress import Eigenstresses, flowing, narrowed, widened
 from mlsanm_cli.contact.response.linear_map import LinearMap, stack
-from mlsanm_cli.contact.response.near_field_response import add_fields, add_singular, compressed_gap
+from mlsanm_cli.contact.response.near_field_response import (
+    add_fields,
+    add_singular,
+    compressed_gap,
+    wall_forces,
+)
 from mlsanm_cli.contact.response.responses import BodyResponses, used_columns, without_coefficients
 from mlsanm_cli.contact.response.short_waves import correct_short_waves
-from mlsanm_cli.contact.response.walls import wall_forces
 from mlsanm_cli.mechanics.scene import Probe, Scene
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.roundoff import ROUND_OFF
@@ -61,13 +64,17 @@ def _condensed(scene: Scene, content: str, responses: BodyResponses) -> Condense
         one.name: np.split(seen["contact", one.name], [drivers.bases[one.name].samples]) for one in pairings
     }
     weight = _joined([one.weight[one.candidate] for one in pairings])
-    if _many(pairings):
-        means = [drivers.bases[one.name].means(0) @ rows[one.name][0] for one in pairings]
-        gap, slip = compressed_gap(scene, drivers, np.concatenate(means), weight), LinearMap.zeros(0, counts)
+    means = {name: basis.means for name, basis in drivers.bases.items()}
+    # Compliances are compressed for many unknowns, all of them pressures on grids.
+    most = max((one.count for one in pairings), default=0)
+    many = most > COMPRESSED_CONTACT or counts[2] > COMPRESSED_TOTAL
+    if many and not any(one.nodal or one.friction for one in pairings):
+        smooth = np.concatenate([means[name](0) @ samples for name, (samples, _) in rows.items()])
+        gap, slip = compressed_gap(scene, drivers, smooth, weight), LinearMap.zeros(0, counts)
     else:
         moved = {one.name: drivers.by_unknowns(rows[one.name][0]) for one in pairings}
         gap, slip = (
-            stack([_averaged(drivers.bases[one.name], moved[one.name], which) for one in some], counts)
+            stack([moved[one.name].combined(means[one.name](which)) for one in some], counts)
             for which, some in enumerate((pairings, drivers.frictional))
         )
         for pairing in pairings:
@@ -77,11 +84,13 @@ def _condensed(scene: Scene, content: str, responses: BodyResponses) -> Condense
     watched = stack([drivers.by_unknowns(rows[one.name][1]) for one in pairings], counts)
     places = spans(rows, [len(beyond) for _, beyond in rows.values()])
     for pairing in pairings:
-        _add_loads(gap, drivers.spans[pairing.name], scene, pairing, pairing.candidate)
-        _add_loads(watched, places[pairing.name], scene, pairing, ~pairing.candidate)
+        own, chosen = drivers.spans[pairing.name], pairing.candidate
+        for linear, span, points in ((gap, own, chosen), (watched, places[pairing.name], ~chosen)):
+            _add_obstacle(linear, span, scene, pairing, pairing.normal[points])
+            if pairing.interference:
+                linear.load[span, scene.loads.index(pairing.name)] -= pairing.interference
         if pairing.friction:
-            own = drivers.tangential[pairing.name]
-            _add_obstacle(slip, own, scene, pairing, pairing.tangent[pairing.candidate])
+            _add_obstacle(slip, drivers.tangential[pairing.name], scene, pairing, pairing.tangent[chosen])
     gap = gap.shifted(_joined([one.gap[one.candidate] for one in pairings]))
     watched = watched.shifted(_joined([one.gap[~one.candidate] for one in pairings]))
     half_planes = {one.name: _half_plane(scene, one) for one in pairings}
@@ -129,25 +138,6 @@ def _condensed(scene: Scene, content: str, responses: BodyResponses) -> Condense
         content=content,
         drivers=drivers,
     )
-
-
-def _many(pairings: tuple[Pairing, ...]) -> bool:
-    """Whether compliances are compressed: for many unknowns, all of them pressures on grids."""
-    counts = [pairing.count for pairing in pairings]
-    many = max(counts, default=0) > COMPRESSED_CONTACT or sum(counts) > COMPRESSED_TOTAL
-    return many and not any(pairing.nodal or pairing.friction for pairing in pairings)
-
-
-def _averaged(basis: Basis, moved: LinearMap, which: int) -> LinearMap:
-    """Gaps (``which`` 0) or slips (1) of a contact from the motions of its samples."""
-    return LinearMap(*(basis.means(which) @ part for part in moved.parts))
-
-
-def _add_loads(linear: LinearMap, rows: slice, scene: Scene, pairing: Pairing, chosen: BoolArray) -> None:
-    """Add motions of a contact's obstacle, and its interference, to gaps at the ``chosen`` points (w,)."""
-    _add_obstacle(linear, rows, scene, pairing, pairing.normal[chosen])
-    if pairing.interference:
-        linear.load[rows, scene.loads.index(pairing.name)] -= pairing.interference
 
 
 def _add_obstacle(

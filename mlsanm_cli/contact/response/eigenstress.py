@@ -127,14 +127,12 @@ def narrowed(wide: Condensed, count: int) -> Condensed:
     return replace(
         _mapped(wide, wide, lambda one, _: replace(one, load=one.load[:, :count])),
         drivers=replace(wide.drivers, loads=count),
-        sources={name: without(one, extra) for name, one in wide.sources.items()},
+        sources={
+            name: sparse.csc_array(sparse.hstack([one[:, :count], one[:, extra.stop :]]))
+            for name, one in wide.sources.items()
+        },
         solutions={name: np.delete(one, extra, axis=1) for name, one in wide.solutions.items()},
     )
-
-
-def without(sources: sparse.csc_array, columns: slice) -> sparse.csc_array:
-    """Right-hand sides without some columns."""
-    return sparse.csc_array(sparse.hstack([sources[:, : columns.start], sources[:, columns.stop :]]))
 
 
 def _mapped(condensed: Condensed, other: Condensed, change: Any) -> Condensed:

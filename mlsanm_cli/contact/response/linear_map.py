@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from operator import add, neg
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -67,7 +67,7 @@ class LinearMap:
     def __neg__(self) -> LinearMap:
         return LinearMap(*map(neg, self.parts))
 
-    def combined(self, factors: FloatArray) -> LinearMap:
+    def combined(self, factors: Any) -> LinearMap:
         """Linear combinations of the rows with ``factors`` (s, r)."""
         return LinearMap(*(factors @ part for part in self.parts))
 

@@ -3,16 +3,18 @@ docs/method.md."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from functools import reduce
+from functools import partial, reduce
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.contact.geometry.clusters import Chain
+from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.geometry.surface_response import SurfaceResponse
 from mlsanm_cli.contact.response.compressed import Compressed, as_array
@@ -20,9 +22,10 @@ from mlsanm_cli.contact.response.contact_fields import NearFields
 from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.mechanics.corner import Forces
-from mlsanm_cli.mechanics.near_field import as_complex, by_component
+from mlsanm_cli.mechanics.near_field import as_complex, as_real, by_component
 from mlsanm_cli.mechanics.remainder import reaction_of, spring_pull_of
 from mlsanm_cli.mechanics.scene import Probe, Scene
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 
 def near_field_response(
@@ -56,31 +59,28 @@ def _on_contact(
 ) -> FloatArray:
     """Motions of the samples of the contact ``seen``, and of points watched beyond, due to forces at the
     samples of contact ``by``, perhaps the same one, through the near field in one body."""
-    beyond = _along(seen, body, forces, seen.normal, ~seen.candidate)
+    parts = [(seen.normal, ~seen.candidate)]
     if seen.nodal:
         ways = (seen.normal, seen.tangent) if seen.friction else (seen.normal,)
-        return np.concatenate([*(_along(seen, body, forces, way, seen.candidate) for way in ways), beyond])
-    total = np.zeros((2 * seen.grid.count, 2 * len(forces.place)))
-    for is_slave, sign in seen.sides_of(body):
-        if seen.name == by.name and is_slave == slave:
-            kernel = scene.bodies[body].model.kernel
-            total += sign * by_component(SurfaceResponse.of(seen.grid, kernel, slave).smooth())
-        else:
-            place = seen.grid.facing.side(seen.grid.samples, is_slave)[0]
-            total += sign * by_component(forces.displacement(place))
-    return np.concatenate([total, beyond])
-
-
-def _along(
-    pairing: Pairing, body: str, forces: Forces, direction: FloatArray, chosen: BoolArray
-) -> FloatArray:
-    """Motions (e, 2k) of a contact's slave relative to its master along ``direction`` (w, 2) through the near
-    field in one body, at the ``chosen`` points (w,)."""
-    total = np.zeros((int(chosen.sum()), 2 * len(forces.place)))
-    for slave, sign in pairing.sides_of(body):
-        moved = forces.displacement(as_complex((pairing.points if slave else pairing.partner)[chosen]))
-        total += sign * np.einsum("ec,ekcd->edk", direction[chosen], moved).reshape(total.shape)
-    return total
+        parts = [*((way, seen.candidate) for way in ways), *parts]
+    found = []
+    for direction, chosen in parts:
+        total = np.zeros((int(chosen.sum()), 2 * len(forces.place)))
+        for is_slave, sign in seen.sides_of(body):
+            moved = forces.displacement(as_complex((seen.points if is_slave else seen.partner)[chosen]))
+            total += sign * np.einsum("ec,ekcd->edk", direction[chosen], moved).reshape(total.shape)
+        found.append(total)
+    if not seen.nodal:
+        total = np.zeros((2 * seen.grid.count, 2 * len(forces.place)))
+        for is_slave, sign in seen.sides_of(body):
+            if seen.name == by.name and is_slave == slave:
+                kernel = scene.bodies[body].model.kernel
+                moved = SurfaceResponse.of(seen.grid, kernel, slave).smooth()
+            else:
+                moved = forces.displacement(seen.grid.facing.side(seen.grid.samples, is_slave)[0])
+            total += sign * by_component(moved)
+        found.insert(0, total)
+    return np.concatenate(found)
 
 
 def _singular(scene: Scene, pairing: Pairing) -> tuple[list[SurfaceResponse], FloatArray, FloatArray]:
@@ -147,3 +147,71 @@ def add_fields(linear: LinearMap, drivers: Drivers, scene: Scene, probe: Probe) 
             fields = NearFields.at(pairing.grid, kernel, slave, as_complex(probe.point))
             for part, values in zip(parts, ((unit, nothing), (nothing, unit)), strict=False):
                 part += sign * np.concatenate([field[0] for field in fields(*values)])
+
+
+def wall_forces(
+    scene: Scene, drivers: Drivers, seen: Mapping[tuple[str, str], FloatArray]
+) -> dict[tuple[str, str], LinearMap]:
+    """Force x, y and moment (3 rows) of held surfaces, by body and name, from the functionals ``seen`` (3,
+    drivers) of the drivers.
+
+    A force at s' that pushes across a plane of symmetry at which the contact ends is the more carried by it
+    the nearer it is, and at the plane wholly. As a function of s' this has a step there, which samples of
+    given parity do not represent: with J = 1, or between two planes a linear J that is 1 at the plane and 0
+    at the other, minus J times the component across is integrated over the hats, and the rest is sampled.
+    """
+    rows = {where: one.copy() for where, one in seen.items()}
+    steps = {where: LinearMap.zeros(3, drivers.counts) for where in rows}
+    for pairing in drivers.on_grids:
+        grid, samples = pairing.grid, drivers.of_samples(pairing)
+        units = np.repeat(np.eye(2), grid.count, axis=0)
+        for where, carried in _walls(scene, pairing):
+            rows[where][:, samples] -= carried(np.tile(grid.samples, 2), units)
+            spans = (drivers.spans[pairing.name], drivers.tangential.get(pairing.name))
+            parts = (steps[where].pressure, steps[where].traction)
+            for which, (span, part) in enumerate(zip(spans, parts, strict=True)):
+                if span is not None:
+                    by = carried(grid.hats.points, grid.directions[which])
+                    deviation = grid.deviation(np.eye(pairing.count), which)
+                    part[:, span] += (grid.hats.integrals @ by.T).T @ deviation
+    return {where: drivers.by_unknowns(one) + steps[where] for where, one in rows.items()}
+
+
+def _walls(
+    scene: Scene, pairing: Pairing
+) -> Iterator[tuple[tuple[str, str], Callable[[FloatArray, FloatArray], FloatArray]]]:
+    """The held surfaces, by body and name, at planes of symmetry at which the range of a contact ends, and
+    what they carry: force x, y and moment (3, e) of the steps due to forces (e, 2) at coordinates (e,)."""
+    grid = pairing.grid
+    for body, slave, sign in pairing.sides:
+        for end, plane in zip((grid.first, grid.last), grid.mirrors, strict=True):
+            if plane is None:
+                continue
+            normal = np.array([-plane.along.imag, plane.along.real])
+            tip = as_real(grid.facing.side(np.array([end]), slave)[0])
+            for name in scene.bodies[body].held:
+                curve = scene.bodies[body].model.cloud.surfaces[name].curve
+                away = np.abs(curve.points(np.array([0.0, curve.length])) - tip).max(axis=1).min()
+                if away <= COARSE_ROUND_OFF * curve.length:
+                    center = scene.center(body, name)
+                    yield (body, name), partial(_carried, grid, slave, end, sign * normal, normal, center)
+
+
+def _carried(
+    grid: ContactGrid,
+    slave: bool,
+    end: float,
+    along: FloatArray,
+    normal: FloatArray,
+    center: tuple[float, float],
+    s: FloatArray,
+    force: FloatArray,
+) -> FloatArray:
+    step = 1.0 - np.abs(s - end) / (grid.last - grid.first) * (None not in grid.mirrors)
+    across = (step * (force @ normal))[:, None] * along
+    return -resultant(across, as_real(grid.facing.side(s, slave)[0]), center)
+
+
+def resultant(force: FloatArray, points: FloatArray, center: tuple[float, float]) -> FloatArray:
+    """Force x, y and moment about ``center`` (3, e) of each force (e, 2) at ``points`` (e, 2)."""
+    return np.stack([*force.T, cross(points - np.array(center), force)])

@@ -78,10 +78,7 @@ class BodyResponses:
 
 def without_coefficients(pairings: tuple[Pairing, ...]) -> list[Pairing]:
     """The pairings without values of friction coefficients."""
-    return [
-        pairing if pairing.bonded else replace(pairing, friction=float(pairing.friction > 0.0))
-        for pairing in pairings
-    ]
+    return [one if one.bonded else replace(one, friction=float(one.friction > 0.0)) for one in pairings]
 
 
 def used_columns(source: sparse.csc_array) -> IntArray:
@@ -117,24 +114,20 @@ def functional_rows(
     for probe in scene.probes:
         if probe.body == name:
             found["probe", probe.name] = body.model.probe_rows(probe.point)
-    for surface in body.soft_springs:
-        found["spring", (name, surface)] = _spring_rows(body, surface)
+    nodes = len(body.model.cloud.points)
+    for surface, springs in body.soft_springs.items():
+        # Force x, y and moment about the origin of the springs on their body.
+        index, total = body.model.cloud.surfaces[surface].index, sparse.csr_array((3, 2 * nodes))
+        for component, spring in enumerate(springs):
+            along = body.resultants()[:, body.condition_rows(surface, component)]
+            total = total - spring * (along @ nodal_rows(index, component, nodes))
+        found["spring", (name, surface)] = total
     blocks = [
         found.get(key, sparse.csr_array((place.stop - place.start, body.model.unknowns)))
         for key, place in places.items()
     ]
     nothing = sparse.csr_array((0, body.model.unknowns))
     return sparse.csr_array(sparse.vstack([nothing, *blocks], format="csr"))
-
-
-def _spring_rows(body: ElasticBody, surface_name: str) -> sparse.csr_array:
-    """Force x, y and moment about the origin (3, 2N) of the soft springs along a surface on their body."""
-    index, nodes = body.model.cloud.surfaces[surface_name].index, len(body.model.cloud.points)
-    total = sparse.csr_array((3, 2 * nodes))
-    for component, spring in enumerate(body.soft_springs[surface_name]):
-        along = body.resultants()[:, body.condition_rows(surface_name, component)]
-        total = total - spring * (along @ nodal_rows(index, component, nodes))
-    return sparse.csr_array(total)
 
 
 def _sources(scene: Scene, name: str, drivers: Drivers) -> sparse.csc_array:
@@ -188,7 +181,7 @@ def _observe(
         for chosen, mixed in ((acting, False), (moving, False), (~acting & ~moving, quick)):
             some = used[chosen]
             if len(some):
-                response = _observed_response(body, sources[name][:, some], rows, mixed, memo)
+                response = _solved(body, sources[name][:, some], rows, mixed, memo)
                 observed[:, some] += response["observed"]
                 if not quick:
                     solved[:, some] = response["solution"]
@@ -198,7 +191,7 @@ def _observe(
     return observed, solutions
 
 
-def _observed_response(
+def _solved(
     body: ElasticBody, sources: sparse.csc_array, rows: sparse.csr_array, quick: bool, memo: Memo
 ) -> Arrays:
     """Functionals ``rows`` (o, n) of the responses to ``sources`` (r, c): (o, c); unless ``quick`` (accuracy

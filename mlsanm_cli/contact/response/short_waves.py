@@ -9,9 +9,9 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.geometry.transfer import candidates_fit
 from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.linear_map import LinearMap
+from mlsanm_cli.contact.response.nodal import candidates_fit
 
 FIT_WINDOW = 6.0
 """Half-width of the local fits' windows in spacings: linear functions over a window are unaffected."""

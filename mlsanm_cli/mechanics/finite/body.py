@@ -125,8 +125,7 @@ class FiniteBody:
         return spring_rows(self.elastic.model.cloud, self.elastic.springs, self.node_rows)
 
     def degrees(self, factors: FloatArray, points: FloatArray | None = None) -> FloatArray | None:
-        """Temperature changes at the nodes (n,), or at ``points`` (e, 2), at load ``factors`` (L,); None for
-        bodies without any."""
+        """Temperature changes at the nodes (n,) or at ``points`` (e, 2); None for bodies without any."""
         if not self.loads.warming:
             return None
         values = [one.values if points is None else one.field.at(points) for one in self.loads.warming]
@@ -179,8 +178,7 @@ class FiniteBody:
 
     @cached_property
     def turning(self) -> dict[int, sparse.csr_array]:
-        """By number of the loads with body forces, rows (k, 2N) of the moments over size that these gain by
-        displacements."""
+        """Rows (k, 2N), by load, of the moments over size that body forces gain by displacements."""
         forces = self._forces.items()
         return {number: moments_of_force(self.elastic, self.centers, force) for number, force in forces}
 
@@ -203,8 +201,7 @@ class FiniteBody:
         return self.law.mean(self.gradient(displacement), self.degrees(factors))[0]
 
     def stress(self, displacement: FloatArray, factors: FloatArray) -> FloatArray:
-        """P (4, n) at the nodes, its mean stress fitted to the nodal values: equilibrium controls only the
-        fit."""
+        """P (4, n) at the nodes, with the fit of a nodal mean stress: equilibrium controls only that."""
         gradient, nodal = self.gradient(displacement), self.mean_stress(displacement, factors)
         found = self.law.state(gradient, self.degrees(factors), apart=nodal is not None).stress[:, 0, 0]
         if nodal is not None:

@@ -132,8 +132,8 @@ def _stencils(model: BodyModel, centers: FloatArray, points: FloatArray) -> Sten
 
 class Applied:
     """Loads at the quadrature points of a ``body``'s pieces: ``dead`` (2, q, L) forces, follower ``pressure``
-    (q, L); at its nodes ``pressed`` (r, L) for every traction row, 0 for others. Soft springs have the
-    stiffness ``pulling`` (2, q)."""
+    (q, L); at its nodes ``pressed`` (r, L) for every traction row, 0 for others; whether there are any of
+    these (``follows``). Soft springs have the stiffness ``pulling`` (2, q)."""
 
     def __init__(self, body: ElasticBody, loads: Loads) -> None:
         surfaces = dict.fromkeys([*loads.tractions, *loads.pressing, *body.soft_springs])
@@ -155,11 +155,7 @@ class Applied:
                 if not body.held.get(name, FREE)[component]:
                     self.pressed[body.condition_rows(name, component)] += nodal
         self.pulling *= points.kept.T
-
-    @property
-    def follows(self) -> bool:
-        """Whether there are follower loads."""
-        return bool(self.pressure.any() or self.pressed.any())
+        self.follows = bool(self.pressure.any() or self.pressed.any())
 
 
 def cofactor_normal(gradient: FloatArray, normal: FloatArray) -> FloatArray:

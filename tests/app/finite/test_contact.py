@@ -394,3 +394,12 @@ def test_a_flat_tool_with_an_edge(tmp_path: Path) -> None:
         tmp_path / "run",
     )
     np.testing.assert_allclose(summary["contacts"]["foot"]["force"][1], 0.5 * 2.484, rtol=0.06)
+
+
+def test_a_pressure_that_follows_beside_a_contact(tmp_path: Path) -> None:
+    """Its force is that on the chord of the side, whose upper end the plate has pressed down."""
+    text = block(plane([0.0, 2.0], [0.0, -1.0]), -0.1)
+    text += load("blow", "block.right", "pressure", pressure=0.05, follows=True)
+    summary = done(text, tmp_path / "run")
+    assert summary["forces"]["blow"][0] == pytest.approx(-0.05 * 1.9, rel=2e-3)
+    assert summary["force_balance"] <= 1e-6

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.results.probe import probe_point
-from mlsanm_cli.continuation.roots import root
+from mlsanm_cli.continuation.series import root
 from tests.app.scenes import solve
 from tests.case_text import body, box, contact, head, item, load, material, pin, plane, support
 
