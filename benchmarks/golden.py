@@ -32,7 +32,8 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.scenes.judge import run_case
-from benchmarks.scenes.scene import Scene, case_of, names, scene
+from benchmarks.scenes.scene import CASES as SCENES
+from benchmarks.scenes.scene import Scene, names, plain
 
 TABLE = Path(__file__).parent / "results" / "golden.json"
 CASES = Path(__file__).resolve().parents[1] / "cases"
@@ -52,11 +53,9 @@ Figures = dict[str, Any]
 
 def scenes() -> dict[str, Scene]:
     """Published cases, as ``case/NAME``, and scenes, as ``scene/NAME``."""
-    published = {
-        f"case/{path.stem}": Scene(path.stem, "published", case_of(path))
-        for path in sorted(CASES.glob("*.toml"))
-    }
-    return published | {f"scene/{name}": scene(name) for name in sorted(names())}
+    paths = {f"case/{path.stem}": path for path in sorted(CASES.glob("*.toml"))}
+    paths |= {f"scene/{name}": SCENES / f"{name}.toml" for name in sorted(names())}
+    return {name: plain(path) for name, path in paths.items()}
 
 
 def flat(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:

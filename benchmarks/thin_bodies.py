@@ -255,7 +255,7 @@ def main() -> None:
     parser.add_argument("--bodies", type=int, default=300)
     parser.add_argument("--out", type=Path, default=RESULTS / "thin_bodies.json")
     given = parser.parse_args()
-    studies = {
+    studies: dict[str, Callable[[], Any]] = {
         "bending": lambda: bending(BODIES, given.seeds, given.degree, given.across),
         "slender": lambda: bending(SLENDER, given.seeds, [0, 2], [8]),
         "energy": lambda: energy(given.bodies),

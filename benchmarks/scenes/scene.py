@@ -8,7 +8,7 @@ import math
 import shutil
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
@@ -195,20 +195,26 @@ def _figure(row: Table) -> Figure:
     return Figure(row["what"], got, computed(row["true"], {}), **more)
 
 
+def plain(path: Path) -> Scene:
+    """A case without anything to judge it by."""
+    given = case_of(path)
+    files = [path.parent / one["shape"]["file"] for one in given["body"] if "file" in one["shape"]]
+    return Scene(path.stem, "", given, files=files)
+
+
 @cache
 def scene(name: str) -> Scene:
     """The scene of a name in cases/, with what expected.toml tells."""
-    given, told = case_of(CASES / f"{name}.toml"), expected()[name]
+    told = expected()[name]
     refusal = told.get("refusal")
     if refusal:
         refusal = Refusal(**{**refusal, "position": computed(refusal["position"], {})})
-    return Scene(
-        name,
-        told["class"],
-        given,
-        [_figure(row) for row in told.get("figures", ())],
-        refusal,
-        meshes(given, CASES),
+    return replace(
+        plain(CASES / f"{name}.toml"),
+        name=name,
+        kind=told["class"],
+        figures=[_figure(row) for row in told.get("figures", ())],
+        refusal=refusal,
         **{key: told[key] for key in ("elements", "supports", "straight_walls", "limits") if key in told},
     )
 
@@ -226,11 +232,6 @@ def expected() -> dict[str, Table]:
 
 def case_of(path: Path) -> Table:
     return tomllib.loads(path.read_text())
-
-
-def meshes(given: Table, folder: Path) -> list[Path]:
-    """The mesh files that a case names."""
-    return [folder / one["shape"]["file"] for one in given["body"] if "file" in one["shape"]]
 
 
 def write_mesh(source: Path, path: Path, move: Move | None) -> None:

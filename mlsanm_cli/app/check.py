@@ -10,14 +10,12 @@ import numpy as np
 
 from mlsanm_cli.app.checks.check import Verdicts, all_of
 from mlsanm_cli.app.checks.quality import MODEL, Quality, assess, ratio_message
-from mlsanm_cli.app.checks.references import check_reference
+from mlsanm_cli.app.checks.references import read_case
 from mlsanm_cli.app.context import Clock, Console, RunContext
 from mlsanm_cli.app.output.parts import model_bodies
 from mlsanm_cli.app.scene.assemble import SceneModel
-from mlsanm_cli.app.scene.build import build_scene, load_kernels
+from mlsanm_cli.app.scene.build import build_scene, cpu_seconds, load_kernels, memory_mb, node_counts
 from mlsanm_cli.app.scene.load_profiles import amounts_of, table_of
-from mlsanm_cli.app.scene.outlines import load_with_files
-from mlsanm_cli.app.scene.size_estimate import cpu_seconds, memory_mb, node_counts
 from mlsanm_cli.case import (
     AnyLoad,
     Case,
@@ -45,8 +43,7 @@ def check(
     """Validates a case, builds its scene, and reports sizes, quality and cost. ``write`` is a VTU file of the
     model, ``picture`` a picture of it. Raises the errors that ``run`` raises before it solves."""
     clock = Clock()
-    loaded = load_with_files(case_path, overrides)
-    check_reference(loaded)
+    loaded = read_case(case_path, overrides)
     case = loaded.case
     prepared = build_scene(loaded, RunContext(clock, console))
     quality = assess(case, prepared)

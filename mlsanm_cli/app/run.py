@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from mlsanm_cli.app.checks.references import check_reference
+from mlsanm_cli.app.checks.references import read_case
 from mlsanm_cli.app.context import Clock, Console, RunContext
 from mlsanm_cli.app.output.analysis import Analysis, Ending
 from mlsanm_cli.app.output.checkpoint import EarlierRun, attributes, interrupted_run
@@ -20,7 +20,7 @@ from mlsanm_cli.app.output.recorder import Recorder, summarise
 from mlsanm_cli.app.scene.build import build_scene
 from mlsanm_cli.app.scene.outlines import geometry_of
 from mlsanm_cli.app.scene.refinement import Refinement
-from mlsanm_cli.case import LoadedCase, load_case, parse_case
+from mlsanm_cli.case import LoadedCase, parse_case
 from mlsanm_cli.errors import Interrupted, NumericalError, RunError, UnfinishedError, WriteError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.files import read_summary
@@ -57,8 +57,7 @@ def run(
     """
     with Stopper(max_wall) as stopper:
         context = RunContext(Clock(), console, memo, stopper)
-        loaded = load_case(case_path, overrides, geometry_of)
-        check_reference(loaded)
+        loaded = read_case(case_path, overrides)
         held, summary = held_run(out) if skip_done else (None, None)
         if summary is not None and held == loaded.case_hash:
             return {**summary, "directory": str(out), "skipped": True}

@@ -18,10 +18,10 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from mlsanm_cli.app.checks.references import read_case
 from mlsanm_cli.app.context import Console, Silent
 from mlsanm_cli.app.results.info import collect, write_rows
 from mlsanm_cli.app.run import run
-from mlsanm_cli.app.scene.outlines import load_with_files
 from mlsanm_cli.case import Case, resolved_mapping
 from mlsanm_cli.case.reading.overrides import parse_vary, points
 from mlsanm_cli.errors import CaseError, CaseProblem, Interrupted, MlsanmError, RunError
@@ -239,7 +239,7 @@ def _plan(
     problems: dict[str, Any] = {}
     for values in points([parse_vary(text) for text in varied]):
         try:
-            loaded = load_with_files(case_path, (*overrides, *values))
+            loaded = read_case(case_path, (*overrides, *values))
         except CaseError as error:
             named = [_named(problem, values) for problem in error.problems]
             problems |= {str(problem): problem for problem in named}

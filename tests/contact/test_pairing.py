@@ -15,7 +15,7 @@ from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Outline, annulus, disk, half_disk, rectangle
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.contact.geometry.pairing import MAX_FACING_COSINE, Pairing, pair_surfaces, spacing_ratio
-from mlsanm_cli.contact.response.nodal import surface_fit, transfer
+from mlsanm_cli.contact.response.nodal import transfer
 from tests.cloud.shapes import polygon
 
 BLOCK = rectangle((-2.0, 2.0), (-1.0, 0.0))
@@ -178,15 +178,6 @@ def test_where_a_circle_begins_makes_no_difference(angle: float) -> None:
     assert spacing_ratio(pairing, {"lower": flat}) <= 1.3
 
 
-def test_a_single_candidate_still_gives_its_pressure() -> None:
-    pairing, _, other = pair(half_disk((0.0, 1.0), 1.0, "lower"), "arc", BLOCK, "top", even(0.1, 0.05))
-    alone = pairing.with_reach(float(pairing.gap.min()))
-    assert alone.candidate.sum() == 1
-    shares = transfer(alone, other)
-    assert shares.shape == (len(other.surfaces["top"].index), 1)
-    assert set(np.unique(shares.toarray())) <= {0.0, 1.0}
-
-
 def pin_in_hole(shift: float) -> tuple[Pairing, Cloud, Cloud]:
     """A pin of radius 1 in a hole of radius 1.1, nearest to it ``shift`` radians from the top."""
     place = 0.05 * np.array([-math.sin(shift), math.cos(shift)])
@@ -222,12 +213,3 @@ def test_a_pressure_all_around_reaches_every_node_of_the_hole(shift: float) -> N
     some = pairing.with_reach(0.1)
     assert not some.all_around
     assert 0 < np.count_nonzero(transfer(some, hole) @ np.ones(some.candidate.sum())) < len(angle)
-
-
-def test_fits_between_groups_of_nodes_far_apart_are_numbers() -> None:
-    """The weights of nodes twenty windows away underflow."""
-    arc = np.array([0.0, 0.1, 0.2, 10.0, 10.1, 10.2])
-    places = np.array([0.15, 3.0, 5.1, 5.3, 10.0])
-    fit = surface_fit(arc, np.full(6, 0.1), places, np.full(5, 0.3)).toarray()
-    assert np.isfinite(fit).all()
-    assert fit.sum(axis=1) == pytest.approx(np.ones(5))

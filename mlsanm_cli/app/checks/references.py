@@ -5,14 +5,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from mlsanm_cli.app.scene.materials import materials
-from mlsanm_cli.app.scene.outlines import drawn
+from mlsanm_cli.app.scene.outlines import drawn, geometry_of
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Case, Contact, DiskObstacle, LoadedCase, Mesh, Points, split_boundary
+from mlsanm_cli.case import Case, Contact, DiskObstacle, LoadedCase, Mesh, Points, load_case, split_boundary
 from mlsanm_cli.cloud.curves import Arc, Curve, Segment
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
@@ -62,11 +63,13 @@ class ReferenceProfile(NamedTuple):
     error_l2: float
 
 
-def check_reference(loaded: LoadedCase) -> None:
-    """CaseError if the named solution does not fit the scene."""
+def read_case(path: Path, overrides: tuple[str, ...] = ()) -> LoadedCase:
+    """A validated case with checked geometry, also of bodies in files, whose named solution fits the scene.
+    Raises RunError and CaseError."""
+    loaded = load_case(path, overrides, geometry_of)
     case = loaded.case
     if case.reference is None:
-        return
+        return loaded
     solution = case.reference.solution
     problems = [] if case.contact else ["needs a [[contact]]"]
     for contact in case.contact:
@@ -84,6 +87,7 @@ def check_reference(loaded: LoadedCase) -> None:
         raise loaded.located(
             CaseError(tuple(CaseProblem("reference.solution", f'"{solution}" {text}') for text in problems))
         )
+    return loaded
 
 
 def reference_profile(built: CondensedScene, pairing: Pairing, state: State) -> ReferenceProfile | None:

@@ -13,10 +13,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from mlsanm_cli.app.checks.references import check_reference
+from mlsanm_cli.app.checks.references import read_case
 from mlsanm_cli.app.context import Clock, Console, RunContext
 from mlsanm_cli.app.output.checkpoint import attributes
-from mlsanm_cli.app.scene.outlines import load_with_files
 from mlsanm_cli.case import Case, LoadedCase
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.inputs import results_of
@@ -213,10 +212,9 @@ def compare(
     context = RunContext(Clock(), console)
 
     def changed(*changes: str) -> LoadedCase:
-        return load_with_files(case_path, (*overrides, *changes))
+        return read_case(case_path, (*overrides, *changes))
 
     loaded, directory = changed(), out or results_of(case_path)
-    check_reference(loaded)
     kind: type[Comparison]
     if loaded.case.model.strain == "small":
         from mlsanm_cli.app.comparison.small_strain import SmallComparison as kind

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Body, Geometry, LoadedCase, Place, load_case
+from mlsanm_cli.case import Body, Geometry, Place
 from mlsanm_cli.case.model import shapes
 from mlsanm_cli.case.model.shapes import AnyShape, FileShape, Mesh, Points
 from mlsanm_cli.cloud import drawing
@@ -132,11 +132,6 @@ def _read(shape: FileShape) -> ImportedGeometry:
         raise GeometryError(f"the outline crosses itself near ({crossing[0]:.6g}, {crossing[1]:.6g})")
     outline = trace(points, loops, math.radians(shape.corner))
     return ImportedGeometry(str(shape.sha256), points, outline, normals)
-
-
-def load_with_files(path: Path, overrides: tuple[str, ...] = ()) -> LoadedCase:
-    """A validated case with checked geometry, also of bodies in files. Raises RunError and CaseError."""
-    return load_case(path, overrides, geometry_of)
 
 
 def geometry_of(shape: AnyShape) -> Geometry:

@@ -1,21 +1,42 @@
-"""What runs at finite strain say of their own errors, and what their results must not depend on."""
+"""What runs at finite strain say of their own errors; knots of contacts, which a coarse path places."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from mlsanm_cli.app.finite import scene
+from mlsanm_cli.app.finite import grids, scene
+from mlsanm_cli.app.finite.contact_path import contact_path
+from mlsanm_cli.app.run import resume, run
 from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.projector import weights_of
+from mlsanm_cli.solve.state import PathStep
 from tests.app.finite.finite_scenes import neo_hookean, rubber
-from tests.app.runs import warned
-from tests.app.scenes import solve
-from tests.case_text import body, box, contact, disk, head, load, material, plane, pushed, support
+from tests.app.runs import resumed_differences, warned
+from tests.app.scenes import Quiet, solve
+from tests.app.test_resume import Killed
+from tests.case_text import (
+    annulus,
+    body,
+    box,
+    contact,
+    disk,
+    half_disk,
+    head,
+    item,
+    load,
+    material,
+    plane,
+    pushed,
+    support,
+    table,
+)
 
 CRUSHED = 1.515
 """Force on a block 2 x 1, nu = 0.44, 30 % down between bonded plates: nine-node finite elements,
@@ -107,3 +128,111 @@ def test_pieces_with_pins_are_in_balance(tmp_path: Path, monkeypatch: pytest.Mon
     solve(seal(1.0, 1.0), tmp_path / "run")
     assert found
     assert all((one > 0.0).all() for one in found)
+
+
+def pressed(spacing: float | None = None, depth: float = 0.01) -> str:
+    """A block on which a small disk is pressed, beside its nodes."""
+    obstacle = {"kind": "disk", "center": [0.031, 1.2], "radius": 0.2}
+    return (
+        rubber(2.6, 0.3)
+        + body("pad", "rubber", spacing, box([-0.7, 0.7], [0.3, 1.0]))
+        + support("pad.bottom", ux=0.0, uy=0.0)
+        + table("mls", degree=2)
+        + contact("c", "pad.top", obstacle=obstacle)
+        + pushed("press", "c", uy=-depth)
+    )
+
+
+class Second(Quiet):
+    """A console that dies at the second step."""
+
+    def step(self, index: int, position: float, residual: float, text: str) -> None:
+        super().step(index, position, residual, text)
+        if index == 2:
+            raise Killed
+
+
+@pytest.mark.parametrize("depth", [0.01, 1e-5])
+def test_a_disk_beside_the_nodes_presses_upright(depth: float, tmp_path: Path) -> None:
+    """Also where the contact is a hundred times narrower than the spacing."""
+    summary = solve(pressed(0.1, depth), tmp_path / "run")
+    x, y = summary["forces"]["press"]
+    assert y < 0.0
+    assert abs(x / y) < 2e-3
+    assert summary["contacts"]["c"]["closed_nodes"] >= 20
+
+
+def test_contacts_that_a_coarse_path_does_not_reach(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Their pressures are as coarse as the nodes, which a warning tells."""
+
+    def stopped(*args: Any, **more: Any) -> Iterator[PathStep]:
+        yield next(contact_path(*args, **more))
+        raise NumericalError("no step")
+
+    monkeypatch.setattr(grids, "contact_path", stopped)
+    summary = solve(pressed(0.15), tmp_path / "run")
+    assert any("located up to position 0 only" in warning for warning in summary["warnings"])
+
+
+def test_a_run_goes_on_with_its_knots(tmp_path: Path) -> None:
+    solve(pressed(), tmp_path / "whole")
+    with pytest.raises(Killed):
+        run(tmp_path / "whole.toml", out=tmp_path / "cut", console=Second())
+    resume(tmp_path / "cut", console=Quiet())
+    assert resumed_differences(tmp_path / "whole", tmp_path / "cut") == []
+
+
+RUBBER = neo_hookean("rubber", 3.0, 0.4)
+SMALL = {
+    "bush": (
+        body("part", "rubber", None, annulus([0.0, 0.0], [1.0, 2.0]))
+        + support("part.outer", ux=0.0, uy=0.0)
+        + load("press", "part.inner", "platen", displacement=[0.0, -1e-4])
+    ),
+    "disk on a block": (
+        body("part", "rubber", 0.15, box([-1.0, 1.0], [-1.0, 0.0]))
+        + item("body.refine", at=[0.0, 0.0], spacing=0.002, radius=0.02, growth=0.2)
+        + support("part.bottom", ux=0.0, uy=0.0)
+        + contact("c", "part.top", obstacle=disk([0.0, 0.5], 0.5))
+        + pushed("press", "c", uy=-1e-3)
+    ),
+}
+
+
+@pytest.mark.parametrize("case", SMALL)
+def test_small_loads_have_the_forces_of_small_strain(case: str, tmp_path: Path) -> None:
+    """To a thousandth; the disk is pressed by two thousandths of its radius."""
+    scene, linear = SMALL[case], RUBBER.replace('law = "neo-hookean"\n', "")
+    found = solve(head("strain", strain="finite") + RUBBER + scene, tmp_path / "finite")
+    expected = solve(head("strain") + linear + scene, tmp_path / "small")
+    force = expected["forces"]["press"][1]
+    assert found["forces"]["press"] == pytest.approx([0.0, force], abs=1e-3 * abs(force))
+    for name, figures in expected["contacts"].items():
+        own = found["contacts"][name]
+        assert own["half_width"] == pytest.approx(figures["half_width"], rel=0.01)
+
+
+def test_half_disk_dragged_by_less_than_it_slips(tmp_path: Path) -> None:
+    """Two bodies, with automatic nodes and a contact a twentieth of their spacing wide, as at small strain:
+    force, peak, half-width and the work that friction dissipates, by not many more nodes."""
+    scene = (
+        body("disk", "steel", None, half_disk([0.0, 1.0], 1.0))
+        + body("block", "steel", None, box([-2.0, 2.0], [-2.0, 0.0]))
+        + support("block.bottom", ux=0.0, uy=0.0)
+        + load("press", "disk.flat", "displacement", displacement=[0.0, -4e-4])
+        + load("shear", "disk.flat", "displacement", displacement=[1.2e-4, 0.0])
+        + contact("c", "disk.arc", "block.top", friction=0.3)
+        + item("stage", press=1.0)
+        + item("stage", shear=1.0)
+        + item("stage", shear=-1.0)
+    )
+    steel = neo_hookean("steel", 210e3, 0.3)
+    found = solve(head("strain", strain="finite") + steel + scene, tmp_path / "finite")
+    linear = steel.replace('law = "neo-hookean"\n', "")
+    expected = solve(head("strain") + linear + scene, tmp_path / "small")
+    assert found["nodes"] <= 1.5 * expected["nodes"]
+    assert not found["warnings"]
+    one, other = (summary["contacts"]["c"] for summary in (found, expected))
+    np.testing.assert_allclose(one["force"], other["force"], atol=3e-3 * np.hypot(*other["force"]))
+    for key, accuracy in (("peak_pressure", 5e-3), ("half_width", 0.01), ("dissipated_work", 0.01)):
+        assert one[key] == pytest.approx(other[key], rel=accuracy), key

@@ -10,9 +10,9 @@ import meshio
 import numpy as np
 import pytest
 
+from mlsanm_cli.app.checks.references import read_case
 from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.run import run
-from mlsanm_cli.app.scene.outlines import load_with_files
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import case_hash
 from mlsanm_cli.cli import main
@@ -116,16 +116,16 @@ def test_the_resolved_case_names_the_file_and_its_content(tmp_path: Path) -> Non
     assert plot(tmp_path / "elsewhere" / "out")
     (tmp_path / "gone.msh").rename(tmp_path / "plate.msh")
     resolved = tmp_path / "elsewhere" / "out" / "resolved.toml"
-    first, second = load_with_files(tmp_path / "case.toml"), load_with_files(resolved)
+    first, second = read_case(tmp_path / "case.toml"), read_case(resolved)
     assert first.case == second.case
     moved = tmp_path / "moved"
     moved.mkdir()
     (moved / "plate.msh").write_text((DATA / "plate22.msh").read_text())
-    assert load_with_files(write(moved, PULLED)).case_hash == first.case_hash == case_hash(second.case)
+    assert read_case(write(moved, PULLED)).case_hash == first.case_hash == case_hash(second.case)
     (tmp_path / "plate.msh").write_text((DATA / "plate22.msh").read_text() + "\n")
     with pytest.raises(CaseError, match="it has changed since the case was resolved"):
-        load_with_files(resolved)
-    assert load_with_files(tmp_path / "case.toml").case_hash != first.case_hash
+        read_case(resolved)
+    assert read_case(tmp_path / "case.toml").case_hash != first.case_hash
 
 
 GOOD = (DATA / "plate22.msh").read_text()

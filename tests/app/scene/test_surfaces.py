@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mlsanm_cli.app.checks.references import read_case
 from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.clouds import clouds
 from mlsanm_cli.app.scene.contact_pairs import check_tips, pair
-from mlsanm_cli.app.scene.outlines import load_with_files
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import CaseError
 from mlsanm_cli.io.run_reader import read_run
@@ -164,7 +164,7 @@ def test_a_part_of_a_mesh_ends_at_nodes(tmp_path: Path) -> None:
     load = "traction = [100.0, 0.0]"
     text = PULLED.changed(load, f"{load}\nfrom = [5.0, -2.0]\nto = [5.0, 2.0]")
     (tmp_path / "case.toml").write_text(text)
-    loaded = load_with_files(tmp_path / "case.toml")
+    loaded = read_case(tmp_path / "case.toml")
     outline = Boundaries.of(loaded.case).outline(loaded.case.body[0].name)
     assert {"right/1", "right/2", "right/3"} <= set(outline.names)
     middle = outline.curves[outline.names.index("right/2")]
