@@ -73,7 +73,7 @@ def assemble(
     restraints = restrained(held, springs, cloud, material)
     # In nearly incompressible plane bodies, pairs would make nodal pressures alternate.
     unpaired = material.nearly_incompressible and not cloud.revolved
-    pieces = Pieces.of(cloud, () if unpaired else touching, restraints)
+    pieces = Pieces(cloud, () if unpaired else touching, restraints)
     count = total + 3 * pieces.count
     # Computed on first use, by the equations or for the body's forces.
     loads = cache(partial(pieces.loads, first_row, count, restraints))
@@ -114,7 +114,7 @@ def assemble(
     body = ElasticBody(model, held, springs, free, count, pieces, loads, equations, tuple(held_nodes))
     if not free.components:
         return body
-    unpinned = partial(_without_pins, body, single[len(held_nodes) :])
+    unpinned = partial(FreeSystem, body, single[len(held_nodes) :])
     return replace(body, equations=BodyEquations(content, unpinned))
 
 
@@ -183,19 +183,6 @@ def spring_rows(cloud: Cloud, springs: Springs, rows: int) -> sparse.csr_array:
             entries = (np.full(len(index), spring), (at, 2 * index + component))
             pulls = pulls + sparse.csr_array(entries, shape=pulls.shape)
     return pulls
-
-
-def _without_pins(body: ElasticBody, pinned: Sequence[tuple[int, int]]) -> FreeSystem:
-    """The body's system without the effect of its pins."""
-    model = body.model
-    patterns = body.free.patterns(model.cloud.points)
-    share = np.repeat(model.cloud.volumes, 2)
-    mean = np.asarray(np.linalg.solve(patterns.T @ (share[:, None] * patterns), patterns.T * share))
-    work = body.resultants(body.free.center)[list(body.free.components)].toarray()
-    balance = np.stack([body.force_source(one.reshape(-1, 2)) for one in patterns.T], axis=1)
-    balance = -balance @ np.linalg.inv(work @ balance)
-    places = np.array([2 * node + component for node, component in pinned])
-    return FreeSystem(body.system, patterns, mean, places, body.first_pin, work, balance)
 
 
 def row_weights(

@@ -10,7 +10,7 @@ Equation (29) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import field, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -196,13 +196,13 @@ def _near_singular(body: ElasticBody, plates: Collection[str]) -> BoolArray:
     return found
 
 
-@dataclass(frozen=True)
 class NextDegree:
     """Fits one degree higher than a body's. The weights of small bodies are ``kept`` for a second
     evaluation."""
 
-    model: BodyModel
-    kept: dict[tuple[MlsSettings, int, bytes], Stencils] = field(default_factory=dict, compare=False)
+    def __init__(self, model: BodyModel) -> None:
+        self.model = model
+        self.kept: dict[tuple[MlsSettings, int, bytes], Stencils] = {}
 
     def at_nodes(self, values: FloatArray) -> FloatArray:
         """Derivatives (n, 6, c) at the cloud's points of displacements (N, 2) or stresses (n, 3)."""

@@ -39,7 +39,6 @@ from mlsanm_cli.mechanics.corners import WEIGHT_REACH, thickness
 from mlsanm_cli.mechanics.elasticity import HOOP, traction_of
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.springs import FREE, Held
-from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 
 BOUNDARY_NODES = 16
@@ -57,24 +56,17 @@ ForcesThrough: TypeAlias = Callable[[FloatArray, FloatArray, FloatArray], sparse
 """Rows (3e, ...) as by :meth:`BodyModel.forces_through`."""
 
 
-@dataclass(frozen=True)
 class Pieces:
-    """The division of a ``cloud`` into k pieces, each ``strength`` (k,) times as strong as a node's rows.
-    ``levels`` are piece numbers of all nodes (n,), -1 for none: connected pieces that make up the body, and
-    pairs of neighbours at contact surfaces. ``middle`` (k, 2) are centroids; pieces that are not ``closed``
-    (k,) miss a part of the outline. Loads and fluxes are 3k rows: forces x of all pieces, forces y, and
-    moments about the centroids over ``size`` (k,), the square root of the area."""
+    """The division of a ``cloud`` into k pieces of about BOUNDARY_NODES nodes, which make up the body
+    (``main``), and pairs along the contact surfaces ``touching``, each ``strength`` (k,) times as strong as a
+    node's rows. ``levels`` are piece numbers of all nodes (n,), -1 for none, the first ``labels`` without.
+    ``middle`` (k, 2) are centroids; pieces that are not ``closed`` (k,) miss a part of the outline. Loads and
+    fluxes are 3k rows: forces x of all pieces, forces y, and moments about the centroids over ``size`` (k,),
+    the square root of the area."""
 
-    cloud: Cloud
-    levels: tuple[IntArray, ...]
-    middle: FloatArray
-    closed: BoolArray
-    size: FloatArray
-    strength: FloatArray
-
-    @classmethod
-    def of(cls, cloud: Cloud, touching: Collection[str] = (), held: Held = MappingProxyType({})) -> Pieces:
-        """Pieces of about BOUNDARY_NODES nodes, and pairs along the contact surfaces ``touching``."""
+    def __init__(
+        self, cloud: Cloud, touching: Collection[str] = (), held: Held = MappingProxyType({})
+    ) -> None:
         labels = divide(cloud, BOUNDARY_NODES)
         levels: tuple[IntArray, ...] = (labels,)
         strength: FloatArray = np.full(int(labels.max()) + 1, EQUILIBRIUM_WEIGHT)
@@ -87,25 +79,13 @@ class Pieces:
         parts = [measure(cloud.points, cloud.faces, cloud.surfaces, level) for level in levels]
         area, middle, closed = (np.concatenate(values) for values in zip(*parts, strict=True))
         nodal = sum(np.bincount(one[one >= 0], cloud.areas[one >= 0], len(strength)) for one in levels)
-        size = np.sqrt(np.where(closed, area, nodal))
-        main = slice(0, int(labels.max()) + 1)
+        size: FloatArray = np.sqrt(np.where(closed, area, nodal))
+        main: BoolArray = np.arange(len(size)) <= labels.max()
         strength[main] *= np.minimum(1.0, size[main] / (WEIGHT_REACH * thickness(cloud)))
-        return cls(cloud, levels, middle, closed, size, strength)
-
-    @property
-    def labels(self) -> IntArray:
-        """Piece (n,) of every node, on the first level."""
-        return self.levels[0]
-
-    @property
-    def main(self) -> BoolArray:
-        """Mask (k,) of the first-level pieces, which together make up the body."""
-        return np.asarray(np.arange(self.count) <= self.labels.max())
-
-    @property
-    def count(self) -> int:
-        """Number of pieces (k)."""
-        return len(self.size)
+        self.cloud, self.levels, self.labels, self.main, self.count = cloud, levels, labels, main, len(size)
+        self.middle: FloatArray = middle
+        self.closed: BoolArray = closed
+        self.size, self.strength = size, strength
 
     def strengths_of(self, material: PlaneMaterial) -> FloatArray:
         """Strengths (k,) in a body of a ``material``, per force on a circle of unit length."""
@@ -264,6 +244,7 @@ class Pieces:
             return total
         # The difference from the mean, cell by cell.
         points, first, second = cloud.points, *corner_moments()
+        varying = np.zeros_like(total)
         for level, turn in product(self.levels, range(3)):
             corners = np.roll(cloud.triangles, -turn, axis=1)
             corners = corners[level[corners[:, 0]] >= 0]
@@ -277,8 +258,8 @@ class Pieces:
             moment = ((across @ second) * y).sum(axis=1) - ((along @ second) * x).sum(axis=1)
             for row, values in enumerate((x @ first, y @ first, moment)):
                 span = slice(row * self.count, (row + 1) * self.count)
-                total[span] += np.bincount(owner, area * values, self.count)
-        return total
+                varying[span] += np.bincount(owner, area * values, self.count)
+        return total + varying
 
     def gathered(self, nodes: IntArray, points: FloatArray, force: FloatArray) -> FloatArray:
         """Force and moment (3k, ...) on the pieces of ``nodes`` (e,) by forces (e, 2, ...) at ``points`` (e,
@@ -357,9 +338,12 @@ def reaction_rows(
 ) -> sparse.csr_array:
     """Rows (3, 2N) of force and moment about ``center`` of a held surface on its body, in ``held``
     components."""
-    points, normals, sums = _held_side(model, surface, held, center)
-    forces = (through or model.forces_through)(points, points[:, None], normals[:, None])
-    return sparse.csr_array(sums @ forces)
+    points, normals = _along(model.cloud, surface, Halves.of(surface, rule_of(model)))
+    forces, count = (through or model.forces_through)(points, points[:, None], normals[:, None]), len(points)
+    x, y = (points - np.array(center)).T
+    along, one, none = np.array(held, dtype=float), np.ones(count), np.zeros(count)
+    lines = [[one * along[0], none, none], [none, one * along[1], none], [-y * along[0], x * along[1], none]]
+    return sparse.csr_array(sparse.csr_array(np.stack([np.concatenate(line) for line in lines])) @ forces)
 
 
 def reaction_of(
@@ -370,18 +354,7 @@ def reaction_of(
     stress: Callable[[FloatArray], FloatArray],
 ) -> FloatArray:
     """The same force and moment (3,) for a ``stress`` function of points (g, 2), values (g, 3)."""
-    points, normals, sums = _held_side(model, surface, held, center)
-    x, y = traction_of(stress(points), normals).T
-    return np.asarray(sums @ np.concatenate([x, y, np.zeros(len(x))]))
-
-
-def _held_side(
-    model: BodyModel, surface: Surface, held: tuple[bool, bool], center: tuple[float, float]
-) -> tuple[FloatArray, FloatArray, sparse.csr_array]:
-    """Quadrature points (g, 2) of a surface, normals times weights (g, 2), and the sums (3, 3g) of forces x
-    and y there in ``held`` components and of their moments about ``center``."""
     points, normals = _along(model.cloud, surface, Halves.of(surface, rule_of(model)))
-    x, y = (points - np.array(center)).T
-    along, one, none = np.array(held, dtype=float), np.ones(len(points)), np.zeros(len(points))
-    lines = [[one * along[0], none, none], [none, one * along[1], none], [-y * along[0], x * along[1], none]]
-    return points, normals, sparse.csr_array(np.stack([np.concatenate(line) for line in lines]))
+    x, y = (traction_of(stress(points), normals) * np.array(held)).T
+    arm = points - np.array(center)
+    return np.array([x.sum(), y.sum(), arm[:, 0] @ y - arm[:, 1] @ x])

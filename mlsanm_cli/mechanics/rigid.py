@@ -11,17 +11,21 @@ a remainder is the opposite of the mean motion of its closed-form field.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sparse
 from scipy.linalg.lapack import dgeqp3
 
-from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.springs import Springs
-from mlsanm_cli.operators.system import FULL_TOLERANCE, LinearSystem
+from mlsanm_cli.operators.system import FULL_TOLERANCE
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
+
+if TYPE_CHECKING:
+    from mlsanm_cli.mechanics.body import ElasticBody
 
 ROTATION = 2
 PIN_DIGITS = 9
@@ -118,20 +122,24 @@ def pins(points: FloatArray, free: RigidBodyModes) -> list[tuple[int, int]]:
     return [(place // 2, place % 2) for place in independent_rows(patterns)]
 
 
-@dataclass(frozen=True)
 class FreeSystem:
-    """A pinned body's ``system`` without the effect of the pins. ``patterns`` (n, d) are the free motions,
-    ``mean`` (d, n) extracts their amount from a displacement, ``pinned`` (d,) are the pinned unknowns.
-    Right-hand sides of the d rows from ``first_pin`` on are the mean motions of the solution. ``work`` (d, r)
-    is the work of right-hand sides in the free motions, ``balance`` (r, d) the body forces of work -1."""
+    """The system of a ``body`` with d free rigid motions, without the effect of its ``pinned`` (node,
+    component) pairs. Right-hand sides of the d rows from ``first_pin`` on are the mean motions of the
+    solution."""
 
-    system: LinearSystem
-    patterns: FloatArray
-    mean: FloatArray
-    pinned: IntArray
-    first_pin: int
-    work: FloatArray
-    balance: FloatArray
+    def __init__(self, body: ElasticBody, pinned: Sequence[tuple[int, int]]) -> None:
+        cloud, free = body.model.cloud, body.free
+        self.system, self.first_pin = body.system, body.first_pin
+        # The free motions (n, d), and the matrix (d, n) that extracts their amount from a displacement.
+        self.patterns = free.patterns(cloud.points)
+        weighted = np.repeat(cloud.volumes, 2)[:, None] * self.patterns
+        self.mean = np.linalg.solve(self.patterns.T @ weighted, self.patterns.T * np.repeat(cloud.volumes, 2))
+        self.pinned = np.array([2 * node + component for node, component in pinned])
+        # The work (d, r) of right-hand sides in the free motions, and the body forces (r, d) of work -1.
+        self.work = body.resultants(free.center)[list(free.components)].toarray()
+        forces = [body.force_source(motion.reshape(-1, 2)) for motion in self.patterns.T]
+        balance = np.stack(forces, axis=1)
+        self.balance = -balance @ np.linalg.inv(self.work @ balance)
 
     @property
     def _pins(self) -> slice:

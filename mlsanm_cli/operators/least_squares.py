@@ -265,9 +265,9 @@ def symbolic_of(
 ) -> Symbolic:
     """That of ``rows`` and ``strong`` rows like these (:class:`Strong`)."""
     vertices = np.repeat(places, 2, axis=0)
-    normal = NormalPattern.of(rows, strong, owner, len(vertices))
+    normal = NormalPattern(rows, strong, owner, len(vertices))
     graph = normal.matrix(rows, strong, rows, strong)
-    fronts = Fronts.of(np.concatenate([points, vertices]), graph, len(vertices))
+    fronts = Fronts(np.concatenate([points, vertices]), graph, len(vertices))
     return normal, fronts, mirrored(graph)
 
 

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TypeAlias
-
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import IndexArray, IntArray
+from mlsanm_cli.arrays import IntArray
 from mlsanm_cli.kernels.normal import add_blocks, count_neighbours, group_rows, rows_of_nodes
 from mlsanm_cli.operators.linear.interface import refuse_too_many, structure
-from mlsanm_cli.records import dataclass
 
 
 def normal_equations(rows: sparse.csr_array) -> sparse.bsr_array:
@@ -23,38 +20,18 @@ def bordered(
     rows: sparse.csr_array, strong: sparse.csr_array, owner: IntArray, vertices: int
 ) -> sparse.bsr_array:
     """The matrix [M^T M, B^T; B, -1] of ``rows`` M and ``strong`` rows B (:class:`NormalPattern`)."""
-    return NormalPattern.of(rows, strong, owner, vertices).matrix(rows, strong, rows, strong)
+    return NormalPattern(rows, strong, owner, vertices).matrix(rows, strong, rows, strong)
 
 
-Groups: TypeAlias = tuple[
-    IndexArray, IntArray, IntArray, IndexArray, IndexArray, IndexArray, IndexArray, IndexArray
-]
-"""Arguments of the kernel :func:`add_blocks` from ``indptr`` to ``entry``."""
-
-
-@dataclass(frozen=True)
 class NormalPattern:
     """Pattern of matrices [M^T N, B^T; C, -1] in 2 x 2 blocks, for rows M and N (r, 2n) with the same
-    pattern, and strong rows B and C (g, 2n) with another one.
+    pattern, and strong rows B and C (g, 2n) with another one. The multiplier of strong row i belongs to
+    vertex 2 ``owner[i]`` (g,) or the next one; unused ones are zero. Raises NumericalError for too many
+    blocks."""
 
-    ``groups`` describe the rows, ``indptr`` are offsets of the block rows, of which the first n begin
-    with the blocks of M^T N; ``border`` (m,) the columns of all other blocks. The coefficients of the strong
-    rows are at ``up`` and ``down`` (e,) among those of the blocks.
-    """
-
-    groups: Groups
-    indptr: IntArray
-    border: IndexArray
-    up: IntArray
-    down: IntArray
-
-    @classmethod
-    def of(
-        cls, rows: sparse.csr_array, strong: sparse.csr_array, owner: IntArray, vertices: int
-    ) -> NormalPattern:
-        """The pattern for ``rows`` and ``strong`` rows like these. The multiplier of strong row i belongs to
-        vertex 2 ``owner[i]`` (g,) or the next one; unused ones are zero. Raises NumericalError for too many
-        blocks."""
+    def __init__(
+        self, rows: sparse.csr_array, strong: sparse.csr_array, owner: IntArray, vertices: int
+    ) -> None:
         count = rows.shape[1] // 2
         own_indptr, nodes = structure(_pairs(rows))
         group, begin = np.empty(rows.shape[0], dtype=np.int32), np.zeros(rows.shape[0] + 1, dtype=np.int32)
@@ -67,7 +44,8 @@ class NormalPattern:
         count_neighbours(begin, members, start, of_node, np.full(count, -1, dtype=np.int32), end)
         in_groups = np.argsort(group, kind="stable")
         first_row = np.searchsorted(group[in_groups], np.arange(number + 1))
-        groups = (own_indptr, in_groups, first_row, begin, members, start, of_node, entry)
+        # Arguments of the kernel that adds up the blocks.
+        self.groups = (own_indptr, in_groups, first_row, begin, members, start, of_node, entry)
         order = np.argsort(owner, kind="stable")
         place = np.empty(len(owner), dtype=np.int64)
         place[order] = np.arange(len(owner)) - np.searchsorted(owner[order], owner[order])
@@ -76,6 +54,8 @@ class NormalPattern:
         pairs, block = np.unique(line // 2 * count + column // 2, return_inverse=True)
         vertex, node = np.divmod(pairs, count)
         room, below = np.bincount(node, minlength=count), np.bincount(vertex, minlength=vertices)
+        # Offsets of the block rows, of which the first begin with the blocks of M^T N, and the columns of all
+        # other blocks.
         indptr = np.concatenate([[0], np.cumsum(np.concatenate([np.diff(end) + room, below + 1]))])
         refuse_too_many(int(indptr[-1]))
         border = np.zeros(indptr[-1], dtype=np.int32)
@@ -88,8 +68,9 @@ class NormalPattern:
         up[by_node] = first + np.arange(len(node)) - np.searchsorted(node[by_node], node[by_node])
         border[up] = count + vertex
         row, own = line % 2, column % 2
-        at_up, at_down = 4 * up[block] + 2 * own + row, 4 * down[block] + 2 * row + own
-        return cls(groups, indptr, border, at_up, at_down)
+        self.indptr, self.border = indptr, border
+        # Places of the coefficients of strong rows among those of the blocks.
+        self.up, self.down = 4 * up[block] + 2 * own + row, 4 * down[block] + 2 * row + own
 
     def matrix(
         self,

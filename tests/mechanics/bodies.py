@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from copy import copy
 
 import numpy as np
 import scipy.sparse as sparse
@@ -93,7 +93,9 @@ def with_body_force(body: ElasticBody, source: FloatArray, force: Field) -> Floa
     node, points, area = _fine_cells(cloud)
     for level in pieces.levels:
         values = area[:, None] * (force(points) - mean[level[node]])
-        exact += replace(pieces, levels=(level,)).gathered(node, points, values)
+        single = copy(pieces)
+        single.levels = (level,)
+        exact += single.gathered(node, points, values)
     loaded[body.rows - len(exact) :] = exact
     return source + loaded
 

@@ -310,4 +310,4 @@ def test_a_node_at_the_root_of_a_narrow_slit_is_in_a_piece_with_an_area() -> Non
     cloud = build_cloud(clip, Spacing(0.25), 0)
     # It is a corner of no triangle.
     assert (cloud.areas == 0.0).any()
-    assert Pieces.of(cloud).size.min() > 0.0
+    assert Pieces(cloud).size.min() > 0.0

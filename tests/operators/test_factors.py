@@ -109,7 +109,7 @@ def test_unsymmetric_solutions_against_dense_ones(count: int, apiece: int, seed:
     rng = np.random.default_rng(seed)
     blocks = graph.data + 0.3 * np.abs(graph.data).mean() * rng.normal(size=graph.data.shape)
     matrix = sparse.bsr_array((blocks, graph.indices, graph.indptr), shape=graph.shape)
-    factor = factor_general(matrix, Fronts.of(points, graph, negative), mirrored(graph))
+    factor = factor_general(matrix, Fronts(points, graph, negative), mirrored(graph))
     dense = matrix.toarray()
     for shape in ((len(dense),), (len(dense), 5)):
         rhs = rng.normal(size=shape)
@@ -117,7 +117,7 @@ def test_unsymmetric_solutions_against_dense_ones(count: int, apiece: int, seed:
         size = np.linalg.cond(dense) * np.abs(expected).max()
         assert np.abs(factor.solve(rhs) - expected).max() <= 1e-12 * size
     with pytest.raises(NumericalError, match="singular"):
-        factor_general(0.0 * matrix, Fronts.of(points, graph, negative), mirrored(graph))
+        factor_general(0.0 * matrix, Fronts(points, graph, negative), mirrored(graph))
 
 
 def test_definite_matrices_taken_for_quasi_definite_ones_are_left_to_superlu() -> None:

@@ -1,22 +1,27 @@
-"""The scene of a case on its clouds: kernels, nodes, operators, pairs and conditions."""
+"""The scene of a case on its clouds: kernels, nodes, operators, pairs and conditions; its size and cost."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
 from mlsanm_cli.app.context import RunContext
-from mlsanm_cli.app.scene.assemble import NOTHING, SceneModel, prepare
+from mlsanm_cli.app.scene.assemble import NOTHING, SceneModel, mls_settings, prepare
 from mlsanm_cli.app.scene.boundaries import Boundaries
-from mlsanm_cli.app.scene.clouds import clouds
+from mlsanm_cli.app.scene.clouds import clouds, spacing_of
 from mlsanm_cli.app.scene.contact_pairs import refuse_overlap
-from mlsanm_cli.app.scene.size_estimate import refuse_too_large, refuse_too_many_contacts
-from mlsanm_cli.case import LoadedCase, resolved_mapping
-from mlsanm_cli.cloud.spacing import Zone
-from mlsanm_cli.errors import CaseError
+from mlsanm_cli.app.scene.outlines import given_nodes
+from mlsanm_cli.case import Case, LoadedCase, resolved_mapping
+from mlsanm_cli.cloud.spacing import Spacing, Zone
+from mlsanm_cli.cloud.zones import estimate_nodes
+from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.kernels.aot.jit import is_warm, load
 from mlsanm_cli.kernels.aot.machine import Machine
 from mlsanm_cli.memo import digest
+from mlsanm_cli.system import physical_memory_mb
 
 ANNOUNCED_NODES = 50_000
 """Scenes with more nodes are announced: they take long, and may be due to a typing error."""
@@ -25,6 +30,21 @@ CONTACT_KEYS_WITHOUT_SIZE = {"friction", "regularization"}
 """Sections of a case and keys of its contacts that do not affect its size."""
 OUTPUT_SECTIONS = {"title", "output"}
 """Sections of a case that only affect what is written."""
+COUNT_LIMIT = 2e8
+PROCESS_MB = 150.0
+"""Memory of a process before its first body."""
+CHOLESKY, SUPERLU = 96.0, 217.0
+"""Bytes of a factor per node, node of its stencil and level of nested dissection: of the built-in Cholesky
+factorisation, and of SuperLU, with both factors."""
+DENSE = 8.0
+"""Square matrices of the contact unknowns in memory at the same time; 5 to 6 were measured."""
+START, STAGE = 0.8, 0.1
+"""CPU seconds of the program, and of a stage with contact."""
+PER_NODE, FACTOR, FINITE_NODE = 5.0e-5, 5.0e-7, 2.0e-3
+"""CPU seconds per node, per node^1.5, and at finite strain per node and stage, with REFERENCE_STENCIL."""
+SLOW = {"auto": 1.0, "superlu": 3.0}
+"""Time of factorisation and solution relative to the built-in solver, by ``solver.linear``."""
+REFERENCE_STENCIL = 16.0
 
 
 def load_kernels(context: RunContext) -> Machine:
@@ -92,3 +112,89 @@ def place(
     friction = {contact.name: contact.coefficient for contact in case.contact}
     pairings = (replace(pairing, friction=friction[pairing.name]) for pairing in kept.pairings)
     return replace(kept, boundaries=replace(kept.boundaries, case=case), pairings=tuple(pairings))
+
+
+def node_counts(boundaries: Boundaries) -> dict[str, float]:
+    """Nodes by body: by quadrature of the spacing field, or counted."""
+    counts = {}
+    for body in boundaries.case.body:
+        given = given_nodes(body)
+        if given is not None:
+            counts[body.name] = float(len(given.points))
+        else:
+            spacing = spacing_of(boundaries, body)
+            counts[body.name] = estimate_nodes(boundaries.outline(body.name), spacing, COUNT_LIMIT)
+    return counts
+
+
+def memory_mb(case: Case, nodes: Mapping[str, float], stencil: int | None = None) -> float:
+    """Memory of the process: stencils, rows and factors of all bodies, and the factorisation of the largest;
+    fitted to measured runs (docs/performance.md). ``stencil`` are the nodes of a stencil, by default those of
+    the case."""
+    stencil = stencil or mls_settings(case).stencil_size
+    built_in = case.model.strain == "small" and case.solver.linear != "superlu"
+    per_level, without = (CHOLESKY, 8.0) if built_in else (SUPERLU, 7.2)
+    counts = list(nodes.values())
+    kept = sum((150.0 * stencil + 1950.0) * count for count in counts)
+    # The last levels of nested dissection hardly cause fill.
+    levels = [max(math.log2(max(count, 2.0)) - without, 1.0) for count in counts]
+    factors = sum(per_level * n * stencil * level for n, level in zip(counts, levels, strict=True))
+    made = (115.0 * stencil + 1400.0) * max(counts)
+    return PROCESS_MB + (kept + factors + made) / 1e6
+
+
+def refuse_too_large(boundaries: Boundaries) -> tuple[float, float]:
+    """Estimated nodes and memory (MB). Raises CaseError, for the key that causes the size (the neighbours,
+    else the spacing or refinement of the largest body), if the scene would not fit in memory."""
+    case, nodes = boundaries.case, node_counts(boundaries)
+    memory, room = memory_mb(case, nodes), physical_memory_mb()
+    if memory > room:
+        counts = ", ".join(f"{name} {count:.3g}" for name, count in nodes.items())
+        message = (
+            f"the scene needs about {memory / 1024:.3g} GB of memory, the machine has "
+            f"{room / 1024:.3g} GB (nodes: {counts})"
+        )
+        usual = replace(mls_settings(case), neighbors=None).stencil_size
+        if memory_mb(case, nodes, usual) <= room:
+            raise CaseError((CaseProblem("mls.neighbors", message, hint=f'"auto" takes {usual}'),))
+        body = max(case.body, key=lambda body: nodes[body.name])
+        key, hint = f"body.{body.name}.shape.file", "use a coarser mesh"
+        if not body.has_nodes:
+            hint = "use larger spacings, smaller refinement radii or a larger growth"
+            even = Spacing(spacing_of(boundaries, body).far)
+            coarse = estimate_nodes(boundaries.outline(body.name), even, COUNT_LIMIT)
+            key = f"body.{body.name}.spacing"
+            if body.refine and coarse < 0.5 * nodes[body.name]:
+                finest = min(range(len(body.refine)), key=lambda index: body.refine[index].spacing)
+                key = f"body.{body.name}.refine.{finest}.spacing"
+        raise CaseError((CaseProblem(key, message, hint=hint),))
+    return sum(nodes.values()), memory
+
+
+def refuse_too_many_contacts(case: Case, pairings: Sequence[Pairing]) -> None:
+    """Raises CaseError, for the largest contact, if the dense systems of the path would not fit in memory."""
+    unknowns = {p.name: int(p.candidate.sum()) * (2 if p.friction else 1) for p in pairings}
+    memory, room = DENSE * sum(unknowns.values()) ** 2 * 8 / 2**20, physical_memory_mb()
+    if memory > room:
+        name = max(unknowns, key=lambda name: unknowns[name])
+        message = (
+            f"{sum(unknowns.values())} contact unknowns need about {memory / 1024:.3g} GB of memory, "
+            f"the machine has {room / 1024:.3g} GB"
+        )
+        hint = f"use larger spacings along {next(c.names[0] for c in case.contact if c.name == name)}"
+        raise CaseError((CaseProblem(f"contact.{name}", message, hint=hint),))
+
+
+def cpu_seconds(case: Case, prepared: SceneModel) -> float:
+    """Estimated CPU seconds of ``mlsanm run`` with compiled kernels, to about a factor of two: clouds,
+    operators and fields of n nodes take time of order n, the factorisation n^1.5 (nested dissection in the
+    plane)."""
+    sizes = [len(model.cloud.points) for model in prepared.models.values()]
+    settings, stages = mls_settings(case), len(case.stage)
+    stencil = settings.stencil_size / REFERENCE_STENCIL
+    slow = SLOW[case.solver.linear]
+    bulk = PER_NODE * stencil * sum(sizes) + slow * FACTOR * stencil**1.2 * sum(n**1.5 for n in sizes)
+    path = STAGE * stages if prepared.pairings else 0.0
+    if case.model.strain == "finite":
+        path = FINITE_NODE * stencil**0.7 * stages * sum(sizes)
+    return float(START + bulk + path)

@@ -1,1 +1,1 @@
-"""Constitutive laws: one file each, which states its energy or its stress once as power series."""
+"""Constitutive laws, each of which states its energy or its stress once as power series."""

@@ -34,48 +34,42 @@ from mlsanm_cli.mechanics.material import PlaneMaterial, isotropic
 from mlsanm_cli.records import dataclass
 
 
-@dataclass(frozen=True)
 class Deformation:
-    """Elastic deformation: gradient ``f`` 11, 12, 21, 22 in the plane, and the stretch ``across`` it."""
+    """Elastic deformation: gradient ``f`` 11, 12, 21, 22 in the plane, the ``trace`` c of F^T F and the
+    determinant, ``area`` d, of it; the stretch ``across`` the plane and its ``square``; the invariants
+    ``first`` I1 and ``second`` I2, ``volume`` J and ``compression`` 1/J."""
 
-    f: Sequence[Series]
-    across: Term
+    def __init__(self, f: Sequence[Series], across: Term) -> None:
+        self.f, self.across = f, across
 
     @cached_property
     def trace(self) -> Term:
-        """c, the trace of F^T F in the plane."""
         f11, f12, f21, f22 = self.f
         return f11**2 + f12**2 + f21**2 + f22**2
 
     @cached_property
     def area(self) -> Term:
-        """d, the determinant in the plane."""
         f11, f12, f21, f22 = self.f
         return f11 * f22 - f12 * f21
 
     @cached_property
     def square(self) -> Term:
-        """Squared stretch across the plane."""
         return self.across**2
 
     @cached_property
     def first(self) -> Term:
-        """The invariant I1."""
         return self.trace + self.square
 
     @cached_property
     def second(self) -> Term:
-        """The invariant I2."""
         return self.area**2 + self.trace * self.square
 
     @cached_property
     def volume(self) -> Term:
-        """Volume ratio J."""
         return self.area * self.across
 
     @cached_property
     def compression(self) -> Term:
-        """1/J."""
         return 1.0 / self.volume
 
 

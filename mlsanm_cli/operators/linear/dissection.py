@@ -3,7 +3,6 @@ doi:10.1137/0710032)."""
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -13,7 +12,6 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.kernels.dissection import dissect, places_between
 from mlsanm_cli.kernels.multifrontal import borders
 from mlsanm_cli.operators.linear.interface import structure
-from mlsanm_cli.records import dataclass
 
 LEAF_SIZE = 16
 """Largest part that is not cut."""
@@ -45,33 +43,16 @@ def nested_dissection(points: FloatArray, graph: sparse.csr_array | sparse.bsr_a
     return order, start, np.where(parent >= 0, count - 1 - parent, -1)
 
 
-@dataclass(frozen=True)
 class Fronts:
-    """The elimination tree, in the format of the kernels.
+    """The nested dissection of ``points`` (n, 2) with adjacency ``graph``, of which the last ``negative``
+    vertices, not adjacent to each other, come last in their fronts, in the format of the kernels.
 
-    ``order`` (n,) of the nodes, ``place`` (n,) its inverse; ``start`` (f + 1,) of the fronts, the number
-    ``negative`` (f,) of their last nodes with negative pivots, their ``parent`` (f,); ``begin`` (f + 1,)
-    offsets of their borders in ``border``; ``waiting``, peak size of pending updates.
+    ``order`` (n,) of the nodes, ``place`` (n,) its inverse, ``unknowns`` (2n,) in this order; ``start`` (f +
+    1,) of the fronts, the number ``negative`` (f,) of their last nodes with negative pivots, their ``parent``
+    (f,); ``begin`` (f + 1,) offsets of their borders in ``border``; ``waiting``, peak size of updates.
     """
 
-    order: IntArray
-    place: IntArray
-    start: IntArray
-    negative: IntArray
-    parent: IntArray
-    begin: IntArray
-    border: IntArray
-    waiting: int
-
-    @cached_property
-    def unknowns(self) -> IntArray:
-        """Elimination order (2n,) of the unknowns."""
-        return np.stack([2 * self.order, 2 * self.order + 1], axis=1).ravel()
-
-    @classmethod
-    def of(cls, points: FloatArray, graph: sparse.bsr_array, negative: int = 0) -> Fronts:
-        """Fronts of the nested dissection of ``points`` (n, 2) with adjacency ``graph``. The last
-        ``negative`` vertices, not adjacent to each other, come last in their fronts."""
+    def __init__(self, points: FloatArray, graph: sparse.bsr_array, negative: int = 0) -> None:
         count = len(points) - negative
         if negative:
             entries = (np.ones(len(graph.indices), dtype=np.int8), graph.indices, graph.indptr)
@@ -92,4 +73,6 @@ class Fronts:
         place = np.empty_like(order)
         place[order] = np.arange(len(points))
         begin, border, waiting = borders(start, parent, *structure(graph), order, place)
-        return cls(order, place, start, of_front, parent, begin, border, waiting)
+        self.order, self.place, self.start, self.negative, self.parent = order, place, start, of_front, parent
+        self.begin, self.border, self.waiting = begin, border, waiting
+        self.unknowns = np.stack([2 * order, 2 * order + 1], axis=1).ravel()

@@ -150,7 +150,7 @@ def factor_definite(
     if solver == "superlu":
         return factor_quasi_definite(matrix, points)
     blocks = sparse.bsr_array(matrix, blocksize=(2, 2))
-    fronts = fronts or Fronts.of(points, blocks, negative)
+    fronts = fronts or Fronts(points, blocks, negative)
     factor = MultifrontalFactor.of(blocks, fronts, np.zeros(0, dtype=np.int64))
     return verified_or_superlu(factor, matrix, points)
 
