@@ -126,10 +126,8 @@ def spreads(base: Ran, ran: Ran, name: str, swapped: bool) -> float:
     """
     shares = []
     for one in (base, ran):
-        with h5py.File(one.folder / "run.h5") as file:
-            contact = file[f"contacts/{name}"]
-            pressed = contact["pressure"][-1] * contact["weight"][:]
-            s = contact["arc_length"][:]
+        pressed = one.result.last(name, "pressure") * one.result.read(f"contacts/{name}/weight")
+        s = one.result.read(f"contacts/{name}/arc_length")
         s = (s - s[0]) / (s[-1] - s[0])
         summed = np.cumsum(pressed)
         if not summed[-1] > 0.0:

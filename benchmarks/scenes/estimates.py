@@ -115,15 +115,11 @@ def compared(scene: Scene, base: Ran, fine: Ran) -> Iterator[Compared]:
                 yield Compared(f"{kind} {name}", estimate, errors, unsure)
     for name, one in (base.summary.get("peak_stress") or {}).items():
         other = (fine.summary.get("peak_stress") or {}).get(name)
+        extent = np.ptp(base.result.read(f"bodies/{name}/points"), axis=0).max()
         # Peaks of nearly equal size may change places.
-        if other and np.hypot(*np.subtract(one["place"], other["place"])) < SMALL * _extent(base, name):
+        if other and np.hypot(*np.subtract(one["place"], other["place"])) < SMALL * extent:
             error = abs(one["stress"] / other["stress"] - 1.0)
             yield Compared(f"stress {name}", one["error"], (error,), other["error"])
-
-
-def _extent(ran: Ran, body: str) -> float:
-    with h5py.File(ran.folder / "run.h5") as file:
-        return float(np.ptp(file[f"bodies/{body}/points"][:], axis=0).max())
 
 
 def _apart(first: Array, other: Array, size: float) -> float:

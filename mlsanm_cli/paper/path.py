@@ -18,7 +18,7 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.paper.system import System
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.state import Checkpoint, PathStep, State, output_positions
+from mlsanm_cli.solve.state import Checkpoint, PathStep, State
 
 SYMBOLS = {"pressure": "p", "gap": "h", "motion": "q", "traction": "t"}
 """Unknowns in /series of run.h5, by name."""
@@ -38,7 +38,7 @@ def paper_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterat
         found = correct(system, system.drawn(), 0.0, options, effort)
         point = Point(system, found.x, 0.0, np.zeros(len(system.law.mu)))
         state = point.state(0, found.residual)
-        saved = (state,) if 0.0 in output_positions(built) else ()
+        saved = (state,) if 0.0 in built.outputs else ()
         counts = effort["updates"], effort["factorizations"], effort["solves"]
         yield PathStep(state, saved, 0.0, 0, *counts, checkpoint=Checkpoint(state))
     else:
@@ -100,7 +100,7 @@ def _increment(
 ) -> Generator[PathStep, None, Point]:
     """Steps to the fraction ``end`` of a stage; returns the point there, with moved references."""
     system = point.system
-    wanted = [level for level in output_positions(system.built) if level <= stage + end]
+    wanted = [level for level in system.built.outputs if level <= stage + end]
     levels = [level - stage for level in wanted if stage < level < stage + end]
     follower = follow(system, point.x, point.lam, end, options, levels=levels)
     for step in follower.steps():

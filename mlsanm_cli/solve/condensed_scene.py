@@ -43,6 +43,16 @@ class CondensedScene:
         return replace(self, condensed=self.condensed.eigen.within(self.condensed, stresses))
 
     @property
+    def outputs(self) -> tuple[float, ...]:
+        """Positions with fields in order; the end of the path by default."""
+        return tuple(sorted(set(self.case.output.at))) or (float(len(self.case.stage)),)
+
+    @property
+    def stops(self) -> list[float]:
+        """The start, the ends of the stages and the positions with fields, in order."""
+        return sorted({*map(float, range(len(self.case.stage) + 1)), *self.outputs})
+
+    @property
     def stays_open(self) -> bool:
         """Whether no contact carries pressure at the end of any stage."""
         return not self.ends_early and not any(state.pressure.any() for state in self.ends)

@@ -24,8 +24,6 @@ from mlsanm_cli.solve.state import (
     PathStep,
     State,
     friction_history,
-    output_positions,
-    stops,
 )
 
 LIMIT_LEVELS = (0.5, 0.9, 0.99, 0.999)
@@ -68,7 +66,7 @@ def _limited(built: CondensedScene, start: Checkpoint | None, path: Iterator[Pat
 def linear_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathStep]:
     """Path without contact: every state is a linear combination of the solutions of the loads."""
     condensed, passed = built.condensed, -1.0 if start is None else start.position
-    for position in (one for one in stops(built) if one > passed):
+    for position in (one for one in built.stops if one > passed):
         factors = factors_at(built.stages, position)
         motion = np.linalg.solve(condensed.balance.motion, -condensed.balance.load @ factors)
         state = State(position, factors, motion=np.asarray(motion, dtype=np.float64))
@@ -78,7 +76,7 @@ def linear_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[Pat
 def exact_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathStep]:
     """Exact contact at the known ends of stages, at requested positions and evenly between them, each from
     the previous set; on the way to a limit load as close to it as states exist."""
-    condensed, positions = built.condensed, stops(built)
+    condensed, positions = built.condensed, built.stops
     known = zip(built.ends, built.stages[1:], strict=False)
     ends = {
         float(number): one
@@ -134,7 +132,7 @@ def friction_path(built: CondensedScene, start: Checkpoint | None = None) -> Ite
         contacts = start.state.contacts(built.condensed.friction_nodes, start.history)
         stage, reached = start.stage, start.fraction
     for number in range(stage, len(built.stages) - 1):
-        halts = sorted(place for one in stops(built) if reached < (place := one - number) <= 1.0)
+        halts = sorted(place for one in built.stops if reached < (place := one - number) <= 1.0)
         before, solves, warning, pending = reached, 0, "", False
         begin, end = built.stages[number], built.stages[number + 1]
         unloaded = False
@@ -182,7 +180,7 @@ def _step(
     """Step that ends at a ``state`` after so many ``systems``; with friction in that of the ``contacts``."""
     return PathStep(
         state,
-        (state,) if state.position in output_positions(built) else (),
+        (state,) if state.position in built.outputs else (),
         iterations=systems,
         factorizations=systems,
         solves=(2 if contacts is None else 4) * systems,

@@ -22,7 +22,7 @@ from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene, factors_at
 from mlsanm_cli.solve.plastic_flow import Flow, FlowError, PlasticScene
-from mlsanm_cli.solve.state import Checkpoint, PathStep, State, friction_history, output_positions, stops
+from mlsanm_cli.solve.state import Checkpoint, PathStep, State, friction_history
 
 GROWTH = 2.0
 """Largest growth of increments."""
@@ -49,7 +49,7 @@ def plastic_path(built: CondensedScene, start: Checkpoint | None = None) -> Iter
             now = scene.advanced(now, factors_at(built.stages, position))
             yield _step(scene, now, position, half, length, errors)
     largest = scene.size(now.strain)
-    for halt in stops(built):
+    for halt in built.stops:
         while halt - position > FINE_ROUND_OFF:
             wanted = min(length, halt - position, built.case.solver.largest_increment)
             done, middle, end, error = _increment(scene, now, position, wanted, largest)
@@ -86,7 +86,7 @@ def touching_states(
 
 def _rounded(built: CondensedScene, position: float) -> float:
     """A position, or the requested one that it is up to round-off."""
-    return next((halt for halt in stops(built) if abs(halt - position) <= FINE_ROUND_OFF), position)
+    return next((halt for halt in built.stops if abs(halt - position) <= FINE_ROUND_OFF), position)
 
 
 def _increment(
@@ -160,7 +160,7 @@ def _step(
     history = friction_history(flow.contact) | {"half": np.array([half])}
     return PathStep(
         state,
-        (state,) if position in output_positions(built) else (),
+        (state,) if position in built.outputs else (),
         length,
         iterations=flow.updates,
         solves=flow.products,

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import field
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +15,6 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.complementarity.problem import OPEN, STICK, ContactStatus
 from mlsanm_cli.contact.laws.contact_state import ContactState
 from mlsanm_cli.records import dataclass
-
-if TYPE_CHECKING:
-    from mlsanm_cli.solve.condensed_scene import CondensedScene
 
 UNLOADED = 1e-3
 """Part of earlier pressures and forces that unloading leaves, in regularised laws on a few nodes. Smaller
@@ -193,14 +190,3 @@ class PathStep:
     kept: float = 0.0
     way: tuple[State, ...] = ()
     missed: Callable[[], Any] | None = None
-
-
-def output_positions(built: CondensedScene) -> tuple[float, ...]:
-    """Positions with fields in order; the end of the path by default."""
-    return tuple(sorted(set(built.case.output.at))) or (float(len(built.case.stage)),)
-
-
-def stops(built: CondensedScene) -> list[float]:
-    """The start, the ends of the stages and the requested positions, in order."""
-    ends = np.arange(0.0, len(built.case.stage) + 1.0).tolist()
-    return sorted({*ends, *output_positions(built)})

@@ -47,7 +47,7 @@ from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import cone_ratio, fields_of, plates_turned, quantities, slave_arc
 from mlsanm_cli.solve.limit_loads import at_limit
 from mlsanm_cli.solve.paths import load_path
-from mlsanm_cli.solve.state import Checkpoint, Fields, PathStep, State, output_positions
+from mlsanm_cli.solve.state import Checkpoint, Fields, PathStep, State
 
 FAILING = ("linear_residual", "force_balance", "force_mismatch", "energy_error")
 """Checks at which a run fails whose levels are in the summary."""
@@ -121,7 +121,7 @@ class SmallStrain(Analysis):
         """The path, or its part after a checkpoint, with saved states also ``at`` further positions."""
         built, output = self._built, self.case.output
         if at:
-            output = output.model_copy(update={"at": tuple(sorted({*output_positions(built), *at}))})
+            output = output.model_copy(update={"at": tuple(sorted({*built.outputs, *at}))})
             built = replace(built, case=built.case.model_copy(update={"output": output}))
         return load_path(built, start)
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
-from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse as sparse
@@ -180,7 +179,6 @@ class BodyContact:
             past = wrapped(place - before, master.around)
             slip = -sign * length * past
             d_slip = d_slip - _times(sign * past) @ turned_by(along)
-        carried, carried_moved = transfer(slave, master, place, facing)
         return Meeting(
             facing,
             np.where(facing, gap, NO_GAP),
@@ -191,8 +189,7 @@ class BodyContact:
             kept @ apart_moved(normal),
             kept @ d_slip,
             kept @ (_times(sign / length) @ turned_by(normal)),
-            carried,
-            lambda traction: carried_moved(traction, d_place),
+            *transfer(slave, master, place, facing, d_place),
         )
 
 
@@ -204,15 +201,12 @@ def _times(factors: FloatArray) -> sparse.csr_array:
 SIMPSON = np.array([1.0, 4.0, 1.0]) / 6.0
 
 
-Moved: TypeAlias = Callable[[FloatArray, sparse.csr_array], sparse.csr_array]
-"""Derivative (2m, s) of a transferred traction (c, 2), given that of the places (c, s)."""
-
-
 def transfer(
-    slave: ContactSide, master: ContactSide, place: FloatArray, facing: BoolArray
-) -> tuple[sparse.csr_array, Moved]:
-    """Matrix (m, c) from tractions at the slave's nodes, at places (c,) of the master, to those at the
-    master's, and its derivative; only intervals next to ``facing`` (c,) nodes count."""
+    slave: ContactSide, master: ContactSide, place: FloatArray, facing: BoolArray, d_place: sparse.csr_array
+) -> tuple[sparse.csr_array, Callable[[FloatArray], sparse.csr_array]]:
+    """Matrix (m, c) from tractions at the slave's nodes, at places (c,) of the master with derivatives (c,
+    s), to those at the master's, and the derivative (2m, s) of what it makes of tractions (c, 2); only
+    intervals next to ``facing`` (c,) nodes count."""
     curve, (first, second, step) = master.curve, _stretches(slave)
     chosen = np.flatnonzero(facing[first] | facing[second])
     first, second, step = first[chosen], second[chosen], step[chosen]
@@ -239,7 +233,7 @@ def transfer(
     on_master, rise = curve.hats(at_points, under)
     spread = _spread(master)
 
-    def moved(traction: FloatArray, d_place: sparse.csr_array) -> sparse.csr_array:
+    def moved(traction: FloatArray) -> sparse.csr_array:
         onto = spread @ rise.T @ length
         parts = [onto @ sparse.diags_array(on_slave @ one) @ on_slave @ d_place for one in traction.T]
         both = sparse.vstack(parts, format="csr")
