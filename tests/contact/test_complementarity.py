@@ -178,15 +178,6 @@ def test_a_plate_dragged_between_equal_contacts_may_follow_either(
     assert undetermined(problem, state.status, state.x, np.array([[1.0, 0.0]])) is None
 
 
-def test_no_equilibrium_is_a_ray() -> None:
-    problem, weight, push = _block(0.3)
-    with pytest.raises(Ray):
-        solve(problem, weight + 0.31 * push, problem.opened)
-    closed = np.ones(2, dtype=bool)
-    held = solve(problem, weight + 0.29 * push, ContactStatus(closed, closed, np.zeros(2)))
-    assert held.x[:2].sum() == pytest.approx(1.0)
-
-
 @pytest.mark.parametrize("seed", [1632, 2015, 2023])
 def test_statuses_that_recur_are_found_by_pivots(seed: int) -> None:
     """Eight nodes with much friction, whose Newton steps recur; and the same with a motion in balance,

@@ -81,8 +81,7 @@ def test_pairs_against_quadrature(sign: bool) -> None:
 
 
 def test_pairs_along_turning_directions() -> None:
-    """The normals of a circle over hats that turn by 14 degrees: with mean directions where these overlap
-    a press fit's pressure had rippled by 0.3 %."""
+    """The normals of a circle over hats that turn by 14 degrees."""
     hats = Hats(np.linspace(0.0, 3.0, 13))
     normal = np.stack([np.sin(hats.points), -np.cos(hats.points)], axis=1)
     found = HatPairs(hats).integrals(LOG, NONE, normal, normal)
@@ -195,8 +194,6 @@ def test_half_width(arc: list[float], pressure: list[float], expected: float) ->
 
 
 def test_no_interval_is_round_off() -> None:
-    # A range continued by whole steps came to its new end but for round-off: halving next to that interval
-    # went on down to 1e-15, and a frame under a roller did not start.
     steps = np.arange(0.0, 0.9, 0.1)
     nodes = np.concatenate([[-1e-15], steps, [0.3 + 1e-12, 0.8 + 4e-16]])
     found = spaced_apart(nodes, 0.05)

@@ -7,12 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mlsanm_cli.contact.laws.contact_state import ContactState, residual
-from mlsanm_cli.contact.laws.coulomb import (
-    event_driven_path,
-    start,
-)
-from mlsanm_cli.contact.laws.failures import SlidingError
+from mlsanm_cli.contact.laws.contact_state import residual
+from mlsanm_cli.contact.laws.coulomb import event_driven_path, start
 from tests.contact.friction import HalfPlanes, half_planes
 
 UP, BACK, TURNED = (1.0, 0.5), (1.0, 0.0), (1.0, -0.5)
@@ -45,17 +41,26 @@ def test_shear_unload_reverse(planes: HalfPlanes) -> None:
 
 
 @pytest.mark.parametrize(
-    ("beta", "shift", "friction"), [(0.0, 0.0, 0.3), (0.2, 0.0003, 0.3), (0.3, 0.0001, 1.0)]
+    ("beta", "shift", "friction", "finest", "bar"),
+    [
+        (0.0, 0.0, 0.3, None, 1e-9),
+        (0.2, 0.0003, 0.3, None, 1e-9),
+        (0.3, 0.0001, 1.0, None, 1e-9),
+        (0.0, 0.045, 0.3, 1e-6, 2e-12),
+    ],
 )
-def test_laws_hold_at_every_event(beta: float, shift: float, friction: float) -> None:
-    planes = half_planes(60, friction, beta, shift)
+def test_laws_hold_at_every_event(
+    beta: float, shift: float, friction: float, finest: float | None, bar: float
+) -> None:
+    """On even grids, and where the finest strips are a millionth of the widest."""
+    planes = half_planes(60, friction, beta, shift, finest)
     c, state = planes.condensed, start(planes.condensed, np.zeros(2))
     for target in (PRESSED, UP, BACK, TURNED, (0.4, -0.1), (1.0, 0.6)):
         begin, before = state.factors, state
         path = event_driven_path(c, state, np.array(target), [0.5, 1.0])
         for state in path:
             assert not state.jumped
-            assert residual(c, state) <= 1e-9
+            assert residual(c, state) <= bar
             limit = friction * state.pressure * (1.0 + 1e-9) + 1e-13 * planes.peak
             assert (np.abs(state.traction) <= limit).all()
             assert state.factors == pytest.approx(begin + state.fraction * (np.array(target) - begin))
@@ -73,17 +78,6 @@ def test_laws_hold_at_every_event(beta: float, shift: float, friction: float) ->
         )
 
 
-def test_laws_hold_on_graded_grids() -> None:
-    """Where the finest strips are a millionth of the widest, pressures solved for anew at every event were
-    off by 1e-10; on grids graded towards corners by 1e-7, and runs ended for that."""
-    planes = half_planes(60, shift=0.045, finest=1e-6)
-    c, state = planes.condensed, start(planes.condensed, np.zeros(2))
-    for target in (PRESSED, UP, BACK, TURNED):
-        path = event_driven_path(c, state, np.array(target), [1.0])
-        for state in path:
-            assert residual(c, state) <= 2e-12
-
-
 def test_an_event_takes_one_new_system(planes: HalfPlanes) -> None:
     c = planes.condensed
     events = list(event_driven_path(c, start(c, np.zeros(2)), np.array(PRESSED), [1.0]))
@@ -91,20 +85,8 @@ def test_an_event_takes_one_new_system(planes: HalfPlanes) -> None:
     assert sum(event.solves for event in events) <= 1.2 * len(events)
 
 
-def test_sliding_as_a_whole_is_named() -> None:
-    planes = half_planes(60)
-    state = planes.event_driven_path(PRESSED)[0]
-    events: list[ContactState] = []
-    with pytest.raises(SlidingError) as caught:
-        events.extend(event_driven_path(planes.condensed, state, np.array([1.0, 1.25]), [1.0]))
-    # The load factor of the shear force is relative to mu P.
-    assert caught.value.fraction * 1.25 == pytest.approx(1.0, abs=1e-9)
-    assert events[-1].fraction == caught.value.fraction
-
-
 def test_a_guided_plate_backs_out_of_an_inclined_overlap_without_friction() -> None:
-    # Without pressure there is no friction: at rest the node that comes free last had taken a traction beyond
-    # its limit, and the run was refused.
+    # Without pressure there is no friction, at the node that comes free last either.
     planes = half_planes(40)
     condensed = planes.condensed
 

@@ -99,7 +99,7 @@ RATES = {
     "driven down": (ONE, [1.0, 0.5], False),
     "driven along": (ONE, [0.0, 1.0], True),
     "driven along far more": (ONE, [1.0, 1e3], True),
-    # A pin in a hook slipped everywhere as the hook bent, and the run ended as if it slid as a whole.
+    # As a pin in a hook that bends.
     **{f"hollow, {way}": (curved(-0.005), [1.0, way], False) for way in (1.0, -1.0)},
     **{f"ridge, {way}": (curved(0.005), [1.0, way], True) for way in (1.0, -1.0)},
     **{f"hardly hollow and fast, {way}": (curved(-1e-4), [1.0, way], True) for way in (1e3, -1e3)},

@@ -8,22 +8,11 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from mlsanm_cli.continuation import (
-    AnmOptions,
-    Branch,
-    NewtonOptions,
-    Problem,
-    Step,
-    StopReason,
-    follow,
-)
+from mlsanm_cli.continuation import AnmOptions, Branch, NewtonOptions, Problem, Step, StopReason, follow
 from mlsanm_cli.continuation.problem import FloatArray
 
 from .problems import Circle, Contact, Scalar, Truss, Yielding, first_at, hertz
 from .test_corrector import watched
-
-UPWARD = Branch(np.array([[0.8], [0.0]]), np.array([0.6, 1.0]), 0.1)
-"""Leads a path from (0.8, 0.6) to larger load factors."""
 
 
 def walked(
@@ -59,12 +48,17 @@ def test_circle_is_gone_round_through_both_folds(pade: bool) -> None:
     assert turned > 4.0 * np.pi
 
 
-def test_target_beyond_a_fold_is_reached_along_the_path() -> None:
-    follower = follow(Circle(), np.array([0.8]), 0.6, 0.5, previous=UPWARD)
-    steps = list(follower.steps())
+def test_target_beyond_a_fold_is_reached_and_the_direction_behind_it_kept() -> None:
+    upward = Branch(np.array([[0.8], [0.0]]), np.array([0.6, 1.0]), 0.1)
+    steps = list(follow(Circle(), np.array([0.8]), 0.6, 0.5, previous=upward).steps())
     assert steps[-1].lam == 0.5
     assert steps[-1].x[0] == pytest.approx(-np.sqrt(0.75), abs=1e-9)
     assert max(step.lam for step in steps) > 0.6
+    last = next(step for step in steps if step.x[0] < 0.0)
+    assert last.lam > 0.5
+    # Without the previous piece the path would leave toward lam = 0.99, back over the fold.
+    onward = follow(Circle(), last.x, last.lam, 0.99, previous=last.branch)
+    assert next(onward.steps()).x[0] < last.x[0]
 
 
 def test_target_just_below_a_fold_is_not_stepped_over() -> None:
@@ -131,15 +125,6 @@ def test_a_path_taken_up_again_goes_on_as_before() -> None:
     for one, two in zip(whole[len(whole) // 2 + 1 :], rest, strict=True):
         np.testing.assert_allclose(two.x, one.x, rtol=1e-9, atol=1e-9)
         assert two.lam == pytest.approx(one.lam, rel=1e-12)
-
-
-def test_previous_piece_keeps_the_direction_behind_a_fold() -> None:
-    first = follow(Circle(), np.array([0.8]), 0.6, 0.5, previous=UPWARD)
-    last = next(step for step in first.steps() if step.x[0] < 0.0)
-    assert last.lam > 0.5
-    # Without it the path would leave toward lam = 0.99, back over the fold.
-    onward = follow(Circle(), last.x, last.lam, 0.99, previous=last.branch)
-    assert next(onward.steps()).x[0] < last.x[0]
 
 
 def test_units_of_the_unknowns_change_nothing() -> None:

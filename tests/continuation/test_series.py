@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from mlsanm_cli.continuation import Branch, FloatArray
+from mlsanm_cli.continuation import Branch
 from mlsanm_cli.continuation.series import denominator, nearest_pole, root
 
 
@@ -17,20 +17,11 @@ def polynomial(*lam: float, length: float = 1.0) -> Branch:
     return Branch(2.0 * coefficients[:, None], coefficients, length)
 
 
-def rational() -> Branch:
-    """Return lam = a/(1 + a), x = (1/(1 + a), 2a/(1 + a)) as Padé approximants of their series."""
-    signs: FloatArray = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0])
-    lam = -signs
-    lam[0] = 0.0
-    return Branch(np.column_stack([signs, 2.0 * lam]), lam, 3.0, np.array([1.0, 1.0]))
-
-
 def test_parameter_at_is_exact_to_round_off() -> None:
     rng = np.random.default_rng(2)
     branch = polynomial(0.1, 1.0, -0.2, 0.05, 0.3, length=0.9)
     for level in rng.uniform(0.1, branch.load_factor(0.9), 50):
         assert branch.load_factor(branch.parameter_at(level)) == pytest.approx(level, rel=4e-16)
-    assert rational().parameter_at(0.6) == pytest.approx(1.5, rel=1e-14)
 
 
 def test_both_ends_belong_to_the_piece() -> None:

@@ -106,8 +106,7 @@ def test_manufactured_solution_converges(
 
 @pytest.mark.parametrize(("degree", "side", "bar"), [(2, 25, 1e-2), (4, 25, 6e-5)])
 def test_nearly_incompressible_materials_do_not_lock(degree: int, side: int, bar: float) -> None:
-    # Locked, displacements would be next to nothing. They are 1 to 15 times as far off as those of usual
-    # materials, 2e-3 and 7e-6, and refined to the last digit.
+    # Locked, displacements would be next to nothing.
     material = isotropic(210.0, 0.4999, "strain")
     body, u, exact = wave_solution(side, degree, 1, material)
     assert np.linalg.norm(u - exact) <= bar * np.linalg.norm(exact)
@@ -119,8 +118,7 @@ def test_nearly_incompressible_materials_do_not_lock(degree: int, side: int, bar
 
 @pytest.mark.parametrize(("degree", "bar"), [(2, 0.06), (4, 0.015)])
 def test_pressures_in_nearly_incompressible_materials_are_smooth(degree: int, bar: float) -> None:
-    # Lamé's ring of radii 10 and 25: the mean stress in the plane is even. Node by node it was off by 9 and
-    # 6 % of the pressure (degrees 2 and 4).
+    # Lamé's ring of radii 10 and 25: the mean stress in the plane is even.
     inner, outer, pressure = 10.0, 25.0, 10.0
     cloud = build_cloud(annulus((0.0, 0.0), (inner, outer)), Spacing(2.0), 0)
     body = build(cloud, {}, degree, isotropic(1000.0, 0.499, "strain"))
@@ -132,15 +130,6 @@ def test_pressures_in_nearly_incompressible_materials_are_smooth(degree: int, ba
     at = np.array([0, 100, 399])
     probed = (body.model.probe_rows(cloud.points[at]) @ found.ravel()).reshape(5, -1)[2:].T
     assert np.allclose(probed, stress[at], rtol=0.0, atol=1e-9 * pressure)
-
-
-@pytest.mark.parametrize("degree", [2, 4])
-def test_held_nodes_hold(degree: int) -> None:
-    # Next to the strong rows of degree 4, whose errors are small, those of a held node count less.
-    body, u, exact = wave_solution(33, degree)
-    error = np.abs(u - exact)
-    bar = 1e-3 if degree == 2 else 2e-2
-    assert error[body.model.cloud.surfaces["bottom"].index].max() <= bar * error.max()
 
 
 def test_a_ring_under_pressure_is_exact_to_a_hundred_thousandth_on_a_bad_cloud() -> None:
@@ -160,7 +149,6 @@ def test_a_ring_under_pressure_is_exact_to_a_hundred_thousandth_on_a_bad_cloud()
     # Apart from rigid motions, which nothing holds.
     off = found - exact - rigid_part(cloud, found - exact, [])
     error = cloud.areas @ (off**2).sum(axis=1) / (cloud.areas @ (exact**2).sum(axis=1))
-    # 1.7e-5 with equal weights at boundary nodes, 1.1e-5 with lower ones alone.
     assert np.sqrt(error) < 1.0e-5
 
 

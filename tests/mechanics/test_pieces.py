@@ -200,7 +200,7 @@ def test_a_slender_clamped_beam_bends_as_it_should(degree: int, seed: int) -> No
 
 @pytest.mark.parametrize(
     ("name", "degree", "off"),
-    # Fillets of two spacings: with pieces as large as elsewhere the portal lost 1.2 to 5.2 %.
+    # The portal's fillets have two spacings.
     [("ring 20", 2, 0.002), ("ring 10", 4, 0.002), ("portal", 2, 0.015), ("portal", 4, 0.015)],
 )
 def test_a_thin_body_bends_as_it_should(name: str, degree: int, off: float) -> None:
@@ -211,9 +211,8 @@ def test_a_thin_body_bends_as_it_should(name: str, degree: int, off: float) -> N
 
 
 def test_a_long_thin_arch_is_solved_and_not_told_to_be_solved_badly() -> None:
-    # Its factor has lost the softest ways of bending to round-off: it was 32 % too stiff. And its sums of
-    # equilibrium move the solution by a thousandth; that what holds them there is no error was forgotten, and
-    # arches of 60 thicknesses refused, though solved to 1e-9.
+    # Its factor loses the softest ways of bending to round-off, and its sums of equilibrium move the solution
+    # by a thousandth, which is no error.
     radius, angle = 60.0, 5.0 / 3.0 * np.pi
     cloud = build_cloud(sector((0.0, 0.0), (radius - 0.5, radius + 0.5), (0.0, angle)), Spacing(1.0 / 3.0), 0)
     body = build(cloud, {"start": (True, True)}, 2, SOFT)
@@ -228,7 +227,7 @@ def test_a_long_thin_arch_is_solved_and_not_told_to_be_solved_badly() -> None:
 
 
 def test_a_hole_in_a_coarse_structured_mesh_keeps_its_peak() -> None:
-    # Cells 1.6 times as deep as wide, 48 around it; wider pieces lost 6.5 % of the peak stress.
+    # Cells 1.6 times as deep as wide, 48 around it.
     around, radii = 48, 1.21 ** np.arange(9)
     outline, surfaces = annulus((0.0, 0.0), (1.0, radii[-1])), {}
     angle = 2.0 * np.pi * np.arange(around) / around

@@ -112,8 +112,6 @@ def test_rows_beside_a_corner_know_its_field(
     ("degree", "spacing", "limit"), [(2, 2.0, 0.009), (2, 1.4, 0.007), (2, 1.0, 0.002), (4, 1.0, 0.003)]
 )
 def test_a_bracket_with_a_sharp_corner_droops_as_it_should(degree: int, spacing: float, limit: float) -> None:
-    # By polynomials alone 13, 3 and 3 % too little; with small weights of the rows there 3 % at 1.4. Where
-    # every fit found the strengths of the corner's fields for itself 1.1, 0.8 and 0.3 %.
     cloud = cloud_in(ELL, spacing)
     model = BodyModel.build("body", cloud, SOFT, MlsSettings(degree))
     body = assemble(model, {"0": (True, True)}, (), "auto")

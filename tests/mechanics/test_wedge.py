@@ -62,8 +62,7 @@ def test_both_faces_are_free(kernel: PointForceField, angle: float) -> None:
 
 
 def test_a_side_parallel_to_a_face_is_not_part_of_it() -> None:
-    """The web of a tee is parallel to the second face of its flange's corner, whose forces act along an
-    infinite line: taken for a part of it, the web felt these forces, and pressures were 70 % off."""
+    """The web of a tee is parallel to the second face of its flange's corner."""
     at = forces(corner(STEEL, 90.0))
     z = np.array([1.0 - 0.4j, 1.0 - 2.0j])
     normal, flat = np.full(2, -1.0 + 0.0j), np.zeros(2)

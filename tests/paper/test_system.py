@@ -11,7 +11,6 @@ import pytest
 import scipy.sparse as sparse
 from scipy.sparse.linalg import spsolve
 
-from mlsanm_cli.app.results.path_lookup import level_at
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.continuation import Problem
 from mlsanm_cli.io.run_reader import read_run
@@ -150,15 +149,6 @@ def test_factorisations_are_those_made(method: str, tmp_path: Path, monkeypatch:
     monkeypatch.setattr(system_module.Tangent, "__init__", counted)
     summary = done(SHEARED, tmp_path / "run", *SMOOTH, f"solver.method={method}", "output.at=[0.7, 2.0]")
     assert summary["factorizations"] == len(made) > 0
-
-
-def test_only_series_are_stored_between_states(tmp_path: Path) -> None:
-    done(hertz(), tmp_path / "anm", *SMOOTH)
-    done(hertz(), tmp_path / "newton", *SMOOTH, NEWTON)
-    for name, how in (("anm", "series"), ("newton", "interpolated")):
-        run = read_run(tmp_path / name)
-        between = 0.5 * (run.path.position[2] + run.path.position[3])
-        assert how in level_at(run, between).how
 
 
 def test_sliding_as_a_whole_ends_the_run(tmp_path: Path) -> None:
