@@ -8,10 +8,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.contact.laws.contact_state import ContactState, residual
-from mlsanm_cli.contact.laws.coulomb import (
-    event_driven_path,
-    start,
-)
+from mlsanm_cli.contact.laws.coulomb import event_driven_path, start
 from mlsanm_cli.contact.laws.failures import SlidingError
 from tests.contact.friction import HalfPlanes, half_planes
 
