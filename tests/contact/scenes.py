@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,6 @@ from mlsanm_cli.case import parse_case
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.laws.contact_state import ContactState
 from mlsanm_cli.contact.laws.frictionless import solve_exact
-from mlsanm_cli.contact.response.coercivity import contact_stability
 from mlsanm_cli.contact.response.condensation import condense
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.linear_map import LinearMap
@@ -98,11 +97,6 @@ class Small:
         cloud = self.scene.bodies[self.pairing.slave_body].model.cloud
         return np.asarray(cloud.points[self.pairing.node[self.pairing.candidate], 0])
 
-    @property
-    def stability(self) -> float:
-        """The certificate over all candidates."""
-        return contact_stability(self.condensed, np.ones(len(self.condensed.weight), dtype=bool))
-
     def exact(self, factors: FloatArray | None = None) -> ContactState:
         """Exact contact at full load."""
         return solve_exact(self.condensed, self.factors if factors is None else factors)
@@ -113,10 +107,6 @@ class Small:
         found, worth = self.condensed.checked_displacements(self.scene, body, [unknowns])
         assert worth <= 1e-7
         return found[0]
-
-    def again(self) -> Small:
-        """The same scene condensed once more."""
-        return replace(self, condensed=condense(self.scene, self.condensed.pairings))
 
 
 def build(text: str, *overrides: str) -> Small:

@@ -11,9 +11,7 @@ from hypothesis import strategies as st
 
 from benchmarks.random_complementarity import Example
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.complementarity.basis import Basis
-from mlsanm_cli.contact.complementarity.problem import ContactStatus
-from mlsanm_cli.contact.laws.contact_state import ContactState, residual
+from mlsanm_cli.contact.laws.contact_state import residual
 from mlsanm_cli.contact.laws.coulomb import increment, unloaded
 from mlsanm_cli.contact.laws.frictionless import solve_exact
 from mlsanm_cli.contact.response.condensed import Condensed
@@ -135,30 +133,6 @@ def random_problem(m: int, seed: int, friction: float) -> Condensed:
         watched=LinearMap.zeros(0, counts),
         balance=LinearMap.zeros(0, counts),
     )
-
-
-def solution(c: Condensed, basis: Basis, before: np.ndarray) -> ContactState:
-    """The values at full load of the equations of a status, with nodes sticking at slips ``before`` (n,)."""
-    p = c.problem
-    aim = p.aim(p.rows[p.m : p.contacts] * before)
-    return ContactState.unscaled(p, basis.status, *basis.solve(c.free_rows(FULL), aim))
-
-
-@given(seed=st.integers(0, 10_000), changes=st.integers(1, 12))
-def test_updated_factors_are_those_of_the_sets(seed: int, changes: int) -> None:
-    """Also where the system next to it was itself an update, and back at the first sets."""
-    c, rng = random_problem(30, seed, 0.3), np.random.default_rng(seed)
-    kind, before = rng.integers(0, 4, 30), rng.normal(size=30)
-    basis: Basis | None = None
-    for _ in range(4):
-        sets = ContactStatus(kind > 0, kind == 1, np.select([kind == 2, kind == 3], [1.0, -1.0], 0.0))
-        basis = Basis(c.problem, sets) if basis is None else basis.to(sets)
-        got, fresh = (solution(c, one, before) for one in (basis, Basis(c.problem, sets)))
-        size = 1.0 + np.abs(fresh.pressure).max()
-        for name in ("pressure", "traction", "gap", "slip"):
-            assert np.abs(getattr(got, name) - getattr(fresh, name)).max() <= 1e-9 * size, name
-        kind = kind.copy()
-        kind[rng.integers(0, 30, changes)] = rng.integers(0, 4, changes)
 
 
 @given(m=st.integers(1, 4), seed=st.integers(0, 10_000), friction=st.sampled_from([0.1, 0.3]))

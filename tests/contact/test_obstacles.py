@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import rectangle
 from mlsanm_cli.cloud.spacing import Spacing
@@ -127,15 +126,11 @@ def test_rounded_ends_beside_a_flat_face_are_smooth_and_the_face_stays_flat() ->
     assert normal[1] == pytest.approx([np.sin(0.5), -np.cos(0.5)], abs=1e-3)
 
 
-def rough() -> FloatArray:
+def test_the_closest_of_many_sides_is_not_missed() -> None:
     """Sides of random lengths and directions, and two long ones."""
     rng = np.random.default_rng(3)
     x = np.concatenate([np.cumsum(rng.uniform(0.01, 0.2, 60)), 20.0 + np.arange(3.0)])
-    return np.column_stack([x, 0.2 * rng.normal(size=len(x))])
-
-
-def test_the_closest_of_many_sides_is_not_missed() -> None:
-    points = rough()
+    points = np.column_stack([x, 0.2 * rng.normal(size=len(x))])
     seen = np.random.default_rng(1).uniform((-8.0, -3.0), (25.0, 2.0), (400, 2))
     partner = Chain(points)._on_sides(seen, np.tile((0.0, 1.0), (400, 1)))[0]
     along = np.diff(points, axis=0)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetrs
@@ -11,15 +10,6 @@ from scipy.linalg.lapack import dgetrf, dgetrs
 from mlsanm_cli.continuation import Branch
 from mlsanm_cli.continuation.problem import FloatArray, SingularTangentError, Tangent
 from tests.contact.friction import strip_compliance
-
-
-@dataclass
-class Counts:
-    """How often a problem was asked for what."""
-
-    tangents: int = 0
-    solves: int = 0
-    residuals: int = 0
 
 
 def first_at(pieces: Sequence[Branch], lam: float) -> tuple[FloatArray, float]:
@@ -31,14 +21,12 @@ def first_at(pieces: Sequence[Branch], lam: float) -> tuple[FloatArray, float]:
 class DenseTangent:
     """LU factors of a small dense matrix."""
 
-    def __init__(self, matrix: FloatArray, counts: Counts) -> None:
+    def __init__(self, matrix: FloatArray) -> None:
         self._lu, self._pivots, info = dgetrf(matrix)
         if info > 0:
             raise SingularTangentError("singular matrix")
-        self._counts = counts
 
     def solve(self, rhs: FloatArray) -> FloatArray:
-        self._counts.solves += 1
         solution, _ = dgetrs(self._lu, self._pivots, rhs)
         return np.asarray(solution)
 
@@ -49,24 +37,19 @@ def convolution(left: FloatArray, right: FloatArray) -> FloatArray:
 
 
 class Known:
-    """The common part: ``equations`` R(x, lam) of slope ``matrix``, with a load factor that is subtracted."""
+    """The common part: ``residual`` R(x, lam) of slope ``matrix``, with a load factor that is subtracted."""
 
     def __init__(self, *scale: float) -> None:
-        self.size, self.scale, self.counts = len(scale), np.array(scale), Counts()
+        self.size, self.scale = len(scale), np.array(scale)
 
-    def equations(self, x: FloatArray, lam: float) -> FloatArray:
+    def residual(self, x: FloatArray, lam: float) -> FloatArray:
         raise NotImplementedError
 
     def matrix(self, x: FloatArray) -> FloatArray:
         raise NotImplementedError
 
-    def residual(self, x: FloatArray, lam: float) -> FloatArray:
-        self.counts.residuals += 1
-        return self.equations(x, lam)
-
     def tangent(self, x: FloatArray, lam: float) -> Tangent:
-        self.counts.tangents += 1
-        return DenseTangent(np.atleast_2d(self.matrix(x)), self.counts)
+        return DenseTangent(np.atleast_2d(self.matrix(x)))
 
     def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
         return np.asarray(-np.eye(self.size)[0])
@@ -82,7 +65,7 @@ class Scalar(Known):
         super().__init__(1.0)
         self.polynomial = np.polynomial.Polynomial(coefficients)
 
-    def equations(self, x: FloatArray, lam: float) -> FloatArray:
+    def residual(self, x: FloatArray, lam: float) -> FloatArray:
         return np.asarray(self.polynomial(x) - lam)
 
     def matrix(self, x: FloatArray) -> FloatArray:
@@ -119,7 +102,7 @@ class Yielding(Known):
         super().__init__(1.0, scale)
         self.eta = eta
 
-    def equations(self, x: FloatArray, lam: float) -> FloatArray:
+    def residual(self, x: FloatArray, lam: float) -> FloatArray:
         return np.array([x[0] - lam, x[0] * x[1] - self.eta])
 
     def matrix(self, x: FloatArray) -> FloatArray:
@@ -135,7 +118,7 @@ class Circle(Known):
     def __init__(self) -> None:
         super().__init__(1.0)
 
-    def equations(self, x: FloatArray, lam: float) -> FloatArray:
+    def residual(self, x: FloatArray, lam: float) -> FloatArray:
         return x * x + lam * lam - 1.0
 
     def matrix(self, x: FloatArray) -> FloatArray:
@@ -172,7 +155,7 @@ class Contact(Known):
         """Unknowns without load: no pressure, every gap opened."""
         return np.concatenate([0.0 * self.gap, self.gap + self.opening])
 
-    def equations(self, x: FloatArray, lam: float) -> FloatArray:
+    def residual(self, x: FloatArray, lam: float) -> FloatArray:
         p, h = np.split(x, 2)
         products = ((p + self.eta) * h - self.eta * self.opening) / (self.pressure * self.length)
         gaps = (self.gap + lam * self.push + self.compliance @ p - h) / self.length

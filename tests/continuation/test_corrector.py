@@ -16,9 +16,9 @@ from .problems import Circle, Contact, DenseTangent, Scalar, Truss, random_conta
 class Watched(Contact):
     """Contact problem that refuses to be evaluated at a closed gap."""
 
-    def equations(self, x: FloatArray, lam: float) -> FloatArray:
+    def residual(self, x: FloatArray, lam: float) -> FloatArray:
         assert self.admissible(x, lam)
-        return super().equations(x, lam)
+        return super().residual(x, lam)
 
 
 def watched(eta: float, seed: int) -> Watched:
@@ -69,7 +69,7 @@ class Arctan(Scalar):
         return np.arctan(x) - lam
 
     def tangent(self, x: FloatArray, lam: float) -> Tangent:
-        return DenseTangent(np.atleast_2d(1.0 / (1.0 + x * x)), self.counts)
+        return DenseTangent(np.atleast_2d(1.0 / (1.0 + x * x)))
 
 
 def test_damping_makes_the_residual_fall() -> None:

@@ -25,27 +25,6 @@ def rational() -> Branch:
     return Branch(np.column_stack([signs, 2.0 * lam]), lam, 3.0, np.array([1.0, 1.0]))
 
 
-def test_series_is_evaluated_as_a_polynomial() -> None:
-    rng = np.random.default_rng(1)
-    x, lam = rng.normal(size=(6, 3)), rng.normal(size=6)
-    branch = Branch(x, lam, 2.0)
-    for a in (0.0, 0.3, 2.0):
-        value, factor = branch.evaluate(a)
-        expected = np.polynomial.polynomial.polyval(a, x)
-        np.testing.assert_allclose(value, expected, rtol=1e-13)
-        assert factor == pytest.approx(np.polynomial.polynomial.polyval(a, lam), rel=1e-13)
-        assert branch.load_factor(a) == factor
-    assert branch.order == 5
-
-
-def test_pade_form_reproduces_a_rational_function_far_outside_the_radius_of_its_series() -> None:
-    branch = rational()
-    for a in (0.0, 0.5, 3.0, 50.0):
-        x, lam = branch.evaluate(a)
-        np.testing.assert_allclose(x, [1.0 / (1.0 + a), 2.0 * a / (1.0 + a)], rtol=1e-14)
-        assert lam == pytest.approx(a / (1.0 + a), rel=1e-14)
-
-
 def test_parameter_at_is_exact_to_round_off() -> None:
     rng = np.random.default_rng(2)
     branch = polynomial(0.1, 1.0, -0.2, 0.05, 0.3, length=0.9)

@@ -33,23 +33,11 @@ def fast(
     points: FloatArray, center: FloatArray, target: FloatArray, degree: int, order: int
 ) -> tuple[FloatArray, float]:
     """Weights (k, kinds) and ratio from the kernel, the stencil being all ``points``."""
-    weights = np.empty((len(points), (order + 1) * (order + 2) // 2))
-    ratio = np.empty(1)
-    radius = np.hypot(*(points - center).T).max()
-    mls_weights(
-        points,
-        np.array([0, len(points)]),
-        np.arange(len(points)),
-        center[None],
-        target[None],
-        np.array([radius]),
-        degree,
-        SHARPNESS,
-        0,
-        order,
-        weights,
-        ratio,
-    )
+    weights, ratio = np.empty((len(points), (order + 1) * (order + 2) // 2)), np.empty(1)
+    stencil = np.array([0, len(points)]), np.arange(len(points))
+    radius = np.array([np.hypot(*(points - center).T).max()])
+    at = center[None], target[None], radius
+    mls_weights(points, *stencil, *at, degree, SHARPNESS, 0, order, weights, ratio)
     return weights, float(ratio[0])
 
 
@@ -90,37 +78,6 @@ def test_weights_are_those_of_the_weighted_least_squares_fit(
     # Second derivatives of a straight line are zero: weights and expected ones alike.
     size = np.maximum(np.abs(expected).max(axis=0), np.finfo(float).tiny)
     assert (np.abs(weights - expected).max(axis=0) / size).max() <= TOLERANCE[degree]
-
-
-@pytest.mark.parametrize("degree", range(1, 7))
-def test_ratio_is_zero_where_the_points_are_too_few(degree: int) -> None:
-    count = (degree + 1) * (degree + 2) // 2
-    points = np.random.default_rng(0).uniform(-1.0, 1.0, (count - 1, 2))
-    assert fast(points, np.zeros(2), np.zeros(2), degree, 0)[1] == 0.0
-
-
-@pytest.mark.parametrize("degree", range(1, 7))
-def test_ratio_shows_points_on_a_curve_of_that_degree(degree: int) -> None:
-    # Points on as many parallel lines as the degree: one polynomial of that degree vanishes on all of them.
-    side = np.linspace(-1.0, 1.0, 12)
-    lines = np.linspace(-0.8, 0.9, degree)
-    points = np.stack(np.meshgrid(side, lines), axis=-1).reshape(-1, 2)
-    assert fast(points, np.zeros(2), np.zeros(2), degree, 2)[1] <= 1e-13
-
-
-def test_stencils_of_unequal_sizes_do_not_touch_each_other() -> None:
-    points = nearest_of_lattice(60, 0.3, 3)
-    sizes = [16, 20, 17]
-    indptr = np.concatenate([[0], np.cumsum(sizes)])
-    indices = np.concatenate([np.arange(size) for size in sizes])
-    center = np.zeros((3, 2))
-    radii = np.array([np.hypot(*points[:size].T).max() for size in sizes])
-    weights, ratio = np.empty((indptr[-1], 6)), np.empty(3)
-    mls_weights(points, indptr, indices, center, center, radii, 2, SHARPNESS, 0, 2, weights, ratio)
-    for number, size in enumerate(sizes):
-        alone, own = fast(points[:size], center[0], center[0], 2, 2)
-        assert np.array_equal(weights[indptr[number] : indptr[number + 1]], alone)
-        assert ratio[number] == own
 
 
 def test_several_targets_of_one_stencil_have_their_weights_beside_each_other() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 
 import numpy as np
 
@@ -89,11 +88,3 @@ def newton(problem: FiniteProblem, x: FloatArray, lam: float, most: int = 8) -> 
 def left_of(body: FiniteBody, displacement: FloatArray, factors: FloatArray) -> FloatArray:
     """What is left of all rows in a state."""
     return BodySeries.at(body, displacement, factors).rows(0)
-
-
-def renewed(problem: FiniteProblem, x: FloatArray, lam: float) -> FiniteProblem:
-    """The same with the equations of another state."""
-    projector = problem.projector
-    factors = problem.factors(lam)
-    made = Projector(projector.body, projector.weights, x, factors, "auto")
-    return replace(problem, projector=made)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import rectangle
@@ -20,35 +18,8 @@ from mlsanm_cli.mechanics.energy import (
     rigid_part,
     twice_strain_energy,
 )
-from mlsanm_cli.mechanics.material import PlaneMaterial, anisotropic, isotropic, orthotropic
+from mlsanm_cli.mechanics.material import PlaneMaterial, isotropic, orthotropic
 from mlsanm_cli.operators.neighbors import MlsSettings
-from tests.mechanics.bodies import STEEL, jittered_square
-
-CLOUD = jittered_square(9, 0.4)
-POINTS = CLOUD.points
-MODEL = BodyModel.build("body", CLOUD, STEEL, MlsSettings(2))
-FULL = np.array([[5.0, 1.2, 0.7], [1.2, 3.0, -0.4], [0.7, -0.4, 2.0]])
-"""A stiffness with every entry at work."""
-
-small = st.floats(-2.0, 2.0)
-
-
-@settings(max_examples=20)
-@given(gradient=st.lists(small, min_size=4, max_size=4), degree=st.integers(1, 6))
-def test_uniform_stress_is_exact(gradient: list[float], degree: int) -> None:
-    g = np.array(gradient).reshape(2, 2)
-    model = BodyModel.build("body", CLOUD, anisotropic(FULL, "stress"), MlsSettings(degree))
-    expected = FULL @ np.array([g[0, 0], g[1, 1], g[0, 1] + g[1, 0]])
-    assert np.abs(model.stress(POINTS @ g.T) - expected).max() <= 1e-10
-
-
-def test_values_between_the_nodes() -> None:
-    targets = np.random.default_rng(0).uniform(0.0, 1.0, (40, 2))
-    u = np.stack([POINTS[:, 0] ** 2 - POINTS[:, 1], POINTS[:, 0] * POINTS[:, 1]], axis=1)
-    on_x, on_y = (MODEL.values_along(targets, np.tile(axis, (len(targets), 1))) for axis in np.eye(2))
-    assert on_x @ u.ravel() == pytest.approx(targets[:, 0] ** 2 - targets[:, 1], abs=1e-12)
-    assert on_y @ u.ravel() == pytest.approx(targets[:, 0] * targets[:, 1], abs=1e-12)
-
 
 LENGTH, HEIGHT = 4.0, 1.0
 STEEL = isotropic(200.0, 0.3, "stress")

@@ -25,7 +25,6 @@ from tests.mechanics.finite_bodies import (
     left_of,
     newton,
     problem_of,
-    renewed,
 )
 from tests.mechanics.test_laws import LAWS
 
@@ -142,16 +141,6 @@ def test_derivatives_and_series_are_those_of_the_rows(kind: str, poisson: float)
     np.testing.assert_allclose(found, exact, atol=1e-9 * np.abs(exact).max())
 
 
-def test_rows_of_the_reference_are_those_of_the_linear_body() -> None:
-    body = finite_body(jittered_square(9), "neo-hookean", BOTTOM, mixed)
-    projector, system = problem_of(body).projector, body.elastic.system
-    step = np.random.default_rng(0).normal(size=body.unknowns)
-    own = projector.system.rows @ step
-    weighted = np.concatenate([own, projector.system.strong.rows @ step])
-    other = np.concatenate([system.rows @ step, system.strong.rows @ step])  # type: ignore[attr-defined]
-    np.testing.assert_allclose(weighted, other, atol=1e-9 * np.abs(other).max())
-
-
 def test_a_turned_body_without_loads_is_a_solution() -> None:
     body = finite_body(
         jittered_square(9), "neo-hookean", BOTTOM, lambda elastic: Loads(1, np.zeros((elastic.rows, 1)))
@@ -223,18 +212,3 @@ def test_manufactured_solution(kind: str, amplitude: float, degree: int, bar: fl
     x = newton(problem_of(body), truth.ravel(), 1.0)
     error = np.linalg.norm(x.reshape(-1, 2) - truth) / np.linalg.norm(truth)
     assert error <= bar
-
-
-def test_renewed_equations_are_solved_next_to_the_old_ones() -> None:
-    law, exact = law_of("neo-hookean", "strain"), homogeneous([[0.25, 0.1], [0.0, -0.2]])
-    body = finite_body(
-        jittered_square(7), "neo-hookean", BOTTOM, lambda elastic: boundary_loads(elastic, law, exact)
-    )
-    problem, x = problem_of(body), np.zeros(body.unknowns)
-    for lam in (0.5, 1.0):
-        x = newton(problem, x, lam)
-    again = renewed(problem, x, 1.0)
-    assert np.abs(again.residual(x, 1.0)).max() <= 1e-10
-    # At its own base state the derivative of the residual is one.
-    step = np.random.default_rng(0).normal(size=body.unknowns)
-    np.testing.assert_allclose(again.tangent(x, 1.0).solve(step), step, atol=1e-9)

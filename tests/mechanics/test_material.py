@@ -18,36 +18,6 @@ from mlsanm_cli.mechanics.material import (
 )
 
 
-def compliance(modulus: float, poisson: float) -> FloatArray:
-    """Strains (xx, yy, zz, 2 xy) per stress (xx, yy, zz, xy): Hooke's law in space."""
-    matrix = np.full((4, 4), -poisson)
-    np.fill_diagonal(matrix, 1.0)
-    matrix[3] = matrix[:, 3] = 0.0
-    matrix[3, 3] = 2.0 * (1.0 + poisson)
-    return matrix / modulus
-
-
-@given(modulus=st.floats(1e-3, 1e12), poisson=st.floats(-0.5, 0.49))
-def test_stiffness_is_hookes_law_with_its_plane_condition(modulus: float, poisson: float) -> None:
-    space = compliance(modulus, poisson)
-    plane = [0, 1, 3]
-    stress = isotropic(modulus, poisson, "stress").stiffness
-    assert stress @ space[np.ix_(plane, plane)] == pytest.approx(np.eye(3), abs=1e-12)
-    strain = isotropic(modulus, poisson, "strain").stiffness
-    whole = np.linalg.inv(space)
-    assert strain / modulus == pytest.approx(whole[np.ix_(plane, plane)] / modulus, rel=1e-9, abs=1e-12)
-
-
-@given(poisson=st.floats(-0.5, 0.49))
-def test_stress_out_of_the_plane(poisson: float) -> None:
-    strain = isotropic(2.0, poisson, "strain")
-    whole = np.linalg.inv(compliance(2.0, poisson))
-    e = np.array([0.3, -0.7, 0.0, 0.2])
-    s = whole @ e
-    assert strain.out_of_plane_stress(s[None, [0, 1, 3]])[0] == pytest.approx(s[2], abs=1e-11)
-    assert not isotropic(2.0, poisson, "stress").across.any()
-
-
 @given(xx=st.floats(-10, 10), yy=st.floats(-10, 10), xy=st.floats(-10, 10), ratio=st.floats(0.0, 0.5))
 def test_von_mises_from_the_deviator(xx: float, yy: float, xy: float, ratio: float) -> None:
     tensor = np.array([[xx, xy, 0.0], [xy, yy, 0.0], [0.0, 0.0, ratio * (xx + yy)]])
@@ -140,13 +110,3 @@ def test_any_material_against_its_roots(entries: list[float]) -> None:
     stiffness = matrix @ matrix.T + 0.1 * np.eye(3)
     expected = by_roots(stiffness)
     assert surface_compliance(stiffness) == pytest.approx(expected, abs=1e-6 * np.abs(expected).max())
-
-
-@given(angle=st.floats(-3.0, 3.0))
-def test_a_turned_material_has_a_turned_compliance(angle: float) -> None:
-    def wood(turned: float) -> FloatArray:
-        return orthotropic((12.0, 1.0, 1.0), (0.3, 0.3, 0.2), 0.4, turned, "strain").stiffness
-
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    expected = turn @ surface_compliance(wood(0.0)) @ turn.T
-    assert surface_compliance(wood(angle)) == pytest.approx(expected, abs=1e-12)

@@ -11,7 +11,6 @@ from mlsanm_cli.mechanics.near_field import (
     Anisotropic,
     ComplexArray,
     Isotropic,
-    PointForceField,
     SurfaceForces,
     kernel_of,
     traction,
@@ -31,17 +30,6 @@ def at(*places: complex) -> ComplexArray:
     return np.array(places, dtype=np.complex128)
 
 
-def around(
-    kernel: PointForceField, first: float, last: float, radius: float = 1.0, center: complex = 0j
-) -> FloatArray:
-    """Force (2, 2) out through an arc about a ``center``, by Gauss's points."""
-    places, weights = np.polynomial.legendre.leggauss(80)
-    normal = np.exp(1j * (0.5 * (first + last) + 0.5 * (last - first) * places))
-    values = traction(kernel.stress(center + radius * normal), normal)
-    total = (0.5 * (last - first) * radius * weights[:, None, None] * values).sum(axis=0)
-    return np.asarray(total)
-
-
 @pytest.mark.parametrize("material", MATERIALS)
 @pytest.mark.parametrize("place", [0.3 - 0.7j, -1.2 - 0.1j, 0.9 + 0.2j])
 def test_stress_is_that_of_the_displacement(material: PlaneMaterial, place: complex) -> None:
@@ -54,14 +42,6 @@ def test_stress_is_that_of_the_displacement(material: PlaneMaterial, place: comp
     x, y = slope(1.0), slope(1j)
     strain = np.stack([x[0], y[1], x[1] + y[0]])
     assert material.stiffness @ strain == pytest.approx(kernel.stress(at(place))[0], abs=1e-8)
-
-
-@pytest.mark.parametrize("material", MATERIALS)
-@pytest.mark.parametrize("turn", [0.0, 0.7, -2.0])
-def test_a_half_circle_sends_out_minus_the_force(material: PlaneMaterial, turn: float) -> None:
-    # Whatever the tangent of the surface: halves turned by any angle.
-    found = around(kernel_of(material), turn - np.pi, turn)
-    assert found == pytest.approx(-np.eye(2), abs=1e-12)
 
 
 @pytest.mark.parametrize("material", MATERIALS)
@@ -78,17 +58,6 @@ def test_logarithm_is_that_of_the_half_plane(material: PlaneMaterial) -> None:
     far, near = kernel.displacement(at(2.0, 1.0), np.broadcast_to(DOWN, 2))
     expected = -surface_compliance(material.stiffness) / np.pi
     assert (far - near) / np.log(2.0) == pytest.approx(expected, rel=1e-9, abs=1e-12)
-
-
-@pytest.mark.parametrize("material", MATERIALS)
-def test_force_through_a_line(material: PlaneMaterial) -> None:
-    kernel, first, last = kernel_of(material), 0.3 - 0.4j, 0.9 - 1.2j
-    places, weights = np.polynomial.legendre.leggauss(60)
-    way = last - first
-    line: ComplexArray = np.asarray(first + 0.5 * way * (1.0 + places), dtype=np.complex128)
-    values = traction(kernel.stress(line), np.full(60, -1j * way / abs(way)))
-    total = (0.5 * abs(way) * weights[:, None, None] * values).sum(axis=0)
-    assert kernel.through(at(first), at(last))[0] == pytest.approx(total, abs=1e-12)
 
 
 @pytest.mark.parametrize("material", MATERIALS)

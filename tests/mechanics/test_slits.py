@@ -70,11 +70,6 @@ def test_a_solution_may_jump_across_a_slit(degree: int, bar: float) -> None:
         assert np.abs(value - Winding().displacement(at)).max() <= 3.0 * bar * 20.0
 
 
-def test_without_sight_the_same_body_would_be_glued(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Cloud, "sight", None)
-    assert winding_error(build_cloud(OPEN, Spacing(0.06), 0), 4)[2] > 0.5
-
-
 def bar(across: float) -> Cloud:
     """A bar of length 12 with spacing 1."""
     return build_cloud(rectangle((0.0, 12.0), (0.0, across)), Spacing(1.0), 0)

@@ -21,23 +21,18 @@ from mlsanm_cli.roundoff import ROUND_OFF
 
 @dataclass
 class Matrix:
-    """A matrix (g, c) with the number of columns and rows asked for; ``noise`` is in every answer."""
+    """A matrix (g, c) with the number of columns and rows asked for."""
 
     values: FloatArray
-    noise: float = 0.0
     asked: int = 0
 
     def of_columns(self, chosen: FloatArray) -> FloatArray:
         self.asked += chosen.shape[1]
-        return self._noisy(self.values @ chosen)
+        return np.asarray(self.values @ chosen)
 
     def of_rows(self, chosen: FloatArray) -> FloatArray:
         self.asked += chosen.shape[1]
-        return self._noisy(chosen.T @ self.values)
-
-    def _noisy(self, exact: FloatArray) -> FloatArray:
-        random = np.random.default_rng(self.asked).normal(size=exact.shape)
-        return np.asarray(exact + self.noise * np.abs(exact).max(initial=0.0) * random)
+        return np.asarray(chosen.T @ self.values)
 
     def start(self, rank: int, size: float) -> FloatArray:
         """The matrix with an error of that rank and relative size."""

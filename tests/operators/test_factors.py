@@ -15,8 +15,6 @@ from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.kernels import multifrontal
-from mlsanm_cli.operators.linear import factors
 from mlsanm_cli.operators.linear.dissection import Fronts
 from mlsanm_cli.operators.linear.factors import (
     MAX_BACKWARD_ERROR,
@@ -120,19 +118,6 @@ def test_unsymmetric_solutions_against_dense_ones(count: int, apiece: int, seed:
         factor_general(0.0 * matrix, Fronts(points, graph, negative), mirrored(graph))
 
 
-def test_definite_matrices_taken_for_quasi_definite_ones_are_left_to_superlu() -> None:
-    # Signs are told beforehand: a pivot of the other sign is no pivot.
-    points = scattered(100)
-    matrix = normal_equations(points)
-    factor = factor_definite(
-        sparse.csc_array(sparse.block_diag([matrix, np.eye(4)])), np.concatenate([points, points[:2]]), 2
-    )
-    assert isinstance(factor, SuperLUFactor)
-    assert "not positive definite" in factor.note
-    wrong, places, _ = quasi_definite(100, 16)
-    assert isinstance(factor_definite(wrong, places), SuperLUFactor)
-
-
 @settings(max_examples=20)
 @given(seed=st.integers(0, 1000), density=st.sampled_from([0.0, 0.01, 0.5]), definite=st.booleans())
 def test_products_against_solutions(seed: int, density: float, definite: bool) -> None:
@@ -199,28 +184,21 @@ def test_graphs_unlike_those_of_bodies(matrix: sparse.csc_array, place: Callable
     assert backward_error(matrix, factor) <= 1e-14
 
 
-def test_indefinite_matrices_are_left_to_superlu_and_noted() -> None:
+def test_matrices_of_other_signs_than_told_are_left_to_superlu_and_noted() -> None:
     points = scattered(200)
-    matrix = normal_equations(points) - 5.0 * sparse.eye_array(400)
+    matrix = normal_equations(points)
+    # A pivot of the other sign than told is no pivot.
+    twice, places = sparse.block_diag([matrix, np.eye(4)]), np.concatenate([points, points[:2]])
+    quasi, quasi_places, _ = quasi_definite(100, 16)
+    for other, at, negative in ((sparse.csc_array(twice), places, 2), (quasi, quasi_places, 0)):
+        assert isinstance(factor_definite(other, at, negative), SuperLUFactor)
+    matrix = matrix - 5.0 * sparse.eye_array(400)
     assert np.linalg.eigvalsh(matrix.toarray())[0] < -0.1
     factor = factor_definite(sparse.csc_array(matrix), points)
     assert isinstance(factor, SuperLUFactor)
     assert "not positive definite" in factor.note
     rhs = np.random.default_rng(0).normal(size=400)
     assert np.abs(factor.solve(rhs) - np.linalg.solve(matrix.toarray(), rhs)).max() <= 1e-9
-
-
-def test_a_factor_that_does_not_solve_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
-    points = scattered(200)
-    right = multifrontal.factorise
-
-    def wrong(*arguments: Any) -> int:
-        failed = right(*arguments)
-        arguments[-1][0] *= 1.0 + 1e-6
-        return failed
-
-    monkeypatch.setattr(factors, "factorise", wrong)
-    assert isinstance(factor_definite(normal_equations(points), points), SuperLUFactor)
 
 
 @dataclass
@@ -248,22 +226,15 @@ def test_a_factor_is_sound_if_a_correction_mends_what_it_loses(part: float, soun
     assert (verified_or_superlu(rough, matrix, points) is rough) == sound
 
 
-@pytest.mark.parametrize("value", [0.0, np.nan])
-def test_a_matrix_that_nothing_can_factorise_is_refused(value: float) -> None:
+@pytest.mark.parametrize(
+    ("value", "block"),
+    [(0.0, 0.0), (np.nan, np.nan), (0.0, [[1e-20, 1.0], [1.0, 1e-20]])],
+    ids=["zero", "not a number", "useless pivots"],
+)
+def test_a_matrix_that_nothing_can_factorise_is_refused(value: float, block: Any) -> None:
     points = scattered(50)
     matrix = normal_equations(points).tolil()
-    matrix[7, :] = value
-    matrix[:, 7] = value
+    matrix[6:8, :] = matrix[:, 6:8] = value
+    matrix[6:8, 6:8] = block
     with pytest.raises(NumericalError, match=r"could not be factorised|singular to working"):
-        factor_definite(sparse.csc_array(matrix), points)
-
-
-def test_a_factor_of_superlu_that_does_not_solve_is_refused() -> None:
-    points = scattered(20)
-    matrix = normal_equations(points).tolil()
-    matrix[6:8, :] = 0.0
-    matrix[:, 6:8] = 0.0
-    # Indefinite, and useless as pivots.
-    matrix[6:8, 6:8] = np.array([[1e-20, 1.0], [1.0, 1e-20]])
-    with pytest.raises(NumericalError, match="singular to working"):
         factor_definite(sparse.csc_array(matrix), points)

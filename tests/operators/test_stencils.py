@@ -77,14 +77,6 @@ def test_polynomials_and_their_derivatives_are_exact(cloud: str, degree: int) ->
     assert degree == 6 or largest_error(points, points, stencils, degree + 1) > 1e-3
 
 
-@pytest.mark.parametrize("degree", [2, 4])
-def test_targets_need_not_be_nodes(degree: int) -> None:
-    points = CLOUDS["jitter 0.4"]
-    targets = np.random.default_rng(1).uniform(0.0, 1.0, (50, 2))
-    stencils = build_stencils(points, cKDTree(points), targets, 2, MlsSettings(degree))
-    assert largest_error(points, targets, stencils, degree) <= 5e-12
-
-
 def test_rank_check_enlarges_the_stencils_of_an_exact_lattice() -> None:
     points = CLOUDS["lattice"]
     tree = cKDTree(points)
