@@ -187,8 +187,7 @@ def test_the_glossary_is_in_order_and_the_citation_is_of_this_version() -> None:
     assert f"version: {__version__}\n" in citation
 
 
-# "ironing" runs in test_finite_contact.py.
-@pytest.mark.parametrize("kind", sorted(set(kinds()) - {"ironing"}))
+@pytest.mark.parametrize("kind", kinds())
 def test_every_starter_runs(kind: str, tmp_path: Path) -> None:
     summary = done(starter(kind), tmp_path / kind)
     assert not summary["warnings"]

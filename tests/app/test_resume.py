@@ -23,7 +23,7 @@ from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import PathStep
 from tests.app.runs import events_of, resumed_differences, summary_of
 from tests.app.scenes import ANM, BAR, EXACT_LAW, FAST, NEWTON, SHEARED, SMOOTH, Quiet, built, hertz, solve
-from tests.case_text import body, box, contact, head, item, material, pushed, support, table
+from tests.case_text import head
 
 
 class Killed(BaseException):
@@ -52,15 +52,13 @@ COARSE = hertz().changed("accuracy = 0.01", "accuracy = 0.1")
 SNAP = (Path(__file__).parents[2] / "cases" / "snap_through.toml").read_text()
 SLID = (
     head("strain", strain="finite")
-    + material("rubber", E=2.6, nu=0.3, law="neo-hookean")
-    + body("block", "rubber", 0.25, box([0.0, 3.0], [0.0, 1.0]))
-    + support("block.bottom", ux=0.0, uy=0.0)
-    + contact("c", "block.top", obstacle={"kind": "disk", "center": [1.0, 2.0], "radius": 1.0}, friction=0.3)
-    + pushed("press", "c", uy=-0.25)
-    + pushed("drag", "c", ux=0.3)
-    + item("stage", press=1.0)
-    + item("stage", drag=1.0)
-    + table("output", at=[1.0, 1.5, 2.0])
+    .material("rubber", E=2.6, nu=0.3, law="neo-hookean")
+    .body("block", "rubber", 0.25, box=([0.0, 3.0], [0.0, 1.0]), clamped="bottom")
+    .contact("c", "block.top", obstacle={"kind": "disk", "center": [1.0, 2.0], "radius": 1.0}, friction=0.3)
+    .pushed("press", "c", uy=-0.25)
+    .pushed("drag", "c", ux=0.3)
+    .stages("press", "drag")
+    .table("output", at=[1.0, 1.5, 2.0])
 )
 # Stages that move nothing, and states asked for within steps.
 HISTORY = ("stage=[{press=1.0}, {shear=1.0}, {shear=1.0}, {shear=0.3}]", "output.at=[0.5, 1.5, 4.0]")

@@ -8,12 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
 
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Outline, annulus, disk, half_disk, rectangle, sector
 from mlsanm_cli.cloud.quality import measure
-from mlsanm_cli.cloud.search import BATCH_SIZE, nearest
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.cloud.zones import estimate_nodes
 from tests.cloud.shapes import polygon
@@ -147,14 +145,6 @@ def test_a_signal_is_heard_while_nodes_are_placed() -> None:
         signal.signal(signal.SIGALRM, before)
     assert time.process_time() - begun[0] < 0.5
     assert begun[0] > 0.0
-
-
-def test_searches_in_pieces_are_searches() -> None:
-    points = np.random.default_rng(1).random((3 * BATCH_SIZE // 2, 2))
-    tree = cKDTree(points)
-    for k in (1, 2, np.arange(2, 4)):
-        for found, expected in zip(nearest(tree, points, k), tree.query(points, k=k), strict=True):
-            assert np.array_equal(found, np.asarray(expected))
 
 
 @pytest.mark.parametrize("across", [2, 3, 5])

@@ -7,13 +7,12 @@ import math
 import numpy as np
 import pytest
 
-from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.cloud.cells import measure as cell_measures
 from mlsanm_cli.cloud.cloud import Cloud, build_cloud
 from mlsanm_cli.cloud.curves import Outline, annulus, disk, half_disk, rectangle, sector
 from mlsanm_cli.cloud.drawing import polygon
 from mlsanm_cli.cloud.quality import measure
-from mlsanm_cli.cloud.sight import MIN_DETOUR, VisibilityCriterion, visibility_criterion
+from mlsanm_cli.cloud.sight import VisibilityCriterion, visibility_criterion
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from tests.cloud.shapes import polygon as chain
 
@@ -155,41 +154,3 @@ def test_chords_over_a_hollow_are_no_reason() -> None:
     # Nor does the mouth of the slit in the inner arc let anything through.
     inner = cloud.surfaces["inner"].index
     assert sight_of(cloud).apart(inner[:4], inner[-4:]).all()
-
-
-def slow_cut(sight: VisibilityCriterion, target: FloatArray, node: int) -> bool:
-    """Crossings of one line with every edge, in order, two by two."""
-    end = sight._ends[node]
-    found = []
-    for (a, b), (s0, s1), loop in zip(sight.points[sight.edges], sight.along, sight.loop, strict=True):
-        matrix = np.stack([end - target, a - b], axis=1)
-        if np.linalg.det(matrix) == 0.0:
-            continue
-        t, f = np.linalg.solve(matrix, a - target)
-        if 0.0 < t < 1.0 and 0.0 <= f < 1.0:
-            normal = np.array([b[1] - a[1], a[0] - b[0]]) / np.hypot(*(b - a))
-            found.append((t, s0 + f * (s1 - s0), loop, normal))
-    found.sort(key=lambda one: one[0])
-    for (t, s, loop, n), (u, r, _, m) in zip(found[::2], found[1::2], strict=False):
-        way = min(abs(s - r), loop - abs(s - r))
-        width = max(abs((end - target) @ n), abs((end - target) @ m))
-        if n @ m >= 0.0:
-            width = float(np.hypot(*(end - target)))
-        if way > MIN_DETOUR * (u - t) * width:
-            return True
-    return False
-
-
-@pytest.mark.parametrize(("width", "tip"), [(0.01, 0.0), (0.3, 0.0), (0.2, 0.15), (0.5, 0.05)])
-def test_kernel_against_its_slow_twin(width: float, tip: float) -> None:
-    cloud = build_cloud(notched(width, tip), Spacing(0.35), 0)
-    assert cloud.sight is not None
-    inside = np.arange(len(cloud.boundary_nodes), len(cloud.points))
-    targets = cloud.points[inside]
-    numbers = np.tile(np.arange(len(cloud.boundary_nodes)), (len(inside), 1))
-    cut = cloud.sight.cut(targets, numbers)
-    expected: BoolArray = np.array(
-        [[slow_cut(cloud.sight, t, n) for n in row] for t, row in zip(targets, numbers, strict=True)]
-    )
-    assert np.array_equal(cut, expected)
-    assert cut.any()

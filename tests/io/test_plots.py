@@ -91,19 +91,6 @@ print("matplotlib.pyplot" in sys.modules)
     assert (tmp_path / "a.png").stat().st_size > 1000
 
 
-def test_panels_share_an_axis_and_have_the_legend_of_the_first(kept: list[Figure]) -> None:
-    draw(Path("a.png"), STACKED)
-    draw(Path("a.png"), STACKED._replace(legend="outside upper center", beside=True))
-    for figure in kept:
-        first, second = figure.axes
-        assert first.get_title() == "t"
-        assert len(figure.legends) == 1
-        assert first.get_ylim() == second.get_ylim()
-        assert first.get_xlim() == second.get_xlim()
-    assert (kept[0].axes[0].get_xlabel(), kept[0].axes[1].get_xlabel()) == ("", "x")
-    assert (kept[1].axes[0].get_ylabel(), kept[1].axes[1].get_ylabel()) == ("y", "")
-
-
 @pytest.mark.parametrize(
     ("arc", "pressure", "expected"),
     [

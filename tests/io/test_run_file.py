@@ -13,7 +13,7 @@ import pytest
 from mlsanm_cli import __version__
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_file
-from mlsanm_cli.io.columns import place, row
+from mlsanm_cli.io.columns import row
 from mlsanm_cli.io.run_file import RunFile
 from mlsanm_cli.io.run_reader import read_run
 from tests.processes import printed
@@ -143,24 +143,6 @@ with h5py.File(sys.argv[1], "r") as f:
     assert read_run(tmp_path).rows == 5
 
 
-def test_the_file_is_written_now_and_then(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Not before half a minute has passed, and not again before some times as long as writing has taken."""
-    now = [0.0]
-    monkeypatch.setattr("mlsanm_cli.io.run_file.time.monotonic", lambda: now[0])
-    with start_run(tmp_path / "run.h5") as run:
-        run.save()
-        rows = []
-        for step in range(8):
-            now[0] += 10.0
-            write_steps(run, range(step, step + 1))
-            run.save_if_due()
-            rows.append(read_run(tmp_path).rows)
-            if step == 4:
-                run._took = 3.0
-        assert rows == [0, 0, 3, 3, 3, 3, 3, 3]
-        assert not list(tmp_path.glob("*.tmp"))
-
-
 def test_an_exception_saves_what_was_added(tmp_path: Path) -> None:
     def fail() -> None:
         with start_run(tmp_path / "run.h5") as run:
@@ -237,22 +219,6 @@ def test_a_run_killed_before_its_path_began_reads_as_empty(tmp_path: Path) -> No
     assert (data.status, data.rows, data.case_raw, dict(data.bodies)) == ("running", 0, "", {})
     start_run(tmp_path / "other.h5").close()
     assert read_run(tmp_path / "other.h5").contacts["interface"].pressure.shape == (0, M)
-
-
-def test_a_row_of_another_shape_is_refused(tmp_path: Path) -> None:
-    run = start_run(tmp_path / "run.h5")
-    write_steps(run, range(1))
-    run.save()
-    run.add([step_row(1, contacts={"interface": contact_values(1) | {"gap": np.ones(M + 1)}})])
-    with pytest.raises(ValueError, match="must match exactly"):
-        run.save()
-    assert {len(array) for name, array in datasets(tmp_path / "run.h5").items() if "path/" in name} == {1}
-
-
-@pytest.mark.parametrize("name", ["", ".", "..", "a/b"])
-def test_names_that_hdf5_would_take_for_paths_are_refused(name: str) -> None:
-    with pytest.raises(RunError, match="cannot be stored"):
-        place("bodies", name, "points")
 
 
 def test_create_never_overwrites_and_reports_a_missing_directory(tmp_path: Path) -> None:

@@ -20,18 +20,7 @@ from mlsanm_cli.errors import NumericalError, RunError
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import PathStep
-from tests.app.scenes import (
-    ANM,
-    BAR,
-    COARSE,
-    EXACT_LAW,
-    PATCH,
-    SHEARED,
-    SMOOTH,
-    Quiet,
-    hertz,
-    solve,
-)
+from tests.app.scenes import ANM, BAR, COARSE, EXACT_LAW, PATCH, SHEARED, SMOOTH, Quiet, hertz, solve
 
 ONCE = "stage=[{press=1.0},{shear=1.0}]"
 QUICK: dict[str, Any] = {"methods": ("active-set",), "levels": 4, "picture": False}

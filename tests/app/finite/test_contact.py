@@ -9,11 +9,8 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.comparison.compare import compare
-from mlsanm_cli.app.results.choice import Choice
 from mlsanm_cli.app.results.path_lookup import along_surface
-from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.results.probe import probe_contact, probe_force
-from mlsanm_cli.case.starters import starter
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_reader import read_path, read_run
 from mlsanm_cli.mechanics.laws.law import law_class
@@ -21,18 +18,7 @@ from tests.app.finite.finite_scenes import neo_hookean, rubber
 from tests.app.output.test_paraview import area, listed, read
 from tests.app.runs import warned
 from tests.app.scenes import Quiet, done, solve
-from tests.case_text import (
-    body,
-    box,
-    contact,
-    disk,
-    item,
-    load,
-    plane,
-    pushed,
-    support,
-    table,
-)
+from tests.case_text import Scene, disk, load, plane, pushed, support
 
 CASES = Path(__file__).parents[3] / "cases"
 
@@ -42,25 +28,25 @@ DISK = disk([0.0, 3.0], 1.0)
 
 def block(
     obstacle: Any, depth: float, refine: Any = None, left: float = 0.0, ux: Any = 0.0, friction: Any = None
-) -> str:
+) -> Scene:
     """A block, or half of it, on whose top an obstacle is pressed; held sideways at its bottom by ``ux``."""
     fine = None if refine is None else [refine]
     return (
         rubber(2.6, 0.3)
-        + body("block", "rubber", 0.25, box([left, 2.0], [0.0, 2.0]), refine=fine)
-        + support("block.bottom", ux=ux, uy=0.0)
-        + pushed("press", "under", uy=depth)
-        + contact("under", "block.top", obstacle=obstacle, friction=friction)
+        .body("block", "rubber", 0.25, box=([left, 2.0], [0.0, 2.0]), refine=fine)
+        .support("block.bottom", ux=ux, uy=0.0)
+        .pushed("press", "under", uy=depth)
+        .contact("under", "block.top", obstacle=obstacle, friction=friction)
     )
 
 
 SQUEEZED = (
     rubber(2.6, 0.3)
-    + body("ring", "rubber", 0.2, disk([0.0, 1.0], 1.0))
-    + pushed("close", "lid", uy=-0.2)
-    + contact("floor", "ring.arc", obstacle=plane([0.0, 0.0], [0.0, 1.0]), friction=0.1)
-    + contact("lid", "ring.arc", obstacle=plane([0.0, 2.0], [0.0, -1.0]), friction=0.1)
-    + table("output", at=[1.0])
+    .body("ring", "rubber", 0.2, disk=([0.0, 1.0], 1.0))
+    .pushed("close", "lid", uy=-0.2)
+    .contact("floor", "ring.arc", plane=([0.0, 0.0], [0.0, 1.0]), friction=0.1)
+    .contact("lid", "ring.arc", plane=([0.0, 2.0], [0.0, -1.0]), friction=0.1)
+    .table("output", at=[1.0])
 )
 SIDE = support("block.left", ux=0.0)
 
@@ -75,34 +61,9 @@ def shown_at_the_end(directory: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     return found[0], found[1]
 
 
-def test_cylinder_deep_in_a_block(tmp_path: Path) -> None:
-    """Half of it: forces against nine-node finite elements; the last one, which these give to half a per
-    cent, is that with nodes half as far apart."""
-    positions = [0.05 / 0.3, 0.1 / 0.3, 0.2 / 0.3, 1.0]
-    text, directory = block(DISK, -0.3, FINE) + SIDE + table("output", at=positions), tmp_path / "run"
-    summary = done(text, directory)
-    assert summary["nodes"] <= 400
-    assert summary["factorizations"] <= 30
-    forces = [-2.0 * row["fy"] for row in probe_force(directory, positions, "under")]
-    np.testing.assert_allclose(forces, [0.0730, 0.1697, 0.410, 0.699], rtol=5e-3)
-    assert summary["contacts"]["under"]["min_gap"] >= -1e-9
-    assert summary["forces"]["press"] == summary["contacts"]["under"]["force"]
-    assert summary["force_balance"] <= 1e-6
-    assert summary["stability"] >= 0.8
-    seen = probe_contact(directory, [1.0], "under")[0]
-    assert set(seen) >= {"pressure", "gap"}
-    rows = np.genfromtxt(directory / "interface.csv", delimiter=",", names=True)
-    np.testing.assert_array_equal(rows["pressure"], seen["pressure"])
-    # Within the solver's tolerance of the typical displacement, 0.3.
-    assert (np.array(seen["pressure"]) * np.array(seen["gap"])).max() <= 1e-8 * 0.3
-    assert plot(directory, choice=Choice(("pressure",)))
-    with pytest.raises(RunError, match="nothing to compare"):
-        compare(directory.with_suffix(".toml"), methods=("newton",), out=tmp_path / "c", console=Quiet())
-
-
 def test_cylinder_pressed_by_a_force(tmp_path: Path) -> None:
     """Under the force that it takes to press it in by a fifth of its radius, it goes there."""
-    text = block(DISK, -1.0, FINE) + SIDE + item("probe", name="under", body="block", point=[0.0, 2.0])
+    text = block(DISK, -1.0, FINE) + SIDE.probe("under", "block", [0.0, 2.0])
     summary = done(text.replace("uy = -1.0", "fy = -0.20485"), tmp_path / "run")
     assert summary["contacts"]["under"]["force"][1] == pytest.approx(-0.20485, rel=1e-8)
     assert summary["probes"]["under"]["displacement"][1] == pytest.approx(-0.2, rel=5e-3)
@@ -115,12 +76,11 @@ def test_a_plate_on_a_block_up_to_its_corners(degree: int, tmp_path: Path) -> No
     block, which would sway under dead pressures beyond its shear modulus, at degree 2 before the end."""
     text = (
         rubber(2.0, 0.35)
-        + body("block", "rubber", 0.1, box([-1.0, 1.0], [0.0, 1.0]))
-        + support("block.bottom", ux=0.0, uy=0.0)
-        + pushed("down", "lid", uy=-0.3)
-        + contact("lid", "block.top", obstacle=plane([0.0, 1.0], [0.0, -1.0]))
-        + table("mls", degree=degree)
-        + table("output", at=[0.25, 1.0])
+        .body("block", "rubber", 0.1, box=([-1.0, 1.0], [0.0, 1.0]), clamped="bottom")
+        .pushed("down", "lid", uy=-0.3)
+        .contact("lid", "block.top", plane=([0.0, 1.0], [0.0, -1.0]))
+        .table("mls", degree=degree)
+        .table("output", at=[0.25, 1.0])
     )
     summary = done(text, tmp_path / "run")
     assert summary["stability"] >= 0.8
@@ -142,10 +102,9 @@ def test_friction_up_to_corners(
     estimate of the energy tells by how much the first one is too stiff."""
     text = (
         rubber(1.0, poisson)
-        + body("block", "rubber", None, box([0.0, 1.0], [0.0, 1.0]))
-        + support("block.bottom", ux=0.0, uy=0.0)
-        + pushed("down", "lid", ux=ux, uy=-0.3)
-        + contact("lid", "block.top", obstacle=plane([0.0, 1.0], [0.0, -1.0]), friction=0.3)
+        .body("block", "rubber", None, box=([0.0, 1.0], [0.0, 1.0]), clamped="bottom")
+        .pushed("down", "lid", ux=ux, uy=-0.3)
+        .contact("lid", "block.top", plane=([0.0, 1.0], [0.0, -1.0]), friction=0.3)
     )
     summary = done(text, tmp_path / "run")
     lateral, down = summary["forces"]["down"]
@@ -166,10 +125,10 @@ def test_a_pad_that_friction_holds_alone(tmp_path: Path) -> None:
     shape = {"kind": "polygon", "points": points, "names": ["bottom", "right", "top", "left"]}
     text = (
         rubber(1.0, 0.4)
-        + body("pad", "rubber", None, shape)
-        + contact("floor", "pad.bottom", obstacle=plane([0.0, 0.0], [0.0, 1.0]), friction=0.4)
-        + contact("lid", "pad.top", obstacle=plane([0.0, 0.6], [0.0, -1.0]), friction=0.4)
-        + pushed("down", "lid", uy=-0.1)
+        .body("pad", "rubber", None, shape)
+        .contact("floor", "pad.bottom", plane=([0.0, 0.0], [0.0, 1.0]), friction=0.4)
+        .contact("lid", "pad.top", plane=([0.0, 0.6], [0.0, -1.0]), friction=0.4)
+        .pushed("down", "lid", uy=-0.1)
     )
     summary = done(text, tmp_path / "run")
     assert summary["stability"] > 0.5
@@ -193,41 +152,9 @@ def test_plate_makes_an_even_state(tmp_path: Path) -> None:
     assert abs(xx) <= 1e-7
     pressure = probe_contact(directory, [1.0], "under")[0]["pressure"]
     np.testing.assert_allclose(pressure, -yy, rtol=1e-6)
+    with pytest.raises(RunError, match="nothing to compare"):
+        compare(directory.with_suffix(".toml"), methods=("newton",), out=tmp_path / "c", console=Quiet())
     np.testing.assert_allclose(summary["contacts"]["under"]["force"], [0.0, 2.0 * across[0] * yy], atol=1e-7)
-
-
-def test_friction_dissipates_what_dragging_takes(tmp_path: Path) -> None:
-    """The starter on a longer block, a cylinder dragged with friction: once all slips, the work of its force
-    is what friction dissipates, and the vertical force stays. On the starter's block, whose end it comes
-    near, both change with the energy stored there: by 1.0 and 1.7 %."""
-    directory, text = tmp_path / "run", starter("ironing")
-    longer = {
-        "x = [-2.0, 2.0]": "x = [-3.0, 3.0]",
-        "spacing = 0.25": "spacing = 0.4",
-        'along = "top"': "at = [0.0, 2.0]",
-        "radius = 0.05\ngrowth = 0.15": "radius = 0.7\ngrowth = 0.25",
-        "center = [-0.5, 3.0]": "center = [-0.65, 3.0]",
-    }
-    for old, new in longer.items():
-        assert old in text
-        text = text.replace(old, new)
-    summary = done(text, directory, "output.at=[1.0, 1.3, 2.0]")
-    run = read_run(directory)
-    position, force = run.path.position, run.path.resultants["contact iron"][:, 0]
-    slips = position >= 1.3
-    work = float(np.trapezoid(force[slips], position[slips]))
-    lost = run.contacts["iron"].dissipated_work
-    assert lost is not None
-    assert work == pytest.approx(lost[-1] - lost[slips][0], rel=5e-3)
-    up = run.path.resultants["contact iron"][slips, 1]
-    np.testing.assert_allclose(up, up.mean(), rtol=4e-3)
-    under = summary["contacts"]["iron"]
-    assert under["stick_nodes"] == 0
-    assert under["max_cone_ratio"] == pytest.approx(1.0)
-    # Normals lean a little towards where the cylinder comes from.
-    assert 0.25 <= -under["force"][0] / under["force"][1] <= 0.31
-    # Pressed only, nodes stick in the middle.
-    assert (run.contacts["iron"].status[position == 1.0] == 1).any()
 
 
 def test_dissipated_work_does_not_depend_on_the_increments(tmp_path: Path) -> None:
@@ -235,12 +162,11 @@ def test_dissipated_work_does_not_depend_on_the_increments(tmp_path: Path) -> No
     the mean of tractions before and after it a node that begins to slip dissipated half as much."""
     text = (
         block(DISK, -0.05, FINE, -2.0, friction=0.5)
-        + pushed("aside", "under", ux=0.02)
-        + item("stage", press=1.0)
-        + item("stage", aside=1.0)
+        .pushed("aside", "under", ux=0.02)
+        .stages("press", "aside")
     )
     works = [
-        done(text + table("output", at=at), tmp_path / str(len(at)))["contacts"]["under"]["dissipated_work"]
+        done(text.table("output", at=at), tmp_path / str(len(at)))["contacts"]["under"]["dissipated_work"]
         for at in ([1.0, 2.0], [1.0, *np.linspace(1.1, 2.0, 10).tolist()])
     ]
     assert works[0] == pytest.approx(works[1], rel=0.025)
@@ -251,7 +177,7 @@ def test_a_profile_of_points_is_as_good_as_the_disk_it_is_of(tmp_path: Path) -> 
     angle = np.linspace(-1.2, 1.2, 49)
     points = np.stack([np.sin(angle) - 0.3, 3.0 - np.cos(angle)], axis=1).tolist()
     top = {"along": "top", "spacing": 0.16, "radius": 0.05, "growth": 0.3}
-    moved = pushed("drag", "under", ux=0.15) + item("stage", press=1.0) + item("stage", drag=1.0)
+    moved = pushed("drag", "under", ux=0.15).stages("press", "drag")
     round_one, profile = (
         done(block(shape, -0.1, top, -2.0, friction=0.3) + moved, tmp_path / shape["kind"])
         for shape in (disk([-0.3, 3.0], 1.0), {"kind": "polyline", "points": points})
@@ -289,30 +215,12 @@ def test_ironing_without_friction(tmp_path: Path) -> None:
     np.testing.assert_allclose(data["pressure"], (stress * data["normal"][:, :2]).sum(axis=1), atol=1e-2)
 
 
-def test_ring_squeezed_to_half_its_height(tmp_path: Path) -> None:
-    """A quarter of it; forces against nine-node finite elements, 60 x 3."""
-    summary = done((CASES / "squeezed_ring.toml").read_text(), tmp_path / "run")
-    assert summary["nodes"] <= 300
-    forces = [-row["fy"] for row in probe_force(tmp_path / "run", [0.2, 0.6, 1.0], "plate")]
-    np.testing.assert_allclose(forces, [1.4426e-4, 3.6199e-4, 7.4609e-4], rtol=0.01)
-    assert read_run(tmp_path / "run").contacts["plate"].gap[-1].min() >= -1e-9
-    _, lines = shown_at_the_end(tmp_path / "run")
-    plate, side = (
-        (lines[kind].points + lines[kind].point_data["displacement"])[:, 1]
-        for kind in ("obstacles", "contacts")
-    )
-    np.testing.assert_allclose(plate, 0.525)
-    pressed = lines["contacts"].point_data["pressure"] > 0.0
-    assert pressed.sum() >= 2
-    np.testing.assert_allclose(side[pressed], 0.525, atol=1e-9)
-
-
 def test_a_roller_that_turns_on_the_spot(tmp_path: Path) -> None:
     """Its moment is what friction bears on its radius, and does the work that friction dissipates."""
     text = block(DISK, -0.1, {**FINE, "radius": 0.4, "growth": 0.3}, -2.0, friction=0.3)
-    text += pushed("turn", "under", rotation=0.5) + item("stage", press=1.0) + item("stage", turn=1.0)
+    text += pushed("turn", "under", rotation=0.5).stages("press", "turn")
     directory = tmp_path / "run"
-    summary = done(text + table("output", at=[1.5, 2.0]), directory)
+    summary = done(text.table("output", at=[1.5, 2.0]), directory)
     found = summary["contacts"]["under"]
     across, down = found["force"]
     assert found["max_cone_ratio"] == pytest.approx(1.0)
@@ -333,7 +241,7 @@ def test_a_plate_that_has_turned_is_one_drawn_so(tmp_path: Path) -> None:
         point = np.array([1.0, 3.0]) + turn.T @ np.array([-1.0, -0.7])
         text = block(plane(point.tolist(), normal), -0.6, left=-2.0)
         text += pushed("turn", "under", rotation=angle, pivot=[1.0, 3.0]) if angle else ""
-        text += (item("stage", turn=1.0) if angle else "") + item("stage", press=1.0)
+        text = text.stages(*(("turn", "press") if angle else ("press",)))
         forces.append(solve(text, tmp_path / str(angle))["contacts"]["under"]["force"])
     assert abs(forces[0][1]) > 0.1
     np.testing.assert_allclose(forces[1], forces[0], rtol=1e-6)
@@ -360,14 +268,13 @@ def test_equations_that_no_state_near_solves_keep_their_residual(tmp_path: Path)
     no solution near the state, and the path stopped. What they keep acts as a load, which is told."""
     text = (
         rubber(3.0, 0.4)
-        + body("bulb", "rubber", 0.3)
-        + table("body.shape", kind="sector", center=[0.0, 0.0], radii=[4.0, 6.0], angles=[0.0, 180.0])
-        + support(["bulb.start", "bulb.end"], ux=0.0, uy=0.0)
-        + contact("door", "bulb.outer", friction=0.4, obstacle=plane([0.0, 6.0], [0.0, -1.0]))
-        + pushed("shut", "door", uy=-2.0)
-        + pushed("slide", "door", ux=1.0)
-        + item("stage", shut=1.0)
-        + item("stage", slide=1.0)
+        .body("bulb", "rubber", 0.3)
+        .table("body.shape", kind="sector", center=[0.0, 0.0], radii=[4.0, 6.0], angles=[0.0, 180.0])
+        .support(["bulb.start", "bulb.end"], ux=0.0, uy=0.0)
+        .contact("door", "bulb.outer", friction=0.4, plane=([0.0, 6.0], [0.0, -1.0]))
+        .pushed("shut", "door", uy=-2.0)
+        .pushed("slide", "door", ux=1.0)
+        .stages("shut", "slide")
     )
     summary = done(text, tmp_path / "run", "solver.max_increment=0.3")
     x, y = summary["contacts"]["door"]["force"]
@@ -384,13 +291,13 @@ def test_a_flat_tool_with_an_edge(tmp_path: Path) -> None:
     summary = done(
         rubber(3.0, 0.4)
         + neo_hookean("hard", 30.0, 0.3)
-        + body("block", "rubber", 0.25, box([0.0, 3.0], [-2.0, 0.0]))
-        + body("punch", "hard", 0.25, box([0.0, 1.0], [0.0, 1.5]))
-        + support("block.bottom", ux=0.0, uy=0.0)
-        + support(["block.left"], ux=0.0)
-        + support(["punch.left"], ux=0.0)
-        + load("press", "punch.top", "displacement", displacement=[0.0, -0.4])
-        + contact("foot", "punch.bottom", "block.top"),
+        .body("block", "rubber", 0.25, box=([0.0, 3.0], [-2.0, 0.0]))
+        .body("punch", "hard", 0.25, box=([0.0, 1.0], [0.0, 1.5]))
+        .support("block.bottom", ux=0.0, uy=0.0)
+        .support(["block.left"], ux=0.0)
+        .support(["punch.left"], ux=0.0)
+        .load("press", "punch.top", "displacement", displacement=[0.0, -0.4])
+        .contact("foot", "punch.bottom", "block.top"),
         tmp_path / "run",
     )
     np.testing.assert_allclose(summary["contacts"]["foot"]["force"][1], 0.5 * 2.484, rtol=0.06)

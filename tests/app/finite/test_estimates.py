@@ -21,34 +21,18 @@ from tests.app.finite.finite_scenes import neo_hookean, rubber
 from tests.app.runs import resumed_differences, warned
 from tests.app.scenes import Quiet, solve
 from tests.app.test_resume import Killed
-from tests.case_text import (
-    annulus,
-    body,
-    box,
-    contact,
-    disk,
-    half_disk,
-    head,
-    item,
-    load,
-    material,
-    plane,
-    pushed,
-    support,
-    table,
-)
+from tests.case_text import Scene, body, head, plane
 
 CRUSHED = 1.515
 """Force on a block 2 x 1, nu = 0.44, 30 % down between bonded plates: nine-node finite elements,
 extrapolated from 24 x 24 and 40 x 40 (1.5475, 1.5266), good to 1 %."""
 
 
-def block(spacing: float | None) -> str:
+def block(spacing: float | None) -> Scene:
     return (
         rubber(1.0, 0.44)
-        + body("pad", "rubber", spacing, box([0.0, 2.0], [0.0, 1.0]))
-        + support("pad.bottom", ux=0.0, uy=0.0)
-        + load("press", "pad.top", "displacement", displacement=[0.0, -0.3])
+        .body("pad", "rubber", spacing, box=([0.0, 2.0], [0.0, 1.0]), clamped="bottom")
+        .load("press", "pad.top", "displacement", displacement=[0.0, -0.3])
     )
 
 
@@ -62,18 +46,14 @@ def test_crushed_corners_that_are_not_resolved_are_told(tmp_path: Path) -> None:
     assert any(f"at = [{x}, {y}]" in warning for x in (0, 2) for y in (0, 1))
 
 
-def ring(spacing: float) -> str:
+def ring(spacing: float) -> Scene:
     """A quarter of a thin ring between plates."""
     shape = {"kind": "sector", "center": [0.0, 0.0], "radii": [0.85, 1.0], "angles": [0.0, 90.0]}
-    return (
-        head("strain", strain="finite")
-        + neo_hookean("steel", 1000.0, 0.3)
-        + body("ring", "steel", spacing, shape)
-        + support("ring.start", uy=0.0)
-        + support("ring.end", ux=0.0)
-        + contact("lid", "ring.outer", obstacle=plane([0.0, 1.0], [0.0, -1.0]))
-        + pushed("close", "lid", uy=-0.4)
-    )
+    return head("strain", strain="finite") + neo_hookean("steel", 1000.0, 0.3).body(
+        "ring", "steel", spacing, shape
+    ).support("ring.start", uy=0.0).support("ring.end", ux=0.0).contact(
+        "lid", "ring.outer", plane=([0.0, 1.0], [0.0, -1.0])
+    ).pushed("close", "lid", uy=-0.4)
 
 
 def test_bodies_too_thin_for_their_nodes_are_told(tmp_path: Path) -> None:
@@ -88,18 +68,18 @@ def test_bodies_too_thin_for_their_nodes_are_told(tmp_path: Path) -> None:
     assert -summary["forces"]["close"][1] == pytest.approx(exact, rel=0.005)
 
 
-def seal(length: float, modulus: float) -> str:
+def seal(length: float, modulus: float) -> Scene:
     """An O-ring in a groove of unlike walls, in some units."""
     groove = [[1.4, 1.0], [1.2, 0.0], [-1.1, 0.0], [-1.4, 1.0]]
     walls = {"kind": "polyline", "points": [[length * x, length * y] for x, y in groove]}
     lid = plane([0.0, 2.0 * length], [0.0, -1.0])
     return (
         head("strain", strain="finite")
-        + material("rubber", E=modulus, nu=0.4, law="neo-hookean")
-        + body("ring", "rubber", 0.15 * length, disk([0.0, length], length))
-        + contact("groove", "ring.arc", obstacle=walls, friction=0.2)
-        + contact("lid", "ring.arc", obstacle=lid, friction=0.2)
-        + pushed("close", "lid", uy=-0.3 * length)
+        .material("rubber", E=modulus, nu=0.4, law="neo-hookean")
+        .body("ring", "rubber", 0.15 * length, disk=([0.0, length], length))
+        .contact("groove", "ring.arc", obstacle=walls, friction=0.2)
+        .contact("lid", "ring.arc", obstacle=lid, friction=0.2)
+        .pushed("close", "lid", uy=-0.3 * length)
     )
 
 
@@ -130,16 +110,15 @@ def test_pieces_with_pins_are_in_balance(tmp_path: Path, monkeypatch: pytest.Mon
     assert all((one > 0.0).all() for one in found)
 
 
-def pressed(spacing: float | None = None, depth: float = 0.01) -> str:
+def pressed(spacing: float | None = None, depth: float = 0.01) -> Scene:
     """A block on which a small disk is pressed, beside its nodes."""
     obstacle = {"kind": "disk", "center": [0.031, 1.2], "radius": 0.2}
     return (
         rubber(2.6, 0.3)
-        + body("pad", "rubber", spacing, box([-0.7, 0.7], [0.3, 1.0]))
-        + support("pad.bottom", ux=0.0, uy=0.0)
-        + table("mls", degree=2)
-        + contact("c", "pad.top", obstacle=obstacle)
-        + pushed("press", "c", uy=-depth)
+        .body("pad", "rubber", spacing, box=([-0.7, 0.7], [0.3, 1.0]), clamped="bottom")
+        .table("mls", degree=2)
+        .contact("c", "pad.top", obstacle=obstacle)
+        .pushed("press", "c", uy=-depth)
     )
 
 
@@ -185,16 +164,16 @@ def test_a_run_goes_on_with_its_knots(tmp_path: Path) -> None:
 RUBBER = neo_hookean("rubber", 3.0, 0.4)
 SMALL = {
     "bush": (
-        body("part", "rubber", None, annulus([0.0, 0.0], [1.0, 2.0]))
-        + support("part.outer", ux=0.0, uy=0.0)
-        + load("press", "part.inner", "platen", displacement=[0.0, -1e-4])
+        body("part", "rubber", None, annulus=([0.0, 0.0], [1.0, 2.0]))
+        .support("part.outer", ux=0.0, uy=0.0)
+        .load("press", "part.inner", "platen", displacement=[0.0, -1e-4])
     ),
     "disk on a block": (
-        body("part", "rubber", 0.15, box([-1.0, 1.0], [-1.0, 0.0]))
-        + item("body.refine", at=[0.0, 0.0], spacing=0.002, radius=0.02, growth=0.2)
-        + support("part.bottom", ux=0.0, uy=0.0)
-        + contact("c", "part.top", obstacle=disk([0.0, 0.5], 0.5))
-        + pushed("press", "c", uy=-1e-3)
+        body("part", "rubber", 0.15, box=([-1.0, 1.0], [-1.0, 0.0]))
+        .item("body.refine", at=[0.0, 0.0], spacing=0.002, radius=0.02, growth=0.2)
+        .support("part.bottom", ux=0.0, uy=0.0)
+        .contact("c", "part.top", disk=([0.0, 0.5], 0.5))
+        .pushed("press", "c", uy=-1e-3)
     ),
 }
 
@@ -216,15 +195,12 @@ def test_half_disk_dragged_by_less_than_it_slips(tmp_path: Path) -> None:
     """Two bodies, with automatic nodes and a contact a twentieth of their spacing wide, as at small strain:
     force, peak, half-width and the work that friction dissipates, by not many more nodes."""
     scene = (
-        body("disk", "steel", None, half_disk([0.0, 1.0], 1.0))
-        + body("block", "steel", None, box([-2.0, 2.0], [-2.0, 0.0]))
-        + support("block.bottom", ux=0.0, uy=0.0)
-        + load("press", "disk.flat", "displacement", displacement=[0.0, -4e-4])
-        + load("shear", "disk.flat", "displacement", displacement=[1.2e-4, 0.0])
-        + contact("c", "disk.arc", "block.top", friction=0.3)
-        + item("stage", press=1.0)
-        + item("stage", shear=1.0)
-        + item("stage", shear=-1.0)
+        body("disk", "steel", None, half_disk=([0.0, 1.0], 1.0))
+        .body("block", "steel", None, box=([-2.0, 2.0], [-2.0, 0.0]), clamped="bottom")
+        .load("press", "disk.flat", "displacement", displacement=[0.0, -4e-4])
+        .load("shear", "disk.flat", "displacement", displacement=[1.2e-4, 0.0])
+        .contact("c", "disk.arc", "block.top", friction=0.3)
+        .stages("press", "shear", "shear=-1.0")
     )
     steel = neo_hookean("steel", 210e3, 0.3)
     found = solve(head("strain", strain="finite") + steel + scene, tmp_path / "finite")

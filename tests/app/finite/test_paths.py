@@ -23,42 +23,22 @@ from mlsanm_cli.mechanics.finite.projector import FiniteProblem
 from tests.app.finite.finite_scenes import rubber
 from tests.app.runs import warned
 from tests.app.scenes import Quiet, done, solve
-from tests.case_text import body, box, contact, head, item, load, material, support, table
+from tests.case_text import contact, head, load
 
 BEAM = (
     head("strain", strain="finite")
-    + material("steel", E=1200.0, nu=0.0, law="saint-venant-kirchhoff")
-    + body("beam", "steel", 0.25, box([0.0, 10.0], [0.0, 1.0]))
-    + support("beam.left", ux=0.0, uy=0.0)
-    + load("tip", "beam.right", "traction", traction=[0.0, "60 * y * (1 - y)"])
-    + item("probe", name="end", body="beam", point=[10.0, 0.5])
-    + table("output", at=[0.1, 0.4, 1.0])
+    .material("steel", E=1200.0, nu=0.0, law="saint-venant-kirchhoff")
+    .body("beam", "steel", 0.25, box=([0.0, 10.0], [0.0, 1.0]), clamped="left")
+    .load("tip", "beam.right", "traction", traction=[0.0, "60 * y * (1 - y)"])
+    .probe("end", "beam", [10.0, 0.5])
+    .table("output", at=[0.1, 0.4, 1.0])
 )
-TIPS = {0.1: (0.0572, 0.3039), 0.4: (0.3354, 0.6775), 1.0: (0.5674, 0.8253)}
-"""Shortening and deflection over the length by position: 80 x 8 nine-node finite elements."""
 
 BLOCK = (
     rubber(2.6, 0.3)
-    + body("block", "rubber", 0.05, box([0.0, 1.0], [0.0, 1.0]))
-    + support("block.bottom", ux=0.0, uy=0.0)
-    + load("press", "block.top", "displacement", displacement=[0.0, -0.4])
-    + item("probe", name="side", body="block", point=[1.0, 0.5])
-)
-
-ARCH = (
-    head("strain", strain="finite")
-    + material("m", E=1000.0, nu=0.0, law="saint-venant-kirchhoff")
-    + body("arch", "m", 0.0625)
-    + table(
-        "body.shape",
-        kind="sector",
-        center=[0.0, 0.0],
-        radii=[9.875, 10.125],
-        angles=[69.94647717, 110.05352283],
-    )
-    + support(["arch.start", "arch.end"], ux=0.0, uy=0.0)
-    + load("snow", "arch.outer", "traction", traction=[0.0, -0.2])
-    + table("output", at=[0.3, 1.0])
+    .body("block", "rubber", 0.05, box=([0.0, 1.0], [0.0, 1.0]), clamped="bottom")
+    .load("press", "block.top", "displacement", displacement=[0.0, -0.4])
+    .probe("side", "block", [1.0, 0.5])
 )
 
 
@@ -66,20 +46,6 @@ ARCH = (
 def beam(tmp_path_factory: pytest.TempPathFactory) -> tuple[Mapping[str, Any], Path]:
     directory = tmp_path_factory.mktemp("finite") / "beam"
     return solve(BEAM, directory), directory
-
-
-def test_cantilever_bends_as_finite_elements_do(beam: tuple[Mapping[str, Any], Path]) -> None:
-    summary, directory = beam
-    assert summary["status"] == "done"
-    assert summary["nodes"] <= 300
-    assert summary["factorizations"] <= 8
-    for position, (short, deep) in TIPS.items():
-        (seen,) = probe_named(directory, [position], "end")
-        assert abs(-seen["ux"] / 10.0 - short) <= 0.003 * 0.5674
-        assert abs(seen["uy"] / 10.0 - deep) <= 0.003 * 0.8253
-    assert summary["force_balance"] <= 1e-4
-    np.testing.assert_allclose(summary["forces"]["tip"], [0.0, 10.0], atol=1e-9)
-    np.testing.assert_allclose(summary["forces"]["beam.left"], [0.0, -10.0], atol=1e-3)
 
 
 def test_fields_are_stored_and_told_anywhere(beam: tuple[Mapping[str, Any], Path]) -> None:
@@ -118,22 +84,6 @@ def test_block_is_compressed_by_two_fifths(tmp_path: Path) -> None:
     assert summary["probes"]["side"]["displacement"][0] == pytest.approx(0.1274, rel=0.005)
     assert summary["finite_strain"]["equations_renewed"] >= 1
     assert 0.2 <= summary["finite_strain"]["least_volume_ratio"] <= 0.5
-
-
-@pytest.fixture(scope="module")
-def arch(tmp_path_factory: pytest.TempPathFactory) -> tuple[Mapping[str, Any], Path]:
-    directory = tmp_path_factory.mktemp("finite") / "case"
-    return solve(ARCH, directory), directory
-
-
-def test_arch_snaps_through(arch: tuple[Mapping[str, Any], Path]) -> None:
-    summary, _ = arch
-    limit, lower = summary["finite_strain"]["limit_points"]
-    assert (limit["kind"], lower["kind"]) == ("maximum", "minimum")
-    # 48 x 4 nine-node finite elements, displacement controlled.
-    assert 0.2 * limit["position"] == pytest.approx(0.14431, rel=0.005)
-    assert 0.2 * lower["position"] == pytest.approx(0.07607, rel=0.01)
-    assert summary["position"] == 1.0
 
 
 def test_series_and_newton_go_the_same_way(tmp_path: Path) -> None:
@@ -191,13 +141,13 @@ def test_a_thick_ring_is_blown_up_to_twice_its_radius(tmp_path: Path) -> None:
     problem of a neo-Hookean tube in plane strain along a radius, to 1e-9."""
     text = (
         rubber(3.0, 0.4)
-        + body("ring", "rubber")
-        + table("body.shape", kind="sector", center=[0.0, 0.0], radii=[1.0, 2.0], angles=[0.0, 90.0])
-        + support("ring.start", uy=0.0)
-        + support("ring.end", ux=0.0)
-        + load("blow", "ring.inner", "pressure", pressure=0.6, follows=True)
-        + item("probe", name="in", body="ring", point=[1.0, 0.0])
-        + item("probe", name="out", body="ring", point=[2.0, 0.0])
+        .body("ring", "rubber")
+        .table("body.shape", kind="sector", center=[0.0, 0.0], radii=[1.0, 2.0], angles=[0.0, 90.0])
+        .support("ring.start", uy=0.0)
+        .support("ring.end", ux=0.0)
+        .load("blow", "ring.inner", "pressure", pressure=0.6, follows=True)
+        .probe("in", "ring", [1.0, 0.0])
+        .probe("out", "ring", [2.0, 0.0])
     )
     for degree, limit in ((4, 2e-3), (2, 2e-2)):
         summary = solve(text, tmp_path / str(degree), f"mls.degree={degree}")
@@ -211,11 +161,10 @@ def test_a_thick_ring_is_blown_up_to_twice_its_radius(tmp_path: Path) -> None:
 
 COLUMN = (
     head("strain", strain="finite")
-    + material("spring", E=1000.0, nu=0.0, law="saint-venant-kirchhoff")
-    + body("column", "spring", 0.25, box([0.0, 10.0], [0.0, 0.5]))
-    + support("column.left", ux=0.0, uy=0.0)
-    + load("press", "column.right", "traction", traction=[-1.0, 4e-3])
-    + item("probe", name="end", body="column", point=[10.0, 0.25])
+    .material("spring", E=1000.0, nu=0.0, law="saint-venant-kirchhoff")
+    .body("column", "spring", 0.25, box=([0.0, 10.0], [0.0, 0.5]), clamped="left")
+    .load("press", "column.right", "traction", traction=[-1.0, 4e-3])
+    .probe("end", "column", [10.0, 0.25])
 )
 
 
@@ -246,10 +195,9 @@ def test_new_equations_keep_what_the_state_leaves(tmp_path: Path, monkeypatch: p
 LENGTH = 8.0
 STRAIGHT = (
     head("strain", strain="finite")
-    + material("steel", E=1000.0, nu=0.0, law="saint-venant-kirchhoff")
-    + body("column", "steel", 0.25, box([-0.5, 0.5], [0.0, LENGTH]))
-    + support("column.bottom", ux=0.0, uy=0.0)
-    + item("probe", name="top", body="column", point=[0.0, LENGTH])
+    .material("steel", E=1000.0, nu=0.0, law="saint-venant-kirchhoff")
+    .body("column", "steel", 0.25, box=([-0.5, 0.5], [0.0, LENGTH]), clamped="bottom")
+    .probe("top", "column", [0.0, LENGTH])
 )
 FREE, GUIDED = 3.16779, 0.0123908
 """Critical force of the column with a free top, and critical strain with a top that moves without turning:
@@ -280,7 +228,7 @@ def test_a_column_buckles_against_walls(tmp_path: Path) -> None:
     """The end goes down by far more than Euler's shortening, without turning. Increments of a quarter of that
     led onto the straight branch, with 24 times the force."""
     gap = 0.2
-    text = STRAIGHT + load("press", "column.top", "displacement", uy=-0.2)
+    text = STRAIGHT.load("press", "column.top", "displacement", uy=-0.2)
     for name, side in (("left", -1.0), ("right", 1.0)):
         wall = {"kind": "plane", "point": [side * (0.5 + gap), 0.0], "normal": [-side, 0.0]}
         text += contact(name, f"column.{name}", obstacle=wall)

@@ -30,23 +30,6 @@ def test_everything_written_is_in_the_schema(fixture: str, request: pytest.Fixtu
     assert not undeclared(request.getfixturevalue(fixture))
 
 
-def test_summary(hertz_run: Path) -> None:
-    summary = summary_of(hertz_run)
-    assert summary["status"] == "done"
-    assert summary["position"] == 1.0
-    contact = summary["contacts"]["interface"]
-    assert contact["force"] == pytest.approx([0.0, 226.0], abs=226.0 * 1e-9)
-    assert contact["peak_pressure"] == pytest.approx(contact["reference"]["peak_pressure"], rel=0.01)
-    assert 0.0 <= summary["residual"] <= 1e-8
-    assert contact["min_gap"] >= 0.0
-    assert summary["stability"] > 0.0
-    assert summary["unknowns"] == 2 * summary["nodes"]
-    phases = {key: value for key, value in summary["seconds"].items() if key != "total"}
-    assert sum(phases.values()) <= summary["seconds"]["total"]
-    assert summary["quality"]["bodies"]["block"]["nodes"] < summary["nodes"]
-    assert summary["quality"]["spacing_ratio"]["interface"] < 1.3
-
-
 def test_layout_of_the_run_file(hertz_run: Path, series_run: Path) -> None:
     with h5py.File(series_run / "run.h5", "r") as file:
         assert set(file["series"]) == {str(step) for step in range(1, summary_of(series_run)["steps"] + 1)}
@@ -78,16 +61,6 @@ def test_path_of_the_run_file(hertz_run: Path) -> None:
         summary = summary_of(hertz_run)
         assert contact["pressure"][-1].max() == summary["contacts"]["interface"]["peak_pressure"]
         assert file["path/solves"][...].sum() == summary["solves"]
-
-
-def test_interface_table_is_the_last_row(hertz_run: Path) -> None:
-    table = np.genfromtxt(hertz_run / "interface.csv", delimiter=",", names=True)
-    with h5py.File(hertz_run / "run.h5", "r") as file:
-        contact = file["contacts/interface"]
-        for name in ("pressure", "gap", "traction", "status"):
-            assert table[name].tolist() == contact[name][-1].tolist()
-        assert table["x"].tolist() == contact["points"][:, 0].tolist()
-        assert np.isnan(table["slip"]).all()
 
 
 def test_vtu_files_hold_the_stored_fields(hertz_run: Path) -> None:

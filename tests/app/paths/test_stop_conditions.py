@@ -12,18 +12,8 @@ from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.solve.state import PathStep, State
 from mlsanm_cli.solve.stop_events import turning
 from tests.app.runs import summary_of
-from tests.app.scenes import (
-    ANM,
-    BAR,
-    EXACT_LAW,
-    FAST,
-    NEWTON,
-    NODAL,
-    SMOOTH,
-    hertz,
-    solve,
-)
-from tests.case_text import body, box, contact, head, item, load, material, pin, pushed, support
+from tests.app.scenes import ANM, BAR, EXACT_LAW, FAST, NEWTON, NODAL, SMOOTH, hertz, solve
+from tests.case_text import contact, head, item, load, pin, pushed
 
 HERTZ_STOP = item("stop", what="pressure", of="interface", above=1500.0)
 
@@ -152,17 +142,13 @@ def test_a_load_that_turns_back_within_a_step_is_seen() -> None:
 
 RUBBER = (
     head("strain", strain="finite")
-    + material("rubber", E=2.6, nu=0.3, law="neo-hookean")
-    + body("block", "rubber", 0.2, box([0.0, 2.0], [0.0, 1.0]))
-    + item("body.refine", at=[1.0, 1.0], spacing=0.05, radius=0.3, growth=0.2)
-    + support("block.bottom", ux=0.0, uy=0.0)
+    .material("rubber", E=2.6, nu=0.3, law="neo-hookean")
+    .body("block", "rubber", 0.2, box=([0.0, 2.0], [0.0, 1.0]))
+    .item("body.refine", at=[1.0, 1.0], spacing=0.05, radius=0.3, growth=0.2)
+    .support("block.bottom", ux=0.0, uy=0.0)
 )
-PUSHED = pushed("press", "c", uy=-0.2) + contact(
-    "c", "block.top", obstacle={"kind": "disk", "center": [1.0, 2.0], "radius": 1.0}
-)
-PULLED = load("press", "block.top", "traction", traction=[0.0, -0.5]) + item(
-    "probe", name="top", body="block", point=[1.0, 1.0]
-)
+PUSHED = pushed("press", "c", uy=-0.2) + contact("c", "block.top", disk=([1.0, 2.0], 1.0))
+PULLED = load("press", "block.top", "traction", traction=[0.0, -0.5]).probe("top", "block", [1.0, 1.0])
 
 
 @pytest.mark.parametrize(

@@ -207,26 +207,6 @@ def test_bodies_hang_on_bonds_alone(tmp_path: Path) -> None:
     np.testing.assert_allclose(split["contacts"]["glue"]["force"], [-0.1, 0.0], atol=1e-9)
 
 
-def test_a_crack_closes_beside_its_bond(tmp_path: Path) -> None:
-    # Two blocks glued along a part of their faces, pressed: stresses are those of one.
-    faces = ("high.bottom", "low.top")
-    text = (
-        scene("strain", "a", E=1000.0)
-        .body("low", "a", 0.5, box=([0.0, 10.0], [0.0, 5.0]))
-        .body("high", "a", 0.5, box=([0.0, 10.0], [5.0, 10.0]))
-        .support("low.bottom", uy=0.0)
-        .pin("low", [0.0, 0.0], ux=0.0)
-        .load("press", "high.top", "pressure", pressure=10.0)
-        .add(bond("glue", *faces, from_=[4.0, 5.0], to=[10.0, 5.0]))
-        .contact("slit", *faces, from_=[0.0, 5.0], to=[4.0, 5.0])
-    )
-    summary = solve(text, tmp_path / "run")
-    assert summary["contacts"]["slit"]["force"][1] == pytest.approx(40.0, rel=0.01)
-    assert summary["contacts"]["slit"]["peak_pressure"] == pytest.approx(10.0, rel=0.05)
-    assert [text for text in summary["warnings"] if "ends where a bond begins, near (4, 5)" in text]
-    assert "contact_end" not in warned(summary)
-
-
 def test_a_bond_ends_where_a_surface_goes_on(tmp_path: Path) -> None:
     # A post on a block, against both of one piece; the block is cut where the post begins and ends.
     def pushed(of: str) -> Scene:

@@ -11,26 +11,13 @@ import pytest
 from benchmarks.formulas import LameRing, press_fit
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import done, prepared, solve
-from tests.case_text import body_force, disk, polygon, scene, support
+from tests.case_text import body_force, disk, scene, support
 
 FIT = (
     scene("stress")
     .body("hub", "steel", annulus=([0.0, 0.0], [10.0, 16.0]))
     .body("shaft", "steel", annulus=([0.0, 0.0], [4.0, 10.0]))
     .contact("fit", "shaft.outer", "hub.inner", interference=0.01)
-)
-WEDGE = (
-    scene("strain")
-    .body("wedge", "steel", shape=polygon([[-3, 0], [3, 0], [6, 8], [-6, 8]], "tip right top left"))
-    .body("one", "steel", shape=polygon([[-3, 0], [-16, 0], [-16, 8], [-6, 8]], "floor back top face"))
-    .body("other", "steel", shape=polygon([[3, 0], [16, 0], [16, 8], [6, 8]], "floor back top face"))
-    .support("one.back", spring=[500.0, 0.0])
-    .support("other.back", spring=[500.0, 0.0])
-    .support("one.floor", uy=0.0)
-    .support("other.floor", uy=0.0)
-    .load("drive", "wedge.top", "platen", fy=-200.0)
-    .contact("left", "wedge.left", "one.face", friction=0.1)
-    .contact("right", "wedge.right", "other.face", friction=0.1)
 )
 
 
@@ -80,18 +67,6 @@ def test_a_fit_that_is_pulled_aside_may_open_anywhere(tmp_path: Path) -> None:
     assert peaks[1] == pytest.approx(peaks[0], rel=5e-3)
 
 
-def test_a_wedge_between_blocks_that_slide(tmp_path: Path) -> None:
-    """Corners next to a platen and next to walls, neither at a right angle: symmetric, and in equilibrium."""
-    summary = done(WEDGE, tmp_path / "wedge", "contact.*.accuracy=0.05")
-    left, right = (summary["contacts"][name]["force"] for name in ("left", "right"))
-    assert left[1] == pytest.approx(100.0, rel=1e-6)
-    assert [-left[0], left[1]] == pytest.approx(right, rel=1e-4)
-    # Rigid friction wedges: the faces rise by 8 over 3.
-    slope = np.arctan2(8.0, 3.0)
-    across = 100.0 * np.tan(slope - np.arctan(0.1))
-    assert abs(left[0]) == pytest.approx(across, rel=1e-3)
-
-
 @pytest.mark.parametrize(
     ("setting", "degrees"),
     [
@@ -109,22 +84,6 @@ def test_the_degree_that_is_left_to_us(setting: tuple[str, ...], degrees: dict[s
 def test_bodies_with_nodal_contacts_have_degree_2() -> None:
     models = prepared(FIT).models
     assert {model.settings.degree for model in models.values()} == {2}
-
-
-def test_a_pin_in_the_middle_of_a_ring_is_pulled_to_either_side(tmp_path: Path) -> None:
-    peaks = []
-    for pull in (-10.0, 10.0):
-        text = (
-            scene("stress")
-            .body("eye", "steel", annulus=([0.0, 0.0], [8.0, 25.0]), clamped="outer")
-            .body("pin", "steel", disk=([0.0, 0.0], 7.95))
-            .body_force("pull", "pin", [pull, 0.0])
-            .contact("fit", "pin.arc", "eye.inner")
-        )
-        summary = done(text, tmp_path / f"run{pull}")
-        assert summary["contacts"]["fit"]["force"][0] == pytest.approx(-pull * np.pi * 7.95**2, rel=1e-3)
-        peaks.append(summary["contacts"]["fit"]["peak_pressure"])
-    assert peaks[0] == pytest.approx(peaks[1], rel=1e-3)
 
 
 BEAM = (
@@ -157,32 +116,6 @@ def test_a_bent_beam_is_pressed_on_along_its_own_normal(tmp_path: Path) -> None:
     for name, sign in (("left", -1.0), ("right", 1.0)):
         along, up = summary["contacts"][name]["force"]
         assert along / up == pytest.approx(sign * turned, rel=0.02)
-
-
-def test_a_wedge_opens_a_fork(tmp_path: Path) -> None:
-    """Its arms touch with round ends, which bend away; the wedge does not turn."""
-    angle, round_, mouth = np.radians(15.0), 3.0, 60.0
-    points = [[0, -30], [mouth, -30], [mouth, -10], [20, -10], [20, 10], [mouth, 10], [mouth, 30], [0, 30]]
-    rounding = [0.0, 0.0, round_, 4.0, 4.0, round_, 0.0, 0.0]
-    fork = polygon(points, "below rim1 low root up rim2 above back", rounding=rounding)
-    # Its face is tangent to the end of the lower arm, and so is the other one.
-    on = np.array([mouth - round_, -10.0 - round_]) + round_ * np.array([np.sin(angle), np.cos(angle)])
-    tip, end = on[0] - 12.0, on[0] + 23.0
-    half = [-on[1] + (x - on[0]) * np.tan(angle) for x in (tip, end)]
-    wedge = polygon([[tip, -half[0]], [end, -half[1]], [end, half[1]], [tip, half[0]]], "low end up tip")
-    summary = solve(
-        scene("strain")
-        .material("aluminium", E=70e3, nu=0.33)
-        .body("fork", "aluminium", shape=fork, clamped="back")
-        .body("wedge", "steel", shape=wedge)
-        .load("push", "wedge.end", "platen", fx=-300.0, uy=0.0)
-        .contact("low", ["fork.corner3", "fork.low"], "wedge.low", accuracy=0.01)
-        .contact("up", ["fork.corner6", "fork.up"], "wedge.up", accuracy=0.01),
-        tmp_path / "run",
-    )
-    for name, sign in (("low", -1.0), ("up", 1.0)):
-        force = summary["contacts"][name]["force"]
-        assert force == pytest.approx([-150.0, sign * 150.0 / np.tan(angle)], rel=1e-3)
 
 
 @pytest.mark.parametrize("nose", [disk([17.0, 4.0], 2.0), SAMPLES], ids=["disk", "samples"])

@@ -71,19 +71,6 @@ def test_a_stiff_punch_whatever_the_roles(tmp_path: Path) -> None:
     assert found == pytest.approx([0.01 / (np.pi * np.sqrt(25.0 - x * x)) for x in at], rel=0.015)
 
 
-def test_a_block_pushed_until_it_slides(tmp_path: Path) -> None:
-    """With little friction under a flat face sticking places are few, and hard to find."""
-    text = (
-        punch(1.0, *SIDES, friction=0.05, accuracy=0.02)
-        .load("press", "block.top", "platen", fy=-0.01)
-        .load("push", "block.top", "platen", fx=0.001)
-        .stages("press", "push")
-    )
-    found = solve(text, tmp_path / "run")
-    assert found["stop_reason"].startswith("the contact slides as a whole")
-    assert found["position"] == pytest.approx(1.5, abs=1e-3)
-
-
 def test_a_contact_reaches_a_clamped_side(tmp_path: Path) -> None:
     beam = (
         scene("strain")

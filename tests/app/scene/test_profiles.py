@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.checks.references import HertzLine
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.io.run_reader import read_run
-from tests.app.scenes import EXACT_LAW, Quiet, done, refused, solve
-from tests.case_text import EXACT, FLOOR, Scene, body, contact, load, polyline, scene, support
+from tests.app.scenes import EXACT_LAW, Quiet, done, refused
+from tests.case_text import FLOOR, Scene, body, contact, load, polyline, scene, support
 
 E, NU = 1000.0, 0.3
 HEAD = scene("strain", "stuff", E=E)
@@ -118,16 +117,6 @@ def under_profile(
     return x[order], found.pressure[-1][order]
 
 
-def test_a_wave_from_a_table_is_a_smooth_wave(tmp_path: Path) -> None:
-    """Westergaard 1939: the corners of the table's polyline would have pressures without bound."""
-    height, mean = 0.003, 30.0
-    x = np.linspace(0.0, 1.0, 49)
-    wave = np.column_stack([x, 0.5 * height * (1.0 + np.cos(2.0 * np.pi * x))])
-    _, pressure = under_profile(wave, mean, tmp_path, 0.01)
-    full = 0.5 * np.pi * MODULUS * height
-    assert abs(pressure.max() / (2.0 * np.sqrt(mean * full)) - 1.0) < 5e-3
-
-
 def test_a_small_summit_apart_from_the_others_touches(tmp_path: Path) -> None:
     """Narrower than intervals and spacings there: neither means over wide hats nor nodes see it."""
     x = np.linspace(0.0, 2.0, 801)
@@ -139,30 +128,3 @@ def test_a_small_summit_apart_from_the_others_touches(tmp_path: Path) -> None:
     profile = np.column_stack([x, 0.5 * (x - 0.6) ** 2 / radius - summit])
     place, pressure = under_profile(profile, force, tmp_path, 0.05)
     assert pressure[np.abs(place - at) < 0.02].max(initial=0.0) > 0.0
-
-
-def flanks(first: tuple[float, float], second: tuple[float, float], spacing: Any, **press: float) -> Scene:
-    """Two teeth with involutes of two base and curvature radii, that touch at the pitch point."""
-
-    def flank(base: float, radius: float, sign: float) -> list[list[float]]:
-        a = np.linspace(-0.3, 0.25, 21)
-        ahead, across = np.stack([np.cos(a), np.sin(a)], axis=1), np.stack([-np.sin(a), np.cos(a)], axis=1)
-        points = np.array([-base, -radius]) + base * ahead + (radius - base * a)[:, None] * across
-        return [[float(sign * x), float(sign * y)] for x, y in points]
-
-    text = scene("strain", E=E)
-    for name, sign, points in (("one", 1.0, flank(*first, 1.0)), ("two", -1.0, flank(*second, -1.0))):
-        ends = {"to": [points[-1][0], -sign]}, {"name": "base", "to": [points[0][0], -sign]}
-        sides = [{"name": "flank", "points": points}, *ends, {}]
-        text = text.body(name, "steel", spacing, {"kind": "outline", "sides": sides})
-    text = text.support("one.base", ux=0.0, uy=0.0).load("press", "two.base", "platen", **press)
-    return text.contact("mesh", "two.flank", "one.flank", regularization=EXACT)
-
-
-def test_flanks_of_gears_from_points(tmp_path: Path) -> None:
-    """Two involutes touch as circles of their radii of curvature do."""
-    force = 0.3
-    text = flanks((3.0, 1.0), (4.0, 1.5), None, ux=0.0, fy=-force)
-    found = solve(text, tmp_path / "gears")["contacts"]["mesh"]
-    hertz = HertzLine(force, 1.0 / (1.0 + 1.0 / 1.5), 0.5 * E / 0.91)
-    assert found["peak_pressure"] == pytest.approx(hertz.peak_pressure, rel=5e-3)
