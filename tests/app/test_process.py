@@ -23,7 +23,7 @@ from mlsanm_cli.stopping import Stopper
 from mlsanm_cli.system import STOPPING
 from tests.app.processes import CLI, LONG, PATIENCE, wait_for_steps
 from tests.app.runs import resumed_differences, summary_of
-from tests.app.scenes import SHEARED, Quiet, solve
+from tests.app.scenes import FAST, SHEARED, Quiet, solve
 from tests.processes import ENVIRONMENT
 
 
@@ -68,12 +68,12 @@ def test_a_second_run_is_refused_and_a_signal_leaves_a_readable_one(tmp_path: Pa
 
 
 def test_a_killed_process_is_resumed(tmp_path: Path) -> None:
-    solve(SHEARED, tmp_path / "case")
+    solve(SHEARED, tmp_path / "case", FAST)
     # Files of a run as short as this one would be written at its beginning and its end only.
     always = "run_file.SAVE_INTERVAL = run_file.MIN_INTERVAL_RATIO = 0.0; "
     eager = "import sys; from mlsanm_cli.io import run_file; " + always
     program = ("-c", eager + "from mlsanm_cli.cli import main; main()")
-    process = start(tmp_path, SHEARED, "--quiet", program=program)
+    process = start(tmp_path, SHEARED, "--quiet", "--set", FAST, program=program)
     wait_for_steps(tmp_path / "run", 20, lambda: process.poll() is None)
     process.kill()
     process.communicate()

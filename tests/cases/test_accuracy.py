@@ -70,11 +70,6 @@ def hertz(tmp_path_factory: pytest.TempPathFactory) -> Truth:
     return over_refined("hertz", tmp_path_factory.mktemp("t") / "hertz", {"cylinder": 0.05, "block": 0.08})
 
 
-@pytest.fixture(scope="module")
-def cylinders(tmp_path_factory: pytest.TempPathFactory) -> Truth:
-    return over_refined("two_cylinders", tmp_path_factory.mktemp("t") / "two", {"upper": 0.05, "lower": 0.08})
-
-
 def check(summary: Mapping[str, Any], data: RunData, truth: Truth, factor: float = FACTOR) -> None:
     displacement, pressure = truth.errors(data)
     estimate = summary["error_estimate"]
@@ -107,11 +102,6 @@ def test_hertz(tmp_path: Path, hertz: Truth, overrides: list[str]) -> None:
         assert hertz.errors(data)[1] <= 0.5 * accuracy
         # No finer than they have to be either: about 50 places for 1 %, and h^(3/2).
         assert summary["contact_unknowns"] <= 90 * (0.01 / accuracy) ** 0.5
-
-
-def test_two_cylinders(tmp_path: Path, cylinders: Truth) -> None:
-    sizes = [f"body.{body}.spacing=0.2" for body in ("upper", "lower")]
-    check(*solve("two_cylinders", tmp_path / "run", *sizes), cylinders)
 
 
 @pytest.mark.parametrize(

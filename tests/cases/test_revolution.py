@@ -79,8 +79,7 @@ def test_turning_disk(tmp_path: Path) -> None:
 
 
 def test_uniform_states(tmp_path: Path) -> None:
-    """A plate's force is that of the full turn; a cylinder heated in a rigid bore, and one pressed all
-    around."""
+    """A plate's force is that of the full turn; a cylinder heated in a rigid bore."""
     body = ring().body("b", "m", 0.2, box=([0.0, 1.0], [0.0, 1.0])).support("b.bottom", uy=0.0)
     (corner,) = probed(body.load("f", "b.top", "platen", fy=-1e-3 * np.pi), tmp_path, (1.0, 1.0))
     assert corner["displacement"] == pytest.approx([NU * 1e-3, -1e-3], rel=1e-9)

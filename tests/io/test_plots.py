@@ -132,8 +132,7 @@ def test_wrong_names_and_places_are_refused(tmp_path: Path) -> None:
 
 
 def test_singular_ends_leave_room_for_the_rest() -> None:
-    """A flat punch has no largest pressure; Hertz' is shown whole, however fine its ends are. The
-    corner of a block that rubs on another is weakly singular: peaks 7 % apart were not told."""
+    """A flat punch has no largest pressure; Hertz' is shown whole, however fine its ends are."""
     far = np.concatenate([[0.0], np.geomspace(1e-5, 1.0, 60)])
     for power, weakly in ((-0.02, True), (0.5, False), (1.0, False)):
         end = np.sign(-power) * np.maximum(far, 1e-6) ** power + 2.0 * (power > 0.0)

@@ -202,20 +202,3 @@ def test_errors_at_clamped_ends_are_estimated(tmp_path: Path) -> None:
         away = np.hypot(*np.subtract(summary["probes"][name]["displacement"], moved)) / np.hypot(*moved)
         assert 0.005 <= away <= 0.01
         assert away / 3.0 <= summary["error_estimate"]["probes"][name] <= 3.0 * away
-
-
-@pytest.mark.parametrize("place", [(0.0, -1.0), (0.0, 0.0)])
-def test_a_disk_on_a_single_node_is_told_to_sink_in_without_end(
-    place: tuple[float, float], tmp_path: Path
-) -> None:
-    text = (
-        scene("strain", E=1000.0)
-        .body("disk", "steel", 0.2, disk=([0.0, 0.0], 1.0))
-        .pin("disk", place, ux=0.0, uy=0.0)
-        .pin("disk", [0.0, 1.0], ux=0.0)
-        .body_force("weight", "disk", [0.0, -1.0])
-    )
-    # Integrals over triangles do not see the energy under a point force: 20 % of it and more.
-    summary = done(text, tmp_path / "run")
-    assert abs(summary["energy_error"]) < 0.03
-    assert sum("body disk is held at single nodes" in text for text in summary["warnings"]) == 1

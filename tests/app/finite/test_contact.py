@@ -14,7 +14,7 @@ from mlsanm_cli.app.results.probe import probe_contact, probe_force
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_reader import read_path, read_run
 from mlsanm_cli.mechanics.laws.law import law_class
-from tests.app.finite.finite_scenes import neo_hookean, rubber
+from tests.app.finite.finite_scenes import rubber
 from tests.app.output.test_paraview import area, listed, read
 from tests.app.runs import warned
 from tests.app.scenes import Quiet, done, solve
@@ -71,9 +71,7 @@ def test_cylinder_pressed_by_a_force(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("degree", [2, 4])
 def test_a_plate_on_a_block_up_to_its_corners(degree: int, tmp_path: Path) -> None:
-    """A clamped block pressed down by three tenths, against nine-node finite elements (16 x 8). Fields did
-    not know the corners where the contact ends: refused at degree 4 from the first increment on; and the
-    block, which would sway under dead pressures beyond its shear modulus, at degree 2 before the end."""
+    """A clamped block pressed down by three tenths, against nine-node finite elements (16 x 8)."""
     text = (
         rubber(2.0, 0.35)
         .body("block", "rubber", 0.1, box=([-1.0, 1.0], [0.0, 1.0]), clamped="bottom")
@@ -96,10 +94,7 @@ def test_a_plate_on_a_block_up_to_its_corners(degree: int, tmp_path: Path) -> No
 def test_friction_up_to_corners(
     poisson: float, ux: float, force: float, accuracy: float, tmp_path: Path
 ) -> None:
-    """A block with friction up to its corners, three tenths down, stays upright, also a fifth aside: it
-    swayed, and stopped at 0.75 to 0.9 of the path, as corners had two tractions, and as new equations moved
-    it. Forces are those of blocks bonded to the lid, with nodes eight times finer at all corners. The
-    estimate of the energy tells by how much the first one is too stiff."""
+    """Forces are those of blocks bonded to the lid, with nodes eight times finer at all corners."""
     text = (
         rubber(1.0, poisson)
         .body("block", "rubber", None, box=([0.0, 1.0], [0.0, 1.0]), clamped="bottom")
@@ -118,9 +113,7 @@ def test_friction_up_to_corners(
 
 
 def test_a_pad_that_friction_holds_alone(tmp_path: Path) -> None:
-    """A loose trapezoid between plates with friction up to its corners, a sixth down, against nine-node
-    finite elements: 0.4827 with 12 x 12 graded ones, falling. Seen from its pins alone it was 13 % too
-    stiff, stiffer than bonded."""
+    """A trapezoid between plates, against 12 x 12 graded nine-node finite elements: 0.4827, falling."""
     points = [[-1.0, 0.0], [1.0, 0.0], [0.7, 0.6], [-0.7, 0.6]]
     shape = {"kind": "polygon", "points": points, "names": ["bottom", "right", "top", "left"]}
     text = (
@@ -158,8 +151,7 @@ def test_plate_makes_an_even_state(tmp_path: Path) -> None:
 
 
 def test_dissipated_work_does_not_depend_on_the_increments(tmp_path: Path) -> None:
-    """A cylinder pressed in and moved aside by less than it slips: with few increments, and with ten more. By
-    the mean of tractions before and after it a node that begins to slip dissipated half as much."""
+    """A cylinder pressed in and moved aside by less than it slips: with few increments, with ten more."""
     text = (
         block(DISK, -0.05, FINE, -2.0, friction=0.5)
         .pushed("aside", "under", ux=0.02)
@@ -192,8 +184,7 @@ def test_a_profile_of_points_is_as_good_as_the_disk_it_is_of(tmp_path: Path) -> 
 
 
 def test_ironing_without_friction(tmp_path: Path) -> None:
-    """A stiff tool dragged by three contact widths feels no horizontal force, and always the same vertical
-    one."""
+    """A stiff tool dragged by three contact widths feels the same vertical force and no other."""
     directory = tmp_path / "run"
     done((CASES / "ironing.toml").read_text(), directory)
     forces = [[row["fx"], row["fy"]] for row in probe_force(directory, [1.0, 1.25, 1.5, 1.75, 2.0], "iron")]
@@ -264,8 +255,7 @@ def test_a_disk_pressed_where_its_arc_begins(tmp_path: Path) -> None:
 
 
 def test_equations_that_no_state_near_solves_keep_their_residual(tmp_path: Path) -> None:
-    """A bulb seal whose door is shut and slides: next to crushed corners at its base renewed equations had
-    no solution near the state, and the path stopped. What they keep acts as a load, which is told."""
+    """A bulb seal whose door is shut and slides: the residual acts as a load, which is told."""
     text = (
         rubber(3.0, 0.4)
         .body("bulb", "rubber", 0.3)
@@ -283,24 +273,6 @@ def test_equations_that_no_state_near_solves_keep_their_residual(tmp_path: Path)
     assert 0.0 < x <= 0.401 * abs(y)
     assert summary["error_estimate"]["energy"] > 0.1
     assert "energy_estimate" in warned(summary)
-
-
-def test_a_flat_tool_with_an_edge(tmp_path: Path) -> None:
-    """The node beside its edge is driven out by its own pressure, and back without. Half of a punch; the
-    force is that with a fifth of the spacing, 2.484 for both halves."""
-    summary = done(
-        rubber(3.0, 0.4)
-        + neo_hookean("hard", 30.0, 0.3)
-        .body("block", "rubber", 0.25, box=([0.0, 3.0], [-2.0, 0.0]))
-        .body("punch", "hard", 0.25, box=([0.0, 1.0], [0.0, 1.5]))
-        .support("block.bottom", ux=0.0, uy=0.0)
-        .support(["block.left"], ux=0.0)
-        .support(["punch.left"], ux=0.0)
-        .load("press", "punch.top", "displacement", displacement=[0.0, -0.4])
-        .contact("foot", "punch.bottom", "block.top"),
-        tmp_path / "run",
-    )
-    np.testing.assert_allclose(summary["contacts"]["foot"]["force"][1], 0.5 * 2.484, rtol=0.06)
 
 
 def test_a_pressure_that_follows_beside_a_contact(tmp_path: Path) -> None:

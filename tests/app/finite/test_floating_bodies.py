@@ -13,8 +13,7 @@ from tests.case_text import annulus, disk, head, pin, support
 
 
 def test_a_lever_rests_about_its_hinge(tmp_path: Path) -> None:
-    """Its weight and the force of a disk, which goes through the disk's centre, balance about the hinge, far
-    from the middle of the lever."""
+    """Its weight and the force of a disk balance about the hinge, far from the middle of the lever."""
     text = head("strain", strain="finite") + neo_hookean("hard", 1e3, 0.3).body(
         "bar", "hard", 0.15, box=([-0.2, 4.0], [-0.2, 0.2])
     ).pin("bar", [0.0, 0.0], ux=0.0, uy=0.0).body_force("weight", "bar", [0.0, -0.5]).contact(
@@ -60,8 +59,7 @@ def test_a_loose_pin_falls_into_its_hole(tmp_path: Path) -> None:
 
 
 def test_a_wheel_held_at_a_single_node_is_told_of(tmp_path: Path) -> None:
-    """Pressed in by 0.06 it resists with 0.10 to 0.17, depending on its cloud: nothing was said. On a hub the
-    same is sound."""
+    """Its force depends on the cloud; on a hub the same is sound."""
     rim = annulus([0.0, 0.0], [0.3, 1.0])
     for side, shape, hold in (
         ("arc", disk([0.0, 0.0], 1.0), pin("wheel", [0.0, 0.0], ux=0.0, uy=0.0)),
@@ -78,8 +76,7 @@ BLOCK = rubber(2.0, 0.35).body("block", "rubber", 0.12, box=([-1.0, 1.0], [0.0, 
 
 
 def test_a_plate_turned_by_a_large_angle(tmp_path: Path) -> None:
-    """Pressed by 0.1 and turned by half a radian by power series: forces of nine-node finite elements, 14 x
-    10, at a fifth and at the end."""
+    """Forces of nine-node finite elements, 14 x 10, at a fifth and at the end."""
     text = BLOCK.load("p", "block.top", "platen", displacement=[0.0, -0.1], rotation=0.5)
     summary = solve(text, tmp_path / "run")
     assert summary["plates"]["block.top"]["rotation"] == 0.5
@@ -107,8 +104,7 @@ def test_a_plate_under_forces_goes_where_it_takes_these_to_go(tmp_path: Path) ->
 
 
 def test_one_plate_on_two_bodies_in_contact(tmp_path: Path) -> None:
-    """Two alike columns under a plate with a force beside its middle, on a rigid floor: each bears what the
-    balance of moments gives it."""
+    """Two alike columns under a force beside their middle bear what the balance of moments gives them."""
     text = rubber(2.0, 0.3).load("p", ["one.top", "other.top"], "platen", fx=0.0, fy=-0.2, hinge=[0.15, 0.6])
     for name, x in (("one", -1.0), ("other", 0.5)):
         text = text.body(name, "rubber", 0.15, box=([x, x + 0.5], [0.0, 0.6]))

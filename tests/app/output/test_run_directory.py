@@ -46,23 +46,6 @@ def test_layout_of_the_run_file(hertz_run: Path, series_run: Path) -> None:
         assert file["fields/position"][...].tolist() == [0.3, 0.7, 1.0]
 
 
-def test_path_of_the_run_file(hertz_run: Path) -> None:
-    with h5py.File(hertz_run / "run.h5", "r") as file:
-        position = file["path/position"][...]
-        assert position[0] == 0.0
-        assert position[-1] == 1.0
-        assert (np.diff(position) > 0.0).all()
-        assert file["path/factors/press"][...] == pytest.approx(position, abs=1e-14)
-        assert file["path/resultants/press"][...][:, 1] == pytest.approx(-226.0 * position, abs=1e-9)
-        contact = file["contacts/interface"]
-        force = contact["pressure"][...] @ (contact["weight"][...][:, None] * contact["normal"][...])
-        assert force[:, 1] == pytest.approx(226.0 * position, abs=226.0 * 1e-9)
-        assert (contact["gap"][...] >= 0.0).all()
-        summary = summary_of(hertz_run)
-        assert contact["pressure"][-1].max() == summary["contacts"]["interface"]["peak_pressure"]
-        assert file["path/solves"][...].sum() == summary["solves"]
-
-
 def test_vtu_files_hold_the_stored_fields(hertz_run: Path) -> None:
     with h5py.File(hertz_run / "run.h5", "r") as file:
         for number, (state, body) in enumerate((s, b) for s in range(3) for b in ("cylinder", "block")):

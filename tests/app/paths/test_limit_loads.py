@@ -70,8 +70,7 @@ def feet(hinge: float, on_block: bool) -> Scene:
 
 @pytest.mark.parametrize(("hinge", "on_block"), [(23.0, True), (27.5, False)])
 def test_a_plate_pressed_beside_its_feet_tips_over(hinge: float, on_block: bool, tmp_path: Path) -> None:
-    """No stage has a state, though a coarse grid finds one; on a rigid floor the plate would come to rest
-    turned by half a radian."""
+    """No stage has a state, though a coarse grid finds one."""
     summary = solve(feet(hinge, on_block), tmp_path / "run")
     assert re.match("body a and body b .*tip over: ", summary["stop_reason"])
 

@@ -44,8 +44,7 @@ def test_how_far_a_rocker_turns_is_told(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("mu", [0.15, 0.3])
 def test_a_disk_settles_and_turns_in_a_rough_groove(tmp_path: Path, mu: float) -> None:
-    """As it settles all nodes slip on both sides, which counted as sliding as a whole. A moment turns it from
-    mu W R sqrt(2)/(1 + mu^2) on; at small strain contacts stay where they were, which carries more."""
+    """A moment turns it from mu W R sqrt(2)/(1 + mu^2) on; small strain carries a little more."""
     moment = 1.4
     turn = 2.0 * moment / np.pi
     text = (

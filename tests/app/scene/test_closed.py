@@ -44,8 +44,7 @@ def test_a_fit_has_the_pressure_of_lame_all_around(tmp_path: Path) -> None:
 
 
 def test_a_clamped_ring_on_a_rigid_mandrel_is_pressed_evenly(tmp_path: Path) -> None:
-    """Around a whole circle there is no chord whose rotation could turn the contact. Radial displacement
-    a r + b / r, 0 outside and the interference inside."""
+    """Radial displacement a r + b / r: 0 outside and the interference inside."""
     ring = scene("strain", E=3500.0).body("ring", "steel", annulus=([0.0, 0.0], [1.0, 2.0]))
     mandrel = {"kind": "disk", "center": [0.0, 0.0], "radius": 1.0}
     ring = ring.support("ring.outer", ux=0.0, uy=0.0).contact("fit", "ring.inner", obstacle=mandrel)
@@ -128,8 +127,7 @@ def test_a_round_obstacle_presses_perpendicular_to_a_flat_body(nose: dict[str, A
 
 
 def test_a_fit_that_is_pushed_aside_is_alike_at_every_scale(tmp_path: Path) -> None:
-    """Some scalings had 6 % less force: friction around a closed surface, with a state that contradicts
-    itself."""
+    """Friction around a closed surface."""
 
     def push(scale: float) -> float:
         text = scene("stress", "soft", E=1.0).material("hard", E=60.0, nu=0.3)

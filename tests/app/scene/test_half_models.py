@@ -12,7 +12,6 @@ from mlsanm_cli.app.check import check
 from mlsanm_cli.contact.geometry.grid import Hats
 from mlsanm_cli.contact.geometry.unfolding import Unfolding
 from mlsanm_cli.io.run_reader import read_run
-from mlsanm_cli.mechanics.near_field import Isotropic
 from mlsanm_cli.mechanics.symmetry import SymmetryPlane, copies_around, images_of
 from tests.app.scenes import Quiet, solve
 from tests.case_text import FLOOR, Scene, contact, load, pushed, scene
@@ -210,15 +209,3 @@ def test_unfolded_ranges(planes: Any, copies: int | None, images: int | None) ->
     assert fold.T @ whole.weight == pytest.approx(len(unfolding.copies) * hats.weight)
     at, _ = unfolding.located(whole.place)
     assert at == pytest.approx(fold @ hats.place)
-
-
-def test_a_plane_reflects_fields() -> None:
-    plane = SymmetryPlane(1.0 + 2.0j, complex(np.exp(0.3j)))
-    image, z = plane.image, np.array([0.3 + 0.1j, -2.0 + 1.0j])
-    assert image.points(image.points(z)) == pytest.approx(z)
-    assert plane.height(image.points(z)) == pytest.approx(-plane.height(z))
-    assert plane.reflects(Isotropic(1.0, 1.8))
-    stress = np.array([1.0, 2.0, 0.4])
-    full = np.array([[stress[0], stress[2]], [stress[2], stress[1]]])
-    turned = image.matrix @ full @ image.matrix
-    assert image.stress_matrix @ stress == pytest.approx([turned[0, 0], turned[1, 1], turned[0, 1]])
