@@ -99,15 +99,6 @@ def test_the_history_is_that_of_finite_elements(exact: Run) -> None:
         assert off(even(contact, contact.traction[row(exact, position)], x), expected, expected) <= 4e-3
 
 
-def test_no_traction_oscillates_from_node_to_node(exact: Run) -> None:
-    contact = contact_of(exact)
-    middle = np.abs(contact.points[:, 0]) <= 0.028
-    for position in (2.0, 4.0):
-        traction = contact.traction[row(exact, position)][middle]
-        rough = np.diff(traction, 2) / 4.0
-        assert np.sqrt(np.mean(rough**2)) <= 0.01 * FRICTION * 2884.7
-
-
 def small(half: float) -> list[str]:
     """Overrides for a half-width of ``half`` instead of 0.05 on the same bodies and clouds."""
     scale = (half / 0.05) ** 2

@@ -137,24 +137,6 @@ def test_a_plate_bends_a_beam_and_lets_go(slope: float, tmp_path: Path) -> None:
     assert np.abs(left["stress"][middle, 0] - remains[middle]).max() < 0.03 * Y
 
 
-def test_a_plate_pulls_a_bar_and_lets_go(tmp_path: Path) -> None:
-    """Beyond yield, unloaded to no force, and pushed: a uniform bar follows its law."""
-    text = (
-        scene("stress", E=1.0, nu=0.0, yield_stress=Y, hardening=0.05)
-        .body("bar", "steel", 0.25, box=([0.0, 1.0], [0.0, 1.0]))
-        .support("bar.left", ux=0.0)
-        .support("bar.bottom", uy=0.0)
-        .load("pull", "bar.top", "platen", fy=1.5 * Y)
-        .stages("pull", "pull=0.0", "pull=-0.6")
-        .table("output", at=[1.0, 2.0, 3.0])
-    )
-    summary, data = solved(text, tmp_path / "bar")
-    assert summary["status"] == "done"
-    moved = [state.bodies["bar"]["displacement"][:, 1].max() for state in data.states[-3:]]
-    assert moved == pytest.approx([11.5 * Y, 10.0 * Y, 9.1 * Y], rel=1e-6)
-    assert np.abs(data.states[-2].bodies["bar"]["stress"]).max() < 1e-6 * Y
-
-
 def test_contacts_of_bodies_that_flow_are_wider(tmp_path: Path) -> None:
     """A cylinder on a block: its pressures vanish at the ends, and what unloading leaves is no error."""
     text = (

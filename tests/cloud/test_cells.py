@@ -39,14 +39,6 @@ def test_cells_close_and_fill_the_body(name: str) -> None:
     assert (np.hypot(*(middles - cloud.points).T) <= cloud.spacing).all()
 
 
-def test_a_missing_face_leaves_cells_open() -> None:
-    cloud = cloud_of("disk")
-    faces = cloud.faces
-    kept = np.arange(len(faces.one)) != 40
-    closed = measure(cloud.points, faces.select(kept), cloud.surfaces, np.arange(len(cloud.points)))[2]
-    assert set(np.flatnonzero(~closed)) == {faces.one[40], faces.other[40]}
-
-
 @pytest.mark.parametrize("name", BODIES)
 @pytest.mark.parametrize("rule", [GAUSS[2], FINE], ids=["two points", "four"])
 def test_halves_of_surfaces_are_their_length(name: str, rule: tuple[tuple[float, float], ...]) -> None:

@@ -221,16 +221,6 @@ def test_a_run_killed_before_its_path_began_reads_as_empty(tmp_path: Path) -> No
     assert read_run(tmp_path / "other.h5").contacts["interface"].pressure.shape == (0, M)
 
 
-def test_create_never_overwrites_and_reports_a_missing_directory(tmp_path: Path) -> None:
-    path = tmp_path / "run.h5"
-    path.write_text("mine")
-    with pytest.raises(RunError, match="exists already"):
-        RunFile.create(path, {})
-    assert path.read_text() == "mine"
-    with pytest.raises(RunError, match="cannot write"):
-        RunFile.create(tmp_path / "none" / "run.h5", {}).save()
-
-
 def test_reader_names_what_is_wrong(tmp_path: Path) -> None:
     with pytest.raises(RunError, match="no such directory"):
         read_run(tmp_path / "none")

@@ -62,18 +62,3 @@ def test_columns_and_arrays_are_on_the_page() -> None:
     columns = [one.path.split(".")[-1] for one in schema.PATH_COLUMNS if not one.path.endswith("}")]
     for name in (*columns, *arrays):
         assert name.replace("_", " ").removesuffix(" 1").removesuffix(" 2") in words
-
-
-@pytest.mark.parametrize(
-    ("path", "name"),
-    [
-        ("contacts/left rail/pressure", "pressure"),
-        ("fields/12/block/von_mises", "von_mises"),
-        ("checkpoint/path/history/sets/closed", "{name}"),
-        ("contacts/rail/pressures", None),
-        ("contacts/left/rail/pressure", None),
-    ],
-)
-def test_a_path_has_one_quantity(path: str, name: str | None) -> None:
-    found = schema.quantity(schema.RUN_FILE, path)
-    assert (found and found.name) == name

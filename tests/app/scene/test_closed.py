@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +10,7 @@ import pytest
 from benchmarks.formulas import LameRing, press_fit
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.scenes import done, prepared, solve
-from tests.case_text import body_force, disk, scene, support
+from tests.case_text import body_force, scene, support
 
 FIT = (
     scene("stress")
@@ -85,15 +84,6 @@ def test_bodies_with_nodal_contacts_have_degree_2() -> None:
     assert {model.settings.degree for model in models.values()} == {2}
 
 
-BEAM = (
-    scene("stress", "alloy", E=70e3, nu=0.33)
-    .body("beam", "alloy", box=([0.0, 20.0], [0.0, 2.0]), clamped="left")
-    .pushed("press", "nose", uy=-0.3)
-)
-ROUND = [[17.0 + 2.0 * np.cos(a), 4.0 + 2.0 * np.sin(a)] for a in np.linspace(np.pi, 2.0 * np.pi, 61)]
-SAMPLES = {"kind": "polyline", "points": ROUND}
-
-
 def test_a_bent_beam_is_pressed_on_along_its_own_normal(tmp_path: Path) -> None:
     """Its lower side moves outwards along two round posts, by as much as it turns."""
     span, high, down = 100.0, 10.0, 0.5
@@ -115,15 +105,6 @@ def test_a_bent_beam_is_pressed_on_along_its_own_normal(tmp_path: Path) -> None:
     for name, sign in (("left", -1.0), ("right", 1.0)):
         along, up = summary["contacts"][name]["force"]
         assert along / up == pytest.approx(sign * turned, rel=0.02)
-
-
-@pytest.mark.parametrize("nose", [disk([17.0, 4.0], 2.0), SAMPLES], ids=["disk", "samples"])
-def test_a_round_obstacle_presses_perpendicular_to_a_flat_body(nose: dict[str, Any], tmp_path: Path) -> None:
-    found = solve(BEAM.contact("nose", "beam.top", obstacle=nose), tmp_path / "run")
-    across, along = found["contacts"]["nose"]["force"]
-    # The slope of a cantilever under its load, with shear, which takes part of the deflection.
-    shear = 0.3 * 70e3 / (70e3 / 2.66 * 5.0 / 6.0) * (2.0 / 17.0) ** 2 / 4.0 * 3.0
-    assert across / along == pytest.approx(1.5 * 0.3 / 17.0 / (1.0 + shear), rel=0.02)
 
 
 def test_a_fit_that_is_pushed_aside_is_alike_at_every_scale(tmp_path: Path) -> None:

@@ -16,8 +16,7 @@ import pytest
 from mlsanm_cli.app import sweep as engines
 from mlsanm_cli.app.results.info import as_csv, collect
 from mlsanm_cli.app.run import run
-from mlsanm_cli.app.sweep import SweepPoint, geometry, point_name, sweep
-from mlsanm_cli.case import load_case
+from mlsanm_cli.app.sweep import SweepPoint, point_name, sweep
 from mlsanm_cli.case.reading.overrides import parse_vary, points
 from mlsanm_cli.cli import main
 from mlsanm_cli.contact.response import condensation
@@ -315,12 +314,3 @@ def test_a_dask_cluster_that_loses_a_worker_finds_the_same(tmp_path: Path, case:
     assert len(console.notes) == 6
     assert counts(result) == [6, 0, 0, 0]
     assert_same_points(tmp_path / "dask", swept(case, tmp_path / "here", values))
-
-
-def test_geometries_of_materials_with_axes() -> None:
-    path = Path(__file__).parents[3] / "cases" / "orthotropic.toml"
-    one, same, other = (
-        geometry(load_case(path, overrides).case)
-        for overrides in ((), ("solver.order=10",), ("material.wood.alpha=[4e-6, 35e-6, 36e-6]",))
-    )
-    assert one == same != other
