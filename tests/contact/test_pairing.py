@@ -49,6 +49,21 @@ def test_gaps_between_an_arc_and_a_flat_are_exact(lift: float, x: float) -> None
     assert np.array_equal(pairing.position, np.flatnonzero(facing))
 
 
+@given(angle=st.floats(0.3, 2.8), lift=st.floats(0.0, 0.2))
+@settings(max_examples=15)
+def test_gaps_between_two_arcs_are_exact(angle: float, lift: float) -> None:
+    away = (1.5 + lift) * np.array([math.cos(angle), math.sin(angle)])
+    upper = disk((float(away[0]), float(away[1])), 1.0)
+    pairing, one, _ = pair(upper, "arc", disk((0.0, 0.0), 0.5), "arc", even(0.1, 0.05))
+    points = one.points[pairing.node]
+    distance = np.hypot(*points.T)
+    assert np.abs(pairing.gap - (distance - 0.5)).max() <= 1e-14
+    assert np.abs(pairing.normal - points / distance[:, None]).max() <= 1e-14
+    assert np.abs(pairing.partner - 0.5 * pairing.normal).max() <= 1e-14
+    assert pairing.gap.min() == pytest.approx(lift, abs=0.01)
+    assert len(points) > 10
+
+
 def test_nodes_beyond_the_masters_ends_have_no_partner() -> None:
     wide = rectangle((-3.0, 1.0), (0.0, 1.0))
     pairing, upper, _ = pair(wide, "bottom", BLOCK, "top", even(0.3, 0.2))
