@@ -62,13 +62,13 @@ def synthetic(
     )
 
 
-def blocks_text(nu: float, upper: float, lower: float, left: float = 0.0, right: float = 2.0) -> str:
-    """Two stacked blocks of these spacings; the lower one goes from ``left`` to ``right``."""
+def blocks_text(nu: float, upper: float, lower: float) -> str:
+    """Two stacked blocks of these spacings."""
     return (
         head("strain")
         .material("steel", E=210e3, nu=nu)
         .body("upper", "steel", upper, box=([0.0, 2.0], [1.0, 2.0]))
-        .body("lower", "steel", lower, box=([left, right], [0.0, 1.0]))
+        .body("lower", "steel", lower, box=([0.0, 2.0], [0.0, 1.0]))
         .support("lower.bottom", uy=0.0)
         .support("lower.left", ux=0.0)
         .support("upper.left", ux=0.0)
@@ -97,9 +97,9 @@ class Small:
         cloud = self.scene.bodies[self.pairing.slave_body].model.cloud
         return np.asarray(cloud.points[self.pairing.node[self.pairing.candidate], 0])
 
-    def exact(self, factors: FloatArray | None = None) -> ContactState:
+    def exact(self) -> ContactState:
         """Exact contact at full load."""
-        return solve_exact(self.condensed, self.factors if factors is None else factors)
+        return solve_exact(self.condensed, self.factors)
 
     def displacement(self, body: str, state: ContactState) -> FloatArray:
         """Nodal displacements (n, 2)."""
@@ -118,20 +118,12 @@ def build(text: str, *overrides: str) -> Small:
     return Small(scene, condense(scene, prepared.pairings), stage_factors(case)[-1])
 
 
-def blocks(
-    ratio: float = 1.37, nu: float = 0.3, spacing: float = 0.1, *overrides: str, overhang: float = 0.0
-) -> Small:
-    """Two blocks pressed together, node spacings 1 : ``ratio``; the lower one may stand out on both sides."""
-    return build(blocks_text(nu, spacing, spacing * ratio, -overhang, 2.0 + overhang), *overrides)
+def blocks(ratio: float, nu: float, *overrides: str) -> Small:
+    """Two blocks pressed together, node spacings 1 : ``ratio``."""
+    return build(blocks_text(nu, 0.1, 0.1 * ratio), *overrides)
 
 
-def cylinder(
-    fine: float = 0.008,
-    *overrides: str,
-    master: float | None = None,
-    control: str = "force = [0.0, -226.566]",
-    shift: float = 0.0,
-) -> Small:
+def cylinder(fine: float, *overrides: str, control: str = "force = [0.0, -226.566]") -> Small:
     """A half-disk of radius 1 on a block; a/R = 0.05 under the default force."""
     text = (
         head("strain")
@@ -140,7 +132,7 @@ def cylinder(
         .table("body.shape", kind="half-disk", center=[0.0, 1.0], radius=1.0, side="lower")
         .item("body.refine", at=[0.0, 0.0], spacing=fine, radius=0.07)
         .body("block", "steel", 0.2, box=([-2.0, 2.0], [-2.0, 0.0]))
-        .item("body.refine", at=[shift, 0.0], spacing=master or fine, radius=0.07)
+        .item("body.refine", at=[0.0, 0.0], spacing=fine, radius=0.07)
         .support("block.bottom", uy=0.0)
         .pin("block", [0.0, -2.0], ux=0.0)
         .add(f"{load('press', 'cylinder.flat', 'platen')}{control}\n")

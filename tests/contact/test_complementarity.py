@@ -24,18 +24,16 @@ def test_small_problems_have_the_states_that_enumeration_finds(kind: str) -> Non
         assert x is None or example.accepts(x, 1e-7)
 
 
-def _block(
-    friction: float, width: float = 2.0, height: float = 1.0
-) -> tuple[Problem, FloatArray, FloatArray]:
+def _block(friction: float) -> tuple[Problem, FloatArray, FloatArray]:
     """A block on two nodes with compliance, pressed by 1, then pushed by a growing force at its top."""
-    x = np.array([-0.5 * width, 0.5 * width])
+    x = np.array([-1.0, 1.0])
     gap = np.stack([np.zeros(2), np.ones(2), x], axis=1)
     slip = np.stack([np.ones(2), np.zeros(2), np.zeros(2)], axis=1)
     moved = np.vstack([gap, slip])
     matrix = np.block([[1e-3 * np.eye(4), moved], [-moved.T, np.zeros((3, 3))]])
     problem = Problem.of(matrix, np.arange(2), np.full(2, friction), 2)
     weight, push = np.zeros(7), np.zeros(7)
-    weight[5], push[4], push[6] = 1.0, -1.0, height
+    weight[5], push[4], push[6] = 1.0, -1.0, 1.0
     return problem, problem.rows * weight, problem.rows * push
 
 

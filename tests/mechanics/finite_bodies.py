@@ -68,16 +68,16 @@ def boundary_loads(
     return Loads(1, sources, tractions)
 
 
-def problem_of(body: FiniteBody, length: float = 1.0) -> FiniteProblem:
+def problem_of(body: FiniteBody) -> FiniteProblem:
     """One stage, from nothing to all loads, with the equations of the reference."""
     start, end = np.zeros(body.loads.count), np.ones(body.loads.count)
     projector = Projector(body, weights_of(body), np.zeros(body.unknowns), start, "auto")
-    return FiniteProblem(projector, start, end, length)
+    return FiniteProblem(projector, start, end, 1.0)
 
 
-def newton(problem: FiniteProblem, x: FloatArray, lam: float, most: int = 8) -> FloatArray:
+def newton(problem: FiniteProblem, x: FloatArray, lam: float) -> FloatArray:
     """Newton's method at one load factor."""
-    for _ in range(most):
+    for _ in range(8):
         residual = problem.residual(x, lam)
         if np.abs(residual).max() < 1e-12:
             break

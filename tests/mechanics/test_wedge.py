@@ -56,9 +56,6 @@ def test_both_faces_are_free(kernel: PointForceField, angle: float) -> None:
     for component in (0, 1):
         table = at.wedge.compliance(SOURCES, SOURCES, component, component)
         assert table == pytest.approx(table.T, abs=1e-5 * np.abs(table).max())
-    # Without the corner's forces the other face is anything but free.
-    alone = traction(forces(at).own.stress(at.faces[1].along * x), np.full((4, 1), -at.wedge.inward[1]))
-    assert np.abs(alone * x[:, None, None, None]).max() > 0.05
 
 
 def test_a_side_parallel_to_a_face_is_not_part_of_it() -> None:
@@ -158,8 +155,6 @@ def test_tractions_left_by_limited_fields_change_little(
         assert np.abs(left).max() < 1.5
         if not bent:
             assert np.abs(left - left[1]).max() < 0.1 * max(np.abs(left).max(), 0.5)
-    alone = found.own.traction(at.faces[1].places(x)[0], -at.faces[1].places(x)[1], np.zeros(len(x)))
-    assert np.abs(alone).max() > 20.0
 
 
 @pytest.mark.parametrize("angle", [60.0, 90.0, 270.0])

@@ -55,9 +55,7 @@ def scattered(count: int, seed: int = 0) -> FloatArray:
     return np.random.default_rng(seed).uniform(0.0, 1.0, (count, 2))
 
 
-def quasi_definite(
-    count: int, apiece: int, seed: int = 0, strength: float = 10.0
-) -> tuple[sparse.bsr_array, FloatArray, int]:
+def quasi_definite(count: int, apiece: int, seed: int = 0) -> tuple[sparse.bsr_array, FloatArray, int]:
     """Normal equations bordered by three rows for each of some pieces of about ``apiece`` of the nodes, as
     those of bodies are: the matrix, the places of all vertices, and how many are of multipliers.
 
@@ -69,9 +67,8 @@ def quasi_definite(
     near = np.asarray(cKDTree(points).query(middles, k=min(2 * apiece, count))[1]).reshape(pieces, -1)
     line = np.repeat(np.arange(3 * pieces), 2 * near.shape[1])
     column = np.tile(np.stack([2 * near, 2 * near + 1], axis=2).reshape(pieces, -1), (1, 3)).ravel()
-    rows = sparse.csr_array(
-        (strength * rng.normal(size=len(line)), (line, column)), shape=(3 * pieces, 2 * count)
-    )
+    entries = 10.0 * rng.normal(size=len(line)), (line, column)
+    rows = sparse.csr_array(entries, shape=(3 * pieces, 2 * count))
     matrix = bordered(neighbours_rows(points, seed), rows, np.repeat(np.arange(pieces), 3), 2 * pieces)
     return matrix, np.concatenate([points, np.repeat(middles, 2, axis=0)]), 2 * pieces
 
