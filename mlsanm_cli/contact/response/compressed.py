@@ -202,11 +202,12 @@ class Bordered:
         return np.concatenate([upper, self.below @ first + self.last @ rest])
 
 
-def null_space(rows: FloatArray, least: float = ROUND_OFF) -> FloatArray:
-    """Orthonormal null space (k, d) of the ``rows`` (r, k), up to singular values of ``least``."""
+def null_space(rows: FloatArray) -> FloatArray:
+    """Orthonormal null space (k, d) of ``rows`` (r, k) that are of size 1: up to singular values of
+    round-off, which here are not relative to the largest one."""
     if not len(rows):
         return np.eye(rows.shape[1])
     # The R factor has the same singular values and is much smaller.
     _, values, right = np.linalg.svd(np.linalg.qr(rows, mode="r"))
-    basis: FloatArray = right[int((values > least).sum()) :].T
+    basis: FloatArray = right[int((values > ROUND_OFF).sum()) :].T
     return basis
