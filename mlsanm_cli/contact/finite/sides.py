@@ -16,7 +16,7 @@ from typing import TypeAlias
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cells import FINE, GAUSS, Halves
 from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.contact.finite.node_curve import NodeCurve
@@ -71,6 +71,10 @@ class Points:
     def ends(self) -> FloatArray:
         """Arc lengths of the ends of the intervals; on a closed side the first one is repeated."""
         return self.curve.knots
+
+    def at(self, arc: FloatArray, values: AnyArray) -> FloatArray:
+        """Values (c,) at the points interpolated linearly at arc lengths (e,)."""
+        return np.interp(arc, self.arc, np.asarray(values, np.float64), period=self.around)
 
     def turned(self, displacement: FloatArray) -> tuple[ComplexArray, sparse.csr_array]:
         """Rotations (c,) of the side as unit complex numbers, and rows (c, 2c) of the angles."""
@@ -174,7 +178,7 @@ class ContactSide(Points):
         corners = tuple(int(np.argmin(np.abs(arc - nodes.arc[one]))) for one in nodes.corners)
         outward = geometry.normals(arc)
         outward[list(corners)] = nodes.outward[list(nodes.corners)]
-        held = np.interp(arc, nodes.arc, nodes.held.astype(float)) > 1.0 - COARSE_ROUND_OFF
+        held = nodes.at(arc, nodes.held) > 1.0 - COARSE_ROUND_OFF
         kept = (nodes.body, geometry.points(arc), outward, weight, arc, nodes.around, held, corners)
         return cls(*kept, nodes.planes, nodes.wedges, geometry, nodes)
 
@@ -207,9 +211,7 @@ class ContactSide(Points):
     @cached_property
     def share(self) -> FloatArray:
         """Fraction (g,) of near fields in the response."""
-        nodes = self.nodes
-        ends = nodes.share if nodes.around is None else np.append(nodes.share, nodes.share[0])
-        return np.interp(self.arc, nodes.ends, ends)
+        return self.nodes.at(self.arc, self.nodes.share)
 
 
 def by_component(rows: sparse.csr_array, directions: FloatArray) -> sparse.csr_array:
