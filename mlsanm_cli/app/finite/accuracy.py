@@ -56,7 +56,9 @@ def near_pressed(scene: FiniteScene, traction: FloatArray) -> dict[str, BoolArra
     found = {name: np.zeros(len(cloud.points), dtype=bool) for name, cloud in clouds.items()}
     for side, here in scene.contacts.sides:
         load, cloud = traction[here], clouds[side.body]
-        misfit = np.abs(side.hats @ (side.spread @ load) - load).reshape(-1, 2).max(axis=1)
+        nodal, knots = (side.spread @ load).reshape(-1, 2), load.reshape(-1, 2)
+        linear = np.stack([side.nodes.at(side.arc, one) for one in nodal.T], axis=1)
+        misfit = np.abs(linear - knots).max(axis=1)
         places = side.places[misfit > PRESSED_MISFIT * np.abs(load).max()]
         if len(places):
             away = nearest(cKDTree(places), cloud.points)[0]

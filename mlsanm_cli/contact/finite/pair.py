@@ -15,8 +15,8 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.contact.finite.node_curve import NodeCurve, wrapped
+from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.contact.finite.node_curve import integration, wrapped
 from mlsanm_cli.contact.finite.sides import ContactSide, by_component
 from mlsanm_cli.contact.geometry.facing import turned
 from mlsanm_cli.contact.geometry.pairing import MAX_FACING_COSINE
@@ -198,84 +198,24 @@ def _times(factors: FloatArray) -> sparse.csr_array:
     return sparse.csr_array(sparse.diags_array(factors, format="csr"))
 
 
-SIMPSON = np.array([1.0, 4.0, 1.0]) / 6.0
-
-
 def transfer(
     slave: ContactSide, master: ContactSide, place: FloatArray, facing: BoolArray, d_place: sparse.csr_array
 ) -> tuple[sparse.csr_array, Callable[[FloatArray], sparse.csr_array]]:
     """Matrix (m, c) from tractions at the slave's nodes, at places (c,) of the master with derivatives (c,
     s), to those at the master's, and the derivative (2m, s) of what it makes of tractions (c, 2); only
     intervals next to ``facing`` (c,) nodes count."""
-    curve, (first, second, step) = master.curve, _stretches(slave)
-    chosen = np.flatnonzero(facing[first] | facing[second])
-    first, second, step = first[chosen], second[chosen], step[chosen]
-    start = place[first]
-    end = start + wrapped(place[second] - start, curve.around)
-    stretch, low, high = _pieces(curve, start, end)
-    # The three points of Simpson's rule on every piece.
-    part = np.stack([low, 0.5 * (low + high), high], axis=1)
-    at = start[stretch, None] + part * (end - start)[stretch, None]
-    length = sparse.diags_array((((high - low) * step[stretch])[:, None] * SIMPSON).ravel())
-    columns = np.repeat(np.concatenate([first[stretch], second[stretch]]), 3)
-    share = np.concatenate([(1.0 - part).ravel(), part.ravel()])
-    entries = (share, (np.tile(np.arange(part.size), 2), columns))
-    on_slave = sparse.csr_array(entries, shape=(part.size, slave.count))
-    knots = curve.knots
-    if curve.around is not None:
-        at = knots[0] + np.mod(at - knots[0], curve.around)
-    under = np.repeat(curve.interval(at[:, 1]), 3)
-    at_points = at.ravel()
-    if curve.around is not None:
-        # Ends of a piece at the seam may have been wrapped to the other side.
-        middle = 0.5 * (knots[under] + knots[under + 1])
-        at_points = at_points + curve.around * np.round((middle - at_points) / curve.around)
-    on_master, rise = curve.hats(at_points, under)
-    spread = _spread(master)
+    ends = facing if slave.around is None else np.append(facing, facing[:1])
+    chosen = np.flatnonzero(ends[:-1] | ends[1:])
+    on_slave, on_master, rise, length = integration(slave.curve, place, master.curve, chosen)
+    # 2 - M / w for the inverse of M / w, as the mass matrix M has the lengths w as sums of its rows.
+    over = sparse.diags_array(1.0 / master.weight)
+    spread = (2.0 * sparse.eye_array(master.count) - over @ master.mass) @ over
+    over_length = sparse.diags_array(length)
 
     def moved(traction: FloatArray) -> sparse.csr_array:
-        onto = spread @ rise.T @ length
+        onto = spread @ rise.T @ over_length
         parts = [onto @ sparse.diags_array(on_slave @ one) @ on_slave @ d_place for one in traction.T]
         both = sparse.vstack(parts, format="csr")
         return sparse.csr_array(both[np.arange(2 * master.count).reshape(2, -1).T.ravel()])
 
-    return sparse.csr_array(spread @ on_master.T @ length @ on_slave), moved
-
-
-def _spread(side: ContactSide) -> sparse.csr_array:
-    """Nodal tractions (m, m) of nodal forces, linear between nodes: the inverse of M to second order."""
-    first, second, step = _stretches(side)
-    ends = np.concatenate([first, second])
-    entries = (np.tile(step / 6.0, 2), (ends, np.concatenate([second, first])))
-    beside = sparse.csr_array(entries, shape=(side.count,) * 2)
-    over = sparse.diags_array(1.0 / side.weight)
-    # 2 - M / w, as M has the lengths w as sums of its rows.
-    onto = sparse.diags_array(1.0 + beside.sum(axis=1) / side.weight) - over @ beside
-    return sparse.csr_array(onto @ over)
-
-
-def _stretches(side: ContactSide) -> tuple[IntArray, IntArray, FloatArray]:
-    """First and second node and length of the intervals between neighbours."""
-    first = np.arange(side.count)
-    if side.around is None:
-        return first[:-1], first[1:], np.diff(side.arc)
-    return first, np.roll(first, -1), np.diff(np.append(side.arc, side.arc[0] + side.around))
-
-
-def _pieces(curve: NodeCurve, start: FloatArray, end: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Intervals split at knots: for every piece its interval, and the fractions of it at its ends."""
-    knots = curve.knots
-    if curve.around is not None:
-        knots = np.concatenate([curve.arc + turn * curve.around for turn in (-1.0, 0.0, 1.0, 2.0)])
-    first = np.searchsorted(knots, np.minimum(start, end), "right")
-    count = np.maximum(np.searchsorted(knots, np.maximum(start, end), "left") - first, 0)
-    every = np.arange(len(start))
-    number = np.repeat(every, count)
-    cut = knots[np.arange(len(number)) + (first - np.cumsum(count) + count)[number]]
-    inner = (cut - start[number]) / (end - start)[number]
-    part = np.concatenate([np.zeros(len(every)), inner, np.ones(len(every))])
-    owner = np.concatenate([every, number, every])
-    order = np.lexsort((part, owner))
-    part, owner = part[order], owner[order]
-    same = owner[1:] == owner[:-1]
-    return owner[1:][same], part[:-1][same], part[1:][same]
+    return sparse.csr_array(spread @ on_master.T @ over_length @ on_slave), moved
