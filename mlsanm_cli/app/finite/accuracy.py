@@ -98,7 +98,7 @@ def missed_in_contact(
         scaled = projector.scaled(known)
         along, size = scaled @ projector.scaled(left[name]), scaled @ scaled
         left[name] -= known * (np.clip(along / size, 0.0, 1.0) if size else 0.0)
-    met = system.meet(surface, factors, before, now.sets.closed)
+    met = system.contacts.meet(surface, factors, before, now.sets.closed)
     state = (now.displacement, now.traction, now.pressure, now.shear, now.sets, met)
     step = Iteration(system, factors, response, *state, first=False, left=left)
     pressure = np.where(now.sets.closed | step.sets.closed, step.dp, 0.0)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -98,19 +98,20 @@ def with_knots(scene: FiniteScene, arcs: Knots) -> FiniteScene:
     for contact, own in zip(scene.contacts.pairs, arcs, strict=True):
         both = zip(contact.sides, own, strict=True)
         sides = [ContactSide.on(side.nodes, np.asarray(arc)) for side, arc in both]
-        pairs.append(replace(contact, **dict(zip(("slave", "master"), sides, strict=False))))
+        changed: dict[str, Any] = dict(zip(("slave", "master"), sides, strict=False))
+        pairs.append(replace(contact, **changed))
     return replace(scene, contacts=replace(scene.contacts, pairs=tuple(pairs)))
 
 
 def located(scene: FiniteScene, context: RunContext) -> FiniteScene:
     """The scene with knots for the patches that a path with coarse ones finds, as far as it can be followed;
     the first knots are graded towards the places where the undeformed sides are nearest."""
-    factors, sizes = np.append(scene.stages[0], np.zeros(scene.contacts.free)), []
-    for contact in scene.contacts.pairs:
-        still, slave = np.zeros((sum(side.count for side in contact.sides), 2)), contact.slave
-        met, least = contact.meet(still, factors, None), FIRST_SIZE * float(np.ptp(slave.nodes.ends))
-        marks = [(arc, arc, least) for arc in _minima(slave, np.where(met.facing, met.gap, np.inf))]
-        sizes.append(_both(contact, met.place, np.array(marks).reshape(-1, 3)))
+    met, sizes = scene.undeformed_contacts, []
+    gap = np.where(met.facing, met.gap, np.inf)
+    for contact, here, _ in scene.contacts.each:
+        least = FIRST_SIZE * float(np.ptp(contact.slave.nodes.ends))
+        marks = [(arc, arc, least) for arc in _minima(contact.slave, gap[here])]
+        sizes.append(_both(contact, met.place[here], np.array(marks).reshape(-1, 3)))
     wanted = {*scene.case.output.at, *np.arange(1.0, len(scene.stages)).tolist()}
     accuracy = {one.name: one.accuracy for one in scene.case.contact}
     for _ in range(MAX_PASSES):
