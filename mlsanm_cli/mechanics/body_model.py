@@ -30,7 +30,7 @@ from mlsanm_cli.memo import digest
 from mlsanm_cli.operators.neighbors import MlsSettings, nearest_nodes
 from mlsanm_cli.operators.singular_functions import isolated_tips
 from mlsanm_cli.operators.stencil_weights import Stencils, pair_rows, scalar_rows
-from mlsanm_cli.operators.stencils import build_gradients, build_stencils, reflected
+from mlsanm_cli.operators.stencils import build_stencils, reflected
 from mlsanm_cli.records import dataclass
 
 INCOMPRESSIBLE_NEIGHBORS = 1.3
@@ -134,10 +134,9 @@ class BodyModel:
     def gradients_around(self, centers: FloatArray, points: FloatArray) -> Stencils:
         """Stencils at ``centers`` (e, 2) with the weights of d/dx and d/dy at ``points`` (e, t, 2), in bodies
         of revolution of the value, too."""
-        nodes, tree, sight = self.cloud.fitted
-        values, own = self.cloud.revolved, self.cloud.images
-        return build_gradients(
-            nodes, tree, centers, points, self.settings, sight, values, tips=self.tips, own=own
+        (nodes, tree, sight), own, least = self.cloud.fitted, self.cloud.images, 1 - self.cloud.revolved
+        return build_stencils(
+            nodes, tree, points, 1, self.settings, sight, None, self.tips, own, centers, least
         )
 
     def field_rows(self, points: FloatArray) -> sparse.csr_array:

@@ -24,7 +24,7 @@ from mlsanm_cli.mechanics.elasticity import divergence_rows, traction_of
 from mlsanm_cli.mechanics.pieces import StressAround, rule_of
 from mlsanm_cli.mechanics.springs import FREE
 from mlsanm_cli.operators.stencil_weights import scalar_rows
-from mlsanm_cli.operators.stencils import build_gradients
+from mlsanm_cli.operators.stencils import build_stencils
 from mlsanm_cli.records import dataclass
 
 
@@ -54,9 +54,10 @@ def eigenstress_loads(body: ElasticBody) -> sparse.csr_array:
 def fitted_around(model: BodyModel, centers: FloatArray, points: FloatArray) -> sparse.csr_array:
     """Rows (3 e t, 3n) of a nodal stress at points, like :meth:`BodyModel.stress_around`."""
     cloud = model.cloud
-    stencils = build_gradients(
-        cloud.points, cloud.tree, centers, points, model.settings, cloud.sight, values=True, tips=model.tips
-    ).of_each(points.shape[1])
+    whole = build_stencils(
+        cloud.points, cloud.tree, points, 0, model.settings, cloud.sight, tips=model.tips, centers=centers
+    )
+    stencils = whole.of_each(points.shape[1])
     fitted = scalar_rows(stencils, np.ascontiguousarray(stencils.weights[:, 0]))
     return sparse.csr_array(sparse.block_diag([fitted] * 3, format="csr"))
 
