@@ -99,8 +99,8 @@ class Pieces:
         wanted = np.ones(self.count, dtype=bool) if wanted is None else wanted
         parts = []
         for matrix, middle, points, normals in self._faces(held, wanted, rule):
-            sums = matrix @ force_sums(points - middle[:, None], normals)
-            parts.append(sums @ stress(middle, points)[: sums.shape[1]])
+            sums = force_sums(points - middle[:, None], normals)
+            parts.append(matrix @ (sums @ stress(middle, points)[: sums.shape[1]]))
         if self.cloud.revolved:
             for owner, centers, points, weight in self._rings(rule):
                 hoop = stress(centers, points)[HOOP * owner.size :]
