@@ -77,22 +77,20 @@ def missed_in_contact(
     Raises NumericalError or LinAlgError."""
     left, response = {}, system.response(now.displacement, now.traction)
     surface = response.moved(now.displacement, now.traction)
-    turns = (side.turned(surface[here].reshape(-1, 2))[0] for side, here in system.contacts.sides)
-    turn = np.concatenate([np.zeros(0, dtype=complex), *turns])
-    upright = as_real(as_complex(now.traction.reshape(-1, 2)) / turn).ravel()
+    upright = as_real(as_complex(now.traction.reshape(-1, 2)) / system.contacts.turned(surface)[0]).ravel()
     for name, projector in system.projectors.items():
         body, here, spread = projector.body, system.bodies[name], system.spread[name]
         better, acting = _next(body), np.concatenate([factors, spread @ now.traction])
         left[name] = BodySeries.at(better, now.displacement[here], acting).rows(0)
         # What closed forms replace is not missing: the part along the residual by fits of the next degree of
         # the linear response of the undeformed body to the tractions.
-        traction, first = spread @ upright, body.loads.count - len(spread @ upright)
+        linear, traction = undeformed[name], spread @ upright
+        first = body.loads.count - len(traction)
         still, none = np.zeros(body.unknowns), np.zeros(body.loads.count)
-        linear = undeformed[name]
         columns = load_columns(linear.body, still, none, slice(first, None))
+        moved = -linear.factorised(still, none).solve(linear.scaled(columns @ traction))
         series = BodySeries(better, 1)
         series.put(0, still, none)
-        moved = -linear.factorised(still, none).solve(linear.scaled(columns @ traction))
         series.put(1, moved, np.concatenate([none[:first], traction]))
         known = _rotated(better, series.rows(1), body.turn(now.displacement[here]))
         scaled = projector.scaled(known)
@@ -175,19 +173,17 @@ def missing_figures(scene: FiniteScene, state: State, missing: Missing) -> dict[
     found: dict[str, Any] = {"displacement": part}
     if not scene.in_increments:
         return found
-    pressure, force = {}, {}
-    for contact, here, there in scene.contacts.each:
-        weight = contact.slave.weight
-        both = (one[there].reshape(-1, 2)[: len(weight)] for one in (state.side_traction, missing.traction))
+    both = state.side_traction, missing.traction
+    force, change = (np.hypot(*scene.contacts.forces(one).T) for one in both)
+    largest, pressure, contacts = force.max(initial=0.0), dict[str, float](), dict[str, float]()
+    for (contact, here, _), off in zip(scene.contacts.each, change, strict=True):
         if state.pressure[here].any():
-            square = weight @ missing.pressure[here] ** 2 / (weight @ state.pressure[here] ** 2)
-            pressure[contact.name] = float(np.sqrt(square))
-            force[contact.name] = [float(np.hypot(*(weight @ one))) for one in both]
-    largest = max((whole for whole, _ in force.values()), default=0.0)
-    return found | {
-        "pressure": pressure,
-        "contacts": {name: change / largest for name, (_, change) in force.items() if largest},
-    }
+            weight, values = contact.slave.weight, state.pressure[here]
+            pressure[contact.name] = float(
+                np.sqrt(weight @ missing.pressure[here] ** 2 / (weight @ values**2))
+            )
+            contacts |= {contact.name: float(off / largest)} if largest else {}
+    return found | {"pressure": pressure, "contacts": contacts}
 
 
 def energy_estimate(tally: Mapping[str, Any]) -> float:

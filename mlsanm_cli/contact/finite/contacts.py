@@ -19,7 +19,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.contact.finite.pair import BodyContact, Meeting
+from mlsanm_cli.contact.finite.pair import BodyContact, Meeting, diagonal
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.side_response import SideResponse
 from mlsanm_cli.contact.finite.sides import ContactSide
@@ -27,6 +27,7 @@ from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.projector import Projector
 from mlsanm_cli.mechanics.finite.tangent import held_force
+from mlsanm_cli.mechanics.near_field import ComplexArray
 from mlsanm_cli.mechanics.rigid import ROTATION
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
@@ -208,8 +209,7 @@ class Contacts:
 
     def spread(self, body: str) -> sparse.csr_array:
         """Nodal tractions (t, 2s) of a body's sides by those at all sides' knots."""
-        rows = [side.spread if side.body == body else side.spread[:0] for side, _ in self.sides]
-        return sparse.csr_array(sparse.block_diag([sparse.csr_array((0, 0)), *rows], format="csr"))
+        return diagonal([side.spread if side.body == body else side.spread[:0] for side, _ in self.sides])
 
     def meet(
         self,
@@ -227,11 +227,21 @@ class Contacts:
             found.append(contact.meet(surface[there].reshape(-1, 2), factors, since, kept))
         return Meeting.together(found)
 
+    def forces(self, traction: FloatArray) -> FloatArray:
+        """Forces (k, 2) on the slaves of all contacts by the ``traction`` (2s,) of all sides."""
+        both = ((one.slave, traction[there].reshape(-1, 2)) for one, _, there in self.each)
+        return np.array([side.weight @ own[: side.count] for side, own in both]).reshape(-1, 2)
+
+    def turned(self, surface: FloatArray) -> tuple[ComplexArray, sparse.csr_array]:
+        """:meth:`Points.turned` of all sides for displacements ``surface`` (2s,)."""
+        turns = [side.turned(surface[here].reshape(-1, 2)) for side, here in self.sides]
+        turn = np.concatenate([np.zeros(0, dtype=np.complex128), *(one for one, _ in turns)])
+        return turn, diagonal([rows for _, rows in turns])
+
     @cached_property
     def adjacent(self) -> sparse.csr_array:
         """The knots (c, c) next to each knot and itself, on the slaves."""
-        parts = [sparse.csr_array((0, 0)), *(one.slave.mass for one in self.pairs)]
-        return sparse.csr_array(sparse.block_diag(parts, format="csr"))
+        return diagonal([one.slave.mass for one in self.pairs])
 
 
 @dataclass(frozen=True)
@@ -279,14 +289,7 @@ class ContactSystem:
         """Nodal tractions (t, 2s) of each body's sides by those at all sides' knots."""
         return {name: self.contacts.spread(name) for name in self.projectors}
 
-    @cached_property
-    def columns(self) -> dict[str, IntArray]:
-        """Indices of each body's tractions among those of all sides (2s,)."""
-        found = {name: [np.zeros(0, dtype=np.int64)] for name in self.projectors}
-        for side, here in self.contacts.sides:
-            found[side.body].append(np.arange(here.start, here.stop))
-        return {name: np.concatenate(some) for name, some in found.items()}
-
     def response(self, displacement: FloatArray, traction: FloatArray) -> SideResponse:
         """The response of the sides at ``displacement`` (2N,), with their ``traction`` (2s,)."""
-        return SideResponse(self.contacts.sides, self.missing, self.onto, displacement, traction)
+        angles = self.contacts.turned(self.onto @ displacement)
+        return SideResponse(self.missing, self.onto, *angles, traction)

@@ -141,9 +141,10 @@ class Iteration:
         system, free = self.system, self.system.contacts.free
         columns, moved, pieces, solves = {}, {}, {}, 0
         for name, one in factorised.items():
-            projector, tractions = system.projectors[name], system.columns[name]
-            acting, moves = np.flatnonzero(np.isin(touched, tractions)), system.contacts.moving(name)
-            spread = system.spread[name][:, touched[acting]].toarray()
+            projector, moves = system.projectors[name], system.contacts.moving(name)
+            rows = system.spread[name][:, touched]
+            acting = np.flatnonzero(np.bincount(rows.indices, minlength=len(touched)))
+            spread = rows[:, acting].toarray()
             # Projections decay from node to node.
             nodal = np.flatnonzero((np.abs(spread) > NO_TRACTION).any(axis=1))
             whole = np.append(self.factors, np.zeros(projector.body.loads.count - len(self.factors)))

@@ -58,16 +58,14 @@ class Meeting:
         for name, first in vars(NOWHERE).items():
             values = [getattr(one, name) for one in every]
             if sparse.issparse(first):
-                joined[name] = sparse.csr_array(sparse.block_diag(values, format="csr"))
+                joined[name] = diagonal(values)
             elif name != "carried_moved":
                 joined[name] = np.concatenate(values)
         ends = np.cumsum([len(one.gap) for one in every])[:-1]
 
         def moved(traction: FloatArray) -> sparse.csr_array:
             each = zip(every, np.split(traction, ends), strict=True)
-            return sparse.csr_array(
-                sparse.block_diag([one.carried_moved(own) for one, own in each], format="csr")
-            )
+            return diagonal([one.carried_moved(own) for one, own in each])
 
         return cls(**joined, carried_moved=moved)
 
@@ -95,6 +93,11 @@ class Meeting:
         return sparse.csr_array(
             across @ self.d_turn + self.carried_moved(self.slave_tractions(pressure, friction))
         )
+
+
+def diagonal(blocks: Sequence[sparse.csr_array]) -> sparse.csr_array:
+    """A block diagonal matrix, also of no blocks."""
+    return sparse.csr_array(sparse.block_diag([NOTHING, *blocks], format="csr"))
 
 
 NOTHING = sparse.csr_array((0, 0))
