@@ -12,8 +12,7 @@ from mlsanm_cli.app.output.parts import contact_figures
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Displacement, ObstacleMotion, Platen
 from mlsanm_cli.cloud.membership import cross
-from mlsanm_cli.contact.finite.pair import NO_GAP
-from mlsanm_cli.contact.finite.rigid import RigidContact
+from mlsanm_cli.contact.finite.pair import NO_GAP, RigidContact
 from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.geometry.profile import unrolled
 from mlsanm_cli.io.columns import Quantities

@@ -24,8 +24,7 @@ from mlsanm_cli.contact.finite.contacts import (
     Plate,
     ranges,
 )
-from mlsanm_cli.contact.finite.pair import BodyContact, Meeting
-from mlsanm_cli.contact.finite.rigid import RigidContact
+from mlsanm_cli.contact.finite.pair import BodyContact, Meeting, RigidContact
 from mlsanm_cli.contact.finite.side_response import Compliance, rotated
 from mlsanm_cli.contact.finite.sides import ContactSide, SideNodes
 from mlsanm_cli.mechanics.assembly import assemble

@@ -19,8 +19,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.contact.finite.pair import BodyContact, Meeting, diagonal
-from mlsanm_cli.contact.finite.rigid import RigidContact
+from mlsanm_cli.contact.finite.pair import BodyContact, Meeting, RigidContact, diagonal
 from mlsanm_cli.contact.finite.side_response import SideResponse
 from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.mechanics.finite.body import FiniteBody
