@@ -227,9 +227,9 @@ class Contacts:
         return Meeting.together(found)
 
     def forces(self, traction: FloatArray) -> FloatArray:
-        """Forces (k, 2) on the slaves of all contacts by the ``traction`` (2s,) of all sides."""
-        both = ((one.slave, traction[there].reshape(-1, 2)) for one, _, there in self.each)
-        return np.array([side.weight @ own[: side.count] for side, own in both]).reshape(-1, 2)
+        """Forces (n, 2) on the sides of all contacts in turn by their ``traction`` (2s,)."""
+        forces = [side.weight @ traction[here].reshape(-1, 2) for side, here in self.sides]
+        return np.array(forces).reshape(-1, 2)
 
     def turned(self, surface: FloatArray) -> tuple[ComplexArray, sparse.csr_array]:
         """:meth:`Points.turned` of all sides for displacements ``surface`` (2s,)."""
