@@ -15,7 +15,7 @@ from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.condense import pulling_loads
 from mlsanm_cli.app.scene.corners import planes_of
-from mlsanm_cli.app.scene.load_profiles import amounts_at, amounts_of, runs_of
+from mlsanm_cli.app.scene.loads import amounts_at, amounts_of, runs_of
 from mlsanm_cli.case import (
     Case,
     Displacement,

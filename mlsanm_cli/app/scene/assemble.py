@@ -14,8 +14,9 @@ from mlsanm_cli.app.scene.boundaries import Boundaries, prescribed, prescribes, 
 from mlsanm_cli.app.scene.contact_pairs import check_tips, pair
 from mlsanm_cli.app.scene.contact_ranges import contact_ranges, directed
 from mlsanm_cli.app.scene.free_motions import Restrained, constrain_free_rigid_modes
-from mlsanm_cli.app.scene.loads import Acting, acting, rigid_constraints
+from mlsanm_cli.app.scene.loads import Acting, acting
 from mlsanm_cli.app.scene.materials import materials
+from mlsanm_cli.app.scene.rigid_constraints import rigid_constraints
 from mlsanm_cli.case import Body, Case
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
@@ -100,7 +101,7 @@ def prepare(
     held, fixed = _held_surfaces(boundaries, clouds)
     held_nodes = {body.name: single_nodes(case, body.name, clouds[body.name]) for body in case.body}
     refuse_conflicts(boundaries)
-    loads = acting(boundaries, clouds)
+    loads = acting(case, boundaries.names, boundaries.drawn, clouds)
     pairings = tuple(pair(boundaries, clouds))
     # Errors are estimated at a higher degree; with friction the path would have to be repeated.
     known_next = case.mls.degree == "auto" or case.mls.degree in DEGREES
@@ -132,7 +133,7 @@ def prepare(
         restraints[name] = restrained(held[name], loads.springs[name], model.cloud, model.material)
         sprung = restraining(loads.springs[name], model.cloud, model.material)
         occupied[name] = held[name] | dict.fromkeys(sprung)
-    rigid = rigid_constraints(boundaries, clouds, held, held_nodes, restraints, loads.springs)
+    rigid = tuple(rigid_constraints(boundaries, clouds, held, held_nodes, restraints, loads.springs))
     # At finite strain knots are placed along sides of any kind; bodies of revolution have nodal pressures.
     small = case.model.strain == "small"
     if small:

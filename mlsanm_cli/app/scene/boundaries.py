@@ -15,7 +15,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from mlsanm_cli.app.scene.load_profiles import profiles, with_spread_forces
+from mlsanm_cli.app.scene.loads import profiles, with_spread_forces
 from mlsanm_cli.app.scene.outlines import drawn, given_nodes, run_of
 from mlsanm_cli.case import Body, Case, Contact, Displacement, Place, Platen, Pressure, Traction
 from mlsanm_cli.case.model.conditions import Kind, Support, compatible
