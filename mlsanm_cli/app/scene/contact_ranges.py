@@ -83,7 +83,8 @@ def _pins(
             if away[0] <= COARSE_ROUND_OFF * facing.base.length:
                 held = [axis for own, axis in held_nodes[body] if own == node]
                 # What carries load at a point moves without bound next to it, and holds a spacing around.
-                pushed = pairing.friction or np.abs(facing.normal(place)[0, held]).max() > COARSE_ROUND_OFF
+                along = facing.opposite(place)[2][0, held]
+                pushed = pairing.friction or np.abs(along).max() > COARSE_ROUND_OFF
                 found += [] if pushed else [Pin(node, slave, float(place[0]), model.kernel)]
     return tuple(found)
 
@@ -97,7 +98,7 @@ def directed(pairings: tuple[Pairing, ...], clear: Mapping[str, ContactRange]) -
             s = limits.facing.locate(pairing.points)
             within = limits.within(s) & pairing.candidate
             candidate = within if within.sum() > 1 else pairing.candidate
-            pairing = replace(pairing, normal=limits.facing.normal(s), candidate=candidate)
+            pairing = replace(pairing, normal=limits.facing.opposite(s)[2], candidate=candidate)
         result.append(pairing)
     return tuple(result)
 
