@@ -266,8 +266,8 @@ def build_cloud(
         points = relax(np.concatenate([boundary, inner]), fixed, spacing, line, upon - len(inside))
         return Cloud(points, spacing.at(points), surfaces, mirror.extended(len(points), upon))
 
-    key = digest(boundary, start, chords, spacing.far, spacing.table(), seed, limit, list(surfaces))
-    return memo.value("cloud", key, made)
+    content = boundary, start, chords, spacing.far, spacing.table(), seed, limit, list(surfaces)
+    return memo.value("cloud", content, made)
 
 
 def continuations(cloud: Cloud, surface: Surface) -> Iterator[tuple[int, str]]:

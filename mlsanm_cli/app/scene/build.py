@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.assemble import NOTHING, SceneModel, mls_settings, prepare
@@ -20,14 +19,10 @@ from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.kernels.aot.jit import is_warm, load
 from mlsanm_cli.kernels.aot.machine import Machine
-from mlsanm_cli.memo import digest
 from mlsanm_cli.system import physical_memory_mb
 
 ANNOUNCED_NODES = 50_000
 """Scenes with more nodes are announced: they take long, and may be due to a typing error."""
-SECTIONS_WITHOUT_SIZE = {"load", "stage", "output"}
-CONTACT_KEYS_WITHOUT_SIZE = {"friction", "regularization"}
-"""Sections of a case and keys of its contacts that do not affect its size."""
 OUTPUT_SECTIONS = {"title", "output"}
 """Sections of a case that only affect what is written."""
 COUNT_LIMIT = 2e8
@@ -65,14 +60,7 @@ def build_scene(loaded: LoadedCase, context: RunContext, zones: tuple[Zone, ...]
     try:
         with context.phase("cloud"):
             boundaries = Boundaries.of(loaded.case)
-            content = resolved_mapping(loaded.case)
-            sized = {key: part for key, part in content.items() if key not in SECTIONS_WITHOUT_SIZE}
-            contacts = [
-                {key: part for key, part in contact.items() if key not in CONTACT_KEYS_WITHOUT_SIZE}
-                for contact in sized.pop("contact", [])
-            ]
-            estimate = partial(refuse_too_large, boundaries)
-            nodes, memory = context.memo.value("size", digest(sized, contacts), estimate)
+            nodes, memory = refuse_too_large(boundaries)
         if nodes > ANNOUNCED_NODES:
             context.console.note(
                 f"about {nodes:.2g} nodes, which need about {memory / 1024:.2g} GB of memory"
@@ -108,7 +96,7 @@ def place(
         {**part, "friction": contact.friction if contact.bonded else contact.coefficient > 0.0}
         for part, contact in zip(content.pop("contact", []), case.contact, strict=True)
     ]
-    kept = context.memo.value("placed", digest(content, contacts), placed)
+    kept = context.memo.value("placed", (content, contacts), placed)
     friction = {contact.name: contact.coefficient for contact in case.contact}
     pairings = (replace(pairing, friction=friction[pairing.name]) for pairing in kept.pairings)
     return replace(kept, boundaries=replace(kept.boundaries, case=case), pairings=tuple(pairings))
