@@ -25,7 +25,7 @@ from mlsanm_cli.cloud.search import BATCH_SIZE, nearest
 from mlsanm_cli.cloud.surface import Surface, boundary_of
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.kernels.fill import DONE, EMPTY, FULL_POINTS, FULL_TABLE, advance_front, spacing_at
-from mlsanm_cli.memo import NO_CACHE, Memo, digest
+from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 
@@ -235,8 +235,8 @@ def build_cloud(
         points = relax(np.concatenate([boundary, inner]), fixed, spacing, line, upon - len(inside))
         return Cloud(points, spacing.at(points), surfaces, mirror.extended(len(points), upon))
 
-    key = digest(boundary, start, chords, spacing.far, spacing.table(), seed, limit, list(surfaces))
-    return memo.value("cloud", key, made)
+    content = boundary, start, chords, spacing.far, spacing.table(), seed, limit, list(surfaces)
+    return memo.value("cloud", content, made)
 
 
 def _bounded(

@@ -31,7 +31,7 @@ from mlsanm_cli.mechanics.defect import DEGREES, next_degree
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.scene import Probe
 from mlsanm_cli.mechanics.springs import restrained, restraining
-from mlsanm_cli.memo import NO_CACHE, Memo, digest
+from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.operators.linear.interface import LinearSolver
 from mlsanm_cli.operators.neighbors import MlsSettings
 from mlsanm_cli.records import dataclass
@@ -217,8 +217,7 @@ def assemble_bodies(
         held, nodes, springs = prepared.held[name], prepared.held_nodes[name], prepared.acting.springs[name]
         surfaces = tuple(sorted(touching[name]))
         build = partial(assemble, model, held, nodes, solver, springs, touching=surfaces)
-        key = digest(model.content, held, nodes, springs, surfaces, solver)
-        bodies[name] = memo.value("body", key, build)
+        bodies[name] = memo.value("body", (model, held, nodes, springs, surfaces, solver), build)
         bodies[name].equations.timed = timed
     places = [support.place for support in case.support if support.place is not None]
     single = [(one.body, one.near) for one in case.support if one.body is not None and one.near is not None]

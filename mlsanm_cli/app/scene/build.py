@@ -18,7 +18,6 @@ from mlsanm_cli.cloud.zones import estimate_nodes
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.kernels.aot.jit import is_warm, load
 from mlsanm_cli.kernels.aot.machine import Machine
-from mlsanm_cli.memo import digest
 from mlsanm_cli.system import physical_memory_mb
 
 ANNOUNCED_NODES = 50_000
@@ -107,7 +106,7 @@ def place(
         {**part, "friction": contact.friction if contact.bonded else contact.coefficient > 0.0}
         for part, contact in zip(content.pop("contact", []), case.contact, strict=True)
     ]
-    kept = context.memo.value("placed", digest(content, contacts), placed)
+    kept = context.memo.value("placed", (content, contacts), placed)
     friction = {contact.name: contact.coefficient for contact in case.contact}
     pairings = (replace(pairing, friction=friction[pairing.name]) for pairing in kept.pairings)
     return replace(kept, boundaries=replace(kept.boundaries, case=case), pairings=tuple(pairings))
