@@ -12,9 +12,9 @@ from benchmarks import thin_bodies
 from benchmarks.formulas import KirschHole
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cells import FINE, GAUSS, Halves
-from mlsanm_cli.cloud.cloud import Cloud, build_cloud
+from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import annulus, disk, rectangle, sector
-from mlsanm_cli.cloud.spacing import Spacing, Zone
+from mlsanm_cli.cloud.spacing import Spacing, Zone, build_cloud
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body import ElasticBody

@@ -13,8 +13,8 @@ import scipy.sparse as sparse
 from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.clouds import spacing_of
 from mlsanm_cli.arrays import runs_of
-from mlsanm_cli.cloud.cloud import Cloud, build_cloud
-from mlsanm_cli.cloud.spacing import Zone
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.spacing import Zone, build_cloud
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.records import dataclass

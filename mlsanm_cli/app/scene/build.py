@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 
 from mlsanm_cli.app.context import RunContext
@@ -15,7 +15,6 @@ from mlsanm_cli.app.scene.outlines import given_nodes
 from mlsanm_cli.case import Case, LoadedCase, resolved_mapping
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.cloud.zones import estimate_nodes
-from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.kernels.aot.jit import is_warm, load
 from mlsanm_cli.kernels.aot.machine import Machine
@@ -54,8 +53,8 @@ def load_kernels(context: RunContext) -> Machine:
 
 
 def build_scene(loaded: LoadedCase, context: RunContext, zones: tuple[Zone, ...] = ()) -> SceneModel:
-    """The scene on its clouds, refined in ``zones``, with all checks that precede solving. Raises CaseError
-    for a scene that exceeds the memory, and for invalid contacts and platens."""
+    """The scene on its clouds, refined in ``zones``. Raises CaseError for a scene that exceeds the memory,
+    and for invalid contacts."""
     load_kernels(context)
     try:
         with context.phase("cloud"):
@@ -66,7 +65,18 @@ def build_scene(loaded: LoadedCase, context: RunContext, zones: tuple[Zone, ...]
                 f"about {nodes:.2g} nodes, which need about {memory / 1024:.2g} GB of memory"
             )
         prepared = place(boundaries, context, zones)
-        refuse_too_many_contacts(loaded.case, prepared.pairings)
+        # The dense systems of the path.
+        unknowns = {p.name: int(p.candidate.sum()) * (2 if p.friction else 1) for p in prepared.pairings}
+        total, room = sum(unknowns.values()), physical_memory_mb()
+        memory = DENSE * total**2 * 8 / 2**20
+        if memory > room:
+            largest = max(loaded.case.contact, key=lambda contact: unknowns[contact.name])
+            message = (
+                f"{total} contact unknowns need about {memory / 1024:.3g} GB of memory, the machine has "
+                f"{room / 1024:.3g} GB"
+            )
+            hint = f"use larger spacings along {largest.names[0]}"
+            raise CaseError((CaseProblem(f"contact.{largest.name}", message, hint=hint),))
         refuse_overlap(loaded.case.contact, prepared.pairings)
     except CaseError as error:
         raise loaded.located(error) from error
@@ -157,20 +167,6 @@ def refuse_too_large(boundaries: Boundaries) -> tuple[float, float]:
                 key = f"body.{body.name}.refine.{finest}.spacing"
         raise CaseError((CaseProblem(key, message, hint=hint),))
     return sum(nodes.values()), memory
-
-
-def refuse_too_many_contacts(case: Case, pairings: Sequence[Pairing]) -> None:
-    """Raises CaseError, for the largest contact, if the dense systems of the path would not fit in memory."""
-    unknowns = {p.name: int(p.candidate.sum()) * (2 if p.friction else 1) for p in pairings}
-    memory, room = DENSE * sum(unknowns.values()) ** 2 * 8 / 2**20, physical_memory_mb()
-    if memory > room:
-        name = max(unknowns, key=lambda name: unknowns[name])
-        message = (
-            f"{sum(unknowns.values())} contact unknowns need about {memory / 1024:.3g} GB of memory, "
-            f"the machine has {room / 1024:.3g} GB"
-        )
-        hint = f"use larger spacings along {next(c.names[0] for c in case.contact if c.name == name)}"
-        raise CaseError((CaseProblem(f"contact.{name}", message, hint=hint),))
 
 
 def cpu_seconds(case: Case, prepared: SceneModel) -> float:
