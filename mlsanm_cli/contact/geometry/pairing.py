@@ -203,12 +203,12 @@ def pair_surfaces(
     """Pair the slave nodes with closest points that face them, of the exact curve of a ``master``, given by
     its body and surface, or of a rigid obstacle; none to an end of the master seen at an angle."""
     points = slave_cloud.points[slave.index]
+    body, surface = master if isinstance(master, tuple) else (None, None)
     if isinstance(master, tuple):
-        body, surface = master
+        surface = master[1]
         s = surface.curve.closest(points)
         partner, normal = surface.curve.points(s), normals_towards(surface.curve, s, slave.normal)
     else:
-        body = surface = None
         partner, normal = master.closest(points, slave.normal)
     away = points - partner
     tangential = np.abs(cross(away, normal))

@@ -118,7 +118,9 @@ class Condensed:
         if own is not None:
             return Bordered(own, self.gap.motion, self.balance.pressure, self.balance.motion)
         filled = np.count_nonzero(self.whole)
-        return sparse.csr_array(self.whole) if filled < SPARSE_SHARE * self.whole.size else self.whole
+        found: Any = sparse.csr_array if filled < SPARSE_SHARE * self.whole.size else np.asarray
+        few: Multiplier = found(self.whole)
+        return few
 
     def elastic_gap(self, pressure: FloatArray) -> float:
         """Largest gap caused by pressures (m,) on any candidate."""
