@@ -22,7 +22,7 @@ from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene, factors_at
 from mlsanm_cli.solve.plastic_flow import Flow, FlowError, PlasticScene
-from mlsanm_cli.solve.state import Checkpoint, PathStep, State, friction_history
+from mlsanm_cli.solve.state import Checkpoint, PathStep, State
 
 GROWTH = 2.0
 """Largest growth of increments."""
@@ -157,7 +157,7 @@ def _step(
         solver |= {f"{key}.{name}": getattr(flow, key)[name] for key in KEPT}
     nodes = built.condensed.friction_nodes
     state = State.of(flow.contact, nodes, position, scene.residual(flow), solver)
-    history = friction_history(flow.contact) | {"half": np.array([half])}
+    history = {"half": np.array([half])}
     return PathStep(
         state,
         (state,) if position in built.outputs else (),
@@ -171,7 +171,7 @@ def _step(
 def _restored(built: CondensedScene, start: Checkpoint) -> Flow:
     """The state of a checkpoint."""
     state, laws = start.state, built.laws
-    contact = state.contacts(built.condensed.friction_nodes, start.history)
+    contact = state.contacts(built.condensed.friction_nodes)
     stress, history, work = ({name: state.solver[f"{key}.{name}"] for name in laws} for key in KEPT)
     unknowns = [plastic_stress(law.linear, history[name]).T.ravel() for name, law in laws.items()]
     strain = {n: law.elastic_strain(stress[n]) + history[n][:, :4] for n, law in laws.items()}
