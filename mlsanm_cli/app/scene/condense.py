@@ -9,7 +9,7 @@ import numpy as np
 
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.assemble import NOTHING, SceneModel, assemble_bodies, prepare
-from mlsanm_cli.app.scene.load_profiles import amounts_of
+from mlsanm_cli.app.scene.loads import amounts_of
 from mlsanm_cli.app.scene.materials import flow_laws
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import AnyLoad, Case, Displacement, Platen
