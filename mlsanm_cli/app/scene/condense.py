@@ -23,7 +23,6 @@ from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.solve.coercivity import check_candidates_coercivity, check_coercivity
 from mlsanm_cli.solve.condensed_scene import CondensedScene, stage_factors
 from mlsanm_cli.solve.contact_grids import find_grids
-from mlsanm_cli.solve.plastic_path import touching_states
 from mlsanm_cli.solve.stage_ends import contact_states, reach_error
 
 REACH_GROWTH = 1.5
@@ -60,8 +59,7 @@ def _condensed_scene(
     stages, laws = stage_factors(case), flow_laws(case)
     if prepared.ranges:
         with context.phase("condensation", "refining contact grids"):
-            path = partial(touching_states, case, scene, stages, laws) if laws else None
-            found = find_grids(case, scene, prepared.pairings, prepared.ranges, stages, context.memo, path)
+            found = find_grids(case, scene, prepared.pairings, prepared.ranges, stages, context.memo, laws)
         if found is None:
             # Contact grids that do not converge are replaced by nodal pressures.
             placed = {name: model.cloud for name, model in prepared.models.items()}
