@@ -29,7 +29,7 @@ from mlsanm_cli.contact.geometry.obstacles import Chain
 from mlsanm_cli.contact.geometry.pairing import MAX_FACING_COSINE, Pairing
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.near_field import as_complex, as_real
-from mlsanm_cli.mechanics.symmetry import SymmetryPlane, images_of
+from mlsanm_cli.mechanics.symmetry import images_of
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
 SNAP_SAMPLES = 1.5
@@ -162,8 +162,14 @@ def _clear(
     sampled = float(s[low]), float(s[0] + base.length if around else s[high])
     exact = _exact_ends(facing, [one.curve for one in surfaces], chosen)
     step = SNAP_SAMPLES * float(s[1] - s[0])
-    snapped = [_snapped(at, exact, step) for at in sampled]
-    one, other = (None if end is None else _plane_at(facing, end, chosen) for end in snapped)
+    closest_ends = [min((abs(end - at), end) for end in (*exact, np.inf)) for at in sampled]
+    snapped = [end if away <= step else None for away, end in closest_ends]
+    symmetric = [plane for part in chosen for plane in part.planes if plane is not None]
+    tips = [None if end is None else as_complex(base.points(np.array([end]))) for end in snapped]
+    one, other = (
+        next((p for p in symmetric if tip is not None and abs(float(p.height(tip)[0])) <= slack), None)
+        for tip in tips
+    )
     whole, planes = (around or snapped[0] is not None, around or snapped[1] is not None), (one, other)
     first, last = (at if end is None else end for end, at in zip(snapped, sampled, strict=True))
     inset = ROUND_OFF * base.length  # at a corner: the normal of the stretch
@@ -191,20 +197,6 @@ def _clear(
         len(valleys(gap[low : high + 1], alike)),
         around,
     )
-
-
-def _snapped(s: float, ends: list[float], step: float) -> float | None:
-    """The nearest of the ``ends`` if it is within a ``step``, else None."""
-    nearest = min(ends, key=lambda end: abs(end - s), default=np.inf)
-    return nearest if abs(nearest - s) <= step else None
-
-
-def _plane_at(facing: Facing, end: float, parts: Sequence[SmoothPart]) -> SymmetryPlane | None:
-    """The plane of symmetry through the arc length ``end`` of the base, None without one."""
-    tip = as_complex(facing.base.points(np.array([end])))
-    planes = [plane for part in parts for plane in part.planes if plane is not None]
-    slack = COARSE_ROUND_OFF * facing.base.length
-    return next((plane for plane in planes if abs(float(plane.height(tip)[0])) <= slack), None)
 
 
 def _exact_ends(facing: Facing, curves: Sequence[Curve], parts: Sequence[SmoothPart]) -> list[float]:
