@@ -155,7 +155,7 @@ class FiniteScene:
     def upright(self) -> Mapping[str, list[SideNodes]]:
         """Sides of held bodies that initially touch an obstacle with friction up to both corners."""
         found: dict[str, list[SideNodes]] = {}
-        loose = {one.body for one in self.contacts.loose if one.count}
+        loose = {one.body for one in self.contacts.loose if one.components}
         for contact in self.contacts.pairs:
             side = contact.slave.nodes
             if not isinstance(contact, RigidContact) or not contact.friction or side.body in loose:
@@ -190,7 +190,7 @@ def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
         pinned = own.pins if own is not None else ()
         held_nodes = (*prepared.held_nodes[name], *pinned)
         # Pins rotate with bodies that may rotate; those of others prevent the rotation.
-        turning = len(pinned) if own is not None and len(pinned) == own.count else 0
+        turning = len(pinned) if own is not None and len(pinned) == len(own.components) else 0
         springs = prepared.acting.springs[name]
         elastic = assemble(model, prepared.held[name], held_nodes, solver, springs, unloaded=turning)
         loads = _loads(case, prepared, name, elastic, contacts)
@@ -362,7 +362,7 @@ def _pinned(prepared: SceneModel, name: str, unknown: tuple[int, ...], number: i
     scale = np.array([size if one == ROTATION else 1.0 for one in free.components])
     known = [free.components.index(component) for component in unknown]
     moves = (free.patterns(cloud.points)[places] / scale)[:, known]
-    return LooseMotions(name, unknown, number, size, anchors, pinned, moves)
+    return LooseMotions(name, unknown, number + np.arange(len(unknown)), size, anchors, pinned, moves)
 
 
 def _plates(case: Case, prepared: SceneModel, number: int) -> list[Plate]:
@@ -376,13 +376,13 @@ def _plates(case: Case, prepared: SceneModel, number: int) -> list[Plate]:
         size = max(float(np.ptp(prepared.models[body].cloud.points, axis=0).max()) for body in surfaces)
         components = tuple(one.component for one in unknown)
         force = np.array([one.force for one in unknown]).reshape(len(unknown), loads)
-        motion = np.zeros((3, count))
+        numbers, motion = number + np.arange(len(unknown)), np.zeros((3, count))
         for one in platen.motions:
             if one.prescribed is not None:
                 motion[one.component, :loads] = one.prescribed
                 continue
             motion[one.component, loads + number] = 1.0 / size if one.component == ROTATION else 1.0
             number += 1
-        place = (np.array(platen.center), size, components, number - len(unknown))
+        place = (np.array(platen.center), size, components, numbers)
         found.append(Plate(platen.name, surfaces, platen.loads, *place, force, motion))
     return found

@@ -36,27 +36,17 @@ AnyContact: TypeAlias = RigidContact | BodyContact
 
 @dataclass(frozen=True)
 class LooseMotions:
-    """The free ``components`` of a ``body``: 0 (x), 1 (y), 2 (rotation times its ``size``), the unknowns from
-    ``number`` on. ``anchors`` are the (node, component) pairs held by supports, ``pins`` (p) those that hold
-    the body, ``moves`` (p, d) their displacements per free motion."""
+    """The free ``components`` (d) of a ``body``: 0 (x), 1 (y), 2 (rotation times its ``size``), unknowns
+    ``numbers`` (d,). ``anchors`` are the (node, component) pairs held by supports, ``pins`` (p) those that
+    hold the body, ``moves`` (p, d) their displacements per free motion."""
 
     body: str
     components: tuple[int, ...]
-    number: int
+    numbers: IntArray
     size: float
     anchors: tuple[tuple[int, int], ...]
     pins: tuple[tuple[int, int], ...]
     moves: FloatArray
-
-    @property
-    def count(self) -> int:
-        """Number of free motions (d)."""
-        return len(self.components)
-
-    @property
-    def numbers(self) -> IntArray:
-        """Its unknowns (d,)."""
-        return self.number + np.arange(self.count)
 
     def factors(self, body: FiniteBody, displacement: FloatArray) -> FloatArray:
         """Free motions (d,) for which the pins match the body's ``displacement`` (2N,)."""
@@ -103,9 +93,9 @@ class DrivenObstacle:
 @dataclass(frozen=True)
 class Plate:
     """A rigid plate ``name``, moved by ``loads``, bonded to ``surfaces`` of bodies, with its hinge at
-    ``center`` (2,) as drawn. Its unknown ``components``, as of floating bodies, are the unknowns from
-    ``number`` on, under ``force`` (k, L) per load factor. ``motion`` (3, L + d) is its displacement and
-    rotation per load factor and free motion."""
+    ``center`` (2,) as drawn. Its unknown ``components``, as of floating bodies, are unknowns ``numbers``
+    (k,), under ``force`` (k, L) per load factor. ``motion`` (3, L + d) is its displacement and rotation per
+    load factor and free motion."""
 
     name: str
     surfaces: Mapping[str, tuple[str, ...]]
@@ -113,14 +103,9 @@ class Plate:
     center: FloatArray
     size: float
     components: tuple[int, ...]
-    number: int
+    numbers: IntArray
     force: FloatArray
     motion: FloatArray
-
-    @property
-    def numbers(self) -> IntArray:
-        """Its unknowns (k,)."""
-        return self.number + np.arange(len(self.components))
 
     def pulled(
         self, name: str, body: FiniteBody, displacement: FloatArray, factors: FloatArray
@@ -158,7 +143,7 @@ class Contacts:
     def free(self) -> int:
         """Number of unknown motions (d)."""
         plates = sum(len(one.components) for one in self.plates)
-        return sum(one.count for one in self.loose) + len(self.driven) + plates
+        return sum(len(one.components) for one in self.loose) + len(self.driven) + plates
 
     def moving(self, body: str) -> IntArray:
         """The unknown motions that move a body."""

@@ -76,13 +76,12 @@ class ExactContact(ContactSystem):
         factors: FloatArray,
         tolerance: float,
         most: int,
-        before: FloatArray | None = None,
-        earlier: BoolArray | None = None,
+        before: FloatArray | None,
+        closed_before: BoolArray,
     ) -> FiniteContactState | None:
         """The state at load ``factors`` (L,), searched from ``start``, with slips relative to the places
-        ``before`` (c,), where knots were closed ``earlier`` (c,), by default in ``start``. None if ``most``
-        iterations do not converge. Raises LinAlgError or NumericalError for singular derivatives."""
-        closed_before = start.sets.closed if earlier is None else earlier
+        ``before`` (c,), where knots were closed (c,). None if ``most`` iterations do not converge. Raises
+        LinAlgError or NumericalError for singular derivatives."""
         u, p, q, sets, solves = start.displacement, start.pressure, start.shear, start.sets, 0
         free, given = start.free, factors
         traction, updates, spent = start.traction, [np.inf], 0

@@ -161,7 +161,7 @@ class Iteration:
         )
         self.sums: dict[str, tuple[IntArray, sparse.csr_array]] = {}
         moduli = {name: body.elastic.model.material.modulus for name, (body, *_) in self._loaded.items()}
-        for one in (some for some in contacts.loose if some.count):
+        for one in (some for some in contacts.loose if some.components):
             here, rows, (body, own, acting) = system.bodies[one.body], one.numbers, self._loaded[one.body]
             series = BodySeries.at(body, own, acting)
             sums, moving = one.sums(body, series, own)
@@ -281,7 +281,7 @@ class Iteration:
             # Sticking nodes are fixed along the surface too.
             slips, pulled = self.d_slip[held] @ pushed, self.seen @ self.pull[:, held]
             compliance = compliance - self.d_gap @ pulled @ np.linalg.solve(self.d_slip[held] @ pulled, slips)
-        loose = sum(one.count for one in contacts.loose)
+        loose = sum(len(one.components) for one in contacts.loose)
         unbalanced = self.by_acting[:loose, : len(self.responses.touched)] @ self.push
         number = np.full(len(self.sets.closed), -1, dtype=np.int64)
         number[self.chosen] = np.arange(len(self.chosen))
