@@ -1,5 +1,4 @@
-"""``mlsanm explain``: the meaning of a key of the case file, from the JSON Schema and the starter cases, and
-the reference of all tables and keys."""
+"""``mlsanm explain``: keys of the case file, from the JSON Schema and the starters, and their reference."""
 
 from __future__ import annotations
 
@@ -29,9 +28,8 @@ _TYPES = {"number": "number", "integer": "whole number", "boolean": "true or fal
 
 
 class Explanation(NamedTuple):
-    """A key, or a table with its keys and their meanings. ``place`` is the heading of the table that holds
-    the key, ``kinds`` the kinds of that table with the key (empty: all). ``default`` and ``example`` are
-    TOML. ``variants`` describes every kind of a table."""
+    """A key, or a table with the meanings of its keys. ``place`` is the heading of the table that holds the
+    key, ``kinds`` are those of it with the key (empty: all), ``variants`` describes every kind of a table."""
 
     key: str
     place: str
@@ -48,9 +46,8 @@ class Explanation(NamedTuple):
 
 
 def explain(key: str = "") -> tuple[Explanation, ...]:
-    """Explains a dotted key, with or without the names of list items; "" lists the tables. Returns several
-    explanations if the meaning depends on the kind of the table. Raises RunError for an unknown key, with
-    similar ones."""
+    """Explains a dotted key, with or without names of items; "" lists the tables. There are several
+    explanations if the meaning depends on the kind of the table. Raises RunError for an unknown key."""
     parts = [part for part in key.split(".") if part]
     # Every table with the key, with the node of the key; and the key without names of items.
     nodes: list[tuple[Node, Node]] = [(json_schema(), json_schema())]

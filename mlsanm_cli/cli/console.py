@@ -173,8 +173,8 @@ class TerminalConsole(Closing):
 
 
 def console_for(settings: Settings, doing: str = "starting") -> TerminalConsole:
-    """The console for progress messages on stderr; a terminal shows ``doing`` until the first of them.
-    Opened before the numerical modules are imported, which takes a second or more."""
+    """The console on stderr; a terminal shows ``doing`` until the first message, while modules are
+    imported."""
     console = TerminalConsole(sys.stderr, settings)
     if is_terminal(sys.stderr):
         console.phase(doing)
@@ -182,8 +182,7 @@ def console_for(settings: Settings, doing: str = "starting") -> TerminalConsole:
 
 
 def called(settings: Settings, function: str, threads: int, /, *given: Any, **options: Any) -> Any:
-    """The result of a function of ``mlsanm_cli.app`` that reports its progress on stderr, imported with this
-    number of threads."""
+    """The result of a function of ``mlsanm_cli.app`` that reports its progress on stderr."""
     with console_for(settings) as console:
         return of_app(function, threads)(*given, console=console, **options)
 

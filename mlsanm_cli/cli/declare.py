@@ -1,5 +1,4 @@
-"""Declaration of commands: their arguments and options, each once, and what the shell completes: keys of the
-case, kinds of scenes, names in cases and runs. Errors in files are ignored; nothing is completed then."""
+"""Declaration of commands: arguments and options, and what the shell completes, nothing from faulty files."""
 
 from __future__ import annotations
 
@@ -19,7 +18,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 class File(click.Path):
-    """A path that is valid text, as results contain file names; ``-``, the standard input, if it is
+    """A path that is valid text, as results contain file names; ``-`` is the standard input if
     ``read_once``."""
 
     def __init__(self, read_once: bool = True) -> None:
@@ -107,8 +106,8 @@ def _items(case: Mapping[str, Any], table: str) -> list[dict[str, Any]]:
 def _contents(
     context: click.Context, parameters: Sequence[str], below: str = ""
 ) -> Iterator[Mapping[str, Any]]:
-    """The content of the TOML files given to the command so far, or of those in the directories given; if the
-    value of an option is missing, click keeps them in ``args``. Files that cannot be read are empty."""
+    """The content of the TOML files given so far, or of those ``below`` the directories given; if the value
+    of an option is missing, click keeps them in ``args``. Files that cannot be read are empty."""
     given = next(filter(None, (context.params.get(name) for name in parameters)), None)
     places = [name for name in context.args if not name.startswith("-")] if given is None else given
     for place in places if isinstance(places, list | tuple) else [places]:

@@ -1,5 +1,4 @@
-"""Text files of a run (summary.json, events.jsonl, CSV tables), atomic files, and files with a digest of
-their content."""
+"""Text files of a run, atomic files, and files with a digest of their content."""
 
 from __future__ import annotations
 
@@ -31,9 +30,8 @@ toml_text = tomli_w.dumps
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Yields a temporary path in the same directory (a rename is atomic within one file system), and renames
-    it to ``path`` when the block ends without an error. Raises WriteError if the file cannot be written;
-    ``path`` is then unchanged."""
+    """Yields a temporary path in the same directory, renamed to ``path`` at the end of a block without an
+    error. Raises WriteError if the file cannot be written."""
     temporary = path.with_name(path.name + TEMPORARY_SUFFIX)
     try:
         with system.replacing(path, temporary):
@@ -140,8 +138,8 @@ class EventLog(Closing):
     """events.jsonl: one JSON object per line, written immediately; a resumed run appends to it."""
 
     def __init__(self, path: Path, rows: int | None = None) -> None:
-        """Opens ``path``, and removes an incomplete last line and the steps from number ``rows`` on, which a
-        resumed run repeats. Raises RunError."""
+        """Opens ``path`` without an incomplete last line and the steps from number ``rows`` on. Raises
+        RunError."""
         self._path = path
         try:
             flags = os.O_RDWR | os.O_APPEND | os.O_CREAT

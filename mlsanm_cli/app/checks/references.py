@@ -26,9 +26,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class HertzLine:
-    """Two cylinders of relative ``radius`` (1/R = 1/R1 + 1/R2) pressed together by ``force`` per unit
-    thickness. ``modulus`` is E* with 1/E* = 1/E1' + 1/E2', E' = E/(1 - nu^2) in plane strain and E in plane
-    stress."""
+    """Two cylinders of relative ``radius`` (1/R = 1/R1 + 1/R2) under a ``force`` per unit thickness;
+    ``modulus`` is E* with 1/E* = 1/E1' + 1/E2', E' = E/(1 - nu^2) in plane strain and E in plane stress."""
 
     force: float
     radius: float
@@ -51,9 +50,8 @@ class HertzLine:
 
 
 class ReferenceProfile(NamedTuple):
-    """Analytical pressure along a contact. ``coordinate`` (m,) of the nodes along the surface from the middle
-    of the contact; ``curve``, the pressure as a function of it; ``error_l2``, the relative L2 error of the
-    linearly interpolated nodal pressures."""
+    """Analytical pressure along a contact over the ``coordinate`` (m,) of its nodes from its middle, and the
+    relative L2 error of the interpolated nodal pressures."""
 
     label: str
     coordinate: FloatArray
@@ -64,8 +62,7 @@ class ReferenceProfile(NamedTuple):
 
 
 def read_case(path: Path, overrides: tuple[str, ...] = ()) -> LoadedCase:
-    """A validated case with checked geometry, also of bodies in files, whose named solution fits the scene.
-    Raises RunError and CaseError."""
+    """A validated case with checked geometry and reference solution. Raises RunError and CaseError."""
     loaded = load_case(path, overrides, geometry_of)
     case = loaded.case
     if case.reference is None:
@@ -135,8 +132,7 @@ def profile_on(
 def _middle(
     case: Case, contact: Contact, points: FloatArray, normal: FloatArray, pressure: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Middle of the contact and the normal there: along the line of centres of curved surfaces, or else the
-    resultant of the pressures."""
+    """Middle and normal of a contact: along the line of centres, or else the resultant of the pressures."""
     curves = [_curve(case, boundary) for boundary in contact.boundaries]
     centers = [np.array(curve.center) for curve in curves if isinstance(curve, Arc)]
     if isinstance(contact.obstacle, DiskObstacle):

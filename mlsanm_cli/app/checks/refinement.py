@@ -65,8 +65,7 @@ def residual_zones(
     patches: tuple[Patch, ...],
     planned: tuple[Zone, ...],
 ) -> tuple[Zone, ...]:
-    """Zones in addition to the ``planned`` ones; none without corrected ``bodies``. Those of symmetric clouds
-    are symmetric if the requirements of the nodes are."""
+    """Zones where fits are poor, in addition to the ``planned`` ones; symmetric ones in symmetric clouds."""
     if not bodies:
         return ()
     residuals, ruled = {}, {}
@@ -159,8 +158,8 @@ Adapted = tuple[SceneModel, CondensedScene, Accuracy, Refinement]
 def set_up(
     case: Case, prepared: SceneModel, context: RunContext, verdicts: Verdicts, known: Refinement | None = None
 ) -> Adapted:
-    """Condenses the scene ``prepared``, refined as the case requires or as ``known``, and judges its contacts
-    with nodal pressures. Raises NumericalError for a scene that cannot be set up."""
+    """The condensed scene, refined as the case requires or as ``known``; judges contacts with nodal
+    pressures."""
     built, accuracy = _solved(case, prepared, context)
     if known is None:
         prepared, built, accuracy, known = _adapted(case, prepared, context, built, accuracy)
@@ -173,8 +172,7 @@ def set_up(
 def _adapted(
     case: Case, prepared: SceneModel, context: RunContext, built: CondensedScene, accuracy: Accuracy
 ) -> Adapted:
-    """The scene refined for the requested number of passes or until convergence; if a refined scene cannot be
-    solved, the one before it is kept."""
+    """The scene after the requested passes or at convergence; if one cannot be solved, that before it."""
     history = [_figures(built, accuracy, None)]
     # The spacings that contact patches require, and the number of passes.
     touching = {body for pairing in prepared.pairings for body in pairing.bodies}
@@ -237,8 +235,8 @@ def _solved(
 
 
 def found_patches(built: CondensedScene, rule: Rule) -> Iterator[Patch]:
-    """Patches with an edge in the exact states at the ends of all stages, and stick zones. A surface closed
-    from end to end has no edge to refine, but its corners on bodies of revolution."""
+    """Patches with an edge in the states at the ends of all stages, and stick zones; corners count on bodies
+    of revolution only."""
     for state in built.ends:
         for pairing in built.condensed.pairings:
             span = built.condensed.spans[pairing.name]
@@ -276,8 +274,8 @@ def _patch_zones(patch: Patch, rule: Rule) -> Iterator[Zone]:
 
 
 def _figures(built: CondensedScene, accuracy: Accuracy, before: Mapping[str, Any] | None) -> dict[str, Any]:
-    """Results of a pass, with the largest peak pressure and half-width of all contacts and stages; ``change``
-    is their largest relative change, or that of the largest displacement if there is no contact pressure."""
+    """Results of a pass; ``change`` is the largest one of peaks and half-widths, or of displacements without
+    them."""
     peak = width = 0.0
     for state in built.ends:
         peak = max(peak, float(state.pressure.max(initial=0.0)))

@@ -196,9 +196,8 @@ class Force(BoundaryPart, Load):
         return (self.body,) if self.body is not None else super().owners
 
     def spread(self, size: float, centre: Point, polar: float) -> Traction | BodyForce:
-        """The equivalent body force or traction; ``size`` is the area of the body or the length of the
-        boundary (volume and area in bodies of revolution), ``centre`` its centroid, ``polar`` the integral of
-        the squared distance from it."""
+        """The equivalent load; ``size`` is the area or length loaded (volume or area in bodies of
+        revolution), ``centre`` its centroid, ``polar`` the integral of the squared distance from it."""
         (x, y), (fx, fy), turn = centre, self.total, (self.moment or 0.0) / polar
         density: AmountVector = (fx / size, fy / size)
         if turn:

@@ -93,8 +93,8 @@ class Platen(OnBoundary, _RigidMotion):
         return {"rotation": "free", **data} if turned else data
 
     def beside(self, platens: Sequence[Self]) -> Self:
-        """The load with the hinge of the other loads on its plate and, unless it sets its own, their kind of
-        rotation."""
+        """The load with the hinge and, unless it sets its own, the kind of rotation of others on its
+        plate."""
         plate = [load for load in platens if (load.boundary, load.ends) == (self.boundary, self.ends)]
         hinges = [load.hinge for load in plate if load.hinge is not None]
         turning = [load.rotation for load in plate if "rotation" in load.model_fields_set]

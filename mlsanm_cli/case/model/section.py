@@ -41,8 +41,8 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True)
 class Geometry:
-    """The geometry of a shape: the names of its ``boundaries``, the centre, the larger side and the ``left``
-    end of its bounding box, and the SHA-256 of its file, if any."""
+    """Names of ``boundaries``, centre, larger side and ``left`` end of the bounding box, SHA-256 of the
+    file."""
 
     boundaries: tuple[str, ...]
     centre: Point
@@ -178,8 +178,8 @@ def _two_items(value: Any) -> Any:
 
 
 def expecting(text: str) -> WrapValidator:
-    """Reports a value that fits no member of a union with one ``text``; nan, inf and faulty expressions with
-    their own."""
+    """Reports a value that fits no member of a union with one ``text``; nan, inf and expressions with their
+    own."""
 
     def check(value: Any, handler: ValidatorFunctionWrapHandler) -> Any:
         try:
