@@ -104,11 +104,9 @@ class TerminalConsole(Closing):
             self._line("  ".join(row).rstrip())
 
     def _finish_steps(self) -> None:
-        if self._last is None:
-            return
-        if self._waiting:
+        if self._last is not None and self._waiting:
             self._show_step(self._waiting)
-        if self._live:
+        if self._last is not None and self._live:
             # Removes the elapsed time.
             self._draw(self._row)
             self._put("\n")

@@ -30,12 +30,13 @@ FAILURE_FILE = "failure.vtu"
 COMPARISON_FILE = "comparison.json"
 LOCK_FILE = "run.lock"
 
-_FIXED = (
-    *(RUN_FILE, SUMMARY_FILE, RESOLVED_FILE, EVENTS_FILE, PATH_FILE),
-    *(COLLECTION_FILE, LINES_FILE, FAILURE_FILE, LOCK_FILE),
-)
-_FIELDS = re.compile(r"(fields|contacts|obstacles)_\d{4,}\.vtu")
 _INTERFACE = re.compile(r"interface(_.+)?\.csv")
+_FIXED = (RUN_FILE, SUMMARY_FILE, RESOLVED_FILE, EVENTS_FILE, PATH_FILE, COLLECTION_FILE, LINES_FILE)
+_NUMBERED = r"(fields|contacts|obstacles)_\d{4,}\.vtu"
+_RESERVED = re.compile(
+    "|".join((*map(re.escape, (*_FIXED, FAILURE_FILE, LOCK_FILE)), _NUMBERED, _INTERFACE.pattern))
+)
+"""Names of the files that a run may write."""
 _PICTURE = re.compile(r"plot_.+\.(png|svg|pdf|gif)")
 # In the metadata of every picture, see figures.py.
 SIGNATURE = b"mlsanm"
@@ -139,7 +140,7 @@ def _replaced(directory: Path, force: bool) -> list[Path]:
     """The files of an earlier run to remove. Raises RunError."""
     entries = [path for path in _entries(directory) if path.name not in {*_COMPARISON, LOCK_FILE}]
     holds_run = _is_run(directory / RUN_FILE)
-    taken = [] if holds_run else [path.name for path in entries if _is_reserved(path.name)]
+    taken = [] if holds_run else [path.name for path in entries if _RESERVED.fullmatch(path.name)]
     if taken:
         hint = "no file was changed; use another --out, or move these files"
         raise RunError(f"{directory} holds {', '.join(taken)}, but no run of mlsanm", hint)
@@ -173,11 +174,6 @@ def _is_run(file: Path) -> bool:
             return stream.read(len(HDF5_SIGNATURE)) in (b"", HDF5_SIGNATURE)
 
 
-def _is_reserved(name: str) -> bool:
-    """Whether a run may write a file of this name."""
-    return name in _FIXED or any(pattern.fullmatch(name) for pattern in (_FIELDS, _INTERFACE))
-
-
 def _is_ours(path: Path) -> bool:
     """Whether ``path``, a file in a directory that holds a run, was written by mlsanm."""
     name = path.name.removesuffix(TEMPORARY_SUFFIX)
@@ -190,7 +186,9 @@ def _is_ours(path: Path) -> bool:
         from mlsanm_cli.io.html import is_ours
 
         return is_ours(path)
-    return _is_reserved(name) or (_PICTURE.fullmatch(name) is not None and SIGNATURE in path.read_bytes())
+    if _PICTURE.fullmatch(name):
+        return SIGNATURE in path.read_bytes()
+    return _RESERVED.fullmatch(name) is not None
 
 
 UNLINKS_OPEN_FILES = os.name != "nt"
@@ -221,9 +219,8 @@ def locked(directory: Path) -> Iterator[None]:
 
 
 def _in_use(directory: Path, process: str) -> RunError:
-    return RunError(
-        f"{directory} is being written by {process}", "wait until it has ended, or use another --out"
-    )
+    hint = "wait until it has ended, or use another --out"
+    return RunError(f"{directory} is being written by {process}", hint)
 
 
 def holder(directory: Path) -> str:

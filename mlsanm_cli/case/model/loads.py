@@ -91,7 +91,6 @@ class Traction(OnBoundary):
                 yield component, "traction"
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
-        yield from super().faults(scope)
         yield from self.exclusive("traction", "table")
 
 
@@ -115,7 +114,6 @@ class Pressure(OnBoundary):
                 yield component, "traction"
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
-        yield from super().faults(scope)
         yield from self.exclusive("pressure", "table")
         yield from scope.finite_only(self.follows, ("follows",), "a follower load")
         thin = self.follows and not scope.confined
@@ -144,7 +142,6 @@ class Displacement(OnBoundary):
                 yield component, "displacement"
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
-        yield from super().faults(scope)
         yield from self.exclusive("displacement", *(self.given("ux", "uy")[:1] or ("ux", "uy")))
 
 
@@ -211,7 +208,6 @@ class Force(BoundaryPart, Load):
         return Traction.model_validate(content | part)
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
-        yield from super().faults(scope)
         yield from self.exclusive("body", "boundary")
         yield from self.exclusive("force", *(self.given("fx", "fy")[:1]), required=False)
         if not self.given("force", "fx", "fy", "moment"):

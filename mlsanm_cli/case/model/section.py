@@ -136,11 +136,13 @@ class Section(BaseModel):
 
 
 def all_faults(value: Any, scope: Scope, path: KeyPath = ()) -> Iterator[Fault]:
-    """The faults of a table at a path and of all tables in it, each with its full path."""
+    """The faults of a table at a path, those of its base classes first, and of all tables in it, each with
+    its full path."""
     items: list[tuple[str | int, Any]] = []
     if isinstance(value, Section):
-        for fault in value.faults(scope):
-            yield replace(fault, key=(*path, *fault.key))
+        for owner in reversed(type(value).__mro__):
+            if issubclass(owner, Section) and "faults" in vars(owner):
+                yield from (replace(one, key=(*path, *one.key)) for one in owner.faults(value, scope))
         fields = type(value).model_fields
         items = [(field.alias or name, getattr(value, name)) for name, field in fields.items()]
     elif isinstance(value, dict):
