@@ -15,7 +15,7 @@ from mlsanm_cli.app.context import Clock, Console, RunContext
 from mlsanm_cli.app.output.parts import model_bodies
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.build import build_scene, cpu_seconds, load_kernels, memory_mb, node_counts
-from mlsanm_cli.app.scene.load_profiles import amounts_of, table_of
+from mlsanm_cli.app.scene.loads import amounts_of, table_of
 from mlsanm_cli.case import (
     AnyLoad,
     Case,

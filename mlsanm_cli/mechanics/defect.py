@@ -18,6 +18,7 @@ import scipy.sparse as sparse
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.cloud.cells import GAUSS
 from mlsanm_cli.cloud.search import in_batches, nearest
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.body import ElasticBody
@@ -25,7 +26,7 @@ from mlsanm_cli.mechanics.body_model import BodyModel, enough_neighbors
 from mlsanm_cli.mechanics.corners import singular_changes
 from mlsanm_cli.mechanics.elasticity import divergence_of_stress, stress_of, traction_of
 from mlsanm_cli.mechanics.material import PlaneMaterial
-from mlsanm_cli.mechanics.pieces import reaction_of
+from mlsanm_cli.mechanics.pieces import values_of
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.operators.neighbors import MlsSettings
 from mlsanm_cli.operators.stencil_weights import Stencils
@@ -168,15 +169,11 @@ def defect_of(
     for name, surface in model.cloud.surfaces.items():
         source += body.source(name, traction_of(lost[surface.index], surface.normal), held=False)
     # Right-hand sides of pieces: the flux through their faces minus what the nodes' rows represent.
-    lacking = partial(better.stress_around, displacement, mean)
-    fluxes = body.pieces.flux_of(lacking, body.restrained)
+    lacking = values_of(partial(better.stress_around, displacement, mean))
+    fluxes = body.pieces.fluxes(lacking, body.restrained, GAUSS[2])
     source[body.rows - len(fluxes) :] = fluxes - body.loads @ source
-    reactions = {}
-    for name, axes in body.restrained.items():
-        if any(axes):
-            where = model.cloud.surfaces[name]
-            missing = reaction_of(model, where, axes, (0.0, 0.0), lambda at: lacking(at, at[:, None])[:, 0])
-            reactions[name] = -missing
+    held = [name for name, axes in body.restrained.items() if any(axes)]
+    reactions = {name: -body.reaction(name, (0.0, 0.0), lacking) for name in held}
     stress = stress_of(derivatives, stiffness, radius) - model.stress(displacement)
     return Defect(source, np.where(_near_singular(body, plates), source, 0.0), stress, reactions)
 

@@ -17,7 +17,7 @@ from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import UnstableError
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.mechanics.stability import bulk_stability
-from mlsanm_cli.memo import Memo, digest
+from mlsanm_cli.memo import Memo
 from mlsanm_cli.solve.state import CONTACT_LIMIT
 
 BULK_LIMIT = 0.03
@@ -39,8 +39,8 @@ def check_coercivity(
     for name, body in scene.bodies.items():
         if name in touching:
             continue
-        key = digest(body.model.content, body.equations.content)
-        bulk[name] = value = memo.value("stability", key, partial(bulk_stability, body))
+        content = body.model.content, body.equations.content
+        bulk[name] = value = memo.value("stability", content, partial(bulk_stability, body))
         if not value >= BULK_LIMIT:
             raise UnstableError(
                 f"the discrete equations of body {name} amplify errors "
@@ -80,8 +80,8 @@ def _estimates(
         inner[:-1] &= own[1:]
         inner[[0, -1]] = False
         bearing = inner if inner.any() else own
-        key, make = digest(condensed.content, bearing, names), partial(contact_stability, condensed)
-        estimates[pairing.name] = memo.value("contact stability", key, partial(make, bearing, names))
+        content, make = (condensed.content, bearing, names), partial(contact_stability, condensed)
+        estimates[pairing.name] = memo.value("contact stability", content, partial(make, bearing, names))
     for name, value in estimates.items():
         if not value >= CONTACT_LIMIT:
             raise UnstableError(

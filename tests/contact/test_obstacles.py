@@ -9,9 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import rectangle
-from mlsanm_cli.cloud.spacing import Spacing
+from mlsanm_cli.cloud.spacing import Spacing, build_cloud
 from mlsanm_cli.contact.geometry.obstacles import Chain, Plane, Round
 from mlsanm_cli.contact.geometry.pairing import pair_surfaces
 

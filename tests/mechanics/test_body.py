@@ -8,9 +8,8 @@ import scipy.sparse as sparse
 
 from benchmarks.formulas import LameRing
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import annulus, rectangle
-from mlsanm_cli.cloud.spacing import Spacing, Zone
+from mlsanm_cli.cloud.spacing import Spacing, Zone, build_cloud
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.energy import rigid_part
 from mlsanm_cli.mechanics.material import PlaneMaterial, anisotropic, isotropic, orthotropic

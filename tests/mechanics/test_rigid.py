@@ -9,9 +9,8 @@ import pytest
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import disk
-from mlsanm_cli.cloud.spacing import Spacing, Zone
+from mlsanm_cli.cloud.spacing import Spacing, Zone, build_cloud
 from mlsanm_cli.mechanics.body import BodyEquations, ElasticBody
 from mlsanm_cli.mechanics.material import isotropic
 from mlsanm_cli.mechanics.rigid import freedom, pins

@@ -136,10 +136,10 @@ class FiniteStrain(Analysis):
 
     @cached_property
     def contacts(self) -> Mapping[str, ContactNodes]:
-        contacts = {}
-        for contact in self.scene.contacts.pairs:
+        contacts, met = {}, self.scene.undeformed_contacts
+        for contact, here, _ in self.scene.contacts.each:
             slave, sign = contact.slave, -1.0 if contact.exchanged else 1.0
-            normal = sign * contact.start(self.scene.stages[0])
+            normal = sign * met.normal[here]
             contacts[contact.name] = ContactNodes(slave.places, normal, slave.arc, slave.weight)
         return contacts
 

@@ -14,8 +14,8 @@ from mlsanm_cli.app.checks.limits import level
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.condense import pulling_loads
-from mlsanm_cli.app.scene.corners import planes_of
-from mlsanm_cli.app.scene.load_profiles import amounts_at, amounts_of, runs_of
+from mlsanm_cli.app.scene.corners import end_of
+from mlsanm_cli.app.scene.loads import amounts_at, amounts_of, runs_of
 from mlsanm_cli.case import (
     Case,
     Displacement,
@@ -298,10 +298,11 @@ def cut_bodies(model: Quality) -> Iterator[Check]:
     for pairing in model.prepared.pairings:
         for (body, slave, _), other in zip(pairing.sides, pairing.bodies[::-1], strict=True):
             surface, models = pairing.surface_of(slave), model.prepared.models
-            ends = planes_of(models[body], surface, model.prepared.held[body])
+            held, ends = model.prepared.held[body], () if surface.curve.closed else (False, True)
+            planes = [end_of(models[body], surface, at, held, held)[1] for at in ends]
             near = (pairing.points if slave else pairing.partner)[np.argmin(pairing.gap)]
             inside = as_complex(surface.curve.points(np.array([0.5 * surface.curve.length])))
-            for plane in ends if other != body else ():
+            for plane in planes if other != body else ():
                 across = as_complex(models[other].cloud.points)
                 if plane is None or abs(as_complex(near) - plane.point) > plane.reach:
                     continue

@@ -35,7 +35,7 @@ from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.build import place
 from mlsanm_cli.app.scene.clouds import spacing_of
 from mlsanm_cli.app.scene.condense import condense_scene
-from mlsanm_cli.app.scene.refinement import Refinement, has_automatic_spacings
+from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.spacing import Zone
@@ -177,12 +177,14 @@ def _adapted(
     # The spacings that contact patches require, and the number of passes.
     touching = {body for pairing in prepared.pairings for body in pairing.bodies}
     smooth = any(contact.regularization.law == "hyperbolic" for contact in case.touching)
-    flows = any(case.material[body.material].flows for body in case.body if body.name in touching)
+    bodies = [body for body in case.body if body.name in touching]
+    flows = any(case.material[body.material].flows for body in bodies)
+    automatic = all(body.spacing == "auto" and not body.has_nodes for body in bodies)
     passes = case.adapt.passes
     if case.model.revolved and case.touching:
         meshed = any(body.has_nodes for body in case.body)
         rule, passes = RING_RULE, passes or (0 if meshed else NODAL_PASSES)
-    elif (smooth or flows) and has_automatic_spacings(case, touching) and not passes:
+    elif (smooth or flows) and automatic and not passes:
         rule, passes = NODAL_RULE, NODAL_PASSES
     else:
         degree = min(model.settings.degree for model in prepared.models.values())

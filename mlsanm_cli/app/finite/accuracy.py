@@ -56,7 +56,9 @@ def near_pressed(scene: FiniteScene, traction: FloatArray) -> dict[str, BoolArra
     found = {name: np.zeros(len(cloud.points), dtype=bool) for name, cloud in clouds.items()}
     for side, here in scene.contacts.sides:
         load, cloud = traction[here], clouds[side.body]
-        misfit = np.abs(side.hats @ (side.spread @ load) - load).reshape(-1, 2).max(axis=1)
+        nodal, knots = (side.spread @ load).reshape(-1, 2), load.reshape(-1, 2)
+        linear = np.stack([side.nodes.at(side.arc, one) for one in nodal.T], axis=1)
+        misfit = np.abs(linear - knots).max(axis=1)
         places = side.places[misfit > PRESSED_MISFIT * np.abs(load).max()]
         if len(places):
             away = nearest(cKDTree(places), cloud.points)[0]
@@ -96,7 +98,7 @@ def missed_in_contact(
         scaled = projector.scaled(known)
         along, size = scaled @ projector.scaled(left[name]), scaled @ scaled
         left[name] -= known * (np.clip(along / size, 0.0, 1.0) if size else 0.0)
-    met = system.meet(surface, factors, before, now.sets.closed)
+    met = system.contacts.meet(surface, factors, before, now.sets.closed)
     state = (now.displacement, now.traction, now.pressure, now.shear, now.sets, met)
     step = Iteration(system, factors, response, *state, first=False, left=left)
     pressure = np.where(now.sets.closed | step.sets.closed, step.dp, 0.0)

@@ -24,7 +24,7 @@ from mlsanm_cli.contact.finite.contacts import (
     Plate,
     ranges,
 )
-from mlsanm_cli.contact.finite.pair import BodyContact
+from mlsanm_cli.contact.finite.pair import BodyContact, Meeting
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.side_response import Compliance, rotated
 from mlsanm_cli.contact.finite.sides import ContactSide, SideNodes
@@ -90,6 +90,12 @@ class FiniteScene:
         """Largest extent of a body."""
         clouds = (body.elastic.model.cloud.points for body in self.bodies.values())
         return max(float(np.ptp(points, axis=0).max()) for points in clouds)
+
+    @property
+    def undeformed_contacts(self) -> Meeting:
+        """The contacts before loading."""
+        contacts = self.contacts
+        return contacts.meet(np.zeros(contacts.size), np.append(self.stages[0], np.zeros(contacts.free)))
 
     def parts(self, displacement: FloatArray) -> dict[str, FloatArray]:
         """Displacements (2N,) of all bodies divided by body."""

@@ -13,10 +13,10 @@ import scipy.sparse as sparse
 from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.clouds import spacing_of
 from mlsanm_cli.arrays import runs_of
-from mlsanm_cli.cloud.cloud import Cloud, build_cloud
-from mlsanm_cli.cloud.spacing import Zone
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.spacing import Zone, build_cloud
 from mlsanm_cli.mechanics.body_model import BodyModel
-from mlsanm_cli.memo import NO_CACHE, Memo, digest
+from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import flow_of, named_fields
@@ -72,8 +72,7 @@ def finer_views(built: CondensedScene, boundaries: Boundaries, memo: Memo = NO_C
         if zones:
             spacing = spacing_of(boundaries, body).with_zones(tuple(zones))
             cloud = build_cloud(boundaries.outline(body.name), spacing, body.seed, memo=memo)
-            key = digest(model.content, cloud.content)
-            finer[body.name] = memo.value("view", key, partial(View, model, cloud))
+            finer[body.name] = memo.value("view", (model, cloud), partial(View, model, cloud))
     return finer
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from mlsanm_cli.app.output.parts import obstacle_shift, obstacles
 from mlsanm_cli.app.scene.assemble import SceneModel
-from mlsanm_cli.app.scene.load_profiles import amounts_of, table_of
+from mlsanm_cli.app.scene.loads import amounts_of, table_of
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import (
     AnyLoad,

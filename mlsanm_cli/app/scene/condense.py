@@ -10,7 +10,7 @@ import numpy as np
 
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.assemble import NOTHING, SceneModel, assemble_bodies, prepare
-from mlsanm_cli.app.scene.load_profiles import amounts_of
+from mlsanm_cli.app.scene.loads import amounts_of
 from mlsanm_cli.app.scene.materials import flow_laws
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import AnyLoad, Case, Displacement, Platen
@@ -25,7 +25,7 @@ from mlsanm_cli.solve.coercivity import check_candidates_coercivity, check_coerc
 from mlsanm_cli.solve.condensed_scene import CondensedScene, stage_factors
 from mlsanm_cli.solve.contact_grids import find_grids
 from mlsanm_cli.solve.plastic_path import touching_states
-from mlsanm_cli.solve.stage_ends import reach_error, searched_ends
+from mlsanm_cli.solve.stage_ends import contact_states, reach_error
 
 REACH_GROWTH = 1.5
 MAX_ENLARGEMENTS = 6
@@ -65,9 +65,8 @@ def _condensed_scene(
     stages, laws = stage_factors(case), flow_laws(case)
     if prepared.ranges:
         with context.phase("condensation", "refining contact grids"):
-            search = partial(searched_ends, case, scene, stages)
             path = partial(touching_states, case, scene, stages, laws) if laws else None
-            found = find_grids(case, scene, prepared.pairings, prepared.ranges, search, context.memo, path)
+            found = find_grids(case, scene, prepared.pairings, prepared.ranges, stages, context.memo, path)
         if found is None:
             # Contact grids that do not converge are replaced by nodal pressures.
             placed = {name: model.cloud for name, model in prepared.models.items()}
@@ -95,7 +94,7 @@ def _condense(
             if not condensed.pairings:
                 return condensed, ()
             try:
-                ends = searched_ends(case, scene, stages, condensed, (), "ends")
+                ends = contact_states(scene, condensed, stages, stages[1:])
             except EndlessError:
                 check_candidates_coercivity(case, scene, condensed, context.memo)
                 raise

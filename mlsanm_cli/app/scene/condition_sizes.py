@@ -14,7 +14,7 @@ import numpy as np
 
 from mlsanm_cli.app.scene.boundaries import prescribes
 from mlsanm_cli.app.scene.contact_pairs import shape_of
-from mlsanm_cli.app.scene.load_profiles import amounts_of, profiles, runs_of
+from mlsanm_cli.app.scene.loads import amounts_of, profiles, runs_of
 from mlsanm_cli.app.scene.sizes import (
     LEVELS,
     PER_ROOT,

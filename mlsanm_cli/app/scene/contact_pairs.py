@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.app.scene.boundaries import Boundaries
-from mlsanm_cli.app.scene.load_profiles import AmountField
+from mlsanm_cli.app.scene.loads import AmountField
 from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import AnyObstacle, Case, Contact, DiskObstacle, PlaneObstacle, rounded

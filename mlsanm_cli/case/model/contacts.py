@@ -122,7 +122,7 @@ class Contact(BoundaryPart):
     reach: Annotated[AutoLength, LENGTH] = "auto"
     """Search distance: nodes with a larger initial gap are ignored; the run fails if one of them closes.
     Without effect at finite strain, where contacts may move anywhere."""
-    regularization: Regularization = Regularization()
+    regularization: Regularization = Regularization.model_construct()
 
     @property
     def bonded(self) -> bool:

@@ -10,7 +10,7 @@ to it, whose stress balances its force and its moment about its hinge.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 from itertools import pairwise
 from typing import TypeAlias
@@ -18,7 +18,7 @@ from typing import TypeAlias
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.finite.pair import BodyContact, Meeting
 from mlsanm_cli.contact.finite.rigid import RigidContact
 from mlsanm_cli.contact.finite.side_response import SideResponse
@@ -211,11 +211,27 @@ class Contacts:
         rows = [side.spread if side.body == body else side.spread[:0] for side, _ in self.sides]
         return sparse.csr_array(sparse.block_diag([sparse.csr_array((0, 0)), *rows], format="csr"))
 
-    def tractions(self, met: Sequence[Meeting], pressure: FloatArray, shear: FloatArray) -> FloatArray:
-        """Tractions (2s,) at the knots of all sides for the slaves' pressures and friction (c,)."""
-        both = zip(met, self.each, strict=True)
-        parts = [one.tractions(pressure[at], shear[at]).ravel() for one, (_, at, _) in both]
-        return np.concatenate([*parts, np.zeros(0)])
+    def meet(
+        self,
+        surface: FloatArray,
+        factors: FloatArray,
+        before: FloatArray | None = None,
+        closed: BoolArray | None = None,
+    ) -> Meeting:
+        """All contacts for displacements ``surface`` (2s,) of the sides; slips are relative to the places
+        ``before`` (c,), zero without; ``closed`` (c,) is the earlier status."""
+        found = []
+        for contact, here, there in self.each:
+            since = None if before is None else before[here]
+            kept = None if closed is None else closed[here]
+            found.append(contact.meet(surface[there].reshape(-1, 2), factors, since, kept))
+        return Meeting.together(found)
+
+    @cached_property
+    def adjacent(self) -> sparse.csr_array:
+        """The knots (c, c) next to each knot and itself, on the slaves."""
+        parts = [sparse.csr_array((0, 0)), *(one.slave.mass for one in self.pairs)]
+        return sparse.csr_array(sparse.block_diag(parts, format="csr"))
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ Equations (22) and (26) of docs/method.md.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import field
 
 import numpy as np
@@ -87,7 +87,7 @@ class Iteration:
         p: FloatArray,
         q: FloatArray,
         sets: ContactStatus,
-        met: Sequence[Meeting],
+        met: Meeting,
         *,
         first: bool,
         known: Responses | None = None,
@@ -95,7 +95,7 @@ class Iteration:
     ) -> None:
         self.system, self.factors, self.response = system, factors, response
         self._p, self._q, self._met, contacts = p, q, met, system.contacts
-        applied = contacts.tractions(met, p, q)
+        applied = met.tractions(p, q)
         factorised, z, self._loaded = {}, np.zeros(len(u)), dict[str, Loaded]()
         for name, projector in system.projectors.items():
             here = system.bodies[name]
@@ -126,26 +126,15 @@ class Iteration:
 
     def _may_touch(self, z: FloatArray) -> tuple[IntArray, IntArray]:
         """Nodes that may touch after the displacements ``z`` (2N,), and the tractions (t,) these affect."""
-        chosen, touched = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
-        smooth = self.system.onto @ z
-        reach = REACH_WITH_MOTIONS * self.system.length if self.system.contacts.free else 0.0
-        for one, (contact, here, there) in zip(self._met, self.system.contacts.each, strict=True):
-            gap = one.gap + one.d_gap @ smooth[there]
-            near = one.facing & ((gap <= reach) | (self._p[here] > 0.0))
-            for _ in range(ADJACENT_NODES):
-                adjacent = near.copy()
-                adjacent[1:] |= near[:-1]
-                adjacent[:-1] |= near[1:]
-                if contact.slave.around is not None:
-                    adjacent[0] |= near[-1]
-                    adjacent[-1] |= near[0]
-                near = adjacent & one.facing
-            own = np.flatnonzero(near)
-            chosen.append(here.start + own)
-            reached = np.unique(one.carried[:, own].tocoo().coords[0])
-            nodes = np.concatenate([own, contact.slave.count + reached])
-            touched.append(there.start + (2 * nodes[:, None] + np.arange(2)).ravel())
-        return np.concatenate(chosen), np.concatenate(touched)
+        met, contacts = self._met, self.system.contacts
+        gap = met.gap + met.d_gap @ (self.system.onto @ z)
+        reach = REACH_WITH_MOTIONS * self.system.length if contacts.free else 0.0
+        near = met.facing & ((gap <= reach) | (self._p > 0.0))
+        for _ in range(ADJACENT_NODES):
+            near = met.facing & (contacts.adjacent @ near > 0.0)
+        chosen = np.flatnonzero(near)
+        columns = (2 * chosen[:, None] + np.arange(2)).ravel()
+        return chosen, np.unique(met.carried[:, columns].tocoo().coords[0]).astype(np.int64)
 
     def _responses(self, factorised: Mapping[str, Factorised], touched: IntArray) -> Responses:
         """The bodies' responses to the ``touched`` tractions and to their free motions."""
@@ -227,16 +216,11 @@ class Iteration:
         self.seen = seen + self.response.by_traction[:, touched]
         for driven in contacts.driven:
             shifted[contacts.pushing(driven), driven.number] -= 1.0
-        both = zip(met, contacts.each, strict=True)
-        turns = [one.turning(self._p[at], self._q[at]) for one, (_, at, _) in both]
-        self.turning = _diagonal(turns)[touched]
+        self.turning = met.turning(self._p, self._q)[touched]
         self.push, self.pull = (
-            _diagonal([one.columns(getattr(one, key)) for one in met])[touched][:, chosen].toarray()
-            for key in ("normal", "tangent")
+            met.columns(way)[touched][:, chosen].toarray() for way in (met.normal, met.tangent)
         )
-        self.d_gap, self.d_slip = (
-            _diagonal([getattr(one, key) for one in met])[chosen] for key in ("d_gap", "d_slip")
-        )
+        self.d_gap, self.d_slip = met.d_gap[chosen], met.d_slip[chosen]
         self.inverse = np.linalg.inv(np.eye(count) - self.turning @ self.seen)
         self.loads = self.inverse @ np.hstack([self.push, self.pull, self.turning @ shifted])
         by_all = self.seen @ self.loads
@@ -271,9 +255,7 @@ class Iteration:
         """The updates that satisfy the conditions of the chosen knots, searched from a status."""
         chosen, count, touched = self.chosen, len(self.chosen), self.responses.touched
         mu, met, p, q = self.system.contacts.friction[chosen], self._met, self._p, self._q
-        gap, slip = (
-            np.concatenate([*(getattr(one, key) for one in met), mu[:0]])[chosen] for key in ("gap", "slip")
-        )
+        gap, slip = met.gap[chosen], met.slip[chosen]
         turned, step = self._followed(z, jump)
         step = step + np.concatenate([gap, slip, self.missing])
         now = np.concatenate([p[chosen], q[chosen], np.zeros(self.system.contacts.free)])
@@ -304,7 +286,7 @@ class Iteration:
         self.sets = ContactStatus(masks[0], masks[1], slip_sign)
         self.solves = len(self.responses.columns) + self.responses.solves
 
-    def stability(self, met: Sequence[Meeting]) -> float:
+    def stability(self, met: Meeting) -> float:
         """Least resistance of a contact with closed nodes, at closed nodes between two others, to pressures
         of fixed direction that oscillate from node to node; held nodes are excluded, as are pressures with
         forces on floating bodies."""
@@ -320,12 +302,14 @@ class Iteration:
         unbalanced = self.by_acting[:loose, : len(self.responses.touched)] @ self.push
         number = np.full(len(self.sets.closed), -1, dtype=np.int64)
         number[self.chosen] = np.arange(len(self.chosen))
-        for one, (contact, here, _) in zip(met, contacts.each, strict=True):
+        for contact, here, _ in contacts.each:
             own = self.sets.closed[here] & ~contact.slave.held
             inner = own[1:-1] & own[:-2] & own[2:]
             some = 1 + np.flatnonzero(inner) if inner.any() else np.flatnonzero(own)
             soft = sum(
-                system.projectors[side.body].body.elastic.model.material.contact_compliance(one.normal[some])
+                system.projectors[side.body].body.elastic.model.material.contact_compliance(
+                    met.normal[here][some]
+                )
                 for side in contact.sides
             )
             place, weight = number[here][some], contact.slave.weight[some]
@@ -368,7 +352,3 @@ class Iteration:
 
         loaded = [(body, u[system.bodies[name]], self.factors) for name, body in bodies.items()]
         return softest_motion(displaced, loaded)
-
-
-def _diagonal(blocks: Sequence[sparse.csr_array]) -> sparse.csr_array:
-    return sparse.csr_array(sparse.block_diag([sparse.csr_array((0, 0)), *blocks], format="csr"))

@@ -9,17 +9,19 @@ docs/method.md."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.contact.finite.node_curve import NodeCurve, wrapped
-from mlsanm_cli.contact.finite.sides import ContactSide, by_component
+from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.contact.finite.node_curve import integration, wrapped
+from mlsanm_cli.contact.finite.sides import ContactSide, both_components, by_component
 from mlsanm_cli.contact.geometry.facing import turned
 from mlsanm_cli.contact.geometry.pairing import MAX_FACING_COSINE
+from mlsanm_cli.operators.stencil_weights import nodal_pairs
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
@@ -30,19 +32,17 @@ NO_GAP = 1e300
 @dataclass(frozen=True)
 class Meeting:
     """Kinematics at the slave's nodes (c,): ``facing`` marks those opposite to the master; ``gap``; the
-    master's outward ``normal`` (c, 2) and the ``tangent`` (c, 2), the normal rotated by -90 degrees;
-    ``place``, the closest point as a reference arc length of the master; ``slip`` along the tangent relative
-    to an earlier place.
+    master's outward ``normal`` (c, 2); ``place``, the closest point as a reference arc length of the master;
+    ``slip`` along the :attr:`tangent` relative to an earlier place.
 
     Derivatives by the s displacements (2s,) of the slave's nodes, then the master's: ``d_gap``, ``d_slip``,
-    ``d_turn`` (c, 2s), the last one for the rotation of the normal towards the tangent. ``carried`` (m, c)
-    maps tractions at the slave's nodes to the master's m nodes, per reference length of either, and
-    ``carried_moved`` (T) (2m, 2s) is the derivative for slave tractions T (c, 2)."""
+    ``d_turn`` (c, 2s), the last one for the rotation of the normal towards the tangent. ``carried`` (2s, 2c)
+    maps tractions at the slave's nodes to those of both sides, per reference length of either, and
+    ``carried_moved`` (T) (2s, 2s) is the derivative for slave tractions T (c, 2)."""
 
     facing: BoolArray
     gap: FloatArray
     normal: FloatArray
-    tangent: FloatArray
     place: FloatArray
     slip: FloatArray
     d_gap: sparse.csr_array
@@ -51,30 +51,58 @@ class Meeting:
     carried: sparse.csr_array
     carried_moved: Callable[[FloatArray], sparse.csr_array]
 
+    @classmethod
+    def together(cls, parts: Sequence[Meeting]) -> Meeting:
+        """Several contacts as one, the displacements of their sides in turn."""
+        every, joined = [NOWHERE, *parts], dict[str, Any]()
+        for name, first in vars(NOWHERE).items():
+            values = [getattr(one, name) for one in every]
+            if sparse.issparse(first):
+                joined[name] = sparse.csr_array(sparse.block_diag(values, format="csr"))
+            elif name != "carried_moved":
+                joined[name] = np.concatenate(values)
+        ends = np.cumsum([len(one.gap) for one in every])[:-1]
+
+        def moved(traction: FloatArray) -> sparse.csr_array:
+            each = zip(every, np.split(traction, ends), strict=True)
+            return sparse.csr_array(
+                sparse.block_diag([one.carried_moved(own) for one, own in each], format="csr")
+            )
+
+        return cls(**joined, carried_moved=moved)
+
+    @property
+    def tangent(self) -> FloatArray:
+        """The normals rotated by -90 degrees (c, 2)."""
+        return turned(self.normal)
+
+    def slave_tractions(self, pressure: FloatArray, friction: FloatArray) -> FloatArray:
+        """Nominal tractions (c, 2) of the slave for its pressures and friction (c,)."""
+        return np.asarray(pressure[:, None] * self.normal + friction[:, None] * self.tangent)
+
     def tractions(self, pressure: FloatArray, friction: FloatArray) -> FloatArray:
-        """Nominal tractions (s, 2) of both sides for the slave's pressures and friction (c,)."""
-        on_slave = pressure[:, None] * self.normal + friction[:, None] * self.tangent
-        return np.concatenate([on_slave, -(self.carried @ on_slave)])
+        """Nominal tractions (2s,) of both sides."""
+        return np.asarray(self.carried @ self.slave_tractions(pressure, friction).ravel())
 
     def columns(self, directions: FloatArray) -> sparse.csr_array:
         """Tractions (2s, c) of both sides per unit along ``directions`` (c, 2) on the slave."""
-        count, (line, column) = len(directions), self.carried.tocoo().coords
-        x, y = (-self.carried.data * along[column] for along in directions.T)
-        nodes = np.arange(count)
-        rows = np.concatenate([2 * nodes, 2 * nodes + 1, 2 * (count + line), 2 * (count + line) + 1])
-        columns = np.concatenate([nodes, nodes, column, column])
-        entries = (np.concatenate([*directions.T, x, y]), (rows, columns))
-        return sparse.csr_array(entries, shape=(2 * (count + self.carried.shape[0]), count))
+        every = np.arange(len(directions))
+        return sparse.csr_array(self.carried @ nodal_pairs(every, directions, len(every)).T)
 
     def turning(self, pressure: FloatArray, friction: FloatArray) -> sparse.csr_array:
         """Derivative (2s, 2s) of the tractions by the displacements."""
-        across = pressure[:, None] * self.tangent - friction[:, None] * self.normal
-        found = self.columns(across) @ self.d_turn
-        if self.carried.shape[0]:
-            moved = self.carried_moved(self.tractions(pressure, friction)[: len(pressure)])
-            none = sparse.csr_array((found.shape[0] - moved.shape[0], found.shape[1]))
-            found = found - sparse.vstack([none, moved], format="csr")
-        return sparse.csr_array(found)
+        across = self.columns(pressure[:, None] * self.tangent - friction[:, None] * self.normal)
+        return sparse.csr_array(
+            across @ self.d_turn + self.carried_moved(self.slave_tractions(pressure, friction))
+        )
+
+
+NOTHING = sparse.csr_array((0, 0))
+NOWHERE = Meeting(
+    *(np.zeros(0, dtype=bool), np.zeros(0), np.zeros((0, 2)), np.zeros(0), np.zeros(0)),
+    *(NOTHING, NOTHING, NOTHING, NOTHING, lambda _: NOTHING),
+)
+"""No contact."""
 
 
 MAX_DEPTH = 3.0
@@ -115,10 +143,6 @@ class BodyContact:
             along = curve.rows(side.arc)[1] @ side.places
             found.append(float(np.sign((turned(along) * side.outward).sum())))
         return found[0], found[1]
-
-    def start(self, factors: FloatArray) -> FloatArray:
-        """The master's normals (c, 2) in the undeformed state."""
-        return self.meet(np.zeros((self.slave.count + self.master.count, 2)), factors, None).normal
 
     def apart(self, displacement: FloatArray, _factors: FloatArray, place: FloatArray) -> FloatArray:
         """Vectors (c, 2) from places (c,) of the master to the nodes, for displacements (c + m, 2)."""
@@ -183,7 +207,6 @@ class BodyContact:
             facing,
             np.where(facing, gap, NO_GAP),
             normal,
-            turned(normal),
             place,
             np.where(facing, slip, 0.0),
             kept @ apart_moved(normal),
@@ -198,84 +221,23 @@ def _times(factors: FloatArray) -> sparse.csr_array:
     return sparse.csr_array(sparse.diags_array(factors, format="csr"))
 
 
-SIMPSON = np.array([1.0, 4.0, 1.0]) / 6.0
-
-
 def transfer(
     slave: ContactSide, master: ContactSide, place: FloatArray, facing: BoolArray, d_place: sparse.csr_array
 ) -> tuple[sparse.csr_array, Callable[[FloatArray], sparse.csr_array]]:
-    """Matrix (m, c) from tractions at the slave's nodes, at places (c,) of the master with derivatives (c,
-    s), to those at the master's, and the derivative (2m, s) of what it makes of tractions (c, 2); only
-    intervals next to ``facing`` (c,) nodes count."""
-    curve, (first, second, step) = master.curve, _stretches(slave)
-    chosen = np.flatnonzero(facing[first] | facing[second])
-    first, second, step = first[chosen], second[chosen], step[chosen]
-    start = place[first]
-    end = start + wrapped(place[second] - start, curve.around)
-    stretch, low, high = _pieces(curve, start, end)
-    # The three points of Simpson's rule on every piece.
-    part = np.stack([low, 0.5 * (low + high), high], axis=1)
-    at = start[stretch, None] + part * (end - start)[stretch, None]
-    length = sparse.diags_array((((high - low) * step[stretch])[:, None] * SIMPSON).ravel())
-    columns = np.repeat(np.concatenate([first[stretch], second[stretch]]), 3)
-    share = np.concatenate([(1.0 - part).ravel(), part.ravel()])
-    entries = (share, (np.tile(np.arange(part.size), 2), columns))
-    on_slave = sparse.csr_array(entries, shape=(part.size, slave.count))
-    knots = curve.knots
-    if curve.around is not None:
-        at = knots[0] + np.mod(at - knots[0], curve.around)
-    under = np.repeat(curve.interval(at[:, 1]), 3)
-    at_points = at.ravel()
-    if curve.around is not None:
-        # Ends of a piece at the seam may have been wrapped to the other side.
-        middle = 0.5 * (knots[under] + knots[under + 1])
-        at_points = at_points + curve.around * np.round((middle - at_points) / curve.around)
-    on_master, rise = curve.hats(at_points, under)
-    spread = _spread(master)
+    """:attr:`Meeting.carried` and its derivative for a slave's nodes at places (c,) of the master with
+    derivatives (c, 2s); only intervals next to ``facing`` (c,) nodes count."""
+    ends = facing if slave.around is None else np.append(facing, facing[:1])
+    chosen = np.flatnonzero(ends[:-1] | ends[1:])
+    on_slave, on_master, rise, length = integration(slave.curve, place, master.curve, chosen)
+    # 2 - M / w for the inverse of M / w, as the mass matrix M has the lengths w as sums of its rows.
+    over, weight = sparse.diags_array(1.0 / master.weight), sparse.diags_array(length)
+    spread = (2.0 * sparse.eye_array(master.count) - over @ master.mass) @ over
+    onto = both_components(spread @ on_master.T @ weight @ on_slave)
 
     def moved(traction: FloatArray) -> sparse.csr_array:
-        onto = spread @ rise.T @ length
-        parts = [onto @ sparse.diags_array(on_slave @ one) @ on_slave @ d_place for one in traction.T]
-        both = sparse.vstack(parts, format="csr")
-        return sparse.csr_array(both[np.arange(2 * master.count).reshape(2, -1).T.ravel()])
+        along = by_component(sparse.csr_array(sparse.eye_array(len(length))), on_slave @ traction).T
+        rows = both_components(spread @ rise.T @ weight) @ along @ on_slave @ d_place
+        return sparse.csr_array(sparse.vstack([sparse.csr_array((2 * slave.count, rows.shape[1])), -rows]))
 
-    return sparse.csr_array(spread @ on_master.T @ length @ on_slave), moved
-
-
-def _spread(side: ContactSide) -> sparse.csr_array:
-    """Nodal tractions (m, m) of nodal forces, linear between nodes: the inverse of M to second order."""
-    first, second, step = _stretches(side)
-    ends = np.concatenate([first, second])
-    entries = (np.tile(step / 6.0, 2), (ends, np.concatenate([second, first])))
-    beside = sparse.csr_array(entries, shape=(side.count,) * 2)
-    over = sparse.diags_array(1.0 / side.weight)
-    # 2 - M / w, as M has the lengths w as sums of its rows.
-    onto = sparse.diags_array(1.0 + beside.sum(axis=1) / side.weight) - over @ beside
-    return sparse.csr_array(onto @ over)
-
-
-def _stretches(side: ContactSide) -> tuple[IntArray, IntArray, FloatArray]:
-    """First and second node and length of the intervals between neighbours."""
-    first = np.arange(side.count)
-    if side.around is None:
-        return first[:-1], first[1:], np.diff(side.arc)
-    return first, np.roll(first, -1), np.diff(np.append(side.arc, side.arc[0] + side.around))
-
-
-def _pieces(curve: NodeCurve, start: FloatArray, end: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Intervals split at knots: for every piece its interval, and the fractions of it at its ends."""
-    knots = curve.knots
-    if curve.around is not None:
-        knots = np.concatenate([curve.arc + turn * curve.around for turn in (-1.0, 0.0, 1.0, 2.0)])
-    first = np.searchsorted(knots, np.minimum(start, end), "right")
-    count = np.maximum(np.searchsorted(knots, np.maximum(start, end), "left") - first, 0)
-    every = np.arange(len(start))
-    number = np.repeat(every, count)
-    cut = knots[np.arange(len(number)) + (first - np.cumsum(count) + count)[number]]
-    inner = (cut - start[number]) / (end - start)[number]
-    part = np.concatenate([np.zeros(len(every)), inner, np.ones(len(every))])
-    owner = np.concatenate([every, number, every])
-    order = np.lexsort((part, owner))
-    part, owner = part[order], owner[order]
-    same = owner[1:] == owner[:-1]
-    return owner[1:][same], part[:-1][same], part[1:][same]
+    carried = sparse.vstack([sparse.eye_array(2 * slave.count), -onto], format="csr")
+    return sparse.csr_array(carried), moved

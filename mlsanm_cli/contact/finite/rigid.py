@@ -12,9 +12,10 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.finite.node_curve import on_polyline, wrapped
 from mlsanm_cli.contact.finite.pair import Meeting
-from mlsanm_cli.contact.finite.sides import ContactSide, by_component
+from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.geometry.facing import turned
 from mlsanm_cli.contact.geometry.obstacles import Chain, Round, Shape
+from mlsanm_cli.operators.stencil_weights import nodal_pairs
 from mlsanm_cli.records import dataclass
 
 DIFFERENCE_STEP = 1e-3
@@ -45,11 +46,6 @@ class RigidContact:
     def around(self) -> float | None:
         """Length of the obstacle's boundary if it is closed."""
         return 2.0 * np.pi * self.shape.radius if isinstance(self.shape, Round) else None
-
-    def start(self, factors: FloatArray) -> FloatArray:
-        """The obstacle's normals (c, 2) in the undeformed state."""
-        count = self.motion.shape[1] - len(factors)
-        return self.seen(self.slave.places, self.slave.outward, np.append(factors, np.zeros(count)))[1]
 
     def seen(
         self, places: FloatArray, outward: FloatArray, factors: FloatArray
@@ -86,26 +82,17 @@ class RigidContact:
         at, outward = self._drawn(self.slave.places + displacement, factors, turn), self.slave.outward @ turn
         partner, drawn = self.shape.closest(at, outward)
         gap, normal = ((at - partner) * drawn).sum(axis=1), drawn @ turn.T
-        tangent = turned(normal)
         count = self.slave.count
         bent, place, scale = self._along(at, outward)
         slip = np.zeros(count) if before is None else wrapped(place - before, self.around)
-        own = sparse.eye_array(count, format="csr")
-        none = sparse.csr_array((0, count))
-        along = by_component(own, tangent)
-        return Meeting(
-            np.ones(count, dtype=bool),
-            gap,
-            normal,
-            tangent,
-            place,
-            slip,
-            by_component(own, normal),
-            sparse.csr_array(sparse.diags_array(scale) @ along),
-            sparse.csr_array(sparse.diags_array(bent) @ along),
-            none,
-            lambda _: sparse.csr_array((0, 2 * count)),
+        every, none = np.arange(count), sparse.csr_array((2 * count, 2 * count))
+        across, slipping, turning = (
+            nodal_pairs(every, way, count)
+            for way in (normal, scale[:, None] * turned(normal), bent[:, None] * turned(normal))
         )
+        carried = sparse.csr_array(sparse.eye_array(2 * count, format="csr"))
+        rows = (across, slipping, turning, carried, lambda _: none)
+        return Meeting(np.ones(count, dtype=bool), gap, normal, place, slip, *rows)
 
     def _along(self, at: FloatArray, outward: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Rotation (c,) of the normal per motion of a node along the obstacle (1 over the distance from the

@@ -31,7 +31,7 @@ from mlsanm_cli.contact.response.drivers import Drivers, spans
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.mechanics.near_field import as_complex
 from mlsanm_cli.mechanics.scene import Scene
-from mlsanm_cli.memo import Memo, digest
+from mlsanm_cli.memo import Memo
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 
@@ -258,7 +258,7 @@ class Condensed:
                 side, count = (pairing.grid, model.kernel, slave), len(self.reported)
                 make = partial(NearFields.at, *side, as_complex(seen), count)
                 few = len(pressure) <= MAX_KEPT_UNKNOWNS
-                fields = self.kept.value(pairing.name, digest(slave, seen), make) if few else make()
+                fields = self.kept.value(pairing.name, (slave, seen), make) if few else make()
                 moved, stressed = fields(pressure[:, None], traction[:, None])
                 displacement, stress = displacement + sign * moved[:, :, 0], stress + sign * stressed[:, :, 0]
         return displacement, stress

@@ -21,7 +21,7 @@ from mlsanm_cli.contact.response.near_field_response import near_field_response
 from mlsanm_cli.contact.response.nodal import relative_rows
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.scene import Scene
-from mlsanm_cli.memo import NO_CACHE, Arrays, Memo, digest
+from mlsanm_cli.memo import NO_CACHE, Arrays, Memo
 from mlsanm_cli.operators.stencil_weights import nodal_rows
 from mlsanm_cli.records import dataclass
 
@@ -56,7 +56,7 @@ class BodyResponses:
             observed += near_field_response(scene, drivers, places, len(observed))
             return cls(scene, drivers, places, sources, observed, solutions)
 
-        return memo.value("responses", digest(scene, without_coefficients(pairings)), made)
+        return memo.value("responses", (scene, without_coefficients(pairings)), made)
 
     def widened(self, loads: int) -> BodyResponses:
         """The responses with all functionals as further drivers after the ``loads``."""
@@ -203,4 +203,4 @@ def _solved(
         solution = body.system.solve(sources)
         return {"observed": np.asarray(rows @ solution), "solution": solution}
 
-    return memo.value("answers", digest(body.equations.content, sources, rows, quick), solve)
+    return memo.value("answers", (body.equations.content, sources, rows, quick), solve)
