@@ -68,7 +68,9 @@ def run(
             return carry_out(analysis, out, loaded, attributes(loaded, argv, threads))
 
 
-def analysis_of(loaded: LoadedCase, context: RunContext, refinement: Refinement | None = None) -> Analysis:
+def analysis_of(
+    loaded: LoadedCase, context: RunContext, refinement: Refinement | None = None
+) -> Analysis[Any]:
     """The analysis of a case, on refined clouds if given. Raises CaseError if it cannot be run."""
     case, zones = loaded.case, refinement.zones if refinement is not None else ()
     prepared = build_scene(loaded, context, zones)
@@ -83,7 +85,7 @@ def analysis_of(loaded: LoadedCase, context: RunContext, refinement: Refinement 
 
 
 def carry_out(
-    analysis: Analysis,
+    analysis: Analysis[Any],
     directory: Path,
     loaded: LoadedCase,
     provenance: Mapping[str, Attribute],
@@ -118,7 +120,7 @@ def carry_out(
         raise Interrupted(str(stop), f"continue with: {again}") from stop
 
 
-def follow(analysis: Analysis, recorder: Recorder) -> Ending:
+def follow(analysis: Analysis[Any], recorder: Recorder) -> Ending:
     """Follows the path of a scene; states are checked and recorded. Raises NumericalError for a bad one."""
     context = analysis.context
     analysis.set_up(recorder.verdicts)

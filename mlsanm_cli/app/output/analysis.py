@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from copy import copy
+from dataclasses import replace
+from typing import Any, Generic, NamedTuple, Self, TypeVar
 
 import numpy as np
 
@@ -24,10 +26,12 @@ from mlsanm_cli.io.schema import INTERFACE_COLUMNS
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.solve.state import Checkpoint, Fields, PathStep, State
-from mlsanm_cli.solve.stop_events import Follow, StoppedPath, measured
+from mlsanm_cli.solve.stop_events import StoppedPath, measured
 
 BodyFields = Mapping[str, Fields]
 """Fields of a state by body."""
+Built = TypeVar("Built")
+"""The assembled scene, at small or at finite strain."""
 
 
 class Ending(NamedTuple):
@@ -41,7 +45,7 @@ class Ending(NamedTuple):
     stopped_by: str = ""
 
 
-class Analysis(ABC):
+class Analysis(ABC, Generic[Built]):
     """The scene of a ``case`` on the clouds ``prepared``, those of a ``known`` refinement if there is one,
     its path, and the results of its states.
 
@@ -54,7 +58,20 @@ class Analysis(ABC):
     ) -> None:
         self.case, self.prepared, self.context, self.known = case, prepared, context, known
         self.quality = Quality(case, prepared, {}, {})
+        self._built: Built | None = None
         self._reached: Stop | None = None
+
+    @property
+    def built(self) -> Built:
+        """The scene assembled by `set_up`."""
+        assert self._built is not None
+        return self._built
+
+    def with_case(self, case: Case) -> Self:
+        """The same scene for a ``case`` that differs in the method only."""
+        other, built = copy(self), self.built
+        other.case, other._built = case, replace(built, case=case)  # type: ignore[type-var]
+        return other
 
     @property
     def models(self) -> Mapping[str, BodyModel]:
@@ -82,18 +99,25 @@ class Analysis(ABC):
     def steps(self, start: Checkpoint | None, last: State | None, verdicts: Verdicts) -> Iterator[PathStep]:
         """The path, or its part after a checkpoint, whose row was ``last``. Raises NumericalError."""
 
-    def checks(self, state: State) -> Iterator[Check]:
-        yield from ()
+    @abstractmethod
+    def path(self, start: Checkpoint | None = None, at: tuple[float, ...] = ()) -> Iterator[PathStep]:
+        """The path of all stages, or its part after a checkpoint, with saved states also ``at`` further
+        positions."""
+
+    @abstractmethod
+    def checks(self, state: State) -> Iterator[Check]: ...
+
+    @abstractmethod
+    def displacement(self, state: State) -> FloatArray:
+        """Displacements (N, 2) of the nodes of all bodies."""
 
     @abstractmethod
     def forces(self, state: State) -> Mapping[str, FloatArray]:
         """Forces (2,) of loads, supports and contacts in a state by name."""
 
-    def stopped(
-        self, follow: Follow, start: Checkpoint | None, last: State | None, tolerance: float
-    ) -> Iterator[PathStep]:
-        """The path that ``follow`` returns, up to a ``[[stop]]`` of the case reached within a ``tolerance``.
-        Raises RunError for a stop by an unknown force."""
+    def stopped(self, start: Checkpoint | None, last: State | None, tolerance: float) -> Iterator[PathStep]:
+        """The path up to a ``[[stop]]`` of the case, reached within a ``tolerance``. Raises RunError for a
+        stop by an unknown force."""
 
         def value(stop: Stop, state: State) -> float:
             forces = self.forces(state)
@@ -103,7 +127,7 @@ class Analysis(ABC):
             weights = {name: nodes.weight for name, nodes in self.contacts.items()}
             return measured(stop, self.quantities(state), forces, weights)
 
-        path = StoppedPath(self.case.stop, follow, value, last, tolerance)
+        path = StoppedPath(self.case.stop, self.path, value, last, tolerance)
         yield from path.steps(start)
         self._reached = path.reached
 

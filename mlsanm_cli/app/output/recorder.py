@@ -90,7 +90,7 @@ class Recorder(Closing):
         self._events.write_once("warning", check=check.name, message=check.text)
         self._console.warning(f"{check.text} [{check.name}]")
 
-    def start(self, analysis: Analysis) -> Checkpoint | None:
+    def start(self, analysis: Analysis[Any]) -> Checkpoint | None:
         """Stores the model; returns the checkpoint from which the path continues, None for a new path."""
         with self._clock.phase("output"):
             self._file.confirm(analysis.model_datasets())
@@ -111,7 +111,7 @@ class Recorder(Closing):
                 self._states.keep(position, tuple(analysis.clouds))
             return before.checkpoint
 
-    def step(self, analysis: Analysis, step: PathStep) -> None:
+    def step(self, analysis: Analysis[Any], step: PathStep) -> None:
         """Adds a finished step: its rows, its series, the fields saved within it, and the checkpoint. All of
         it is written together, some time later."""
         state = step.state
@@ -165,7 +165,7 @@ class Recorder(Closing):
         self._console.step(self.tally["steps"], state.position, state.residual, "  ".join(texts).rstrip())
 
     def _save(
-        self, analysis: Analysis, state: State, fields: BodyFields, figures: Mapping[str, float]
+        self, analysis: Analysis[Any], state: State, fields: BodyFields, figures: Mapping[str, float]
     ) -> None:
         """Checks a saved state and writes its VTU files. Raises NumericalError if it is not admissible."""
         self.checked = state
@@ -178,7 +178,7 @@ class Recorder(Closing):
             self._states.write(state.position, parts, *analysis.lines(state, fields))
         self._saved += 1
 
-    def _count(self, analysis: Analysis, step: PathStep) -> None:
+    def _count(self, analysis: Analysis[Any], step: PathStep) -> None:
         tally = self.tally
         counts = {
             name: tally[name] + getattr(step, name) for name in ("iterations", "factorizations", "solves")
@@ -206,7 +206,7 @@ class Recorder(Closing):
         passed = self._clock.wall_seconds
         return [f"{stage}{100.0 * position / stages:.0f} %", f"{passed:.0f} s, {left:.0f} s left"]
 
-    def failure(self, analysis: Analysis, error: NumericalError) -> None:
+    def failure(self, analysis: Analysis[Any], error: NumericalError) -> None:
         """Records a failure, and writes failure.vtu: the state that was checked last, or the last good one if
         the path ended there or the other is not finite; the model if there is no state."""
         state = self.checked if self.checked is not None and self.checked.is_finite else self.last
@@ -216,7 +216,7 @@ class Recorder(Closing):
             write_parts(self.directory / run_dir.FAILURE_FILE, "body", parts)
             self._events.write("failure", reason=error.message, hint=error.hint, **self.failed_at)
 
-    def finish(self, analysis: Analysis, summary: Mapping[str, Any]) -> None:
+    def finish(self, analysis: Analysis[Any], summary: Mapping[str, Any]) -> None:
         """Writes the tables of the path and of all contacts, and the status; summary.json is written last, so
         that its presence means that the run is over."""
         if self.last is not None:
@@ -235,7 +235,7 @@ class Recorder(Closing):
             self._events.close()
 
 
-def summarise(analysis: Analysis, ending: Ending, recorder: Recorder) -> dict[str, Any]:
+def summarise(analysis: Analysis[Any], ending: Ending, recorder: Recorder) -> dict[str, Any]:
     """The content of summary.json, as far as known when the run ended."""
     state, tally, context = recorder.last, recorder.tally, analysis.context
     summary: dict[str, Any] = {
