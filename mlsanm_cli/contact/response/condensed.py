@@ -32,6 +32,7 @@ from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.mechanics.near_field import as_complex
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import Memo
+from mlsanm_cli.operators.system import residual_of
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 
@@ -276,17 +277,16 @@ class Condensed:
         return pressure, tractions[self.tangential[pairing.name]]
 
     def checked_displacements(
-        self, scene: Scene, body: str, states: Sequence[Sequence[FloatArray]], start: FloatArray | None = None
+        self, scene: Scene, body: str, states: Sequence[Sequence[FloatArray]]
     ) -> tuple[list[FloatArray], FloatArray]:
         """Elastic displacements in several states, and the relative change (c,) of each by one more
-        refinement. All are solved at once, from a ``start`` (2N, 1) if a nearby solution is known."""
+        refinement. All are solved at once."""
         system, patterns = scene.bodies[body].system, scene.floating_patterns(body)
         stacked = [self.source(body, *state) for state in states]
         sources = sparse.csc_array(sparse.hstack(stacked, format="csc"))
         if body in self.solutions:
             solution = np.hstack([self.solution(scene, body, state)[0] for state in states])
-            worth = system.residual(sources, solution)
         else:
-            solution, worth = system.solve_with_error(sources, start)
-        moved = [patterns @ state[1] for state in states]
+            solution = system.solve(sources)
+        moved, worth = [patterns @ state[1] for state in states], residual_of(system, sources, solution)
         return [(solution[:, k] + one).reshape(-1, 2) for k, one in enumerate(moved)], worth

@@ -80,7 +80,7 @@ class Eigenstresses:
             flat, system = stress.T.ravel(), self.scene.bodies[name].system
             source = self.loads[name] @ flat + more.get(name, 0.0)
             column = sparse.csc_array(source[:, None])
-            moved = (system.solve_unrefined(column) if quick else system.solve(column))[:, 0]
+            moved = (system.correction(column) if quick else system.solve(column))[:, 0]
             inner[name] = source, moved
             seen = seen + self.rows[name] @ moved - self.own[name] @ flat
         return inner, seen
