@@ -72,12 +72,10 @@ class Defect:
 
 @dataclass(frozen=True)
 class Corrected:
-    """``displacement`` (N, 2) of a body, its elastic ``solution`` (2N, 1), its ``defect`` and the resulting
-    ``change`` (2N,). ``rough`` is the relative error of solutions by the factor alone, ``uncertain`` (2N,)
-    what the change may miss."""
+    """``displacement`` (N, 2) of a body, its ``defect`` and the resulting ``change`` (2N,). ``rough`` is the
+    relative error of solutions by the factor alone, ``uncertain`` (2N,) what the change may miss."""
 
     displacement: FloatArray
-    solution: FloatArray
     defect: Defect
     change: FloatArray
     rough: float
@@ -93,7 +91,7 @@ class Corrected:
         """Displacements (2N, c) of the body for ``sources`` (r, c), to CORRECTION_TOLERANCE or better."""
         if self.rough > CORRECTION_TOLERANCE:
             return body.system.solve(sources, FUNCTIONAL_TOLERANCE)
-        return body.system.solve_unrefined(sources)
+        return body.system.correction(sources)
 
 
 def correct(
@@ -111,14 +109,15 @@ def correct(
     unrefined solutions. Raises NumericalError as :func:`defect_of`.
     """
     better = memo.value("next degree", body.model.content, partial(NextDegree, body.model))
-    solution = body.system.solve_unrefined(source)
+    solution = body.system.correction(source)
     size = float(np.linalg.norm(solution))
     before, rough = np.inf, 0.0
     part = 0.0 if body.model.material.nearly_incompressible else ALGEBRAIC_FRACTION
     for _ in range(MAX_UPDATES):
         defect = defect_of(body, (solution[:, 0] + moved).reshape(-1, 2), better, plates)
         beyond = sparse.csc_array(defect.source[:, None])
-        step, change = body.system.step(source, solution, beyond).T
+        both, from_both = sparse.hstack([source, beyond], format="csc"), np.hstack([solution, 0.0 * solution])
+        step, change = body.system.correction(sparse.csc_array(both), from_both).T
         solution = solution + step[:, None]
         length = float(np.linalg.norm(step))
         rough = max(rough, length / size if size > 0.0 else 0.0)
@@ -131,7 +130,7 @@ def correct(
     if rough > CORRECTION_TOLERANCE:
         change = body.system.solve(beyond, FUNCTIONAL_TOLERANCE)[:, 0]
     displacement, uncertain = (solution[:, 0] + moved).reshape(-1, 2), np.zeros_like(change)
-    found = Corrected(displacement, solution, defect, change, rough, uncertain)
+    found = Corrected(displacement, defect, change, rough, uncertain)
     if not defect.singular.any():
         return found
     alone = found.response(body, sparse.csc_array(defect.singular[:, None]))[:, 0]

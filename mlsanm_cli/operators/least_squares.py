@@ -44,10 +44,8 @@ from mlsanm_cli.operators.system import (
     FUNCTIONAL_TOLERANCE,
     MAX_UPDATES,
     TINY,
-    VERIFIED_TOLERANCE,
     LinearSystem,
     Progress,
-    relative,
 )
 from mlsanm_cli.records import dataclass
 
@@ -89,32 +87,14 @@ class LeastSquares(LinearSystem):
         solution = self._refined(np.zeros((self.rows.shape[1], 1)), scaled, tolerance)[0]
         return self.conditions.met(solution, self._sums(scaled))
 
-    def solve_with_error(
-        self, sources: sparse.csc_array, start: FloatArray | None = None
-    ) -> tuple[FloatArray, FloatArray]:
-        force, misfit = np.zeros((self.rows.shape[1], 1)), self.scaled(sources)
-        wanted = self._sums(misfit)
-        if start is None:
-            solution = self.inverse_normal(self._gather(misfit))
-            misfit = misfit - self._apply(solution)
-            sizes = np.linalg.norm(solution, axis=0)
-        else:
-            image = self._apply(start)
-            part = image.T @ misfit / max(float((image**2).sum()), TINY)
-            solution, misfit = start @ part, misfit - image @ part
-            sizes = np.full(sources.shape[1], np.inf)
-        progress = Progress.of(sizes, FULL_TOLERANCE, VERIFIED_TOLERANCE)
-        solution, _, progress = self._further(force, misfit, solution, progress)
-        return self.conditions.met(solution, wanted), relative(progress.last, solution)
-
-    def solve_unrefined(self, sources: sparse.csc_array) -> FloatArray:
+    def correction(self, sources: sparse.csc_array, solutions: FloatArray | None = None) -> FloatArray:
         scaled = self.scaled(sources)
-        return self._solve_once(scaled, self._sums(scaled))
-
-    def step(self, source: sparse.csc_array, solution: FloatArray, more: sparse.csc_array) -> FloatArray:
-        one, other = self.scaled(source), self.scaled(more)
-        wanted = [self._sums(one) - self.conditions.rows @ solution, self._sums(other)]
-        return self._solve_once(np.hstack([one - self._apply(solution), other]), np.hstack(wanted))
+        wanted = self._sums(scaled)
+        if solutions is not None:
+            scaled, wanted = scaled - self._apply(solutions), wanted - self.conditions.rows @ solutions
+        # The response to the conditions by the factor alone as well: its error in the bending of long thin
+        # bodies then affects both alike.
+        return self._unrefined_conditions.met(self.inverse_normal(self._gather(scaled)), wanted)
 
     def functionals(
         self, observed: sparse.csr_array, sources: sparse.csc_array, mixture: FloatArray | None = None
@@ -152,13 +132,7 @@ class LeastSquares(LinearSystem):
         """Solutions (n, c) of N x = ``force`` + A^T ``misfit`` (e + g, c), A all rows, and the remaining
         misfit. ``force`` (n, c) or (n, 1) is zero for solutions of the least-squares problem."""
         solution = self.inverse_normal(force + self._gather(misfit))
-        progress = Progress.of(np.linalg.norm(solution, axis=0), tolerance)
-        return self._further(force, misfit - self._apply(solution), solution, progress)[:2]
-
-    def _further(
-        self, force: FloatArray, misfit: FloatArray, solution: FloatArray, progress: Progress
-    ) -> tuple[FloatArray, FloatArray, Progress]:
-        """The ``solution`` (n, c) with remaining ``misfit``, refined until there is no more progress."""
+        progress, misfit = Progress.of(solution, tolerance), misfit - self._apply(solution)
         before: deque[tuple[FloatArray, FloatArray, FloatArray]] = deque(maxlen=DIRECTIONS)
         for _ in range(MAX_UPDATES):
             gradient = force + self._gather(misfit)
@@ -177,24 +151,11 @@ class LeastSquares(LinearSystem):
             progress = progress.after(length * step, solution)
             if progress.done.all():
                 break
-        return solution, misfit, progress
-
-    def residual(self, sources: sparse.csc_array, solutions: FloatArray) -> FloatArray:
-        """Relative change (c,) of the ``solutions`` (n, c) by one more corrected semi-normal step."""
-        scaled = self.scaled(sources)
-        wanted = self._sums(scaled) - self.conditions.rows @ solutions
-        update = self._solve_once(scaled - self._apply(solutions), wanted)
-        return relative(np.linalg.norm(update, axis=0), solutions)
-
-    def _solve_once(self, misfit: FloatArray, wanted: FloatArray) -> FloatArray:
-        """Solutions (n, c) by the factor alone for a ``misfit`` (e + g, c) and conditions ``wanted`` (s,
-        c)."""
-        return self._unrefined_conditions.met(self.inverse_normal(self._gather(misfit)), wanted)
+        return solution, misfit
 
     @cached_property
     def _unrefined_conditions(self) -> Conditions:
-        """The conditions with the response by the factor alone: its error in the bending of long thin bodies
-        then affects both alike."""
+        """The conditions with the response by the factor alone."""
         rows = self.conditions.rows
         if not rows.shape[0]:
             return self.conditions

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -17,23 +17,24 @@ from mlsanm_cli.mechanics.laws.von_mises import ZZ, VonMises, plastic_stress
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.rigid import ROTATION
 from mlsanm_cli.mechanics.scene import RigidConstraint, RigidMotion
+from mlsanm_cli.operators.system import residual_of
 from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.state import NOTHING, Fields, State
+from mlsanm_cli.solve.state import Fields, State
 
 MAX_STATES = 4
 """States solved for together: twice the work of one; more would only take more memory."""
 
 
 def fields_of(
-    built: CondensedScene, states: Sequence[State], stress: bool, starts: Mapping[str, FloatArray] = NOTHING
+    built: CondensedScene, states: Sequence[State], stress: bool
 ) -> list[tuple[dict[str, Fields], float]]:
     """Fields of all bodies in each state, stresses only if requested, and the largest relative error of the
-    linear solutions. States are solved together. ``starts`` are approximate solutions (2N, 1) by body."""
+    linear solutions. States are solved together."""
     found: list[tuple[dict[str, Fields], float]] = []
     for first in range(0, len(states), MAX_STATES):
         some = states[first : first + MAX_STATES]
-        bodies = {name: _displacements(built, name, some, starts.get(name)) for name in built.scene.bodies}
+        bodies = {name: _displacements(built, name, some) for name in built.scene.bodies}
         for number, state in enumerate(some):
             fields = dict[str, Fields]()
             for name, (displacements, _) in bodies.items():
@@ -99,17 +100,17 @@ def named_fields(
 
 
 def _displacements(
-    built: CondensedScene, name: str, states: Sequence[State], start: FloatArray | None
+    built: CondensedScene, name: str, states: Sequence[State]
 ) -> tuple[list[FloatArray], FloatArray]:
     """Displacements (n, 2) of a body in each state, and the relative change (c,) by iterative
     refinement."""
     condensed = built.condensed
     if not len(states[0].displacement):
         unknowns = [state.unknowns for state in states]
-        return condensed.checked_displacements(built.scene, name, unknowns, start)
+        return condensed.checked_displacements(built.scene, name, unknowns)
     solution = np.stack([state.displacement[built.scene.places[name]] for state in states], axis=1)
     sources = sparse.hstack([condensed.source(name, *state.unknowns) for state in states], format="csc")
-    residual = built.scene.bodies[name].system.residual(sparse.csc_array(sources), solution)
+    residual = residual_of(built.scene.bodies[name].system, sparse.csc_array(sources), solution)
     return [one.reshape(-1, 2) for one in solution.T], residual
 
 

@@ -24,6 +24,7 @@ from mlsanm_cli.mechanics.pieces import Pieces, values_of
 from mlsanm_cli.mechanics.rigid import FreeSystem
 from mlsanm_cli.mechanics.springs import Springs
 from mlsanm_cli.operators.neighbors import MlsSettings
+from mlsanm_cli.operators.system import residual_of
 from tests.mechanics.bodies import (
     STEEL,
     boundary_values,
@@ -185,7 +186,7 @@ def test_a_long_thin_arch_is_solved_and_not_told_to_be_solved_badly() -> None:
     push = np.tile([0.0, 1e-9], (len(cloud.surfaces["end"].index), 1))
     source = body.source("end", push, held=False)
     found = solved(body, source)
-    assert body.system.residual(sparse.csc_array(source[:, None]), found.reshape(-1, 1)) <= 1e-6
+    assert residual_of(body.system, sparse.csc_array(source[:, None]), found.reshape(-1, 1)) <= 1e-6
     # Bent by the moments F R (cos phi - cos angle) of a force F along y at its end.
     moved = found[cloud.surfaces["end"].index, 1].mean()
     c, s = np.cos(angle), np.sin(angle)

@@ -74,11 +74,6 @@ class SmallStrain(Analysis[CondensedScene]):
             self._last = state, self.built.at(state)
         return self._last[1]
 
-    @property
-    def _starts(self) -> Mapping[str, Any]:
-        """Approximate solutions by body, from the error estimate."""
-        return {name: body.solution for name, body in self._accuracy.bodies.items()}
-
     def set_up(self, verdicts: Verdicts) -> None:
         self.quality = announce(self.case, self.prepared, self.context, verdicts)
         adapted = set_up(self.case, self.prepared, self.context, verdicts, self.known)
@@ -131,14 +126,14 @@ class SmallStrain(Analysis[CondensedScene]):
         built, context = self._at(last), self.context
         if "linear_residual" not in tally:
             with context.phase("output"):
-                unsaved, tally["linear_residual"] = fields_of(built, [last], False, self._starts)[0]
+                unsaved, tally["linear_residual"] = fields_of(built, [last], False)[0]
             # At the nodes, as no state was saved.
             yield from overlaps(built, last, self.nodes, displacements(unsaved))
         with context.phase("output"):
             if self._stressed is not None and self._stressed[0] is last:
                 fields = self._stressed[1]
             else:
-                fields = fields_of(built, [last], stress=True, starts=self._starts)[0][0]
+                fields = fields_of(built, [last], stress=True)[0][0]
             self._energies = energy_error(built, last, fields)
             self._peaks = boundary_peaks(built, last, fields)
         figures = tally["linear_residual"], self._energies, self._peaks
@@ -218,9 +213,7 @@ class SmallStrain(Analysis[CondensedScene]):
     def fields(self, states: Sequence[State]) -> Iterator[tuple[BodyFields, Mapping[str, float]]]:
         stress = bool(WITH_STRESS & set(self.fields_written))
         alike = [states] if not self.built.laws else [[state] for state in states]
-        known = [
-            one for few in alike if few for one in fields_of(self._at(few[0]), few, stress, self._starts)
-        ]
+        known = [one for few in alike if few for one in fields_of(self._at(few[0]), few, stress)]
         for state, (fields, residual) in zip(states, known, strict=True):
             if stress:
                 self._stressed = state, fields
