@@ -74,13 +74,12 @@ class State:
         values = c.pressure, c.gap, c.motion, c.status.status(nodes), residual, c.traction, c.slip, c.work
         return cls(position, c.factors, *values, solver=solver)
 
-    def contacts(self, nodes: IntArray, history: Mapping[str, Any] = NOTHING) -> ContactState:
-        """The contacts with friction at ``nodes`` (n,), and their ``history`` in a checkpoint if known."""
+    def contacts(self, nodes: IntArray) -> ContactState:
+        """The contacts with friction at ``nodes`` (n,)."""
         stuck = self.status[nodes] == STICK
         status = ContactStatus.with_tractions(self.closed, stuck, self.traction, nodes)
-        status = ContactStatus(**history["sets"]) if history else status
         values = self.pressure, self.traction, self.motion, self.gap, self.slip, status, self.factors
-        return ContactState(*values, history.get("stick_reference", self.slip), self.work)
+        return ContactState(*values, self.slip, self.work)
 
     @property
     def closed(self) -> BoolArray:
@@ -141,11 +140,6 @@ class Checkpoint:
     def fraction(self) -> float:
         """Part of the current stage."""
         return self.position - self.stage
-
-
-def friction_history(contacts: ContactState) -> dict[str, Any]:
-    """The history of friction: the stick and slip sets and the slips (n,) of sticking nodes."""
-    return {"sets": vars(contacts.status), "stick_reference": contacts.reference}
 
 
 @dataclass(frozen=True, eq=False)

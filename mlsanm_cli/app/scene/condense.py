@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from functools import partial
 
 import numpy as np
@@ -24,7 +23,6 @@ from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.solve.coercivity import check_candidates_coercivity, check_coercivity
 from mlsanm_cli.solve.condensed_scene import CondensedScene, stage_factors
 from mlsanm_cli.solve.contact_grids import find_grids
-from mlsanm_cli.solve.plastic_path import touching_states
 from mlsanm_cli.solve.stage_ends import contact_states, reach_error
 
 REACH_GROWTH = 1.5
@@ -54,19 +52,14 @@ def condense_scene(
 def _condensed_scene(
     case: Case, prepared: SceneModel, context: RunContext, before: Scene | None
 ) -> CondensedScene:
-    @contextmanager
-    def factorising() -> Iterator[None]:
-        with context.phase("factorization", "factorising"):
-            yield
-
+    factorising = partial(context.phase, "factorization", "factorising")
     with context.phase("operators"):
         bodies = before.bodies if before is not None else NOTHING
         scene = assemble_bodies(case, prepared, case.solver.linear, factorising, context.memo, bodies)
     stages, laws = stage_factors(case), flow_laws(case)
     if prepared.ranges:
         with context.phase("condensation", "refining contact grids"):
-            path = partial(touching_states, case, scene, stages, laws) if laws else None
-            found = find_grids(case, scene, prepared.pairings, prepared.ranges, stages, context.memo, path)
+            found = find_grids(case, scene, prepared.pairings, prepared.ranges, stages, context.memo, laws)
         if found is None:
             # Contact grids that do not converge are replaced by nodal pressures.
             placed = {name: model.cloud for name, model in prepared.models.items()}
