@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from functools import partial
 
 import numpy as np
 
@@ -52,11 +52,7 @@ def condense_scene(
 def _condensed_scene(
     case: Case, prepared: SceneModel, context: RunContext, before: Scene | None
 ) -> CondensedScene:
-    @contextmanager
-    def factorising() -> Iterator[None]:
-        with context.phase("factorization", "factorising"):
-            yield
-
+    factorising = partial(context.phase, "factorization", "factorising")
     with context.phase("operators"):
         bodies = before.bodies if before is not None else NOTHING
         scene = assemble_bodies(case, prepared, case.solver.linear, factorising, context.memo, bodies)
