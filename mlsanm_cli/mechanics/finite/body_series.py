@@ -97,10 +97,7 @@ class BodySeries:
             self.place[0] += np.concatenate([one.places.reshape(-1, 2) for one in body.points]).T
             self.middle[0] += body.elastic.pieces.middle.T
             self._loaded_gradient[0, [0, 3]] += 1.0
-        self._forces(order)
-
-    def _forces(self, order: int) -> None:
-        """Forces at all points, in the components that count."""
+        # Forces at all points, in the components that count.
         applied, end = self.body.applied, self._held.stop
         stress, normal = self._faces.stress[:, order, 0], self._normals[:end].T
         self.force[order, 0, :end] = stress[0] * normal[0] + stress[1] * normal[1]
@@ -161,26 +158,20 @@ class BodySeries:
         if elastic.springs:
             left[:last] += body.pulls @ self.displacement[order]
         left[last - len(elastic.held_nodes) : last] += body.single @ self.displacement[order]
-        left[last:] = self._pieces(order)
-        return np.asarray(left)
-
-    def _pieces(self, order: int) -> FloatArray:
-        """Force x, y and moment imbalance (3k,) of the pieces."""
-        count, (point, owner, sign) = self.body.count, self.body.on_pieces
+        # Force x, y and moment imbalance of the pieces.
+        count, (point, owner, sign) = body.count, body.on_pieces
         force = sign * self.force[: order + 1][:, :, point]
         arm = self.place[: order + 1][:, :, point] - self.middle[: order + 1][:, :, owner]
         back = force[::-1]
         moment = np.einsum("km,km->m", arm[:, 0], back[:, 1]) - np.einsum("km,km->m", arm[:, 1], back[:, 0])
-        x, y, turn = (np.bincount(owner, one, count) for one in (*force[order], moment))
-        imbalance = np.concatenate([x, y, turn / self.body.elastic.pieces.size])
-        imbalance -= self.body.of_force @ self.factors[order]
-        for number, turning in self.body.turning.items():
+        x, y, moments = (np.bincount(owner, one, count) for one in (*force[order], moment))
+        left[last:] = np.concatenate([x, y, moments / elastic.pieces.size])
+        left[last:] -= body.of_force @ self.factors[order]
+        for number, turning in body.turning.items():
             for low in range(order + 1):
-                if self.factors[low, number]:
-                    imbalance[2 * count :] -= self.factors[low, number] * (
-                        turning @ self.displacement[order - low]
-                    )
-        return imbalance
+                moved = turning @ self.displacement[order - low]
+                left[last + 2 * count :] -= self.factors[low, number] * moved
+        return np.asarray(left)
 
     def outline_forces(self) -> tuple[FloatArray, FloatArray]:
         """Forces (2, g), at order 0, at the points of held sides and of those with prescribed tractions."""
