@@ -19,7 +19,6 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.complementarity.problem import OPEN, STICK, ContactStatus
 from mlsanm_cli.contact.finite.exact import ExactContact, FiniteContactState, undeformed
 from mlsanm_cli.contact.finite.pair import RigidContact
-from mlsanm_cli.contact.finite.side_response import beyond_clouds
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.body import far_from, most_stretched
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
@@ -115,7 +114,9 @@ class _Path:
         self.bifurcations: tuple[Bifurcation, ...] = ()
         self._earlier: list[FiniteContactState] = []
         self.error, self._largest = 0.0, 0.0
-        self._missing = beyond_clouds(scene.compliances, contacts.sides)
+        self._missing = np.zeros((contacts.size, contacts.size))
+        for compliance, (side, here) in zip(scene.compliances, contacts.sides, strict=True):
+            self._missing[here, here] = compliance.beyond_cloud(side)
         self.spent, self._iterations, self._solves = len(scene.bodies), 0, 0
 
     def take_up(self, checkpoint: Checkpoint) -> None:
