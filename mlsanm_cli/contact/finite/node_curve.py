@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sparse
@@ -108,42 +109,26 @@ class NodeCurve:
 
     def rows(self, place: FloatArray) -> tuple[sparse.csr_array, sparse.csr_array, sparse.csr_array]:
         """Rows (c, m) of value, first and second derivative at ``place`` (c,)."""
-        low, step, values = self._shapes(place)
-        number, count = np.arange(len(place)), len(self.arc)
-        columns = np.concatenate([low, (low + 1) % count])
-        found = []
-        shape, (behind, ahead) = (len(place), count), self.slopes
-        for order, (one, slope, other, other_slope) in enumerate(values):
-            scale = step**-order
-            at = (np.tile(number, 2), columns)
-            direct = sparse.csr_array((np.concatenate([one, other]) * np.tile(scale, 2), at), shape=shape)
-            low_rows, high_rows = (
-                sparse.csr_array((part * scale * step, (number, nodes)), shape=shape)
-                for part, nodes in zip((slope, other_slope), np.split(columns, 2), strict=True)
-            )
-            found.append(sparse.csr_array(direct + low_rows @ ahead + high_rows @ behind))
-        return found[0], found[1], found[2]
+        nodes = sparse.csr_array(sparse.eye_array(len(self.arc), format="csr"))
+        value, slope, bend = (sparse.csr_array(one) for one in self._seen(place, nodes, self.slopes))
+        return value, slope, bend
 
-    def _shapes(self, place: FloatArray) -> tuple[IntArray, FloatArray, tuple[tuple[FloatArray, ...], ...]]:
-        """Lower knots, lengths, and by order Hermite coefficients of both nodes and their slopes in turn."""
+    def _seen(self, place: FloatArray, nodes: Any, slopes: tuple[Any, Any]) -> list[Any]:
+        """Value and derivatives (c, k) at places (c,), for ``nodes`` and left and right ``slopes`` (m, k)."""
         low = self.interval(place)
         step = self.knots[low + 1] - self.knots[low]
         t = (place - self.knots[low]) / step
+        # Hermite polynomials of both nodes and their slopes in turn, by order of the derivative.
         values = (1 - 3 * t**2 + 2 * t**3, t - 2 * t**2 + t**3, 3 * t**2 - 2 * t**3, t**3 - t**2)
-        slopes = (6 * t**2 - 6 * t, 1 - 4 * t + 3 * t**2, 6 * t - 6 * t**2, 3 * t**2 - 2 * t)
-        return low, step, (values, slopes, (12 * t - 6, 6 * t - 4, 6 - 12 * t, 6 * t - 2))
-
-    def _seen(
-        self, place: FloatArray, nodes: FloatArray, slopes: tuple[FloatArray, FloatArray]
-    ) -> list[FloatArray]:
-        """Value and derivatives (c, 2) at places (c,), for ``nodes`` and left and right ``slopes`` (m, 2)."""
-        low, step, values = self._shapes(place)
+        rises = (6 * t**2 - 6 * t, 1 - 4 * t + 3 * t**2, 6 * t - 6 * t**2, 3 * t**2 - 2 * t)
+        bends = (12 * t - 6, 6 * t - 4, 6 - 12 * t, 6 * t - 2)
         high, (behind, ahead) = (low + 1) % len(self.arc), slopes
-        ends = nodes[low], step[:, None] * ahead[low], nodes[high], step[:, None] * behind[high]
-        return [
-            sum(part[:, None] * end for part, end in zip(parts, ends, strict=True)) / step[:, None] ** order
-            for order, parts in enumerate(values)
+        ends = nodes[low], ahead[low] * step[:, None], nodes[high], behind[high] * step[:, None]
+        each = [
+            [end * (part / step**order)[:, None] for part, end in zip(parts, ends, strict=True)]
+            for order, parts in enumerate((values, rises, bends))
         ]
+        return [sum(one[1:], one[0]) for one in each]
 
     def closest(
         self, nodes: FloatArray, points: FloatArray, beyond: FloatArray
