@@ -93,20 +93,6 @@ class NodeCurve:
         found = np.searchsorted(self.knots, place, side="right") - 1
         return np.asarray(np.clip(found, 0, len(self.knots) - 2))
 
-    def hats(self, place: FloatArray, low: IntArray) -> tuple[sparse.csr_array, sparse.csr_array]:
-        """Hat functions of the nodes (e, m) at ``place`` (e,) above the knots ``low`` (e,), and their
-        derivatives. Beyond the ends the last node receives everything."""
-        step, count = self.knots[low + 1] - self.knots[low], len(self.arc)
-        whole = (place - self.knots[low]) / step
-        part = np.clip(whole, 0.0, 1.0)
-        rise = (np.abs(whole - part) <= ROUND_OFF) / step
-        at = (np.tile(np.arange(len(place)), 2), np.concatenate([low, (low + 1) % count]))
-        values, slopes = (
-            sparse.csr_array((np.concatenate(both), at), shape=(len(place), count))
-            for both in ((1.0 - part, part), (-rise, rise))
-        )
-        return values, slopes
-
     def rows(self, place: FloatArray) -> tuple[sparse.csr_array, sparse.csr_array, sparse.csr_array]:
         """Rows (c, m) of value, first and second derivative at ``place`` (c,)."""
         nodes = sparse.csr_array(sparse.eye_array(len(self.arc), format="csr"))
@@ -189,11 +175,23 @@ def integration(
     at = start[owner, None] + share * way[owner, None]
     if around is not None:
         at -= around * np.floor((at[:, 1:2] - other.arc[0]) / around)
-    columns = np.repeat(np.concatenate([first[owner], second[owner]]), 3)
-    entries = np.stack([1.0 - share, share]).ravel(), (np.tile(np.arange(share.size), 2), columns)
-    own = sparse.csr_array(entries, shape=(share.size, len(curve.arc)))
-    length = ((high - low) * step[owner])[:, None] * SIMPSON
-    return own, *other.hats(at.ravel(), np.repeat(other.interval(at[:, 1]), 3)), length.ravel()
+    under = np.repeat(other.interval(at[:, 1]), 3)
+    width, above = np.diff(other.knots)[under], (under + 1) % len(other.arc)
+    whole = (at.ravel() - other.knots[under]) / width
+    # Beyond the ends the last node receives everything.
+    inside = np.clip(whole, 0.0, 1.0)
+    rise = (np.abs(whole - inside) <= ROUND_OFF) / width
+    number, columns = np.tile(np.arange(share.size), 2), np.concatenate([first[owner], second[owner]])
+    length, below = ((high - low) * step[owner])[:, None] * SIMPSON, 1.0 - share
+    own, hats, slopes = (
+        sparse.csr_array((np.concatenate(values, axis=None), (number, nodes)), shape=(share.size, size))
+        for values, nodes, size in (
+            ((below, share), np.repeat(columns, 3), len(curve.arc)),
+            ((1.0 - inside, inside), np.concatenate([under, above]), len(other.arc)),
+            ((-rise, rise), np.concatenate([under, above]), len(other.arc)),
+        )
+    )
+    return own, hats, slopes, length.ravel()
 
 
 def _slope_weights(place: FloatArray, own: IntArray) -> FloatArray:
