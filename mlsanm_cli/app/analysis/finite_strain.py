@@ -73,18 +73,6 @@ def contact_lines(scene: FiniteScene, state: State) -> dict[str, VtuPart]:
     return lines
 
 
-def obstacle_lines(scene: FiniteScene, state: State) -> dict[str, VtuPart]:
-    points = np.concatenate([body.elastic.model.cloud.points for body in scene.bodies.values()])
-    drawn, lines = obstacles(scene.case, points), {}
-    for contact in scene.contacts.pairs:
-        if isinstance(contact, RigidContact):
-            places, edges = drawn[contact.name]
-            turned = (places - contact.pivot) @ contact.turn(state.driven).T
-            moved = contact.pivot + contact.motion @ state.driven + turned - places
-            lines[contact.name] = VtuPart(places, edges, {"displacement": moved})
-    return lines
-
-
 class FiniteStrain(Analysis[FiniteScene]):
     """The analysis at finite strain, with the knots of a ``refinement`` if these are known."""
 
@@ -155,7 +143,14 @@ class FiniteStrain(Analysis[FiniteScene]):
             yield fields_of(self.built, state), {}
 
     def lines(self, state: State, fields: BodyFields) -> tuple[Mapping[str, VtuPart], Mapping[str, VtuPart]]:
-        return contact_lines(self.built, state), obstacle_lines(self.built, state)
+        drawn, lines = obstacles(self.case, self.points), {}
+        for contact in self.built.contacts.pairs:
+            if isinstance(contact, RigidContact):
+                places, edges = drawn[contact.name]
+                turned = (places - contact.pivot) @ contact.turn(state.driven).T
+                moved = contact.pivot + contact.motion @ state.driven + turned - places
+                lines[contact.name] = VtuPart(places, edges, {"displacement": moved})
+        return contact_lines(self.built, state), lines
 
     def tallied(self, tally: Mapping[str, Any], before: State | None, step: PathStep) -> dict[str, Any]:
         scene, state = self.built, step.state
