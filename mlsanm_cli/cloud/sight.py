@@ -28,12 +28,10 @@ FACE_SHIFT = 0.3
 
 @dataclass(frozen=True)
 class VisibilityCriterion:
-    """Visibility between the nodes ``points`` (n, 2) of a body with slits.
-
-    ``edges`` (e, 2) are the outline's chords as node pairs, ``normals`` (e, 2) their outward normals,
-    ``along`` (e, 2) the arc lengths of their ends along the outline, ``loop`` (e,) the lengths of their
-    loops, ``slits`` the edges that face another one across a slit.
-    """
+    """Visibility between the nodes ``points`` (n, 2) of a body with slits. ``edges`` (e, 2) are the outline's
+    chords as node pairs, ``normals`` (e, 2) their outward normals, ``along`` (e, 2) the arc lengths of their
+    ends along the outline, ``loop`` (e,) the lengths of their loops, ``slits`` the edges that face another
+    one across a slit."""
 
     points: FloatArray
     edges: IntArray
@@ -140,14 +138,8 @@ def visibility_criterion(points: FloatArray, edges: IntArray) -> VisibilityCrite
     along = np.stack([end - length, end], axis=1) - (end - length)[begins][number][:, None]
     loop = np.add.reduceat(length, begins)[number]
     normals = np.stack([step[:, 1], -step[:, 0]], axis=1) / length[:, None]
-    slits = _slits(0.5 * (points[edges[:, 0]] + points[edges[:, 1]]), normals, along, loop, number)
-    return VisibilityCriterion(points, edges, normals, along, loop, slits) if len(slits) else None
-
-
-def _slits(
-    middles: FloatArray, normals: FloatArray, along: FloatArray, loop: FloatArray, number: IntArray
-) -> IntArray:
-    """Indices of the edges that face another one across a narrow void."""
+    # Edges that face another one across a narrow void.
+    middles = 0.5 * (points[edges[:, 0]] + points[edges[:, 1]])
     start, other = _neighbours(cKDTree(middles), middles, MAX_WIDTH * (along[:, 1] - along[:, 0]))
     one = np.repeat(np.arange(len(middles)), np.diff(start))
     across = middles[other] - middles[one]
@@ -162,7 +154,8 @@ def _slits(
     way = np.abs(at[one] - at[other])
     way = np.where(number[one] == number[other], np.minimum(way, loop[one] - way), np.inf)
     narrow = way > MIN_DETOUR * width
-    return np.unique(np.concatenate([one[narrow], other[narrow]]))
+    slits = np.unique(np.concatenate([one[narrow], other[narrow]]))
+    return VisibilityCriterion(points, edges, normals, along, loop, slits) if len(slits) else None
 
 
 def _neighbours(tree: cKDTree, targets: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray]:

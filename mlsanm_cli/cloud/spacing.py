@@ -1,10 +1,7 @@
 """Node spacing field h(x), a far value and zones around points or curves where it is smaller; and the nodes
-of a body by it.
-
-An advancing front fills the region, in time slices so that signals and limits are served. Then nodes repel
-each other until their distances match the spacing: a filled cloud is irregular where fronts meet, and every
-irregularity is noise in the compliance.
-"""
+of a body by it. An advancing front fills the region, in time slices so that signals and limits are served.
+Then nodes repel each other until their distances match the spacing: a filled cloud is irregular where fronts
+meet, and every irregularity is noise in the compliance."""
 
 from __future__ import annotations
 
@@ -132,12 +129,10 @@ class Spacing:
         self, curve: Curve, line: SymmetryLine | None = None, places: Sequence[float] = ()
     ) -> FloatArray:
         """Arc lengths of nodes on ``curve``, ends included, at equal increments of the integral of ds/h.
-
         There are nodes at the ``places`` (arc lengths), and at the middle if it is on the symmetry ``line``.
         Places within half a spacing of an end or of another place are dropped. Equal increments, unlike steps
         of h rescaled at the end, keep a fine zone in its place, so that fine zones of two bodies face each
-        other. Raises RunError for more than MAX_STEPS nodes.
-        """
+        other. Raises RunError for more than MAX_STEPS nodes."""
         too_many = RunError(f"more than {MAX_STEPS} nodes along one boundary", "use larger spacings")
         if not curve.length <= MAX_STEPS * self.far:
             raise too_many
@@ -190,14 +185,11 @@ def build_cloud(
     line: SymmetryLine | None = None,
     wanted: Sequence[tuple[float, float]] = (),
 ) -> Cloud:
-    """Place nodes on the outline and inside it; deterministic for a given ``seed``.
-
-    Points ``wanted`` become nodes, or shift to the outline if they are closer to it than half a spacing; they
-    are dropped if they are that close to a corner or to each other.
-    About a ``line`` the cloud is its own mirror image if outline, spacing and points are, and if the line
-    does not run along the outline.
-    Raises RunError if ``limit`` nodes or more would be needed.
-    """
+    """Place nodes on the outline and inside it; deterministic for a given ``seed``. Points ``wanted`` become
+    nodes, or shift to the outline if they are closer to it than half a spacing; they are dropped if they are
+    that close to a corner or to each other. About a ``line`` the cloud is its own mirror image if outline,
+    spacing and points are, and if the line does not run along the outline. Raises RunError if ``limit`` nodes
+    or more would be needed."""
     asked = np.array(wanted, dtype=float).reshape(-1, 2)
     # The wanted points next to the outline by the curve that is nearest, and the others.
     arcs = np.array([curve.closest(asked) for curve in outline.curves])
@@ -314,11 +306,10 @@ def _strips(edges: FloatArray) -> tuple[IntArray, IntArray, float, float]:
 def relax(
     points: FloatArray, fixed: int, spacing: Spacing, line: SymmetryLine | None = None, upon: int = 0
 ) -> FloatArray:
-    """Move all but the first ``fixed`` nodes of ``points`` (n, 2) a little.
-
-    A neighbour at distance d repels with (h/d)^4, h the mean spacing of both: with the spacing of the node
-    alone, nodes would leave refined surfaces. With a symmetry ``line``, ``upon`` nodes on it follow the
-    ``fixed`` ones, then nodes on one side; the images of the latter are appended to the result."""
+    """Move all but the first ``fixed`` nodes of ``points`` (n, 2) a little. A neighbour at distance d repels
+    with (h/d)^4, h the mean spacing of both: with the spacing of the node alone, nodes would leave refined
+    surfaces. With a symmetry ``line``, ``upon`` nodes on it follow the ``fixed`` ones, then nodes on one
+    side; the images of the latter are appended to the result."""
     end = len(points)
     on, adjacent, moving = slice(fixed, fixed + upon), slice(fixed + upon, end), slice(fixed, end)
     points = points.copy() if line is None else np.concatenate([points, line.reflect(points[adjacent])])

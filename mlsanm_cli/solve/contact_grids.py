@@ -9,6 +9,7 @@ the contact.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -23,10 +24,12 @@ from mlsanm_cli.contact.laws.contact_state import ContactState
 from mlsanm_cli.contact.response.condensation import condense
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.responses import BodyResponses
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.mechanics.laws.von_mises import VonMises
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import Memo
 from mlsanm_cli.roundoff import ROUND_OFF
-from mlsanm_cli.solve.condensed_scene import factors_at
+from mlsanm_cli.solve.condensed_scene import CondensedScene, factors_at
 from mlsanm_cli.solve.direction_updates import rolling, turns, unturned
 from mlsanm_cli.solve.grid_ranges import begun_open, first_grid, passed_beyond, ranged, touching_first
 from mlsanm_cli.solve.grid_refinement import COMPRESSED_LIMITS, DENSE_LIMITS, refined, sampled
@@ -61,15 +64,14 @@ def find_grids(
     ranges: Mapping[str, ContactRange],
     stages: FloatArray,
     memo: Memo,
-    path: Callable[[Condensed], States] | None = None,
+    laws: Mapping[str, VonMises],
 ) -> tuple[Condensed, States] | None:
     """Condense a scene on grids that are wide and fine enough, with the exact states at the ends of its
     ``stages`` (T + 1, L); None if a contact is too close to a corner, or its range does not converge.
 
     Grids are first fitted to the states at the ends of the stages, then to those at all positions with
     fields, then directions of pressures are rotated with the bodies, and ranges extended to contacts
-    between. The search ends with the states of the ``path`` of bodies that flow, if given: their contacts are
-    wider."""
+    between. Bodies with ``laws`` flow: their contacts are wider, and grids end fitted to the whole path."""
     search, ends = _GridSearch(case, scene, pairings, ranges, memo), stages[1:]
     every_so_many = -(-len(case.output.at) // MAX_LEVELS) or 1
     positions = sorted({*range(len(stages)), *case.output.at[::every_so_many]})
@@ -82,18 +84,21 @@ def find_grids(
     def at_levels(condensed: Condensed, starts: Sequence[ContactStatus]) -> States:
         return contact_states(scene, condensed, stages, levels, starts, skips=True)
 
+    def on_path(condensed: Condensed, _: Sequence[ContactStatus]) -> States:
+        return _flowing(CondensedScene(case, scene, condensed, stages, (), np.nan, laws))
+
     settled = search.settle(at_ends, tractions=True)
     if settled and len(search.states) < len(levels):
         settled = search.settle(at_levels)
     while settled and (search.turn() or search.extend(stages)):
         settled = search.settle(at_levels)
     states = search.states
-    if settled and path:
-        settled = search.settle(lambda condensed, _: path(condensed))
+    if settled and laws:
+        settled = search.settle(on_path, repeats=False)
     if not settled:
         return None
     condensed = search.condensed
-    if path:
+    if laws:
         return condensed, contact_states(scene, condensed, stages, ends)
     reached = tuple(one for one in states if (ends == one.factors).all(axis=1).any())
     if len(reached) == len(ends):
@@ -137,10 +142,11 @@ class _GridSearch:
         self._limits = COMPRESSED_LIMITS if exact else DENSE_LIMITS
         self._condense()
 
-    def settle(self, search: Search, tractions: bool = False) -> bool:
+    def settle(self, search: Search, tractions: bool = False, repeats: bool = True) -> bool:
         """Fit ranges, samples and intervals to the states of a ``search`` until none of them changes; False
         if they do not converge. Edges of stick zones are resolved if ``tractions`` count: at the ends of
-        stages only, as every level between them has others."""
+        stages only, as every level between them has others. Unless it ``repeats``, intervals are halved once,
+        and the states are those before."""
         for _ in range(MAX_ROUNDS):
             self.states = search(self.condensed, self.starts)
             begun = begun_open(self.condensed, self._grids, self._ranges, self.states)
@@ -165,6 +171,9 @@ class _GridSearch:
                 loaded = [state for state, peak in zip(self.states, peaks, strict=True) if peak > least]
                 args = self._ranges, loaded, self._accuracy, tractions, self._limits
                 grids = refined(self.condensed, self._grids, *args)
+                if not repeats:
+                    self._take(grids)
+                    return True
             if _same(grids, self._grids):
                 return True
             self._take(grids)
@@ -235,6 +244,22 @@ class _GridSearch:
                 grids[name] = replace(grids[name], facing=facing)
         self._take(grids)
         return True
+
+
+def _flowing(built: CondensedScene) -> States:
+    """The states of the path of bodies that flow, as far as there are any, or up to one whose contacts reach
+    an end of a grid that is no end of a surface."""
+    from mlsanm_cli.solve.plastic_path import plastic_path  # for few runs
+
+    states, condensed = list[ContactState](), built.condensed
+    with suppress(NumericalError):
+        for step in plastic_path(built):
+            state = step.state
+            shift = built.at(state).condensed.watched.constant - condensed.watched.constant
+            states.append(replace(state.contacts(condensed.friction_nodes), shift=shift))
+            if condensed.cut(state.pressure):
+                break
+    return tuple(states)
 
 
 def _same(one: Mapping[str, ContactGrid], other: Mapping[str, ContactGrid]) -> bool:

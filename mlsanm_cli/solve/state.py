@@ -74,13 +74,12 @@ class State:
         values = c.pressure, c.gap, c.motion, c.status.status(nodes), residual, c.traction, c.slip, c.work
         return cls(position, c.factors, *values, solver=solver)
 
-    def contacts(self, nodes: IntArray, history: Mapping[str, Any] = NOTHING) -> ContactState:
-        """The contacts with friction at ``nodes`` (n,), and their ``history`` in a checkpoint if known."""
+    def contacts(self, nodes: IntArray) -> ContactState:
+        """The contacts with friction at ``nodes`` (n,)."""
         stuck = self.status[nodes] == STICK
         status = ContactStatus.with_tractions(self.closed, stuck, self.traction, nodes)
-        status = ContactStatus(**history["sets"]) if history else status
         values = self.pressure, self.traction, self.motion, self.gap, self.slip, status, self.factors
-        return ContactState(*values, history.get("stick_reference", self.slip), self.work)
+        return ContactState(*values, self.slip, self.work)
 
     @property
     def closed(self) -> BoolArray:
@@ -143,11 +142,6 @@ class Checkpoint:
         return self.position - self.stage
 
 
-def friction_history(contacts: ContactState) -> dict[str, Any]:
-    """The history of friction: the stick and slip sets and the slips (n,) of sticking nodes."""
-    return {"sets": vars(contacts.status), "stick_reference": contacts.reference}
-
-
 @dataclass(frozen=True, eq=False)
 class Bifurcation:
     """A loss of stability at a ``position`` that is no limit point, with the ``motion`` (2N,) in which the
@@ -167,7 +161,7 @@ class PathStep:
 
     ``series`` holds the arrays from which any state of the step can be evaluated (ANM only), ``order`` that
     of the series or 0; ``iterations`` are updates of the nonlinear solution; ``warning`` is for the user.
-    At finite strain: ``limit_points`` of the load factor as (position, whether a maximum), and
+    ``limit_points`` of the load factor are positions, and whether these are maxima. At finite strain:
     ``bifurcations``; whether the equations were ``renewed`` at its end; the work ``kept`` of contact
     tractions on the displacements that would remove the residuals which equations keep; intermediate states
     ``way`` of a power series; ``missed`` computes what fits of the next degree would change.

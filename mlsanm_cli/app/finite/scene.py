@@ -13,7 +13,7 @@ from mlsanm_cli.app.scene.contact_pairs import shape_of
 from mlsanm_cli.app.scene.corners import ends_of, void_center
 from mlsanm_cli.app.scene.materials import laws_of
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Case, Displacement, ObstacleMotion, Place, Platen, Pressure
+from mlsanm_cli.case import Case, Displacement, ObstacleMotion, Platen, Pressure
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.finite.contacts import (
@@ -202,11 +202,9 @@ def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
             loads.sources[np.ix_(rows, len(case.moved) + own.numbers)] = own.moves
         bodies[name] = FiniteBody(elastic, laws[name], loads, turning)
     # By the label of a support or the name of a load that prescribes displacements.
-    held: dict[str, tuple[Place, ...]] = {
-        s.place.label: (s.place,) for s in case.support if s.place is not None
-    }
-    held |= {load.name: (load.place,) for load in case.load if isinstance(load, Displacement)}
-    held |= {load.name: tuple(load.places) for load in case.load if isinstance(load, Platen)}
+    held = {one.place.label: [one.place] for one in case.support if one.place is not None}
+    for kind in (Displacement, Platen):
+        held |= {load.name: list(load.places) for load in case.load if isinstance(load, kind)}
     supports = {
         label: tuple((place.body, name) for place in places for name in boundaries.names[place])
         for label, places in held.items()
@@ -234,9 +232,8 @@ def _contact(case: Case, prepared: SceneModel, number: int, motions: Contacts) -
         master = _side(prepared, pairing.master_body, pairing.master)
         return BodyContact(pairing.name, slave, master, pairing.friction, pairing.exchanged)
     assert found.obstacle is not None
-    count = len(case.moved)
-    motion, pivot = np.zeros((2, count + motions.free)), (0.0, 0.0)
-    rotation = np.zeros(motion.shape[1])
+    count, pivot = len(case.moved), (0.0, 0.0)
+    motion, rotation = np.zeros((2, count + motions.free)), np.zeros(count + motions.free)
     for place, load in enumerate(case.load):
         if isinstance(load, ObstacleMotion) and load.obstacle == pairing.name and load.rotation:
             rotation[place], pivot = load.rotation, load.pivot_on(found.obstacle) or pivot
@@ -331,27 +328,45 @@ def _loads(case: Case, prepared: SceneModel, name: str, body: ElasticBody, conta
 
 def unknown_motions(case: Case, prepared: SceneModel) -> Contacts:
     """Unknown rigid motions: of loose bodies in the order of all bodies, then obstacles, then plates."""
-    found = {one.name: one for one in prepared.restrained.rigid_constraints if one.floats}
-    loose, number = list[LooseMotions](), 0
-    for name in prepared.models:
-        if name in found:
-            unknown = tuple(one.component for one in found[name].motions if one.prescribed is None)
-            loose.append(_pinned(prepared, name, unknown, number))
-            number += len(unknown)
-    names = [pairing.name for pairing in prepared.pairings]
-    driven: list[DrivenObstacle] = []
-    for constraint in prepared.restrained.rigid_constraints:
-        if not constraint.bodies:
+    known, number = prepared.restrained.rigid_constraints, 0
+    floating = {one.name: one for one in known if one.floats}
+    ordered = [floating[name] for name in prepared.models if name in floating]
+    ordered += [one for one in known if not one.bodies] + [one for one in known if one.held]
+    loads, names = len(case.moved), [pairing.name for pairing in prepared.pairings]
+    count = loads + sum(motion.prescribed is None for one in ordered for motion in one.motions)
+    loose, driven, plates = list[LooseMotions](), list[DrivenObstacle](), list[Plate]()
+    for constraint in ordered:
+        unknown = [one for one in constraint.motions if one.prescribed is None]
+        components = tuple(one.component for one in unknown)
+        extents = [np.ptp(prepared.models[body].cloud.points, axis=0).max() for body in constraint.bodies]
+        size = float(max(extents, default=0.0))
+        if constraint.floats:
+            loose.append(_pinned(prepared, constraint.name, components, number, size))
+        elif not constraint.bodies:
+            numbered = zip(unknown, range(number, number + len(unknown)), strict=True)
+            driven += [
+                DrivenObstacle(names.index(constraint.name), one.component, k, one.force)
+                for one, k in numbered
+            ]
+        else:
+            motion = np.zeros((3, count))
+            for k, one in enumerate(unknown, loads + number):
+                motion[one.component, k] = 1.0 / size if one.component == ROTATION else 1.0
             for one in constraint.motions:
-                if one.prescribed is None:
-                    place = names.index(constraint.name)
-                    driven.append(DrivenObstacle(place, one.component, number, one.force))
-                    number += 1
-    return Contacts((), tuple(loose), tuple(driven), tuple(_plates(case, prepared, number)))
+                if one.prescribed is not None:
+                    motion[one.component, :loads] = one.prescribed
+            surfaces = {body: constraint.surfaces_of(body) for body in constraint.bodies}
+            force = np.array([one.force for one in unknown]).reshape(len(unknown), loads)
+            place = np.array(constraint.center), size, components, number
+            plates.append(Plate(constraint.name, surfaces, constraint.loads, *place, force, motion))
+        number += len(unknown)
+    return Contacts((), tuple(loose), tuple(driven), tuple(plates))
 
 
-def _pinned(prepared: SceneModel, name: str, unknown: tuple[int, ...], number: int) -> LooseMotions:
-    """A loose body with ``unknown`` motions from ``number`` on, and its pins."""
+def _pinned(
+    prepared: SceneModel, name: str, unknown: tuple[int, ...], number: int, size: float
+) -> LooseMotions:
+    """A loose body of this ``size`` with ``unknown`` motions from ``number`` on, and its pins."""
     cloud, anchors = prepared.models[name].cloud, tuple(prepared.held_nodes[name])
     free = free_motions(cloud, prepared.held[name], anchors, prepared.acting.springs[name])
     # Inside: on a side in contact a pin would have no field in closed form.
@@ -359,31 +374,7 @@ def _pinned(prepared: SceneModel, name: str, unknown: tuple[int, ...], number: i
     inner = np.setdiff1d(np.arange(len(cloud.points)), outer)
     pinned = tuple((int(inner[node]), component) for node, component in pins(cloud.points[inner], free))
     places = [2 * node + component for node, component in pinned]
-    size = float(np.ptp(prepared.models[name].cloud.points, axis=0).max())
     scale = np.array([size if one == ROTATION else 1.0 for one in free.components])
     known = [free.components.index(component) for component in unknown]
     moves = (free.patterns(cloud.points)[places] / scale)[:, known]
     return LooseMotions(name, unknown, number, size, anchors, pinned, moves)
-
-
-def _plates(case: Case, prepared: SceneModel, number: int) -> list[Plate]:
-    """All plates; ``number`` is the index of their first unknown motion."""
-    loads, found = len(case.moved), list[Plate]()
-    platens = [one for one in prepared.restrained.rigid_constraints if one.held]
-    count = loads + number + sum(one.prescribed is None for platen in platens for one in platen.motions)
-    for platen in platens:
-        unknown = [one for one in platen.motions if one.prescribed is None]
-        surfaces = {body: platen.surfaces_of(body) for body in platen.bodies}
-        size = max(float(np.ptp(prepared.models[body].cloud.points, axis=0).max()) for body in surfaces)
-        components = tuple(one.component for one in unknown)
-        force = np.array([one.force for one in unknown]).reshape(len(unknown), loads)
-        motion = np.zeros((3, count))
-        for one in platen.motions:
-            if one.prescribed is not None:
-                motion[one.component, :loads] = one.prescribed
-                continue
-            motion[one.component, loads + number] = 1.0 / size if one.component == ROTATION else 1.0
-            number += 1
-        place = (np.array(platen.center), size, components, number - len(unknown))
-        found.append(Plate(platen.name, surfaces, platen.loads, *place, force, motion))
-    return found

@@ -50,13 +50,11 @@ MAX_SUPPORT_OFFSET = 1e-3
 
 @dataclass(frozen=True)
 class SceneModel:
-    """A scene before its linear systems are assembled and factorised.
-
-    ``boundaries`` are those of the case, ``held[body][surface]`` the fixed components, ``held_nodes[body]``
-    the fixed (node, component) pairs of single nodes, ``acting`` the loads, ``restrained`` the platens,
-    obstacles and floating bodies with their free motions fixed at zero, ``probes`` the observed points,
-    ``notes`` messages to the user, ``ranges`` the contacts that may have contact grids.
-    """
+    """A scene before its linear systems are assembled and factorised. ``boundaries`` are those of the case,
+    ``held[body][surface]`` the fixed components, ``held_nodes[body]`` the fixed (node, component) pairs of
+    single nodes, ``acting`` the loads, ``restrained`` the platens, obstacles and floating bodies with their
+    free motions fixed at zero, ``probes`` the observed points, ``notes`` messages to the user, ``ranges`` the
+    contacts that may have contact grids."""
 
     boundaries: Boundaries
     models: Mapping[str, BodyModel]
@@ -90,11 +88,9 @@ def prepare(
     grids: bool = True,
 ) -> SceneModel:
     """Stencils, pairs and conditions; models ``before`` are reused where cloud and degree are the same.
-
     ``grids``: contacts away from corners may have contact grids. Raises CaseError for contacts without facing
     nodes, for forces that nothing resists, for loads without a value at some node, and for supports and
-    probes outside their body.
-    """
+    probes outside their body."""
     case = boundaries.case
     stiffness = materials(case)
     if case.model.revolved:

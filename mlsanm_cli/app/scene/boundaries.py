@@ -1,10 +1,8 @@
 """Boundaries of a case on the outlines of its bodies: sides of one name, lists, parts; the sides of contacts,
-and the conditions on boundaries.
-
-Outlines have one piece per smooth stretch, and are cut at the ends of loaded, fixed and contacting parts and
-where tractions are discontinuous. Boundaries of several pieces and parts of boundaries are sets of pieces;
-supports and loads act on each piece. A contact joins its pieces to one surface.
-"""
+and the conditions on boundaries. Outlines have one piece per smooth stretch, and are cut at the ends of
+loaded, fixed and contacting parts and where tractions are discontinuous. Boundaries of several pieces and
+parts of boundaries are sets of pieces; supports and loads act on each piece. A contact joins its pieces to
+one surface."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.clouds import clouds, spacing_of
 from mlsanm_cli.app.scene.contact_pairs import refuse_overlap
 from mlsanm_cli.app.scene.outlines import given_nodes
-from mlsanm_cli.case import Case, LoadedCase, resolved_mapping
+from mlsanm_cli.case import Case, LoadedCase
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.cloud.zones import estimate_nodes
 from mlsanm_cli.errors import CaseError, CaseProblem
@@ -22,8 +22,6 @@ from mlsanm_cli.system import physical_memory_mb
 
 ANNOUNCED_NODES = 50_000
 """Scenes with more nodes are announced: they take long, and may be due to a typing error."""
-OUTPUT_SECTIONS = {"title", "output"}
-"""Sections of a case that only affect what is written."""
 COUNT_LIMIT = 2e8
 PROCESS_MB = 150.0
 """Memory of a process before its first body."""
@@ -90,26 +88,11 @@ def place(
     before: SceneModel | None = None,
 ) -> SceneModel:
     """Clouds, stencils, pairs and conditions; ``zones`` refine every body in addition to the case, and bodies
-    equal to those ``before`` are reused. Cases that differ in coefficients of friction share them."""
-
-    def placed() -> SceneModel:
-        with context.phase("cloud", "placing nodes"):
-            nodes = clouds(boundaries, zones, context.memo)
-        with context.phase("operators", "building operators"):
-            return prepare(boundaries, nodes, context.memo, before.models if before is not None else NOTHING)
-
-    if zones or before is not None:
-        return placed()
-    case = boundaries.case
-    content = {key: part for key, part in resolved_mapping(case).items() if key not in OUTPUT_SECTIONS}
-    contacts = [
-        {**part, "friction": contact.friction if contact.bonded else contact.coefficient > 0.0}
-        for part, contact in zip(content.pop("contact", []), case.contact, strict=True)
-    ]
-    kept = context.memo.value("placed", (content, contacts), placed)
-    friction = {contact.name: contact.coefficient for contact in case.contact}
-    pairings = (replace(pairing, friction=friction[pairing.name]) for pairing in kept.pairings)
-    return replace(kept, boundaries=replace(kept.boundaries, case=case), pairings=tuple(pairings))
+    equal to those ``before`` are reused."""
+    with context.phase("cloud", "placing nodes"):
+        nodes = clouds(boundaries, zones, context.memo)
+    with context.phase("operators", "building operators"):
+        return prepare(boundaries, nodes, context.memo, before.models if before is not None else NOTHING)
 
 
 def node_counts(boundaries: Boundaries) -> dict[str, float]:

@@ -150,13 +150,11 @@ def ends_of(
 def end_of(
     model: BodyModel, surface: Surface, at_end: bool, held: Restraints, fixed: Collection[str]
 ) -> tuple[Corner | None, SymmetryPlane | None]:
-    """The corner and the plane of symmetry at one end of a surface, None without known fields.
-
-    The fields of a corner are known if the adjacent face is free or clamped, or if both faces are straight
-    and that of an isotropic body slides along a wall, for angles that are neither blunt nor very sharp. A
-    plane of symmetry is a straight side, held in its normal component at zero (``fixed``), that the surface
-    meets at a right angle, with all of the body on one side.
-    """
+    """The corner and the plane of symmetry at one end of a surface, None without known fields. The fields of
+    a corner are known if the adjacent face is free or clamped, or if both faces are straight and that of an
+    isotropic body slides along a wall, for angles that are neither blunt nor very sharp. A plane of symmetry
+    is a straight side, held in its normal component at zero (``fixed``), that the surface meets at a right
+    angle, with all of the body on one side."""
     face, cloud = _face(surface.curve, at_end), model.cloud
     faces = [
         (name, other)

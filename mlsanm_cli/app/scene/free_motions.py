@@ -1,11 +1,9 @@
-"""Free rigid modes: fixed at zero without a load, an error with one.
-
-The motions of platens, obstacles and bodies held by contact only are unknowns. A contact resists a relative
-motion of its sides in the direction of its normals, with friction every relative motion. Two kinds of motion
-are free: those that move surfaces along themselves, as the rotation of a disk, and those without a component
-along any contact normal. They are the null vectors of a matrix over all unknown motions, and so independent
-of the axes; one mode may move several bodies.
-"""
+"""Free rigid modes: fixed at zero without a load, an error with one. The motions of platens, obstacles and
+bodies held by contact only are unknowns. A contact resists a relative motion of its sides in the direction of
+its normals, with friction every relative motion. Two kinds of motion are free: those that move surfaces along
+themselves, as the rotation of a disk, and those without a component along any contact normal. They are the
+null vectors of a matrix over all unknown motions, and so independent of the axes; one mode may move several
+bodies."""
 
 from __future__ import annotations
 
@@ -288,12 +286,10 @@ class _Contact:
 
 
 def sliding_rows(contact: _Contact, at_once: bool = False) -> FloatArray:
-    """Rows (r, k) of the motions normal to the surfaces they move; with friction, in all directions.
-
-    If one of two surfaces is straight, bodies may slide along both ``at_once``, as a disk that rotates about
-    a point above the plane on which it rests: only the width of the contact resists. Two straight surfaces
-    touch along their length or at a corner, which crosses the other unknown.
-    """
+    """Rows (r, k) of the motions normal to the surfaces they move; with friction, in all directions. If one
+    of two surfaces is straight, bodies may slide along both ``at_once``, as a disk that rotates about a point
+    above the plane on which it rests: only the width of the contact resists. Two straight surfaces touch
+    along their length or at a corner, which crosses the other unknown."""
     if contact.pairing.friction:
         return np.concatenate(contact.moved)
     if at_once:

@@ -125,20 +125,14 @@ def runs_of(outline: Outline, place: Place) -> list[BoundaryRun]:
     ]
 
 
+@lru_cache(maxsize=256)
 def profiles(outline: Outline, load: Pressure | Traction | Displacement) -> tuple[Profile, ...]:
     """The profiles of a load that varies along boundaries of its body's ``outline``; empty if an expression
     has no value."""
     expressions = tuple(amount for amount in amounts_of(load) if isinstance(amount, str))
     table = table_of(load)
-    return _profiles(outline, load.place, expressions, table) if expressions or table else ()
-
-
-@lru_cache(maxsize=256)
-def _profiles(
-    outline: Outline, place: Place, expressions: tuple[str, ...], table: Table
-) -> tuple[Profile, ...]:
     found, start = [], 0.0
-    for run in runs_of(outline, place):
+    for run in runs_of(outline, load.place) if expressions or table else ():
         curve = run.part
 
         def values(arc: FloatArray, run: BoundaryRun = run, start: float = start) -> FloatArray:

@@ -15,10 +15,8 @@ from mlsanm_cli.records import dataclass
 @dataclass(frozen=True)
 class Refinement:
     """Refined clouds: ``zones`` around segments in addition to those of the case, the results of the
-    ``passes`` so far, and the message of a pass that ``failed``, if one did.
-
-    At finite strain only the ``knots`` of all sides of all contacts, arc lengths.
-    """
+    ``passes`` so far, and the message of a pass that ``failed``, if one did. At finite strain only the
+    ``knots`` of all sides of all contacts, arc lengths."""
 
     zones: tuple[Zone, ...] = ()
     passes: tuple[Mapping[str, Any], ...] = ()

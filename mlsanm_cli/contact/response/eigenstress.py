@@ -32,7 +32,7 @@ NOTHING: Mapping[str, FloatArray] = MappingProxyType({})
 class Eigenstresses:
     """Maps from nodal eigenstresses (3n,) of the bodies that flow: right-hand sides ``loads`` (r, 3n),
     functionals ``rows`` (c, 2N) of displacements and their ``own`` (c, 3n) part; ``wide`` is the condensed
-    scene with the functionals as loads after the first ``count``, ``narrow`` without them."""
+    scene with the functionals as loads after the first ``count``."""
 
     scene: Scene
     loads: Mapping[str, sparse.csr_array]

@@ -50,7 +50,18 @@ class BodyResponses:
 
         def made() -> BodyResponses:
             drivers = Drivers(len(scene.loads), len(scene.unknown_motions), pairings)
-            places = functional_places(scene, drivers)
+            bodies, counts = scene.bodies.items(), dict[Functional, int]()
+            for pairing in drivers.pairings:
+                watched = len(pairing.position) - pairing.count
+                counts["contact", pairing.name] = drivers.bases[pairing.name].samples + watched
+            counts |= {("held", (name, surface)): 3 for name, body in bodies for surface in body.restrained}
+            for probe in scene.probes:
+                # Displacement and stress.
+                counts["probe", probe.name] = 2 + len(scene.bodies[probe.body].model.material.stiffness)
+            counts |= {
+                ("spring", (name, surface)): 3 for name, body in bodies for surface in body.soft_springs
+            }
+            places = spans(counts, counts.values())
             sources = {name: _sources(scene, name, drivers) for name in scene.bodies}
             observed, solutions = _observe(scene, drivers, places, sources, memo)
             observed += near_field_response(scene, drivers, places, len(observed))
@@ -84,20 +95,6 @@ def without_coefficients(pairings: tuple[Pairing, ...]) -> list[Pairing]:
 def used_columns(source: sparse.csc_array) -> IntArray:
     """Indices of the columns with entries."""
     return np.flatnonzero(np.diff(source.indptr))
-
-
-def functional_places(scene: Scene, drivers: Drivers) -> dict[Functional, slice]:
-    """Range of rows of every functional."""
-    bodies, counts = scene.bodies.items(), dict[Functional, int]()
-    for pairing in drivers.pairings:
-        watched = len(pairing.position) - pairing.count
-        counts["contact", pairing.name] = drivers.bases[pairing.name].samples + watched
-    counts |= {("held", (name, surface)): 3 for name, body in bodies for surface in body.restrained}
-    for probe in scene.probes:
-        # Displacement and stress.
-        counts["probe", probe.name] = 2 + len(scene.bodies[probe.body].model.material.stiffness)
-    counts |= {("spring", (name, surface)): 3 for name, body in bodies for surface in body.soft_springs}
-    return spans(counts, counts.values())
 
 
 def functional_rows(
