@@ -39,8 +39,7 @@ from mlsanm_cli.mechanics.elasticity import divergence_of_stress, stress_of
 from mlsanm_cli.mechanics.laws.von_mises import HISTORY, plastic_stress
 from mlsanm_cli.mechanics.near_field import as_complex
 from mlsanm_cli.mechanics.rigid import ROTATION
-from mlsanm_cli.operators.linear.krylov import gmres
-from mlsanm_cli.operators.system import FUNCTIONAL_TOLERANCE
+from mlsanm_cli.operators.system import FUNCTIONAL_TOLERANCE, gmres
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene, factors_at
