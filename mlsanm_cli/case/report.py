@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property
 from typing import Any
 
-from mlsanm_cli.errors import CaseProblem, Fault
+from mlsanm_cli.errors import CaseError, CaseProblem, Fault
 
 KeyPath = tuple[str | int, ...]
 
@@ -48,8 +48,12 @@ def key_lines(text: str) -> dict[KeyPath, int]:
         for length in range(1, min(len(path), MAX_KEY_PARTS) + 1):
             lines.setdefault(path[:length], line)
 
+    def blank(found: re.Match[str]) -> str:
+        """A text in quotes as letters and a comment as spaces, with the same line ends at the same places."""
+        return re.sub(r"[^\n]", " " if found[0].startswith("#") else "x", found[0])
+
     # Texts and comments contain no structure; only their lines count.
-    for token in _TOKEN.finditer(_TEXT.sub(_blank, text)):
+    for token in _TOKEN.finditer(_TEXT.sub(blank, text)):
         sign, at = token.group(), token.start()
         path, index = within[-1] if within else (table, None)
         if sign == "\n":
@@ -81,11 +85,6 @@ def key_lines(text: str) -> dict[KeyPath, int]:
                 within.append((key, 0 if sign == "[" else None))
                 start = token.end()
     return lines
-
-
-def _blank(found: re.Match[str]) -> str:
-    """A text in quotes as letters and a comment as spaces, with the same line ends at the same places."""
-    return re.sub(r"[^\n]", " " if found.group().startswith("#") else "x", found.group())
 
 
 def _header(text: str, counts: dict[KeyPath, int]) -> KeyPath:
@@ -143,17 +142,15 @@ def nearest(word: object, valid: Iterable[str]) -> str:
     import difflib
 
     near = difflib.get_close_matches(wanted, options, n=1, cutoff=0.6)
-    if not near:
-        longer = [name for name in options if wanted and (name.startswith(wanted) or wanted.startswith(name))]
-        near = longer if len(longer) == 1 else []
+    longer = [name for name in options if wanted and (name.startswith(wanted) or wanted.startswith(name))]
+    near = near or (longer if len(longer) == 1 else [])
     return options[near[0]] if near else ""
 
 
 def suggestion(word: object, valid: Iterable[str], what: str = "valid") -> str:
     """A hint with the most similar valid name, or with all of them."""
     names = list(dict.fromkeys(valid))
-    near = nearest(word, names)
-    if near:
+    if near := nearest(word, names):
         return f'did you mean "{near}"?'
     return f"{what}: {', '.join(names)}" if names else "none are defined"
 
@@ -204,6 +201,12 @@ class Report:
                 key = f"{key[:60]}[...]{key[-60:]}"
             problem = CaseProblem(key, fault.message, line, source, fault.hint)
             self._found.setdefault((path, fault.message), problem)
+
+    def refuse(self, faults: Iterable[Fault]) -> None:
+        """Raises CaseError if there are any."""
+        self.add(faults)
+        if self._found:
+            raise CaseError(self.problems)
 
     @property
     def paths(self) -> frozenset[KeyPath]:
