@@ -16,13 +16,22 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from mlsanm_cli.case.limits import items_of, number_faults, size_faults, text_problem
 from mlsanm_cli.case.model.case import Case, completed
 from mlsanm_cli.case.model.conditions import listed
 from mlsanm_cli.case.model.section import Geometry, Scope, all_faults, split_boundary
 from mlsanm_cli.case.model.shapes import AnyShape
 from mlsanm_cli.case.reading.overrides import apply_overrides, key_path
-from mlsanm_cli.case.report import KeyPath, Report, child, nearest, suggestion
+from mlsanm_cli.case.report import (
+    KeyPath,
+    Report,
+    child,
+    items_of,
+    nearest,
+    number_faults,
+    size_faults,
+    suggestion,
+    text_problem,
+)
 from mlsanm_cli.errors import CaseError, CaseProblem, Fault, GeometryError, OutlineError, RunError
 from mlsanm_cli.inputs import MAX_TEXT_BYTES, STDIN, is_text, read_input
 from mlsanm_cli.records import dataclass
