@@ -23,15 +23,9 @@ def printable(text: str) -> str:
     >>> printable("a\x1b[2Jb")
     'a\\x1b[2Jb'
     """
-    return "\n".join(_line(line) for line in text.split("\n"))
-
-
-def _line(line: str) -> str:
-    if len(line) > MAX_LINE_LENGTH:
-        line = f"{line[: MAX_LINE_LENGTH // 2]} [...] {line[-MAX_LINE_LENGTH // 2 :]}"
-    if line.isprintable():
-        return line
-    return "".join(c if c.isprintable() or c == "\t" else ascii(c)[1:-1] for c in line)
+    half = MAX_LINE_LENGTH // 2
+    shown = [x if len(x) <= 2 * half else f"{x[:half]} [...] {x[-half:]}" for x in text.split("\n")]
+    return "".join(c if c.isprintable() or c in "\t\n" else ascii(c)[1:-1] for c in "\n".join(shown))
 
 
 def as_json(value: Any) -> str:
@@ -102,15 +96,12 @@ def pretty(mapping: Mapping[str, Any], title: str = "", color: bool = False, wid
     blocks: list[str] = []
     for key, value in mapping.items():
         value, heading = plain(value), f"{title} {label(key)}".strip()
+        if isinstance(value, list) and value and all(isinstance(item, dict) for item in value):
+            value = {str(index): item for index, item in enumerate(value, start=1)}
         if isinstance(value, list) and any(isinstance(item, str) and " " in item for item in value):
             blocks.append(table(heading, [("-", str(item)) for item in value], color))
-        elif isinstance(value, list) and value and all(isinstance(item, dict) for item in value):
-            numbered = {str(index): item for index, item in enumerate(value, start=1)}
-            blocks.append(_items(heading, numbered, color, width))
         elif not isinstance(value, dict):
             flat.append((label(key), number(value)))
-        elif value and all(isinstance(item, dict) for item in value.values()):
-            blocks.append(_items(heading, value, color, width))
         elif value:
             blocks.append(pretty(value, heading, color, width))
     first = [table(title, flat, color)] if flat or not blocks else []
@@ -142,8 +133,7 @@ def run_text(summary: Mapping[str, Any], color: bool, width: int = 100) -> str:
     counts, directory = _listed(summary, ("steps", "factorizations", "solves")), summary.get("directory", "")
     rows = [("position", number(summary.get("position"))), ("path", counts), ("directory", str(directory))]
     parts = [table(headline, [row for row in rows if row[1]], color)]
-    contacts = summary.get("contacts", {})
-    for name, contact in contacts.items():
+    for name, contact in summary.get("contacts", {}).items():
         parts.append(table(f"contact {name}", _contact(name, contact, summary), color))
     for name, probe in summary.get("probes", {}).items():
         parts.append(table(f"probe {name}", [(label(key), number(probe[key])) for key in probe], color))
@@ -214,16 +204,11 @@ def comparison_text(result: Mapping[str, Any], color: bool) -> str:
         rows.append([method["method"], *row])
     title = f"largest differences at {len(result['levels'])} load levels, relative to the peak"
     parts.append(grid(title, columns, rows, color))
-    parts += [
-        f"{method['method']} failed: {method['reason']}" + (f"; {method['hint']}" if method["hint"] else "")
-        for method in methods
-        if method["status"] == "failed"
-    ]
-    parts.append(f"{_VERDICTS[result['status']]}; written to {result['directory']}")
-    return "\n".join(parts)
-
-
-_VERDICTS = {"agree": "the methods agree", "disagree": "the methods disagree", "failed": "ANM failed"}
+    for method in (method for method in methods if method["status"] == "failed"):
+        words = "; ".join(filter(None, (method["reason"], method["hint"])))
+        parts.append(f"{method['method']} failed: {words}")
+    verdicts = {"agree": "the methods agree", "disagree": "the methods disagree", "failed": "ANM failed"}
+    return "\n".join([*parts, f"{verdicts[result['status']]}; written to {result['directory']}"])
 
 
 def _listed(summary: Mapping[str, Any], keys: Sequence[str]) -> str:
@@ -237,8 +222,7 @@ def _quality(summary: Mapping[str, Any], width: int) -> list[tuple[str, str]]:
         for key, words in (("displacement", "displacements"), ("energy", "energy"))
         if key in estimates
     ]
-    peaks = summary.get("peak_stress") or {}
-    if peaks:
+    if peaks := summary.get("peak_stress"):
         body, peak = max(peaks.items(), key=lambda item: float(item[1]["error"]))
         x, y = map(number, peak["place"])
         error = _percent(peak["error"], "error")
@@ -248,13 +232,11 @@ def _quality(summary: Mapping[str, Any], width: int) -> list[tuple[str, str]]:
         # With the limit at which a run fails.
         limit, shown = summary.get("limits", {}).get(key), number(summary[key])
         words = {"stability": "fails below", "energy_error": "fails beyond"}.get(key, "fails above")
-        rows.append(
-            (label(key), shown if limit is None or shown == "-" else f"{shown}, {words} {number(limit)}")
-        )
+        told = "" if limit is None or shown == "-" else f", {words} {number(limit)}"
+        rows.append((label(key), f"{shown}{told}"))
     sizes = _listed(summary, ("nodes", "unknowns", "contact_unknowns"))
     rows += [("size", sizes)] if sizes else []
-    seconds = summary.get("seconds")
-    if not seconds:
+    if not (seconds := summary.get("seconds")):
         return rows
     if summary.get("wall_seconds") is not None:
         rows.append(("wall seconds", f"{summary['wall_seconds']:.2f}"))
