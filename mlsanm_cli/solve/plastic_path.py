@@ -39,8 +39,7 @@ from mlsanm_cli.mechanics.elasticity import divergence_of_stress, stress_of
 from mlsanm_cli.mechanics.laws.von_mises import HISTORY, plastic_stress
 from mlsanm_cli.mechanics.near_field import as_complex
 from mlsanm_cli.mechanics.rigid import ROTATION
-from mlsanm_cli.operators.linear.krylov import gmres
-from mlsanm_cli.operators.system import FUNCTIONAL_TOLERANCE
+from mlsanm_cli.operators.system import FUNCTIONAL_TOLERANCE, gmres
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene, factors_at
@@ -398,11 +397,6 @@ def _step(
     built, solver = scene.built, {"errors": errors}
     solver |= {f"{key}.{name}": getattr(flow, key)[name] for name in built.laws for key in KEPT}
     state = State.of(flow.contact, built.condensed.friction_nodes, position, scene.residual(flow), solver)
-    return PathStep(
-        state,
-        (state,) if position in built.outputs else (),
-        length,
-        iterations=flow.updates,
-        solves=flow.products,
-        checkpoint=Checkpoint(state, {"half": np.array([half])}, pace=pace),
-    )
+    checkpoint = Checkpoint(state, {"half": np.array([half])}, pace=pace)
+    counts = {"iterations": flow.updates, "solves": flow.products}
+    return built.step(state, length=length, checkpoint=checkpoint, **counts)

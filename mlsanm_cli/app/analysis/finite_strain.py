@@ -41,7 +41,7 @@ from mlsanm_cli.app.output.analysis import Analysis, BodyFields
 from mlsanm_cli.app.output.parts import ContactNodes, contact_part, obstacles, vtu_states
 from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.finite.rigid import RigidContact
+from mlsanm_cli.contact.finite.pair import RigidContact
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io.columns import Quantities
 from mlsanm_cli.io.vtu import VtuPart
@@ -70,18 +70,6 @@ def contact_lines(scene: FiniteScene, state: State) -> dict[str, VtuPart]:
             normal=normal,
             contact_stress=stress,
         )
-    return lines
-
-
-def obstacle_lines(scene: FiniteScene, state: State) -> dict[str, VtuPart]:
-    points = np.concatenate([body.elastic.model.cloud.points for body in scene.bodies.values()])
-    drawn, lines = obstacles(scene.case, points), {}
-    for contact in scene.contacts.pairs:
-        if isinstance(contact, RigidContact):
-            places, edges = drawn[contact.name]
-            turned = (places - contact.pivot) @ contact.turn(state.driven).T
-            moved = contact.pivot + contact.motion @ state.driven + turned - places
-            lines[contact.name] = VtuPart(places, edges, {"displacement": moved})
     return lines
 
 
@@ -155,7 +143,14 @@ class FiniteStrain(Analysis[FiniteScene]):
             yield fields_of(self.built, state), {}
 
     def lines(self, state: State, fields: BodyFields) -> tuple[Mapping[str, VtuPart], Mapping[str, VtuPart]]:
-        return contact_lines(self.built, state), obstacle_lines(self.built, state)
+        drawn, lines = obstacles(self.case, self.points), {}
+        for contact in self.built.contacts.pairs:
+            if isinstance(contact, RigidContact):
+                places, edges = drawn[contact.name]
+                turned = (places - contact.pivot) @ contact.turn(state.driven).T
+                moved = contact.pivot + contact.motion @ state.driven + turned - places
+                lines[contact.name] = VtuPart(places, edges, {"displacement": moved})
+        return contact_lines(self.built, state), lines
 
     def tallied(self, tally: Mapping[str, Any], before: State | None, step: PathStep) -> dict[str, Any]:
         scene, state = self.built, step.state

@@ -12,7 +12,6 @@ import numpy as np
 from mlsanm_cli.app.analysis.small_contacts import (
     contact_lines,
     contact_summary,
-    obstacle_lines,
     sliding_distance,
     worst_state,
 )
@@ -28,7 +27,7 @@ from mlsanm_cli.app.checks.peaks import boundary_peaks
 from mlsanm_cli.app.checks.quality import MODEL, announce, assess, factor_notes
 from mlsanm_cli.app.checks.refinement import set_up
 from mlsanm_cli.app.output.analysis import Analysis, BodyFields
-from mlsanm_cli.app.output.parts import ContactNodes
+from mlsanm_cli.app.output.parts import ContactNodes, obstacle_shift, obstacles
 from mlsanm_cli.app.output.views import View, finer_views, shown_fields
 from mlsanm_cli.app.scene.assemble import NOTHING
 from mlsanm_cli.app.scene.refinement import Refinement
@@ -44,7 +43,14 @@ from mlsanm_cli.memo import digest
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.solve.coercivity import stability_limit
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.fields import cone_ratio, fields_of, plates_turned, quantities, slave_arc
+from mlsanm_cli.solve.fields import (
+    cone_ratio,
+    fields_of,
+    platen_displacements,
+    plates_turned,
+    quantities,
+    slave_arc,
+)
 from mlsanm_cli.solve.limit_loads import at_limit
 from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import Checkpoint, Fields, PathStep, State
@@ -233,7 +239,12 @@ class SmallStrain(Analysis[CondensedScene]):
 
     def lines(self, state: State, fields: BodyFields) -> tuple[Mapping[str, VtuPart], Mapping[str, VtuPart]]:
         built = self._at(state)
-        return contact_lines(built, state, self.clouds, fields), obstacle_lines(built, state)
+        moved = platen_displacements(built, state)
+        lines = {
+            name: VtuPart(*part, {"displacement": obstacle_shift(self.case, name, moved) + 0.0 * part[0]})
+            for name, part in obstacles(self.case, self.points).items()
+        }
+        return contact_lines(built, state, self.clouds, fields), lines
 
     def tallied(self, tally: Mapping[str, Any], before: State | None, step: PathStep) -> dict[str, Any]:
         cone = dict(tally.get("cone", {}))

@@ -27,7 +27,7 @@ from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.membership import first_crossing
-from mlsanm_cli.contact.finite.rigid import RigidContact
+from mlsanm_cli.contact.finite.pair import RigidContact
 from mlsanm_cli.continuation import Follower
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.laws.law import determinant

@@ -12,7 +12,7 @@ from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.contact_pairs import shape_of
 from mlsanm_cli.app.scene.corners import ends_of, void_center
 from mlsanm_cli.app.scene.materials import laws_of
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.case import Case, Displacement, ObstacleMotion, Platen, Pressure
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.surface import Surface
@@ -24,8 +24,7 @@ from mlsanm_cli.contact.finite.contacts import (
     Plate,
     ranges,
 )
-from mlsanm_cli.contact.finite.pair import BodyContact, Meeting
-from mlsanm_cli.contact.finite.rigid import RigidContact
+from mlsanm_cli.contact.finite.pair import BodyContact, Meeting, RigidContact
 from mlsanm_cli.contact.finite.side_response import Compliance, rotated
 from mlsanm_cli.contact.finite.sides import ContactSide, SideNodes
 from mlsanm_cli.mechanics.assembly import assemble
@@ -156,7 +155,7 @@ class FiniteScene:
     def upright(self) -> Mapping[str, list[SideNodes]]:
         """Sides of held bodies that initially touch an obstacle with friction up to both corners."""
         found: dict[str, list[SideNodes]] = {}
-        loose = {one.body for one in self.contacts.loose if one.count}
+        loose = {one.body for one in self.contacts.loose if one.components}
         for contact in self.contacts.pairs:
             side = contact.slave.nodes
             if not isinstance(contact, RigidContact) or not contact.friction or side.body in loose:
@@ -191,7 +190,7 @@ def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
         pinned = own.pins if own is not None else ()
         held_nodes = (*prepared.held_nodes[name], *pinned)
         # Pins rotate with bodies that may rotate; those of others prevent the rotation.
-        turning = len(pinned) if own is not None and len(pinned) == own.count else 0
+        turning = len(pinned) if own is not None and len(pinned) == len(own.components) else 0
         springs = prepared.acting.springs[name]
         elastic = assemble(model, prepared.held[name], held_nodes, solver, springs, unloaded=turning)
         loads = _loads(case, prepared, name, elastic, contacts)
@@ -337,13 +336,13 @@ def unknown_motions(case: Case, prepared: SceneModel) -> Contacts:
     loose, driven, plates = list[LooseMotions](), list[DrivenObstacle](), list[Plate]()
     for constraint in ordered:
         unknown = [one for one in constraint.motions if one.prescribed is None]
-        components = tuple(one.component for one in unknown)
+        components, numbers = tuple(one.component for one in unknown), number + np.arange(len(unknown))
         extents = [np.ptp(prepared.models[body].cloud.points, axis=0).max() for body in constraint.bodies]
         size = float(max(extents, default=0.0))
         if constraint.floats:
-            loose.append(_pinned(prepared, constraint.name, components, number, size))
+            loose.append(_pinned(prepared, constraint.name, components, numbers, size))
         elif not constraint.bodies:
-            numbered = zip(unknown, range(number, number + len(unknown)), strict=True)
+            numbered = zip(unknown, numbers.tolist(), strict=True)
             driven += [
                 DrivenObstacle(names.index(constraint.name), one.component, k, one.force)
                 for one, k in numbered
@@ -357,16 +356,16 @@ def unknown_motions(case: Case, prepared: SceneModel) -> Contacts:
                     motion[one.component, :loads] = one.prescribed
             surfaces = {body: constraint.surfaces_of(body) for body in constraint.bodies}
             force = np.array([one.force for one in unknown]).reshape(len(unknown), loads)
-            place = np.array(constraint.center), size, components, number
+            place = np.array(constraint.center), size, components, numbers
             plates.append(Plate(constraint.name, surfaces, constraint.loads, *place, force, motion))
         number += len(unknown)
     return Contacts((), tuple(loose), tuple(driven), tuple(plates))
 
 
 def _pinned(
-    prepared: SceneModel, name: str, unknown: tuple[int, ...], number: int, size: float
+    prepared: SceneModel, name: str, unknown: tuple[int, ...], numbers: IntArray, size: float
 ) -> LooseMotions:
-    """A loose body of this ``size`` with ``unknown`` motions from ``number`` on, and its pins."""
+    """A loose body of this ``size`` with ``unknown`` motions, its unknowns ``numbers``, and its pins."""
     cloud, anchors = prepared.models[name].cloud, tuple(prepared.held_nodes[name])
     free = free_motions(cloud, prepared.held[name], anchors, prepared.acting.springs[name])
     # Inside: on a side in contact a pin would have no field in closed form.
@@ -377,4 +376,4 @@ def _pinned(
     scale = np.array([size if one == ROTATION else 1.0 for one in free.components])
     known = [free.components.index(component) for component in unknown]
     moves = (free.patterns(cloud.points)[places] / scale)[:, known]
-    return LooseMotions(name, unknown, number, size, anchors, pinned, moves)
+    return LooseMotions(name, unknown, numbers, size, anchors, pinned, moves)

@@ -25,7 +25,7 @@ from mlsanm_cli.io.run_file import Attribute, Value
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.solve.state import Checkpoint, Fields, PathStep, State
-from mlsanm_cli.solve.stop_events import StoppedPath, measured
+from mlsanm_cli.solve.stop_events import measured, stopped_path
 
 BodyFields = Mapping[str, Fields]
 """Fields of a state by body."""
@@ -81,6 +81,11 @@ class Analysis(ABC, Generic[Built]):
         return {name: model.cloud for name, model in self.models.items()}
 
     @property
+    def points(self) -> FloatArray:
+        """Nodes (N, 2) of all bodies."""
+        return np.concatenate([cloud.points for cloud in self.nodes.values()])
+
+    @property
     def clouds(self) -> Mapping[str, Cloud]:
         """The points at which fields are written."""
         return self.nodes
@@ -126,9 +131,13 @@ class Analysis(ABC, Generic[Built]):
             weights = {name: nodes.weight for name, nodes in self.contacts.items()}
             return measured(stop, self.quantities(state), forces, weights)
 
-        path = StoppedPath(self.case.stop, self.path, value, last, tolerance)
-        yield from path.steps(start)
-        self._reached = path.reached
+        if start is not None and start.ended_by >= 0:
+            self._reached = self.case.stop[start.ended_by]
+            return
+        for step in stopped_path(self.case.stop, self.path, value, start, last, tolerance):
+            yield step
+            if step.checkpoint is not None and step.checkpoint.ended_by >= 0:
+                self._reached = self.case.stop[step.checkpoint.ended_by]
 
     def ending(self, last: State | None) -> Ending:
         """The end of a completed path, also by a stop of the case."""
