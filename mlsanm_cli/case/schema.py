@@ -151,7 +151,8 @@ def _fault(data: Mapping[str, Any], detail: ErrorDetails) -> Fault:
     kind, context, value = detail["type"], detail.get("ctx", {}), detail["input"]
     # Pydantic's locations also contain the kinds of tables and marks for keys.
     path: KeyPath = ()
-    tagged, at = False, data
+    tagged = False
+    at: Any = data
     for step in detail["loc"]:
         if not tagged and isinstance(at, Mapping) and step == at.get("kind") and _kinds(path):
             tagged = True
