@@ -336,7 +336,7 @@ class _Path:
             for one in self._scene.contacts.loose:
                 body = self._projectors[one.body].body
                 if body.pins:
-                    free[one.numbers] = one.factors(body, parts[one.body])
+                    free[one.numbers] = np.linalg.solve(one.moves, body.pinned @ parts[one.body])
             self.now = replace(self.now, free=free)
         counts = (length, 0, self._iterations, self.spent, self._solves)
         more: dict[str, Any] = {"renewed": renewed, "kept": kept, "bifurcations": self.bifurcations}
