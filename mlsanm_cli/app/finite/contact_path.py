@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mlsanm_cli.app.finite.accuracy import missed_in_contact
 from mlsanm_cli.app.finite.checks import place_of
 from mlsanm_cli.app.finite.limits import dissipated, excess, slides
-from mlsanm_cli.app.finite.scene import TOUCH_TOLERANCE, FiniteScene
+from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.complementarity.problem import OPEN, STICK, ContactStatus
 from mlsanm_cli.contact.finite.exact import ExactContact, FiniteContactState, undeformed
@@ -284,18 +284,6 @@ class _Path:
                 raise NumericalError(
                     f"{where}: {there} would be stretched by a factor of {most:.3g} at once",
                     "use finer nodes there, round corners that are crushed, or use smaller loads",
-                )
-        for contact, here, _ in self._scene.contacts.each:
-            slave = contact.slave
-            # A fixed node in contact would be pressed in the next increment.
-            touching = self.now.gap[here] <= TOUCH_TOLERANCE * slave.spacing(slave.arc)
-            clamped = slave.held & (touching | self.now.sets.closed[here])
-            if clamped.any() and slave.planes == (None, None):
-                x, y = slave.places[int(np.argmax(clamped))]
-                raise NumericalError(
-                    f"{where}: in contact {contact.name} the node of {slave.body} at ({x:.6g}, {y:.6g}) is "
-                    "fixed by a support and pressed at the same time",
-                    "end the contact surface before the support, or move the obstacle less far",
                 )
         raise NumericalError(
             f"{where}: the contact iterations of an increment do not converge",
