@@ -78,7 +78,7 @@ class Linearised:
         """Response to imposed gaps (m,), slips (n,) and force imbalance (k,) without that on held motions."""
         basis, p = self._basis, self._basis.problem
         free = basis.undriven(p.rows * np.concatenate([gap, slip, imbalance]))
-        return ContactState.unscaled(p, basis.status, *basis.solve(free, np.zeros(len(free))))
+        return ContactState.unscaled(p, basis.status, *basis.solve(free, np.zeros(p.n)))
 
 
 def residual(
