@@ -34,9 +34,9 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from mlsanm_cli.app.run import run  # noqa: E402
-from mlsanm_cli.cloud.cloud import Cloud, build_cloud  # noqa: E402
+from mlsanm_cli.cloud.cloud import Cloud  # noqa: E402
 from mlsanm_cli.cloud.curves import Outline, disk, half_disk, rectangle, sector  # noqa: E402
-from mlsanm_cli.cloud.spacing import Spacing, Zone  # noqa: E402
+from mlsanm_cli.cloud.spacing import Spacing, Zone, build_cloud  # noqa: E402
 from mlsanm_cli.errors import NumericalError  # noqa: E402
 from mlsanm_cli.mechanics.assembly import assemble  # noqa: E402
 from mlsanm_cli.mechanics.body_model import BodyModel  # noqa: E402

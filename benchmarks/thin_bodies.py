@@ -34,9 +34,8 @@ from mlsanm_cli.app.checks.limits import LIMITS, level
 from mlsanm_cli.app.scene.assemble import HIGH_DEGREE, LOW_DEGREE, MIN_HIGH_SPACINGS
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cells import FINE, Halves
-from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment, annulus, rectangle
-from mlsanm_cli.cloud.spacing import Spacing
+from mlsanm_cli.cloud.spacing import Spacing, build_cloud
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics import pieces
 from mlsanm_cli.mechanics.assembly import assemble

@@ -28,14 +28,13 @@ def git_state(directory: Path) -> str:
         return ""
     import subprocess
 
+    # Unlike `git describe` this does not search the history for tags.
+    command = ["git", "-C", str(directory), "status", "--porcelain=v2", "--branch", "--untracked-files=no"]
     try:
-        output = subprocess.run(
-            ["git", "-C", str(directory), "describe", "--always", "--dirty=+", "--abbrev=12"],
-            capture_output=True,
-            text=True,
-            timeout=5,
-            check=True,
-        )
+        output = subprocess.run(command, capture_output=True, text=True, timeout=5, check=True).stdout
     except (OSError, subprocess.SubprocessError):
         return ""
-    return output.stdout.strip()
+    lines = output.splitlines()
+    (head,) = (line.split()[2] for line in lines if line.startswith("# branch.oid"))
+    changed = any(not line.startswith("#") for line in lines)
+    return "" if head == "(initial)" else head[:12] + "+" * changed

@@ -26,11 +26,11 @@ class Memo:
         self._values: defaultdict[str, dict[str, Any]] = defaultdict(dict)
         self._found = self._made = 0
 
-    def value(self, kind: str, key: str, make: Callable[[], Value]) -> Value:
-        """The result of ``make`` for a ``kind`` and ``key``, kept or computed now."""
+    def value(self, kind: str, content: object, make: Callable[[], Value]) -> Value:
+        """The result of ``make``, of a ``kind``, which depends on ``content``, kept or computed now."""
         if not self._most:
             return make()
-        values = self._values[kind]
+        key, values = digest(content), self._values[kind]
         known = key in values
         kept: Value = values.pop(key) if known else make()
         self._found, self._made = self._found + known, self._made + (not known)

@@ -60,3 +60,13 @@ def test_frozen_fields_stay_and_instances_without_comparison_differ() -> None:
     same = Same(1.0)
     assert same == same
     assert same != Same(1.0)
+
+
+@pytest.mark.parametrize(
+    ("given", "named"),
+    [((), {}), ((1.0, 2.0, "a", 3.0), {}), ((1.0,), {"x": 2.0}), ((1.0,), {"z": 2.0})],
+    ids=["missing", "too many", "repeated", "unknown"],
+)
+def test_wrong_arguments_are_type_errors(given: tuple[Any, ...], named: dict[str, Any]) -> None:
+    with pytest.raises(TypeError, match="Point"):
+        Point(*given, **named)

@@ -16,9 +16,8 @@ from skfem import Basis, BilinearForm, ElementTriP2, ElementVector, LinearForm, 
 
 from benchmarks.scenes.scene import Array, Table
 from mlsanm_cli.case.model.expressions import value_at
-from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import Curve, Outline
-from mlsanm_cli.cloud.spacing import Spacing
+from mlsanm_cli.cloud.spacing import Spacing, build_cloud
 
 POINTS, SHARES = np.polynomial.legendre.leggauss(4)
 POINTS, SHARES = 0.5 + 0.5 * POINTS, 0.5 * SHARES

@@ -1,9 +1,7 @@
-"""Cells of a cloud's nodes: the median dual of its triangles, closed by the body's exact outline.
-
-Inner faces run from edge mid-points to triangle centroids. On the outline the mid-point is taken on the
-curve, halfway in arc length between two nodes, and the cell ends at the curve. The cells therefore fill the
-body, and the divergence theorem holds on each of them.
-"""
+"""Cells of a cloud's nodes: the median dual of its triangles, closed by the body's exact outline. Inner faces
+run from edge mid-points to triangle centroids. On the outline the mid-point is taken on the curve, halfway in
+arc length between two nodes, and the cell ends at the curve. The cells therefore fill the body, and the
+divergence theorem holds on each of them."""
 
 from __future__ import annotations
 
@@ -86,11 +84,9 @@ class Faces:
 @dataclass(frozen=True)
 class Halves:
     """Quadrature points on a surface: each interval between neighbouring nodes is halved at the cell limit.
-
     Point g lies at arc length ``arc`` (g,) with weight ``length`` (g,), in the cell of the surface's node
     number ``own`` (g,). ``share`` (g,) is the linear hat function of that node; its neighbour ``other`` (g,)
-    has 1 - ``share``.
-    """
+    has 1 - ``share``."""
 
     own: IntArray
     other: IntArray
@@ -140,12 +136,10 @@ def dual_faces(points: FloatArray, triangles: IntArray, surfaces: Mapping[str, S
 def cell_quadrature(
     points: FloatArray, triangles: IntArray
 ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
-    """Quadrature over the cells of straight ``triangles`` (t, 3), exact for quadratics.
-
-    Three points in each of a triangle's six parts (corner, mid-side, centroid). Returns per point the
-    triangle's nodes (e, 3), the owner of the cell first, the point (e, 2), its area weight (e,) and the
-    nodes' linear shape functions there (e, 3).
-    """
+    """Quadrature over the cells of straight ``triangles`` (t, 3), exact for quadratics. Three points in each
+    of a triangle's six parts (corner, mid-side, centroid). Returns per point the triangle's nodes (e, 3), the
+    owner of the cell first, the point (e, 2), its area weight (e,) and the nodes' linear shape functions
+    there (e, 3)."""
     nodes, shares = [], []
     for turn in range(3):
         for flip in (False, True):

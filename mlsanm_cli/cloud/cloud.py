@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import cached_property
 
@@ -12,16 +12,14 @@ from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cells import Faces, Halves, dual_faces
-from mlsanm_cli.cloud.curves import Outline
 from mlsanm_cli.cloud.joined import SMOOTH_ANGLE
 from mlsanm_cli.cloud.membership import boundary_chords, inside_body, joints, twice_area
 from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
 from mlsanm_cli.cloud.revolution import imaged, radius_of, with_images
 from mlsanm_cli.cloud.sight import VisibilityCriterion, separation, triangulate, visibility_criterion, widths
-from mlsanm_cli.cloud.spacing import MIN_DISTANCE, Spacing, fill_region, halved, relax, with_line_nodes
 from mlsanm_cli.cloud.surface import Surface, boundary_of
 from mlsanm_cli.cloud.tips import Tips, tips_of
-from mlsanm_cli.memo import NO_CACHE, Memo, digest
+from mlsanm_cli.memo import digest
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 
@@ -106,7 +104,7 @@ class Cloud:
     @cached_property
     def edges(self) -> IntArray:
         """Pairs (b, 2) of neighbours along the boundary, loop by loop, the material on their left."""
-        return _edges(self.surfaces.values())
+        return edges_of(self.surfaces.values())
 
     def contains(self, targets: FloatArray, slack: float = ROUND_OFF) -> BoolArray:
         """Which of the ``targets`` (e, 2) lie in the body or, up to a ``slack`` relative to its size, on its
@@ -212,64 +210,6 @@ class Cloud:
         return self.areas * self.around(self.points)
 
 
-def build_cloud(
-    outline: Outline,
-    spacing: Spacing,
-    seed: int,
-    limit: int = 50_000_000,
-    memo: Memo = NO_CACHE,
-    line: SymmetryLine | None = None,
-    wanted: Sequence[tuple[float, float]] = (),
-) -> Cloud:
-    """Place nodes on the outline and inside it; deterministic for a given ``seed``.
-
-    Points ``wanted`` become nodes, or shift to the outline if they are closer to it than half a spacing; they
-    are dropped if they are that close to a corner or to each other.
-    About a ``line`` the cloud is its own mirror image if outline, spacing and points are, and if the line
-    does not run along the outline.
-    Raises RunError if ``limit`` nodes or more would be needed.
-    """
-    asked = np.array(wanted, dtype=float).reshape(-1, 2)
-    # The wanted points next to the outline by the curve that is nearest, and the others.
-    arcs = np.array([curve.closest(asked) for curve in outline.curves])
-    near = np.array([curve.points(s) for curve, s in zip(outline.curves, arcs, strict=True)])
-    away = np.hypot(*np.moveaxis(near - asked, 2, 0))
-    number = np.where(away.min(axis=0) <= MIN_DISTANCE * spacing.at(asked), away.argmin(axis=0), -1)
-    places, inner = [arc[number == k] for k, arc in enumerate(arcs)], asked[number < 0]
-    half = None
-    if line is not None and spacing.symmetric(line) and line.contains(inner):
-        boundary, surfaces, edges = _bounded(outline, spacing, places, line)
-        half = halved(line, boundary, edges, spacing)
-    if half is None:
-        boundary, surfaces, edges = _bounded(outline, spacing, places)
-        first, chords = boundary, boundary[edges].reshape(-1, 4)
-    else:
-        mirror, chords, cuts = half
-        first = boundary[mirror.own]
-    # Wanted points that are not too close to an earlier one.
-    room, kept = (
-        MIN_DISTANCE * spacing.at(inner),
-        inside_body(boundary, *boundary_of(surfaces.values()), inner),
-    )
-    for k in np.flatnonzero(kept):
-        others = np.flatnonzero(kept[:k])
-        kept[k] = (np.hypot(*(inner[others] - inner[k]).T) > room[k]).all()
-    inside = np.ascontiguousarray(inner[kept])
-    start, fixed = np.concatenate([first, inside]), len(boundary) + len(inside)
-
-    def made() -> Cloud:
-        points = fill_region(start, chords, spacing, seed, limit)
-        if half is None:
-            points = relax(points, fixed, spacing)
-            return Cloud(points, spacing.at(points), surfaces)
-        inner, upon = with_line_nodes(mirror.line, boundary, cuts, points[len(first) :], spacing)
-        points = relax(np.concatenate([boundary, inner]), fixed, spacing, line, upon - len(inside))
-        return Cloud(points, spacing.at(points), surfaces, mirror.extended(len(points), upon))
-
-    key = digest(boundary, start, chords, spacing.far, spacing.table(), seed, limit, list(surfaces))
-    return memo.value("cloud", key, made)
-
-
 def continuations(cloud: Cloud, surface: Surface) -> Iterator[tuple[int, str]]:
     """Ends (0 or -1) of an open surface at which another surface continues without a corner, and the name of
     that surface."""
@@ -282,26 +222,6 @@ def continuations(cloud: Cloud, surface: Surface) -> Iterator[tuple[int, str]]:
                 yield place, name
 
 
-def _bounded(
-    outline: Outline, spacing: Spacing, places: Sequence[FloatArray], line: SymmetryLine | None = None
-) -> tuple[FloatArray, dict[str, Surface], IntArray]:
-    """Boundary nodes (b, 2), surfaces and edges (b, 2), numbered loop by loop, with nodes at ``places``, arc
-    lengths on every curve, and where the middle of a curve lies on the symmetry ``line``."""
-    curves = list(zip(outline.names, outline.curves, places, strict=True))
-    points, surfaces, first = list[FloatArray](), dict[str, Surface](), 0
-    for loop in outline.loops:
-        steps = [spacing.steps_along(curve, line, at.tolist()) for _, curve, at in curves[loop]]
-        total, passed = sum(len(s) - 1 for s in steps), 0
-        for (name, curve, _), s in zip(curves[loop], steps, strict=True):
-            points.append(curve.points(s[:-1]))
-            s = s[:-1] if curve.closed else s
-            index = first + (passed + np.arange(len(s), dtype=np.int64)) % total
-            surfaces[name] = Surface(name, curve, index, s, curve.normals(s))
-            passed += len(points[-1])
-        first += total
-    return np.concatenate(points), surfaces, _edges(surfaces.values())
-
-
-def _edges(surfaces: Iterable[Surface]) -> IntArray:
+def edges_of(surfaces: Iterable[Surface]) -> IntArray:
     index, _, names = boundary_of(surfaces)
     return np.asarray(index[boundary_chords(index, names)])

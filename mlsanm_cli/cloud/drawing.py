@@ -32,13 +32,11 @@ MAX_CHORDS = 4000
 def polygon(
     points: Sequence[Point], names: Sequence[str], rounding: Sequence[float], arcs: Sequence[str]
 ) -> list[Named]:
-    """Sides and rounded corners of a polygon, counter-clockwise.
-
-    Side ``names[k]`` goes from point k to the next; the arc ``arcs[k]`` of radius ``rounding[k]`` rounds
-    point k. Lists may be shorter than ``points`` or hold "", for default names and sharp corners. A side of
-    no remaining length is left out. An unnamed arc between two sides of one name belongs to their boundary.
-    Raises OutlineError for repeated points, collinear points, and radii that are too large.
-    """
+    """Sides and rounded corners of a polygon, counter-clockwise. Side ``names[k]`` goes from point k to the
+    next; the arc ``arcs[k]`` of radius ``rounding[k]`` rounds point k. Lists may be shorter than ``points``
+    or hold "", for default names and sharp corners. A side of no remaining length is left out. An unnamed arc
+    between two sides of one name belongs to their boundary. Raises OutlineError for repeated points,
+    collinear points, and radii that are too large."""
     count, corners = len(points), np.array(points)
     size = extent(points)
     small, area = ROUND_OFF * size, signed_area(corners)

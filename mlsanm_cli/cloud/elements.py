@@ -22,12 +22,11 @@ def boundary_loops(
     names: Sequence[str],
     node_sets: Mapping[str, IntArray],
 ) -> tuple[Loop, ...]:
-    """Boundary loops of the elements ``rings`` (each (e, m)) of nodes ``points`` (n, 2), all in use.
-
-    Line elements ``lines`` (l, 2) name edges by ``names`` (l,), "" for none; a node set names the edges
-    between its nodes, unless it contains interior nodes. Raises GeometryError for coincident nodes,
-    degenerate or overlapping elements, edges of three elements, separate parts, a boundary that touches
-    itself, and edge names that do not fit."""
+    """Boundary loops of the elements ``rings`` (each (e, m)) of nodes ``points`` (n, 2), all in use. Line
+    elements ``lines`` (l, 2) name edges by ``names`` (l,), "" for none; a node set names the edges between
+    its nodes, unless it contains interior nodes. Raises GeometryError for coincident nodes, degenerate or
+    overlapping elements, edges of three elements, separate parts, a boundary that touches itself, and edge
+    names that do not fit."""
     pairs = coincident(points)
     if len(pairs):
         raise GeometryError(

@@ -15,7 +15,6 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Curve, Outline, Segment
 from mlsanm_cli.cloud.membership import cross, numbered, signed_area, turns
-from mlsanm_cli.cloud.sight import triangulate, visibility_criterion
 from mlsanm_cli.cloud.splines import NodeSpline, Spline
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.errors import GeometryError
@@ -37,11 +36,9 @@ class Loop:
 
 def trace(points: FloatArray, loops: Sequence[Loop], corner: float) -> Outline:
     """The outline through the loops' nodes, with corners where it turns by more than ``corner`` (radians).
-
     The outer loop comes first; each loop begins at its lowest corner, or else change of name, or else node.
     Names of several curves are numbered along the outline, unnamed curves are edge1, edge2 and so on. Raises
-    GeometryError if two curves still share a name.
-    """
+    GeometryError if two curves still share a name."""
     small = ROUND_OFF * float(np.ptp(points, axis=0).max())
     loops = sorted(loops, key=lambda loop: bool(signed_area(points[loop.nodes]) <= 0.0))
     cut = [list(_pieces(points, loop, corner, small)) for loop in loops]
@@ -70,13 +67,8 @@ def cloud_of_nodes(points: FloatArray, outline: Outline, normals: FloatArray | N
             given = normals[nodes]
             normal = np.where((given * normal).sum(axis=1, keepdims=True) > MIN_COSINE, given, normal)
         surfaces[name] = Surface(name, curve, nodes, arc, normal)
-    cloud = Cloud(points, np.ones(len(points)), surfaces)
-    triangles = triangulate(points, cloud.edges, visibility_criterion(points, cloud.edges))
-    return Cloud(points, _neighbour_distance(points, triangles), surfaces)
-
-
-def _neighbour_distance(points: FloatArray, triangles: IntArray) -> FloatArray:
-    """Median edge length at every node, averaged over its neighbours (n,); 0 at nodes of no triangle."""
+    # Median edge length at every node, averaged over its neighbours; 0 at nodes of no triangle.
+    triangles = Cloud(points, np.ones(len(points)), surfaces).triangles
     ends = np.concatenate([triangles[:, [i, j]] for i, j in ((0, 1), (1, 2), (2, 0))])
     ends = np.unique(np.sort(ends, axis=1), axis=0)
     length = np.tile(np.hypot(*(points[ends[:, 0]] - points[ends[:, 1]]).T), 2)
@@ -89,7 +81,8 @@ def _neighbour_distance(points: FloatArray, triangles: IntArray) -> FloatArray:
     spacing = 0.5 * (length[np.minimum(low, len(length) - 1)] + length[np.minimum(high, len(length) - 1)])
     spacing[count == 0] = 0.0
     # Averaged, as mesh sizes vary more from node to node than a spacing field does.
-    return np.asarray((spacing + np.bincount(node, spacing[other], len(points))) / (count + 1))
+    spacing = (spacing + np.bincount(node, spacing[other], len(points))) / (count + 1)
+    return Cloud(points, spacing, surfaces)
 
 
 def _pieces(

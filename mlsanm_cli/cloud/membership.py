@@ -50,12 +50,9 @@ def inside_body(
     slack: float = ROUND_OFF,
 ) -> BoolArray:
     """Mask (e,) of ``targets`` (e, 2) in the body of ``points`` (n, 2) or on its boundary, up to a ``slack``
-    relative to its size.
-
-    Boundary nodes ``index`` (nb,) have outward ``normal`` (nb, 2) and ``names`` as in
+    relative to its size. Boundary nodes ``index`` (nb,) have outward ``normal`` (nb, 2) and ``names`` as in
     :func:`boundary_chords`. A curve may lie outside its chord by the sagitta c tan(phi/4)/2, with c the chord
-    length and phi the angle between the normals at its ends.
-    """
+    length and phi the angle between the normals at its ends."""
     chords = boundary_chords(index, names)
     start, end = points[index[chords[:, 0]]], points[index[chords[:, 1]]]
     along = end - start

@@ -1,9 +1,6 @@
-"""Division of a cloud into connected pieces of about equally many nodes.
-
-By recursive bisection across the longer principal axis of inertia (Simon 1991,
-doi:10.1016/0956-0521(91)90014-V), one level at a time; disconnected parts are split afterwards. The pieces of
-a cloud with a mirror are symmetric or images of each other.
-"""
+"""Division of a cloud into connected pieces of about equally many nodes, by recursive bisection across the
+longer principal axis of inertia (Simon 1991, doi:10.1016/0956-0521(91)90014-V). The pieces of a cloud with a
+mirror are symmetric or images of each other."""
 
 from __future__ import annotations
 

@@ -17,13 +17,6 @@ def measure(cloud: Cloud) -> dict[str, float]:
     """Quality figures of a cloud: numbers of ``nodes`` and ``boundary_nodes``; over the local spacing the
     ``closest`` distance of two nodes and the radius of the largest ``hole``, an empty circle; ``growth``, the
     largest spacing difference of neighbours over their distance."""
-    closest, growth = cloud.separation
-    counts = {"nodes": len(cloud.points), "boundary_nodes": len(cloud.boundary_nodes)}
-    return counts | {"closest": float(closest.min()), "hole": _largest_hole(cloud), "growth": growth}
-
-
-def _largest_hole(cloud: Cloud) -> float:
-    """Largest distance over spacing of the centres of the inner Delaunay triangles from the nodes."""
     corners = cloud.points[cloud.triangles]
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     ab, ac = b - a, c - a
@@ -50,4 +43,6 @@ def _largest_hole(cloud: Cloud) -> float:
         largest = float((away / cloud.spacing[node])[inside].max(initial=largest))
         if largest >= most[some[-1]]:
             break
-    return largest
+    closest, growth = cloud.separation
+    counts = {"nodes": len(cloud.points), "boundary_nodes": len(cloud.boundary_nodes)}
+    return counts | {"closest": float(closest.min()), "hole": largest, "growth": growth}

@@ -1,7 +1,5 @@
-"""Visibility criterion at slits, where the outline faces itself across a narrow void. The displacement may
-jump across a slit, so nodes on its two faces are no neighbours, however close. Chords over a hollow of the
-outline or past a reentrant corner are harmless and allowed.
-"""
+"""Visibility criterion at slits, where the outline faces itself across a narrow void: the displacement may
+jump there, so nodes on the two faces are no neighbours. Chords over a hollow or past a corner are allowed."""
 
 from __future__ import annotations
 
@@ -30,12 +28,10 @@ FACE_SHIFT = 0.3
 
 @dataclass(frozen=True)
 class VisibilityCriterion:
-    """Visibility between the nodes ``points`` (n, 2) of a body with slits.
-
-    ``edges`` (e, 2) are the outline's chords as node pairs, ``normals`` (e, 2) their outward normals,
-    ``along`` (e, 2) the arc lengths of their ends along the outline, ``loop`` (e,) the lengths of their
-    loops, ``slits`` the edges that face another one across a slit.
-    """
+    """Visibility between the nodes ``points`` (n, 2) of a body with slits. ``edges`` (e, 2) are the outline's
+    chords as node pairs, ``normals`` (e, 2) their outward normals, ``along`` (e, 2) the arc lengths of their
+    ends along the outline, ``loop`` (e,) the lengths of their loops, ``slits`` the edges that face another
+    one across a slit."""
 
     points: FloatArray
     edges: IntArray
@@ -55,7 +51,7 @@ class VisibilityCriterion:
         reach = np.sqrt((span**2).sum(axis=2).max(axis=1)) + self._longest
         start, near = _neighbours(self._tree, targets, reach)
         return cut_lines(
-            *(self._inward(targets), self._ends, numbers, start, near),
+            *(self._inward(targets), self._shifted, numbers, start, near),
             *(self._chords, self.along, self.loop, self.normals, MIN_DETOUR),
         )
 
@@ -81,13 +77,13 @@ class VisibilityCriterion:
         return cKDTree(self._middles)
 
     @cached_property
-    def _longest(self) -> float:
-        return float((self.along[:, 1] - self.along[:, 0]).max())
+    def _shifted(self) -> FloatArray:
+        """The nodes (n, 2), those of the boundary moved slightly inward."""
+        return self.drawn_in(INWARD_SHIFT, np.arange(len(self.edges)))
 
     @cached_property
-    def _ends(self) -> FloatArray:
-        """The nodes (n, 2), those of the boundary moved slightly inward."""
-        return self._drawn_in(INWARD_SHIFT, np.arange(len(self.edges)))
+    def _longest(self) -> float:
+        return float((self.along[:, 1] - self.along[:, 0]).max())
 
     @cached_property
     def _corners(self) -> FloatArray:
@@ -98,12 +94,7 @@ class VisibilityCriterion:
         size = np.sqrt((total**2).sum(axis=1, keepdims=True))
         return np.asarray(total / np.where(size > 0.0, size, 1.0))
 
-    @cached_property
-    def opened(self) -> FloatArray:
-        """The nodes (n, 2) with the faces of slits moved apart: slit edges are then Delaunay edges."""
-        return self._drawn_in(FACE_SHIFT, self.slits)
-
-    def _drawn_in(self, part: float, which: IntArray) -> FloatArray:
+    def drawn_in(self, part: float, which: IntArray) -> FloatArray:
         """The nodes (n, 2), those of edges ``which`` moved inward by ``part`` of the edge length."""
         points = self.points.copy()
         for end in (0, 1):
@@ -147,14 +138,8 @@ def visibility_criterion(points: FloatArray, edges: IntArray) -> VisibilityCrite
     along = np.stack([end - length, end], axis=1) - (end - length)[begins][number][:, None]
     loop = np.add.reduceat(length, begins)[number]
     normals = np.stack([step[:, 1], -step[:, 0]], axis=1) / length[:, None]
-    slits = _slits(0.5 * (points[edges[:, 0]] + points[edges[:, 1]]), normals, along, loop, number)
-    return VisibilityCriterion(points, edges, normals, along, loop, slits) if len(slits) else None
-
-
-def _slits(
-    middles: FloatArray, normals: FloatArray, along: FloatArray, loop: FloatArray, number: IntArray
-) -> IntArray:
-    """Indices of the edges that face another one across a narrow void."""
+    # Edges that face another one across a narrow void.
+    middles = 0.5 * (points[edges[:, 0]] + points[edges[:, 1]])
     start, other = _neighbours(cKDTree(middles), middles, MAX_WIDTH * (along[:, 1] - along[:, 0]))
     one = np.repeat(np.arange(len(middles)), np.diff(start))
     across = middles[other] - middles[one]
@@ -169,7 +154,8 @@ def _slits(
     way = np.abs(at[one] - at[other])
     way = np.where(number[one] == number[other], np.minimum(way, loop[one] - way), np.inf)
     narrow = way > MIN_DETOUR * width
-    return np.unique(np.concatenate([one[narrow], other[narrow]]))
+    slits = np.unique(np.concatenate([one[narrow], other[narrow]]))
+    return VisibilityCriterion(points, edges, normals, along, loop, slits) if len(slits) else None
 
 
 def _neighbours(tree: cKDTree, targets: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray]:
@@ -182,7 +168,8 @@ def _neighbours(tree: cKDTree, targets: FloatArray, radius: FloatArray) -> tuple
 def triangulate(points: FloatArray, edges: IntArray, sight: VisibilityCriterion | None) -> IntArray:
     """Delaunay triangles (t, 3), counter-clockwise, of ``points`` (n, 2) inside loops of ``edges`` (e, 2).
     Triangles across slits are removed by ``sight``."""
-    placed = points if sight is None else sight.opened
+    # The faces of slits are moved apart, so that slit edges are Delaunay edges.
+    placed = points if sight is None else sight.drawn_in(FACE_SHIFT, sight.slits)
     triangles = np.asarray(Delaunay(placed).simplices, dtype=np.int64)
     a, b, c = (points[triangles[:, corner]] for corner in range(3))
     twice = twice_area(a, b, c)

@@ -1,10 +1,7 @@
 """Node spacing field h(x), a far value and zones around points or curves where it is smaller; and the nodes
-of a body by it.
-
-An advancing front fills the region, in time slices so that signals and limits are served. Then nodes repel
-each other until their distances match the spacing: a filled cloud is irregular where fronts meet, and every
-irregularity is noise in the compliance.
-"""
+of a body by it. An advancing front fills the region, in time slices so that signals and limits are served.
+Then nodes repel each other until their distances match the spacing: a filled cloud is irregular where fronts
+meet, and every irregularity is noise in the compliance."""
 
 from __future__ import annotations
 
@@ -17,11 +14,15 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.cloud.curves import Curve, Segment
+from mlsanm_cli.cloud.cloud import Cloud, edges_of
+from mlsanm_cli.cloud.curves import Curve, Outline, Segment
+from mlsanm_cli.cloud.membership import inside_body
 from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
 from mlsanm_cli.cloud.search import BATCH_SIZE, nearest
+from mlsanm_cli.cloud.surface import Surface, boundary_of
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.kernels.fill import DONE, EMPTY, FULL_POINTS, FULL_TABLE, advance_front, spacing_at
+from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 
@@ -128,12 +129,10 @@ class Spacing:
         self, curve: Curve, line: SymmetryLine | None = None, places: Sequence[float] = ()
     ) -> FloatArray:
         """Arc lengths of nodes on ``curve``, ends included, at equal increments of the integral of ds/h.
-
         There are nodes at the ``places`` (arc lengths), and at the middle if it is on the symmetry ``line``.
         Places within half a spacing of an end or of another place are dropped. Equal increments, unlike steps
         of h rescaled at the end, keep a fine zone in its place, so that fine zones of two bodies face each
-        other. Raises RunError for more than MAX_STEPS nodes.
-        """
+        other. Raises RunError for more than MAX_STEPS nodes."""
         too_many = RunError(f"more than {MAX_STEPS} nodes along one boundary", "use larger spacings")
         if not curve.length <= MAX_STEPS * self.far:
             raise too_many
@@ -175,6 +174,81 @@ class Spacing:
         steps: FloatArray = np.interp(even, integral, s)
         steps[0], steps[-1] = 0.0, curve.length
         return steps
+
+
+def build_cloud(
+    outline: Outline,
+    spacing: Spacing,
+    seed: int,
+    limit: int = 50_000_000,
+    memo: Memo = NO_CACHE,
+    line: SymmetryLine | None = None,
+    wanted: Sequence[tuple[float, float]] = (),
+) -> Cloud:
+    """Place nodes on the outline and inside it; deterministic for a given ``seed``. Points ``wanted`` become
+    nodes, or shift to the outline if they are closer to it than half a spacing; they are dropped if they are
+    that close to a corner or to each other. About a ``line`` the cloud is its own mirror image if outline,
+    spacing and points are, and if the line does not run along the outline. Raises RunError if ``limit`` nodes
+    or more would be needed."""
+    asked = np.array(wanted, dtype=float).reshape(-1, 2)
+    # The wanted points next to the outline by the curve that is nearest, and the others.
+    arcs = np.array([curve.closest(asked) for curve in outline.curves])
+    near = np.array([curve.points(s) for curve, s in zip(outline.curves, arcs, strict=True)])
+    away = np.hypot(*np.moveaxis(near - asked, 2, 0))
+    number = np.where(away.min(axis=0) <= MIN_DISTANCE * spacing.at(asked), away.argmin(axis=0), -1)
+    places, inner = [arc[number == k] for k, arc in enumerate(arcs)], asked[number < 0]
+    half = None
+    if line is not None and spacing.symmetric(line) and line.contains(inner):
+        boundary, surfaces, edges = _bounded(outline, spacing, places, line)
+        half = halved(line, boundary, edges, spacing)
+    if half is None:
+        boundary, surfaces, edges = _bounded(outline, spacing, places)
+        first, chords = boundary, boundary[edges].reshape(-1, 4)
+    else:
+        mirror, chords, cuts = half
+        first = boundary[mirror.own]
+    # Wanted points that are not too close to an earlier one.
+    room, kept = (
+        MIN_DISTANCE * spacing.at(inner),
+        inside_body(boundary, *boundary_of(surfaces.values()), inner),
+    )
+    for k in np.flatnonzero(kept):
+        others = np.flatnonzero(kept[:k])
+        kept[k] = (np.hypot(*(inner[others] - inner[k]).T) > room[k]).all()
+    inside = np.ascontiguousarray(inner[kept])
+    start, fixed = np.concatenate([first, inside]), len(boundary) + len(inside)
+
+    def made() -> Cloud:
+        points = fill_region(start, chords, spacing, seed, limit)
+        if half is None:
+            points = relax(points, fixed, spacing)
+            return Cloud(points, spacing.at(points), surfaces)
+        inner, upon = with_line_nodes(mirror.line, boundary, cuts, points[len(first) :], spacing)
+        points = relax(np.concatenate([boundary, inner]), fixed, spacing, line, upon - len(inside))
+        return Cloud(points, spacing.at(points), surfaces, mirror.extended(len(points), upon))
+
+    content = boundary, start, chords, spacing.far, spacing.table(), seed, limit, list(surfaces)
+    return memo.value("cloud", content, made)
+
+
+def _bounded(
+    outline: Outline, spacing: Spacing, places: Sequence[FloatArray], line: SymmetryLine | None = None
+) -> tuple[FloatArray, dict[str, Surface], IntArray]:
+    """Boundary nodes (b, 2), surfaces and edges (b, 2), numbered loop by loop, with nodes at ``places``, arc
+    lengths on every curve, and where the middle of a curve lies on the symmetry ``line``."""
+    curves = list(zip(outline.names, outline.curves, places, strict=True))
+    points, surfaces, first = list[FloatArray](), dict[str, Surface](), 0
+    for loop in outline.loops:
+        steps = [spacing.steps_along(curve, line, at.tolist()) for _, curve, at in curves[loop]]
+        total, passed = sum(len(s) - 1 for s in steps), 0
+        for (name, curve, _), s in zip(curves[loop], steps, strict=True):
+            points.append(curve.points(s[:-1]))
+            s = s[:-1] if curve.closed else s
+            index = first + (passed + np.arange(len(s), dtype=np.int64)) % total
+            surfaces[name] = Surface(name, curve, index, s, curve.normals(s))
+            passed += len(points[-1])
+        first += total
+    return np.concatenate(points), surfaces, edges_of(surfaces.values())
 
 
 def fill_region(
@@ -232,11 +306,10 @@ def _strips(edges: FloatArray) -> tuple[IntArray, IntArray, float, float]:
 def relax(
     points: FloatArray, fixed: int, spacing: Spacing, line: SymmetryLine | None = None, upon: int = 0
 ) -> FloatArray:
-    """Move all but the first ``fixed`` nodes of ``points`` (n, 2) a little.
-
-    A neighbour at distance d repels with (h/d)^4, h the mean spacing of both: with the spacing of the node
-    alone, nodes would leave refined surfaces. With a symmetry ``line``, ``upon`` nodes on it follow the
-    ``fixed`` ones, then nodes on one side; the images of the latter are appended to the result."""
+    """Move all but the first ``fixed`` nodes of ``points`` (n, 2) a little. A neighbour at distance d repels
+    with (h/d)^4, h the mean spacing of both: with the spacing of the node alone, nodes would leave refined
+    surfaces. With a symmetry ``line``, ``upon`` nodes on it follow the ``fixed`` ones, then nodes on one
+    side; the images of the latter are appended to the result."""
     end = len(points)
     on, adjacent, moving = slice(fixed, fixed + upon), slice(fixed + upon, end), slice(fixed, end)
     points = points.copy() if line is None else np.concatenate([points, line.reflect(points[adjacent])])

@@ -16,13 +16,11 @@ from mlsanm_cli.records import dataclass
 
 @dataclass(frozen=True)
 class Surface:
-    """The nodes of one named boundary, in order along its curve.
-
-    ``index`` (b,) are node numbers, ``arc_length`` (b,) their positions, ``normal`` (b, 2) the normals of
-    this boundary alone: a corner node belongs to both boundaries that meet there, with the normal of each.
-    ``weight`` (b,) is the surface length of a node (trapezoidal rule). A surface joined of several has these
-    as ``parts``, on which boundary conditions act; at a corner between two parts its normal is their mean.
-    """
+    """The nodes of one named boundary, in order along its curve. ``index`` (b,) are node numbers,
+    ``arc_length`` (b,) their positions, ``normal`` (b, 2) the normals of this boundary alone: a corner node
+    belongs to both boundaries that meet there, with the normal of each. ``weight`` (b,) is the surface length
+    of a node (trapezoidal rule). A surface joined of several has these as ``parts``, on which boundary
+    conditions act; at a corner between two parts its normal is their mean."""
 
     name: str
     curve: Curve

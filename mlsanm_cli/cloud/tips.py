@@ -20,12 +20,10 @@ MAX_EXPONENT = 0.97
 
 @dataclass(frozen=True)
 class Tips:
-    """Reentrant corners at ``place`` (t, 2) between traction-free faces.
-
-    ``axis`` (t, 2) is the unit bisector into the material, which fills the angle ``half`` (t,) on either side
-    of it. ``apart`` (t,) is the distance to the nearest other corner in outline edges, doubled if that one is
-    seen across the material. ``kappa`` is Muskhelishvili's constant of the material, nan until it is known.
-    """
+    """Reentrant corners at ``place`` (t, 2) between traction-free faces. ``axis`` (t, 2) is the unit bisector
+    into the material, which fills the angle ``half`` (t,) on either side of it. ``apart`` (t,) is the
+    distance to the nearest other corner in outline edges, doubled if that one is seen across the material.
+    ``kappa`` is Muskhelishvili's constant of the material, nan until it is known."""
 
     place: FloatArray
     axis: FloatArray

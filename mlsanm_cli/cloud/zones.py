@@ -68,13 +68,11 @@ def cover(
     growth: float,
     line: SymmetryLine | None = None,
 ) -> tuple[Zone, ...]:
-    """Circular refinement zones for nodes ``points`` (n, 2) of ``spacing`` (n,) that want ``wanted`` (n,).
-
-    At most LIMIT zones, twice as many with a symmetry ``line``. Greedy: the node with the largest ratio of
+    """Circular refinement zones for nodes ``points`` (n, 2) of ``spacing`` (n,) that want ``wanted`` (n,). At
+    most LIMIT zones, twice as many with a symmetry ``line``. Greedy: the node with the largest ratio of
     actual to wanted spacing becomes the centre of a zone, whose radius grows as long as most of the area
     inside wants that spacing; infinity wants nothing. ``planned`` is the spacing without these zones. With a
-    ``line`` the zones are symmetric if ``planned`` and ``wanted`` are.
-    """
+    ``line`` the zones are symmetric if ``planned`` and ``wanted`` are."""
     has, area, zones = planned.at(points), spacing**2, list[Zone]()
     for _ in range(LIMIT):
         ratio = has / wanted

@@ -14,7 +14,7 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.kernels.aot.jit import inner, kernel
 from mlsanm_cli.kernels.aot.signature import Float1, Float2, FloatOut1, FloatOut2, Int1, IntOut1
-from mlsanm_cli.kernels.copies import copy_to
+from mlsanm_cli.kernels.dense import copy_to
 
 EMPTY = -1
 DONE, PAUSED, FULL_POINTS, FULL_TABLE = 0, 1, 2, 3

@@ -7,7 +7,6 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.kernels.aot.jit import inner, kernel
 from mlsanm_cli.kernels.aot.signature import Float1, Float2, FloatOut1, Index1, Int1
-from mlsanm_cli.kernels.copies import copy_to
 from mlsanm_cli.kernels.dense import (
     LOWER,
     PLAIN,
@@ -16,6 +15,7 @@ from mlsanm_cli.kernels.dense import (
     UNIT,
     UPPER,
     apply,
+    copy_to,
     multiply,
     solve_triangle,
     solve_vector,

@@ -35,7 +35,7 @@ from mlsanm_cli.mechanics.corners import (
     thickness,
 )
 from mlsanm_cli.mechanics.elasticity import first_order_rows, moduli_of, traction_moduli
-from mlsanm_cli.mechanics.pieces import Pieces
+from mlsanm_cli.mechanics.pieces import Pieces, rule_of
 from mlsanm_cli.mechanics.rigid import FreeSystem, free_motions, pins
 from mlsanm_cli.mechanics.springs import FREE, NO_SPRING, Held, Springs, restrained
 from mlsanm_cli.memo import digest
@@ -87,7 +87,8 @@ def assemble(
     def factorise() -> LinearSystem:
         """The system with the equilibrium of the pieces as strong rows, strains times their strength, zero
         where forces are not known. The rows are weighted in place: they are the largest array."""
-        lines = pieces.fluxes(model, restraints, np.asarray(known.reshape(3, -1).any(axis=0)))
+        some = np.asarray(known.reshape(3, -1).any(axis=0))
+        lines = pieces.fluxes(model.stress_around, restraints, rule_of(model), some)
         if pulls.nnz:
             # A spring row prescribes the sum of traction and spring force.
             lines = lines + loads()[:, :total] @ pulls

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from functools import cached_property
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import scipy.sparse as sparse
@@ -19,7 +19,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.body_model import BodyModel
-from mlsanm_cli.mechanics.pieces import Pieces, reaction_rows
+from mlsanm_cli.mechanics.pieces import Pieces, StressAround, reaction
 from mlsanm_cli.mechanics.rigid import RigidBodyModes
 from mlsanm_cli.mechanics.springs import FREE, Held, Springs, restrained, soft
 from mlsanm_cli.memo import digest
@@ -150,9 +150,15 @@ class ElasticBody:
         """Force x, force y and moment about ``center`` (3, r) per right-hand side."""
         return sparse.csr_array(self.pieces.totals(center) @ self.loads)
 
+    def reaction(self, surface: str, center: tuple[float, float], stress: StressAround) -> Any:
+        """Rows or values (3, ...) of force x, y and moment about ``center`` that a held surface exerts on the
+        body by a ``stress``."""
+        where = self.model.cloud.surfaces[surface]
+        return reaction(self.model, where, self.restrained[surface], center, stress)
+
     def reaction_rows(self, surface: str, center: tuple[float, float] = (0.0, 0.0)) -> sparse.csr_array:
-        """Rows (3, 2N) of force x, y and moment about ``center`` that a held surface exerts on the body."""
-        return reaction_rows(self.model, self.model.cloud.surfaces[surface], self.restrained[surface], center)
+        """The same (3, 2N) by displacements."""
+        return sparse.csr_array(self.reaction(surface, center, self.model.stress_around))
 
     @cached_property
     def restrained(self) -> Held:

@@ -14,16 +14,15 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.elasticity import (
-    HOOP,
+    XX,
     divergence_of,
     divergence_of_stress,
+    divergence_rows,
     equilibrium_rows,
-    force_rows,
-    force_sums,
-    nested_equilibrium_rows,
     point_rows,
     stress_of,
     stress_rows,
+    stresses_at,
 )
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.near_field import Isotropic, PointForceField, kernel_of
@@ -31,7 +30,7 @@ from mlsanm_cli.memo import digest
 from mlsanm_cli.operators.neighbors import MlsSettings, nearest_nodes
 from mlsanm_cli.operators.singular_functions import isolated_tips
 from mlsanm_cli.operators.stencil_weights import Stencils, pair_rows, scalar_rows
-from mlsanm_cli.operators.stencils import build_gradients, build_stencils, reflected
+from mlsanm_cli.operators.stencils import build_stencils, reflected
 from mlsanm_cli.records import dataclass
 
 INCOMPRESSIBLE_NEIGHBORS = 1.3
@@ -135,10 +134,9 @@ class BodyModel:
     def gradients_around(self, centers: FloatArray, points: FloatArray) -> Stencils:
         """Stencils at ``centers`` (e, 2) with the weights of d/dx and d/dy at ``points`` (e, t, 2), in bodies
         of revolution of the value, too."""
-        nodes, tree, sight = self.cloud.fitted
-        values, own = self.cloud.revolved, self.cloud.images
-        return build_gradients(
-            nodes, tree, centers, points, self.settings, sight, values, tips=self.tips, own=own
+        (nodes, tree, sight), own, least = self.cloud.fitted, self.cloud.images, 1 - self.cloud.revolved
+        return build_stencils(
+            nodes, tree, points, 1, self.settings, sight, None, self.tips, own, centers, least
         )
 
     def field_rows(self, points: FloatArray) -> sparse.csr_array:
@@ -156,31 +154,16 @@ class BodyModel:
         """The nodal ``displacement`` (N, 2) evaluated at ``points`` (e, 2)."""
         return self.stencils_at(points, 0).derivatives(displacement)[:, 0]
 
-    def forces_through(
-        self, centers: FloatArray, points: FloatArray, normals: FloatArray
-    ) -> sparse.csr_array:
-        """Rows (3e, 2N) of the forces x, forces y and moments about ``centers`` (e, 2) of sigma n, summed
-        over the ``points`` (e, t, 2) of each; ``normals`` (e, t, 2) include the quadrature weights."""
-        stencils = self.gradients_around(centers, points)
-        arm, c = points - centers[:, None], self.material.stiffness
-        if not self.material.nearly_incompressible:
-            return force_rows(stencils, c, arm, normals)
-        # Mean pressure as a nodal field, as in the nodal equilibrium.
-        even, values = self.material.bulk_part, self.field_rows(points.reshape(-1, 2))
-        nested = [
-            (part @ values) @ stress_rows(self.stencils, even, which)
-            for which, part in enumerate(force_sums(arm, normals))
-        ]
-        return sparse.csr_array(sum(nested, force_rows(stencils, c - even, arm, normals)))
+    def stress_around(self, centers: FloatArray, points: FloatArray) -> sparse.csr_array:
+        """Rows (3 e t | 4 e t, 2N) of the stresses at the ``points`` (e, t, 2) of each of the ``centers`` (e,
+        2), by the polynomial of this: xx of all points, yy, xy and hoop."""
 
-    def hoop_stress(self, centers: FloatArray, points: FloatArray) -> sparse.csr_array:
-        """Rows (e t, 2N) of the hoop stress at the ``points`` (e, t, 2) of each of the ``centers`` (e, 2)."""
-        each, c = self.gradients_around(centers, points).of_each(points.shape[1]), self.material.stiffness
-        if not self.material.nearly_incompressible:
-            return stress_rows(each, c, HOOP)
-        even, values = self.material.bulk_part, self.field_rows(points.reshape(-1, 2))
-        nested = values @ stress_rows(self.stencils, even, HOOP)
-        return sparse.csr_array(stress_rows(each, c - even, HOOP) + nested)
+        def mean(even: FloatArray) -> sparse.csr_array:
+            values = self.field_rows(points.reshape(-1, 2))
+            return sparse.csr_array(values @ stress_rows(self.stencils, even, XX))
+
+        each = self.gradients_around(centers, points).of_each(points.shape[1])
+        return sparse.csr_array(sparse.vstack(stresses_at(each, self.material, mean), format="csr"))
 
     def equilibrium(self, component: int) -> sparse.csr_array:
         """Rows (n, 2N) of div sigma in x (0) or y (1) at the nodes: by second derivatives, but for the
@@ -189,10 +172,11 @@ class BodyModel:
         rest = self.material.stiffness - even
         if not even.any():
             return equilibrium_rows(self.stencils, rest, component)
-        rows = nested_equilibrium_rows(self.stencils, even, component)
+        stresses = [stress_rows(self.stencils, even, part) for part in range(len(even))]
+        rows = divergence_rows(self.stencils, component) @ sparse.vstack(stresses, format="csr")
         if rest.any():
-            rows = sparse.csr_array(equilibrium_rows(self.stencils, rest, component) + rows)
-        return rows
+            rows = equilibrium_rows(self.stencils, rest, component) + rows
+        return sparse.csr_array(rows)
 
     @cached_property
     def nested(self) -> FloatArray:

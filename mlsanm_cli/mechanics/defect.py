@@ -18,6 +18,7 @@ import scipy.sparse as sparse
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.cloud.cells import GAUSS
 from mlsanm_cli.cloud.search import in_batches, nearest
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.body import ElasticBody
@@ -25,7 +26,7 @@ from mlsanm_cli.mechanics.body_model import BodyModel, enough_neighbors
 from mlsanm_cli.mechanics.corners import singular_changes
 from mlsanm_cli.mechanics.elasticity import divergence_of_stress, stress_of, traction_of
 from mlsanm_cli.mechanics.material import PlaneMaterial
-from mlsanm_cli.mechanics.pieces import reaction_of
+from mlsanm_cli.mechanics.pieces import values_of
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.operators.neighbors import MlsSettings
 from mlsanm_cli.operators.stencil_weights import Stencils
@@ -71,12 +72,10 @@ class Defect:
 
 @dataclass(frozen=True)
 class Corrected:
-    """``displacement`` (N, 2) of a body, its elastic ``solution`` (2N, 1), its ``defect`` and the resulting
-    ``change`` (2N,). ``rough`` is the relative error of solutions by the factor alone, ``uncertain`` (2N,)
-    what the change may miss."""
+    """``displacement`` (N, 2) of a body, its ``defect`` and the resulting ``change`` (2N,). ``rough`` is the
+    relative error of solutions by the factor alone, ``uncertain`` (2N,) what the change may miss."""
 
     displacement: FloatArray
-    solution: FloatArray
     defect: Defect
     change: FloatArray
     rough: float
@@ -92,7 +91,7 @@ class Corrected:
         """Displacements (2N, c) of the body for ``sources`` (r, c), to CORRECTION_TOLERANCE or better."""
         if self.rough > CORRECTION_TOLERANCE:
             return body.system.solve(sources, FUNCTIONAL_TOLERANCE)
-        return body.system.solve_unrefined(sources)
+        return body.system.correction(sources)
 
 
 def correct(
@@ -110,14 +109,15 @@ def correct(
     unrefined solutions. Raises NumericalError as :func:`defect_of`.
     """
     better = memo.value("next degree", body.model.content, partial(NextDegree, body.model))
-    solution = body.system.solve_unrefined(source)
+    solution = body.system.correction(source)
     size = float(np.linalg.norm(solution))
     before, rough = np.inf, 0.0
     part = 0.0 if body.model.material.nearly_incompressible else ALGEBRAIC_FRACTION
     for _ in range(MAX_UPDATES):
         defect = defect_of(body, (solution[:, 0] + moved).reshape(-1, 2), better, plates)
         beyond = sparse.csc_array(defect.source[:, None])
-        step, change = body.system.step(source, solution, beyond).T
+        both, from_both = sparse.hstack([source, beyond], format="csc"), np.hstack([solution, 0.0 * solution])
+        step, change = body.system.correction(sparse.csc_array(both), from_both).T
         solution = solution + step[:, None]
         length = float(np.linalg.norm(step))
         rough = max(rough, length / size if size > 0.0 else 0.0)
@@ -130,7 +130,7 @@ def correct(
     if rough > CORRECTION_TOLERANCE:
         change = body.system.solve(beyond, FUNCTIONAL_TOLERANCE)[:, 0]
     displacement, uncertain = (solution[:, 0] + moved).reshape(-1, 2), np.zeros_like(change)
-    found = Corrected(displacement, solution, defect, change, rough, uncertain)
+    found = Corrected(displacement, defect, change, rough, uncertain)
     if not defect.singular.any():
         return found
     alone = found.response(body, sparse.csc_array(defect.singular[:, None]))[:, 0]
@@ -168,15 +168,11 @@ def defect_of(
     for name, surface in model.cloud.surfaces.items():
         source += body.source(name, traction_of(lost[surface.index], surface.normal), held=False)
     # Right-hand sides of pieces: the flux through their faces minus what the nodes' rows represent.
-    lacking = partial(better.stress_around, displacement, mean)
-    fluxes = body.pieces.flux_of(lacking, body.restrained)
+    lacking = values_of(partial(better.stress_around, displacement, mean))
+    fluxes = body.pieces.fluxes(lacking, body.restrained, GAUSS[2])
     source[body.rows - len(fluxes) :] = fluxes - body.loads @ source
-    reactions = {}
-    for name, axes in body.restrained.items():
-        if any(axes):
-            where = model.cloud.surfaces[name]
-            missing = reaction_of(model, where, axes, (0.0, 0.0), lambda at: lacking(at, at[:, None])[:, 0])
-            reactions[name] = -missing
+    held = [name for name, axes in body.restrained.items() if any(axes)]
+    reactions = {name: -body.reaction(name, (0.0, 0.0), lacking) for name in held}
     stress = stress_of(derivatives, stiffness, radius) - model.stress(displacement)
     return Defect(source, np.where(_near_singular(body, plates), source, 0.0), stress, reactions)
 

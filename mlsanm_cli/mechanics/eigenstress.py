@@ -10,29 +10,28 @@ Equation (32) of docs/method.md.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.cells import GAUSS
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
-from mlsanm_cli.mechanics.elasticity import force_sums, traction_of
-from mlsanm_cli.mechanics.pieces import reaction_of, reaction_rows
+from mlsanm_cli.mechanics.elasticity import divergence_rows, traction_of
+from mlsanm_cli.mechanics.pieces import StressAround, rule_of
 from mlsanm_cli.mechanics.springs import FREE
 from mlsanm_cli.operators.stencil_weights import scalar_rows
-from mlsanm_cli.operators.stencils import build_gradients
+from mlsanm_cli.operators.stencils import build_stencils
 from mlsanm_cli.records import dataclass
 
 
 def eigenstress_loads(body: ElasticBody) -> sparse.csr_array:
     """Right-hand sides (r, 3n) of a body per nodal eigenstress."""
     model, nodes = body.model, len(body.model.cloud.points)
-    weights = model.stencils.weights
-    d_x, d_y = (scalar_rows(model.stencils, np.ascontiguousarray(weights[:, kind])) for kind in (1, 2))
-    none = sparse.csr_array((nodes, nodes))
-    blocks = [sparse.hstack(parts, format="csr") for parts in ([d_x, none, d_y], [none, d_y, d_x])]
+    blocks = [divergence_rows(model.stencils, axis) for axis in (0, 1)]
     for name, surface in model.cloud.surfaces.items():
         count = len(surface.index)
         for axis in (0, 1):
@@ -47,35 +46,26 @@ def eigenstress_loads(body: ElasticBody) -> sparse.csr_array:
     found = sparse.csr_array(sparse.vstack(blocks, format="csr"))
     single = sparse.csr_array((body.rows - rest - found.shape[0], 3 * nodes))
     nodal = sparse.csr_array(sparse.vstack([found, single], format="csr"))
-    every = np.ones(body.pieces.count, dtype=bool)
-    fluxes = body.pieces.fluxes(model, body.restrained, every, lambda *places: forces_through(model, *places))
+    fluxes = body.pieces.fluxes(partial(fitted_around, model), body.restrained, rule_of(model))
     fluxes = fluxes - body.loads[:, : body.rows - rest] @ nodal
     return sparse.csr_array(sparse.vstack([nodal, fluxes], format="csr"))
 
 
-def forces_through(
-    model: BodyModel, centers: FloatArray, points: FloatArray, normals: FloatArray
-) -> sparse.csr_array:
-    """Rows (3e, 3n) of the forces of a nodal stress, as by :meth:`BodyModel.forces_through`."""
-    cloud, count = model.cloud, points.shape[1]
-    stencils = build_gradients(
-        cloud.points, cloud.tree, centers, points, model.settings, cloud.sight, values=True, tips=model.tips
+def fitted_around(model: BodyModel, centers: FloatArray, points: FloatArray) -> sparse.csr_array:
+    """Rows (3 e t, 3n) of a nodal stress at points, like :meth:`BodyModel.stress_around`."""
+    cloud = model.cloud
+    whole = build_stencils(
+        cloud.points, cloud.tree, points, 0, model.settings, cloud.sight, tips=model.tips, centers=centers
     )
-    each = np.repeat(np.arange(len(centers)), count)
-    chosen = stencils.take(each)
-    place = np.repeat(np.tile(np.arange(count), len(centers)), np.diff(chosen.indptr))
-    values = chosen.weights.reshape(-1, count, 3)[np.arange(len(place)), place, 0]
-    fitted = scalar_rows(chosen, values)
-    sums = force_sums(points - centers[:, None], normals)
-    return sparse.csr_array(sparse.hstack([part @ fitted for part in sums], format="csr"))
+    stencils = whole.of_each(points.shape[1])
+    fitted = scalar_rows(stencils, np.ascontiguousarray(stencils.weights[:, 0]))
+    return sparse.csr_array(sparse.block_diag([fitted] * 3, format="csr"))
 
 
 def eigenstress_reaction(body: ElasticBody, surface: str, center: tuple[float, float]) -> sparse.csr_array:
     """Rows (3, 3n) of force and moment about ``center`` of a held surface due to eigenstresses, to
     subtract."""
-    model = body.model
-    where, held = model.cloud.surfaces[surface], body.restrained[surface]
-    return reaction_rows(model, where, held, center, lambda *places: forces_through(model, *places))
+    return sparse.csr_array(body.reaction(surface, center, partial(fitted_around, body.model)))
 
 
 class Field(Protocol):
@@ -103,17 +93,15 @@ class Heating:
         for name, surface in body.model.cloud.surfaces.items():
             traction = traction_of(self.values[surface.index, None] * even, surface.normal)
             source += body.source(name, traction, held=False)
-        fluxes = body.pieces.flux_of(lambda _, points: self._blocked(even, points), body.restrained)
+        fluxes = body.pieces.fluxes(self._blocked(body), body.restrained, GAUSS[2])
         source[body.rows - len(fluxes) :] = fluxes - body.loads @ source
         return source
 
     def reaction(self, body: ElasticBody, surface: str, center: tuple[float, float]) -> FloatArray:
         """Force and moment about ``center`` (3,) of a held surface due to thermal expansion, to subtract."""
-        even, held = body.model.material.stress_of_expansion, body.restrained[surface]
-        where = body.model.cloud.surfaces[surface]
-        return reaction_of(body.model, where, held, center, lambda points: self._blocked(even, points))
+        return np.asarray(body.reaction(surface, center, self._blocked(body)))
 
-    def _blocked(self, even: FloatArray, points: FloatArray) -> FloatArray:
-        """Minus the stress (..., 3) at points (..., 2) of a body prevented from expanding."""
-        degrees = self.field.at(points.reshape(-1, 2)).reshape(points.shape[:-1])
-        return np.asarray(degrees[..., None] * even)
+    def _blocked(self, body: ElasticBody) -> StressAround:
+        """Minus the stress of a body prevented from expanding."""
+        even = body.model.material.stress_of_expansion
+        return lambda _, points: np.outer(even, self.field.at(points.reshape(-1, 2))).ravel()

@@ -24,7 +24,6 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.kernels.assembly import add_forces
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.operators.stencil_weights import Stencils, pair_rows, scalar_rows, vector_rows
 
@@ -54,34 +53,35 @@ def over_radius(values: FloatArray, slopes: FloatArray, radius: FloatArray) -> F
     return np.divide(values, radius, out=slopes + 0.0 * values, where=radius > 0.0)
 
 
-def strain_operator(radius: FloatArray) -> FloatArray:
-    """Strains xx, yy, 2 xy and hoop at a ``radius`` (e,), by value, d/dx and d/dy of u_x, u_y: (4, 3, 2,
-    e)."""
-    found = np.zeros((4, 3, 2, len(radius)))
+def strain_operator(radius: FloatArray | None) -> FloatArray:
+    """Strains xx, yy, 2 xy by d/dx and d/dy of u_x, u_y: (3, 2, 2, 1); at a ``radius`` (e,) also the hoop
+    strain, and by the value, first: (4, 3, 2, e)."""
+    found = np.zeros((4, 3, 2, 1 if radius is None else len(radius)))
     found[XX, 1, 0] = found[XY, 2, 0] = found[XY, 1, 1] = found[YY, 2, 1] = 1.0
+    if radius is None:
+        return found[:HOOP, 1:]
     one, none = np.ones(len(radius)), np.zeros(len(radius))
     found[HOOP, 0, 0], found[HOOP, 1, 0] = over_radius(one, none, radius), over_radius(none, one, radius)
     return found
 
 
 def stress_operator(c: FloatArray, radius: FloatArray | None = None) -> FloatArray:
-    """Derivatives (3, 2, 2, 1) of the stresses xx, yy, xy by the derivatives x, y of u_x and u_y; (4, 3, 2,
-    e), with the hoop stress, by value, x and y at points of a ``radius`` (e,)."""
-    if radius is not None:
-        return np.asarray(np.einsum("as,skie->akie", c, strain_operator(radius)))
-    return np.stack([[[xx, xy], [xy, yy]] for xx, yy, xy in c])[..., None]
+    """Stresses xx, yy, xy and hoop likewise."""
+    return np.asarray(np.einsum("as,skie->akie", c, strain_operator(radius)))
 
 
 def moduli_of(c: FloatArray, radius: FloatArray | None = None) -> FloatArray:
-    """The same (4, ...) of the stresses xx, xy, yx, yy."""
+    """The same (4, ...) of xx, xy, yx, yy."""
     return stress_operator(c, radius)[[XX, XY, XY, YY]]
 
 
 def first_order_rows(stencils: Stencils, coefficients: FloatArray) -> sparse.csr_array:
-    """Rows (e, 2n) with ``coefficients`` (2 | 3, 2, e | 1) of value (if three) and first derivatives."""
+    """Rows (e, 2n) with ``coefficients`` (2 | 3, 2, e | 1) of value (if three) and first derivatives, which
+    may be the only ones."""
     if coefficients.shape[-1] == 1:
         coefficients = coefficients[..., 0]
-    return operator_rows(stencils, slice(3 - len(coefficients), 3), coefficients)
+    last = min(stencils.weights.shape[1], 3)
+    return operator_rows(stencils, slice(last - len(coefficients), last), coefficients)
 
 
 def stress_rows(stencils: Stencils, c: FloatArray, component: int) -> sparse.csr_array:
@@ -96,48 +96,18 @@ def traction_moduli(moduli: FloatArray, normal: FloatArray, component: int) -> F
     return np.asarray(on_x * normal[:, 0] + on_y * normal[:, 1])
 
 
-def traction_rows(stencils: Stencils, c: FloatArray, normal: FloatArray, component: int) -> sparse.csr_array:
-    """Rows (e, 2n) of the traction component x (0) or y (1) on surfaces with ``normal`` (e, 2)."""
-    return first_order_rows(stencils, traction_moduli(moduli_of(c, stencils.radius), normal, component))
-
-
-def force_rows(stencils: Stencils, c: FloatArray, arm: FloatArray, normal: FloatArray) -> sparse.csr_array:
-    """Rows (3e, 2n) of the forces x, forces y and moments with ``arm`` (e, t, 2) of sigma n, summed over the
-    quadrature points of each stencil, at which it has the weights (nnz, 2t) of d/dx and d/dy, in a body of
-    revolution (nnz, 3t); ``normal`` (e, t, 2) includes the quadrature weights."""
-    values = np.zeros((3, len(stencils.indices), 2))
-    weights, radius = stencils.weights, stencils.radius
-    if radius is not None:
-        whole = weights.reshape(len(weights), normal.shape[1], 3)
-        weights = np.ascontiguousarray(whole[:, :, 1:]).reshape(len(weights), 2 * normal.shape[1])
-        entry = np.repeat(np.arange(len(normal)), np.diff(stencils.indptr))
-        hoop = over_radius(whole[:, :, 0], whole[:, :, 1], radius.reshape(normal.shape[:2])[entry])
-        pull = traction_of(c[:3, HOOP], normal.reshape(-1, 2)).reshape(normal.shape)
-        turn = arm[..., 0] * pull[..., 1] - arm[..., 1] * pull[..., 0]
-        for row, force in enumerate((pull[..., 0], pull[..., 1], turn)):
-            values[row, :, 0] = (hoop * force[entry]).sum(axis=1)
-    add_forces(stencils.indptr, weights, np.ascontiguousarray(c[:3, :3]), arm, normal, values)
-    values = stencils.signed(values)
-    rows = pair_rows(stencils, values[0])
-    begin, (count, width) = rows.indptr[:-1], rows.shape
-    indptr = np.concatenate([begin, begin + rows.nnz, begin + 2 * rows.nnz, [3 * rows.nnz]])
-    entries = (values.ravel(), np.tile(rows.indices, 3), indptr)
-    return sparse.csr_array(entries, shape=(3 * count, width))
-
-
-def force_sums(arm: FloatArray, normal: FloatArray) -> list[sparse.csr_array]:
-    """Matrices (3e, e t) from stress xx, yy and xy at t points around e centres to forces x, forces y and
-    moments with ``arm`` (e, t, 2); ``normal`` (e, t, 2) includes the quadrature weights."""
+def force_sums(arm: FloatArray, normal: FloatArray) -> sparse.csr_array:
+    """Matrix (3e, 3 e t) from stresses xx, then yy and xy, at t points around e centres to forces x, forces y
+    and moments with ``arm`` (e, t, 2); ``normal`` (e, t, 2) includes the quadrature weights."""
     places, times = normal.shape[:2]
-    row, column = np.repeat(np.arange(places), times), np.arange(places * times)
+    owner, point = np.repeat(np.arange(places), times), np.arange(places * times)
     (n_x, n_y), (a_x, a_y) = normal.reshape(-1, 2).T, arm.reshape(-1, 2).T
-    found = []
-    for x, y in ((n_x, 0.0 * n_x), (0.0 * n_x, n_y), (n_y, n_x)):
-        lines = np.concatenate([row, places + row, 2 * places + row])
-        values = np.concatenate([x, y, a_x * y - a_y * x])
-        entries = (values, (lines, np.tile(column, 3)))
-        found.append(sparse.csr_array(entries, shape=(3 * places, places * times)))
-    return found
+    terms = [(0, XX, n_x), (0, XY, n_y), (1, YY, n_y), (1, XY, n_x)]
+    terms += [(2, XX, -a_y * n_x), (2, YY, a_x * n_y), (2, XY, a_x * n_x - a_y * n_y)]
+    lines = np.concatenate([places * row + owner for row, _, _ in terms])
+    columns = np.concatenate([len(point) * part + point for _, part, _ in terms])
+    entries = (np.concatenate([values for *_, values in terms]), (lines, columns))
+    return sparse.csr_array(entries, shape=(3 * places, 3 * len(point)))
 
 
 def equilibrium_rows(stencils: Stencils, c: FloatArray, component: int) -> sparse.csr_array:
@@ -162,23 +132,22 @@ def _equilibrium_operator(c: FloatArray, radius: FloatArray) -> FloatArray:
     return np.stack([np.where(inverse > 0.0, x, 0.0), y])
 
 
-def nested_equilibrium_rows(stencils: Stencils, c: FloatArray, component: int) -> sparse.csr_array:
-    """Rows (n, 2n) of div sigma in x (0) or y (1) at nodes, by first derivatives of nodal stresses."""
-    radius = stencils.radius
-    first, second = ((XX, XY), (XY, YY))[component]
-    of_x, of_y = (stress_rows(stencils, c, one) for one in (first, second))
+def divergence_rows(stencils: Stencils, component: int) -> sparse.csr_array:
+    """Rows (n, 3n | 4n) of div s in x (0) or y (1) at nodes, by nodal stresses s: xx of all nodes, yy, xy and
+    hoop."""
     # The shear stress is odd about an axis of revolution.
-    d_x = scalar_rows(stencils, stencils.weights[:, 1], odd=first == XY)
-    rows = d_x @ of_x + scalar_rows(stencils, stencils.weights[:, 2], odd=second == XY) @ of_y
+    weights, radius = stencils.weights, stencils.radius
+    d_x, d_y = (scalar_rows(stencils, weights[:, 1 + axis], odd=axis != component) for axis in (0, 1))
+    nothing = sparse.csr_array(d_x.shape)
     if radius is not None:
         one, none = np.ones(len(radius)), np.zeros(len(radius))
-        around = sparse.diags_array(over_radius(one, none, radius))
-        if component == 0:
-            of_x = of_x - stress_rows(stencils, c, HOOP)
-        rows = rows + around @ (scalar_rows(stencils, stencils.weights[:, 0], odd=first == XY) @ of_x)
-        off_axis = sparse.diags_array(over_radius(none, one, radius) * component)
-        rows = rows + off_axis @ (d_x @ of_x)
-    return sparse.csr_array(rows)
+        value = scalar_rows(stencils, weights[:, 0], odd=component == 1)
+        around = sparse.diags_array(over_radius(one, none, radius)) @ value
+        d_x = d_x + around + component * (sparse.diags_array(over_radius(none, one, radius)) @ d_x)
+    parts = [nothing, d_y, d_x] if component else [d_x, nothing, d_y]
+    if radius is not None:
+        parts.append(nothing if component else -around)
+    return sparse.csr_array(sparse.hstack(parts, format="csr"))
 
 
 def strain_of(derivatives: FloatArray, radius: FloatArray | None = None) -> FloatArray:
@@ -214,21 +183,32 @@ def divergence_of_stress(derivatives: FloatArray, radius: FloatArray | None = No
     return found
 
 
+def stresses_at(
+    stencils: Stencils, material: PlaneMaterial, mean: Callable[[FloatArray], sparse.csr_array]
+) -> list[sparse.csr_array]:
+    """Rows (e, 2N) of all stresses at the points of ``stencils``. In nearly incompressible materials the
+    stress of the bulk part is a nodal field, interpolated by the rows ``mean`` of this part."""
+    c, even = material.stiffness, material.bulk_part
+    if not material.nearly_incompressible:
+        return [stress_rows(stencils, c, part) for part in range(len(c))]
+    found, nested = [stress_rows(stencils, c - even, part) for part in range(len(c))], mean(even)
+    return [
+        sparse.csr_array(rows + nested) if of.any() else rows for rows, of in zip(found, even, strict=True)
+    ]
+
+
 def point_rows(
     stencils: Stencils, material: PlaneMaterial, nodal: Callable[[], Stencils]
 ) -> sparse.csr_array:
-    """Rows (5e | 6e, 2N) of u_x, u_y, sigma_xx, sigma_yy, sigma_xy and, in bodies of revolution, the hoop
-    stress at the points of ``stencils``, quantity by quantity. Nearly incompressible materials interpolate a
-    nodal field of mean pressure: ``nodal`` gives its stencils."""
-    hidden = material.nearly_incompressible
-    even = material.bulk_part if hidden else np.zeros_like(material.stiffness)
+    """Rows (5e | 6e, 2N) of u_x, u_y and all stresses at the points of ``stencils``, quantity by quantity;
+    ``nodal`` gives the stencils of the nodes."""
     value = stencils.weights[:, 0]
+
+    def mean(even: FloatArray) -> sparse.csr_array:
+        return sparse.csr_array(scalar_rows(stencils, value) @ stress_rows(nodal(), even, XX))
+
     blocks = [vector_rows(stencils, value, None), vector_rows(stencils, None, value)]
-    blocks += [stress_rows(stencils, material.stiffness - even, part) for part in range(len(even))]
-    if hidden:
-        mean = scalar_rows(stencils, value) @ stress_rows(nodal(), even, XX)
-        for part in np.flatnonzero(even.any(axis=0)):
-            blocks[2 + part] = sparse.csr_array(blocks[2 + part] + mean)
+    blocks += stresses_at(stencils, material, mean)
     return sparse.csr_array(sparse.vstack(blocks, format="csr"))
 
 

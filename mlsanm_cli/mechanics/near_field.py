@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.kernels.radial import radial_displacements, radial_stresses
+from mlsanm_cli.kernels.radial import radial_displacement, radial_stress
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
@@ -64,15 +64,11 @@ class Isotropic:
     kappa: float
 
     def displacement(self, w: ComplexArray, base: ComplexArray) -> FloatArray:
-        distance, turn = (self.kappa + 1.0) * np.log(np.abs(w)), (self.kappa - 1.0) * np.angle(w / base)
-        twice = w / np.conj(w)
-        rows = [[twice.real - distance, turn + twice.imag], [twice.imag - turn, -distance - twice.real]]
-        return _table(rows) / (4.0 * np.pi * self.shear)
+        flat = radial_displacement(_flat(w), _flat(np.broadcast_to(base, w.shape)), self.kappa)
+        return flat.reshape(*w.shape, 2, 2) / (4.0 * np.pi * self.shear)
 
     def stress(self, w: ComplexArray) -> FloatArray:
-        x, y, factor = w.real, w.imag, -2.0 / (np.pi * np.abs(w) ** 4)
-        products = (factor * x * x, factor * y * y, factor * x * y)
-        return _table([[one * x, one * y] for one in products])
+        return -2.0 / np.pi * radial_stress(_flat(w)).reshape(*w.shape, 3, 2)
 
     def through(self, first: ComplexArray, last: ComplexArray) -> FloatArray:
         turn, twice = np.angle(last / first), 0.5 * (last / np.conj(last) - first / np.conj(first))
@@ -162,6 +158,11 @@ def as_real(numbers: ComplexArray) -> FloatArray:
     return np.stack([numbers.real, numbers.imag], axis=-1)
 
 
+def _flat(numbers: ComplexArray) -> FloatArray:
+    """Complex numbers (...) as vectors (n, 2)."""
+    return np.ascontiguousarray(numbers, dtype=np.complex128).view(np.float64).reshape(-1, 2)
+
+
 def by_component(table: FloatArray) -> FloatArray:
     """Displacements (e, k, 2, 2) as a matrix (2e, 2k): rows x of all points, then y; columns likewise."""
     e, k = table.shape[:2]
@@ -214,28 +215,18 @@ class SurfaceForces:
 
     def displacements(self, z: ComplexArray, left_out: BoolArray = NO_PAIRS) -> FloatArray:
         """Displacements (2, e, 2k) at ``z`` (e,) by forces x, then y, but pairs in ``left_out`` (e, k)."""
-        if not isinstance(self.kernel, Isotropic):
-            return _by_force(self.displacement(z), left_out)
-        places, bases = as_real(self.place), as_real(self.inward)
-        found = radial_displacements(as_real(z), places, bases, self._center, self.kernel.kappa, left_out)
-        return found / (4.0 * np.pi * self.kernel.shear)
+        return _by_force(self.displacement(z), left_out)
 
     def stresses(self, z: ComplexArray, left_out: BoolArray = NO_PAIRS) -> FloatArray:
         """Stresses (3, e, 2k) of the same."""
-        if not isinstance(self.kernel, Isotropic):
-            return _by_force(self.stress(z), left_out)
-        return -2.0 / np.pi * radial_stresses(as_real(z), as_real(self.place), self._center, left_out)
-
-    @property
-    def _center(self) -> FloatArray:
-        return np.array([] if self.center is None else [self.center.real, self.center.imag])
+        return _by_force(self.stress(z), left_out)
 
     def displacement_of_each(self, z: ComplexArray) -> FloatArray:
         """Displacements (..., k, 2, 2) by each force at its own point ``z`` (..., k or 1)."""
         w = z - self.place
         if self.center is None:
-            return self.kernel.displacement(w, np.broadcast_to(self.inward, w.shape))
-        other = np.broadcast_to(z - self.center, w.shape)
+            return self.kernel.displacement(w, self.inward)
+        other = z - self.center
         return self.kernel.displacement(w, other) - self.kernel.displacement(other, other)
 
     def stress_of_each(self, z: ComplexArray) -> FloatArray:

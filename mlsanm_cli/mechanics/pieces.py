@@ -23,7 +23,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator, Mapping
 from itertools import product
 from types import MappingProxyType
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import scipy.sparse as sparse
@@ -36,7 +36,7 @@ from mlsanm_cli.cloud.pieces import divide, pair_up
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.corners import WEIGHT_REACH, thickness
-from mlsanm_cli.mechanics.elasticity import HOOP, traction_of
+from mlsanm_cli.mechanics.elasticity import HOOP, force_sums
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.springs import FREE, Held
 from mlsanm_cli.roundoff import ROUND_OFF
@@ -52,8 +52,8 @@ PAIR_WEIGHT = 10.0
 """The same for pairs of nodes at contacts, which separate one node's pressure from its neighbours'."""
 
 
-ForcesThrough: TypeAlias = Callable[[FloatArray, FloatArray, FloatArray], sparse.csr_array]
-"""Rows (3e, ...) as by :meth:`BodyModel.forces_through`."""
+StressAround: TypeAlias = Callable[[FloatArray, FloatArray], "sparse.csr_array | FloatArray"]
+"""Rows (3 e t | 4 e t, ...) or values (3 e t | 4 e t,) of stresses, as by :meth:`BodyModel.stress_around`."""
 
 
 class Pieces:
@@ -92,34 +92,20 @@ class Pieces:
         strength = min(1.0, MAX_MODULUS_RATIO * material.shear / material.modulus) * self.strength
         return strength / self.cloud.around(self.middle)
 
-    def fluxes(
-        self, model: BodyModel, held: Held, wanted: BoolArray, through: ForcesThrough | None = None
-    ) -> sparse.csr_array:
-        """Rows (3k, 2N) of minus the force and moment that leave every piece through inner faces and through
-        ``held`` components of the outline; at least those of ``wanted`` pieces (k,) are filled. Forces are
-        those of displacements, or of ``through``."""
-        forces = through or model.forces_through
-        parts = [matrix @ forces(*places) for matrix, *places in self._faces(held, wanted, rule_of(model))]
+    def fluxes(self, stress: StressAround, held: Held, rule: Rule, wanted: BoolArray | None = None) -> Any:
+        """Rows or values (3k, ...) of minus the force and moment of a ``stress`` that leave every piece
+        through inner faces and ``held`` components of the outline; at least those of ``wanted`` pieces
+        (k,)."""
+        wanted = np.ones(self.count, dtype=bool) if wanted is None else wanted
+        parts = []
+        for matrix, middle, points, normals in self._faces(held, wanted, rule):
+            sums = force_sums(points - middle[:, None], normals)
+            parts.append(matrix @ (sums @ stress(middle, points)[: sums.shape[1]]))
         if self.cloud.revolved:
-            parts += [
-                self._hoop(owner, points, weight) @ model.hoop_stress(centers, points)
-                for owner, centers, points, weight in self._rings(rule_of(model))
-            ]
-        return sparse.csr_array(sum(parts[1:], parts[0]))
-
-    def flux_of(self, stress: Callable[[FloatArray, FloatArray], FloatArray], held: Held) -> FloatArray:
-        """The same (3k,) for a ``stress`` function of points (e, t, 2) around centres (e, 2)."""
-        total = np.zeros(3 * self.count)
-        for matrix, middle, points, normals in self._faces(held, np.ones(self.count, dtype=bool), GAUSS[2]):
-            values = stress(middle, points)
-            force = traction_of(values.reshape(-1, values.shape[-1]), normals.reshape(-1, 2))
-            x, y = force.T.reshape(2, *points.shape[:2])
-            a, b = np.moveaxis(points - middle[:, None], 2, 0)
-            total += matrix @ np.concatenate([x.sum(axis=1), y.sum(axis=1), (a * y - b * x).sum(axis=1)])
-        if self.cloud.revolved:
-            for owner, centers, points, weight in self._rings(GAUSS[2]):
-                total += self._hoop(owner, points, weight) @ stress(centers, points)[..., HOOP].ravel()
-        return total
+            for owner, centers, points, weight in self._rings(rule):
+                hoop = stress(centers, points)[HOOP * owner.size :]
+                parts.append(self._hoop(owner, points, weight) @ hoop)
+        return sum(parts[1:], parts[0])
 
     def _rings(self, rule: Rule) -> Iterator[tuple[IntArray, FloatArray, FloatArray, FloatArray]]:
         """Quadrature over the cells, about triangles and between chords and outline: nodes (e, t), centres
@@ -329,32 +315,29 @@ def turned_along(start: FloatArray, end: FloatArray) -> FloatArray:
     return np.stack([np.stack([cosine, -sine], axis=1), np.stack([sine, cosine], axis=1)], axis=1)
 
 
-def reaction_rows(
+def reaction(
     model: BodyModel,
     surface: Surface,
     held: tuple[bool, bool],
     center: tuple[float, float],
-    through: ForcesThrough | None = None,
-) -> sparse.csr_array:
-    """Rows (3, 2N) of force and moment about ``center`` of a held surface on its body, in ``held``
-    components."""
+    stress: StressAround,
+) -> Any:
+    """Rows or values (3, ...) of force and moment about ``center`` of a held surface on its body by a
+    ``stress``, in ``held`` components."""
     points, normals = _along(model.cloud, surface, Halves.of(surface, rule_of(model)))
-    forces, count = (through or model.forces_through)(points, points[:, None], normals[:, None]), len(points)
+    forces = force_sums(np.zeros((len(points), 1, 2)), normals[:, None])[: 2 * len(points)]
+    along, one, none = np.array(held, dtype=float), np.ones(len(points)), np.zeros(len(points))
     x, y = (points - np.array(center)).T
-    along, one, none = np.array(held, dtype=float), np.ones(count), np.zeros(count)
-    lines = [[one * along[0], none, none], [none, one * along[1], none], [-y * along[0], x * along[1], none]]
-    return sparse.csr_array(sparse.csr_array(np.stack([np.concatenate(line) for line in lines])) @ forces)
+    lines = [[one * along[0], none], [none, one * along[1]], [-y * along[0], x * along[1]]]
+    sums = sparse.csr_array(np.stack([np.concatenate(line) for line in lines])) @ forces
+    return sums @ stress(points, points[:, None])[: 3 * len(points)]
 
 
-def reaction_of(
-    model: BodyModel,
-    surface: Surface,
-    held: tuple[bool, bool],
-    center: tuple[float, float],
-    stress: Callable[[FloatArray], FloatArray],
-) -> FloatArray:
-    """The same force and moment (3,) for a ``stress`` function of points (g, 2), values (g, 3)."""
-    points, normals = _along(model.cloud, surface, Halves.of(surface, rule_of(model)))
-    x, y = (traction_of(stress(points), normals) * np.array(held)).T
-    arm = points - np.array(center)
-    return np.array([x.sum(), y.sum(), arm[:, 0] @ y - arm[:, 1] @ x])
+def values_of(field: Callable[[FloatArray, FloatArray], FloatArray]) -> StressAround:
+    """The stresses of a ``field``, values (e, t, 3 | 4) at points (e, t, 2) around centres (e, 2)."""
+
+    def stress(centers: FloatArray, points: FloatArray) -> FloatArray:
+        values = field(centers, points)
+        return values.reshape(-1, values.shape[-1]).T.ravel()
+
+    return stress

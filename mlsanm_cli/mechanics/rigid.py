@@ -157,20 +157,14 @@ class FreeSystem:
     def solve(self, sources: sparse.csc_array, tolerance: float = FULL_TOLERANCE) -> FloatArray:
         return self._centred(self.system.solve(self._balanced(sources), tolerance), self._wanted(sources))
 
-    def solve_with_error(
-        self, sources: sparse.csc_array, start: FloatArray | None = None
-    ) -> tuple[FloatArray, FloatArray]:
-        pinned = None if start is None else self._pinned(start)
-        solution, change = self.system.solve_with_error(self._balanced(sources), pinned)
-        return self._centred(solution, self._wanted(sources)), change
-
-    def solve_unrefined(self, sources: sparse.csc_array) -> FloatArray:
-        return self._centred(self.system.solve_unrefined(self._balanced(sources)), self._wanted(sources))
-
-    def step(self, source: sparse.csc_array, solution: FloatArray, more: sparse.csc_array) -> FloatArray:
-        found = self.system.step(self._balanced(source), self._pinned(solution), self._balanced(more))
-        wanted = self._wanted(more)
-        return self._centred(found, np.hstack([np.zeros_like(wanted), wanted]))
+    def correction(self, sources: sparse.csc_array, solutions: FloatArray | None = None) -> FloatArray:
+        wanted = self._wanted(sources)
+        if solutions is None:
+            return self._centred(self.system.correction(self._balanced(sources)), wanted)
+        # With zero displacement at the pins.
+        moved = np.linalg.solve(self.patterns[self.pinned], solutions[self.pinned])
+        change = self.system.correction(self._balanced(sources), solutions - self.patterns @ moved)
+        return self._centred(change, wanted - self.mean @ solutions)
 
     def _centred(self, solution: FloatArray, wanted: FloatArray) -> FloatArray:
         """``solution`` (n, c) with the mean motions ``wanted`` (d, c)."""
@@ -191,14 +185,6 @@ class FreeSystem:
         pinned, mean = np.split(found, [observed.shape[0]])
         return np.asarray(pinned + (observed @ self.patterns) @ (wanted @ mixed - mean))
 
-    def residual(self, sources: sparse.csc_array, solutions: FloatArray) -> FloatArray:
-        return self.system.residual(self._balanced(sources), self._pinned(solutions))
-
-    def _pinned(self, solution: FloatArray) -> FloatArray:
-        """``solution`` (n, c) with zero displacement at the pins."""
-        moved = np.linalg.solve(self.patterns[self.pinned], solution[self.pinned])
-        return np.asarray(solution - self.patterns @ moved)
-
     @property
     def note(self) -> str:
         return self.system.note
@@ -208,10 +194,3 @@ class FreeSystem:
 
     def scaled(self, sources: sparse.csc_array, strong: bool = True) -> FloatArray:
         return self.system.scaled(self._balanced(sources), strong)
-
-    def equations(self, sources: sparse.csc_array) -> tuple[sparse.csr_array, sparse.csr_array]:
-        return self.system.equations(self._balanced(sources))
-
-    def residual_vector(self, source: FloatArray, solution: FloatArray) -> FloatArray:
-        balanced = self._balanced(sparse.csc_array(source[:, None])).toarray()[:, 0]
-        return self.system.residual_vector(balanced, solution)

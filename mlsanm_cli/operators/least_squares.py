@@ -7,8 +7,14 @@ so its multiplier z = B u - L b is an additional unknown::
     N u + B^T z = M^T W b           B u - z = L b
 
 which is quasi-definite (Vanderbei 1995, doi:10.1137/0805005) and has a factor without pivoting in any order.
-A few sums of strong rows, forces and moment on the whole body, hold exactly
-(:mod:`mlsanm_cli.operators.conditions`): weights high enough for that would leave no digits for other rows.
+A few sums of strong rows, forces and moment on the whole body, hold exactly, C u = d: weights high enough for
+that would leave no digits for other rows. With multipliers z, N u + C^T z = f (Bjorck 1996,
+doi:10.1137/1.9781611971484, section 5.1)::
+
+    Y = N^-1 C^T (C N^-1 C^T)^-1        u = N^-1 f + Y (d - C N^-1 f)
+
+Strong rows satisfy the conditions nearly, so that this changes the last digits only. Since C Y = 1 to
+round-off however accurate Y is, they hold to round-off.
 
 The factor alone loses half the digits. Residuals of the rows, not of the normal equations, restore them
 (Bjorck 1987, doi:10.1016/0024-3795(87)90101-7), here by conjugate gradients (Bjorck 1996,
@@ -32,10 +38,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.operators.compliance import corrected
-from mlsanm_cli.operators.conditions import Conditions, conditions_of, independent_sums
-from mlsanm_cli.operators.linear.dissection import Fronts
-from mlsanm_cli.operators.linear.factors import factor_definite, mirrored
+from mlsanm_cli.operators.linear.factors import Fronts, factor_definite, mirrored
 from mlsanm_cli.operators.linear.interface import Factor, LinearSolver
 from mlsanm_cli.operators.normal import NormalPattern, bordered, normal_equations
 from mlsanm_cli.operators.system import (
@@ -44,12 +47,12 @@ from mlsanm_cli.operators.system import (
     FUNCTIONAL_TOLERANCE,
     MAX_UPDATES,
     TINY,
-    VERIFIED_TOLERANCE,
     LinearSystem,
     Progress,
-    relative,
+    corrected,
 )
 from mlsanm_cli.records import dataclass
+from mlsanm_cli.roundoff import FINE_ROUND_OFF, ROUND_OFF
 
 
 @dataclass(frozen=True)
@@ -72,6 +75,53 @@ class Strong:
 
 
 @dataclass(frozen=True)
+class Conditions:
+    """``rows`` C (s, n), ``lift`` Y (n, s), and ``stiffness`` (s, s), the inverse of C N^-1 C^T."""
+
+    rows: sparse.csr_array
+    lift: FloatArray
+    stiffness: FloatArray
+
+    @classmethod
+    def none(cls, unknowns: int) -> Conditions:
+        """No constraints."""
+        return cls(sparse.csr_array((0, unknowns)), np.zeros((unknowns, 0)), np.zeros((0, 0)))
+
+    def met(self, solution: FloatArray, wanted: FloatArray) -> FloatArray:
+        """The ``solution`` (n, c) of the normal equations, corrected to C u = ``wanted`` (s, c)."""
+        return np.asarray(solution + self.lift @ (wanted - self.rows @ solution))
+
+
+def independent_sums(rows: sparse.csr_array, sums: sparse.csr_array) -> tuple[sparse.csr_array, IntArray]:
+    """Constraints (t, n) that are ``sums`` (s, g) of strong ``rows`` (g, n), without those that cancel, and
+    which sums they are (t,)."""
+    taken = sparse.csr_array(sums @ rows)
+    size = _largest(sparse.csr_array(abs(sums) @ abs(rows)))
+    taken.data[np.abs(taken.data) <= FINE_ROUND_OFF * np.repeat(size, np.diff(taken.indptr))] = 0.0
+    taken.eliminate_zeros()
+    kept = np.flatnonzero(_largest(taken) > ROUND_OFF * size)
+    return sparse.csr_array(taken[kept]), kept
+
+
+def conditions_of(rows: sparse.csr_array, answer: FloatArray) -> Conditions:
+    """Constraints with ``rows`` (s, n) and ``answer`` (n, s), the response of the normal equations to their
+    transpose; rows from the first dependent one on are dropped."""
+    soft = np.asarray(rows @ answer)
+    unit = soft / np.sqrt(np.outer(np.diag(soft), np.diag(soft)))
+    count = len(soft)
+    while count and not np.linalg.eigvalsh(unit[:count, :count])[0] > ROUND_OFF:
+        count -= 1
+    # Not symmetrised, so that constraints hold to round-off for any accuracy of the response.
+    stiffness = np.linalg.inv(soft[:count, :count])
+    return Conditions(sparse.csr_array(rows[:count]), answer[:, :count] @ stiffness, stiffness)
+
+
+def _largest(matrix: sparse.csr_array) -> FloatArray:
+    """Largest modulus in every row (s,)."""
+    return np.asarray(abs(matrix).max(axis=1).toarray()).ravel() if matrix.shape[0] else np.zeros(0)
+
+
+@dataclass(frozen=True)
 class LeastSquares(LinearSystem):
     """Factorised least-squares problem: ``rows`` (e, n) already multiplied by ``weight`` (e,), and ``strong``
     rows, whose sums are the ``conditions``. Of the r right-hand sides the first e are those of the rows. The
@@ -89,32 +139,14 @@ class LeastSquares(LinearSystem):
         solution = self._refined(np.zeros((self.rows.shape[1], 1)), scaled, tolerance)[0]
         return self.conditions.met(solution, self._sums(scaled))
 
-    def solve_with_error(
-        self, sources: sparse.csc_array, start: FloatArray | None = None
-    ) -> tuple[FloatArray, FloatArray]:
-        force, misfit = np.zeros((self.rows.shape[1], 1)), self.scaled(sources)
-        wanted = self._sums(misfit)
-        if start is None:
-            solution = self.inverse_normal(self._gather(misfit))
-            misfit = misfit - self._apply(solution)
-            sizes = np.linalg.norm(solution, axis=0)
-        else:
-            image = self._apply(start)
-            part = image.T @ misfit / max(float((image**2).sum()), TINY)
-            solution, misfit = start @ part, misfit - image @ part
-            sizes = np.full(sources.shape[1], np.inf)
-        progress = Progress.of(sizes, FULL_TOLERANCE, VERIFIED_TOLERANCE)
-        solution, _, progress = self._further(force, misfit, solution, progress)
-        return self.conditions.met(solution, wanted), relative(progress.last, solution)
-
-    def solve_unrefined(self, sources: sparse.csc_array) -> FloatArray:
+    def correction(self, sources: sparse.csc_array, solutions: FloatArray | None = None) -> FloatArray:
         scaled = self.scaled(sources)
-        return self._solve_once(scaled, self._sums(scaled))
-
-    def step(self, source: sparse.csc_array, solution: FloatArray, more: sparse.csc_array) -> FloatArray:
-        one, other = self.scaled(source), self.scaled(more)
-        wanted = [self._sums(one) - self.conditions.rows @ solution, self._sums(other)]
-        return self._solve_once(np.hstack([one - self._apply(solution), other]), np.hstack(wanted))
+        wanted = self._sums(scaled)
+        if solutions is not None:
+            scaled, wanted = scaled - self._apply(solutions), wanted - self.conditions.rows @ solutions
+        # The response to the conditions by the factor alone as well: its error in the bending of long thin
+        # bodies then affects both alike.
+        return self._unrefined_conditions.met(self.inverse_normal(self._gather(scaled)), wanted)
 
     def functionals(
         self, observed: sparse.csr_array, sources: sparse.csc_array, mixture: FloatArray | None = None
@@ -152,13 +184,7 @@ class LeastSquares(LinearSystem):
         """Solutions (n, c) of N x = ``force`` + A^T ``misfit`` (e + g, c), A all rows, and the remaining
         misfit. ``force`` (n, c) or (n, 1) is zero for solutions of the least-squares problem."""
         solution = self.inverse_normal(force + self._gather(misfit))
-        progress = Progress.of(np.linalg.norm(solution, axis=0), tolerance)
-        return self._further(force, misfit - self._apply(solution), solution, progress)[:2]
-
-    def _further(
-        self, force: FloatArray, misfit: FloatArray, solution: FloatArray, progress: Progress
-    ) -> tuple[FloatArray, FloatArray, Progress]:
-        """The ``solution`` (n, c) with remaining ``misfit``, refined until there is no more progress."""
+        progress, misfit = Progress.of(solution, tolerance), misfit - self._apply(solution)
         before: deque[tuple[FloatArray, FloatArray, FloatArray]] = deque(maxlen=DIRECTIONS)
         for _ in range(MAX_UPDATES):
             gradient = force + self._gather(misfit)
@@ -177,24 +203,11 @@ class LeastSquares(LinearSystem):
             progress = progress.after(length * step, solution)
             if progress.done.all():
                 break
-        return solution, misfit, progress
-
-    def residual(self, sources: sparse.csc_array, solutions: FloatArray) -> FloatArray:
-        """Relative change (c,) of the ``solutions`` (n, c) by one more corrected semi-normal step."""
-        scaled = self.scaled(sources)
-        wanted = self._sums(scaled) - self.conditions.rows @ solutions
-        update = self._solve_once(scaled - self._apply(solutions), wanted)
-        return relative(np.linalg.norm(update, axis=0), solutions)
-
-    def _solve_once(self, misfit: FloatArray, wanted: FloatArray) -> FloatArray:
-        """Solutions (n, c) by the factor alone for a ``misfit`` (e + g, c) and conditions ``wanted`` (s,
-        c)."""
-        return self._unrefined_conditions.met(self.inverse_normal(self._gather(misfit)), wanted)
+        return solution, misfit
 
     @cached_property
     def _unrefined_conditions(self) -> Conditions:
-        """The conditions with the response by the factor alone: its error in the bending of long thin bodies
-        then affects both alike."""
+        """The conditions with the response by the factor alone."""
         rows = self.conditions.rows
         if not rows.shape[0]:
             return self.conditions

@@ -40,10 +40,14 @@ def build_stencils(
     known: IndexArray | None = None,
     tips: Tips | None = None,
     own: IntArray | None = None,
+    centers: FloatArray | None = None,
+    least: int = 0,
 ) -> Stencils:
-    """Moving least-squares stencils of the nodes ``points`` (n, 2), each centred at its own target (e, 2).
+    """Moving least-squares stencils of the nodes ``points`` (n, 2), each centred at its own target (e, 2),
+    with the weights of derivatives of orders ``least`` to ``order``; or those at t ``targets`` (e, t, 2) of
+    one polynomial per centre (e, 2), target by target, whose weights are not narrower where it is one-sided.
 
-    ``sight`` removes neighbours across slits, ``known`` (e, k) are the targets' nearest nodes by
+    ``sight`` removes neighbours across slits, ``known`` (e, k) are the centres' nearest nodes by
     :func:`nearest_nodes` if available; near ``tips`` fits are enriched by singular functions
     (:mod:`mlsanm_cli.operators.singular_functions`). In bodies of revolution the last ``points`` are images
     of the nodes ``own`` (g,) behind the axis.
@@ -53,42 +57,12 @@ def build_stencils(
     QR is rank-deficient gets more neighbours. Raises NumericalError, naming the place, where that does not
     help.
     """
-    return _built(points, tree, targets, targets[:, None], (0, order), settings, sight, known, tips, own)
-
-
-def build_gradients(
-    points: FloatArray,
-    tree: cKDTree,
-    centers: FloatArray,
-    targets: FloatArray,
-    settings: MlsSettings,
-    sight: VisibilityCriterion | None = None,
-    values: bool = False,
-    tips: Tips | None = None,
-    own: IntArray | None = None,
-) -> Stencils:
-    """Stencils at ``centers`` (e, 2) with the weights (nnz, 2 t) of d/dx and d/dy at each of their t
-    ``targets`` (e, t, 2), from one polynomial per centre; with ``values`` also of the value, first: (nnz, 3
-    t). Their weights are not narrower where they are one-sided."""
-    orders, even = (0 if values else 1, 1), replace(settings, narrow=False)
-    return _built(points, tree, centers, targets, orders, even, sight, None, tips, own)
-
-
-def _built(
-    points: FloatArray,
-    tree: cKDTree,
-    centers: FloatArray,
-    targets: FloatArray,
-    orders: tuple[int, int],
-    settings: MlsSettings,
-    sight: VisibilityCriterion | None,
-    known: IndexArray | None,
-    tips: Tips | None,
-    own: IntArray | None,
-) -> Stencils:
-    """Stencils with the derivatives of ``orders[0]`` to ``orders[1]`` at the ``targets`` (e, t, 2)."""
+    if centers is None:
+        centers, targets = targets, targets[:, None]
+    else:
+        settings = replace(settings, narrow=False)
     centers, targets = np.ascontiguousarray(centers), np.ascontiguousarray(targets)
-    kinds = targets.shape[1] * sum(order + 1 for order in range(orders[0], orders[1] + 1))
+    kinds = targets.shape[1] * sum(range(least + 1, order + 2))
     if not len(centers):
         none = np.zeros(0, dtype=np.int64)
         empty = Stencils(np.zeros(1, dtype=np.int64), none, np.zeros((0, kinds)), len(points), 0, 1.0)
@@ -119,7 +93,7 @@ def _built(
             indptr = np.arange(here.stop - first + 1, dtype=np.int64) * size
             mls_weights(
                 *(points, indptr, indices[here].ravel(), some[here], aims[here].reshape(-1, 2)),
-                *(radius[here], settings.degree, WEIGHT_EXPONENT, *orders),
+                *(radius[here], settings.degree, WEIGHT_EXPONENT, least, order),
                 *(weights[here].reshape(-1, kinds), ratio[here]),
             )
         patient = settings.degree >= MARGIN_DEGREE
@@ -149,7 +123,7 @@ def _built(
     if len(parts) > 1:
         whole = whole.take(np.argsort(np.concatenate(numbers)))
     corners = singular_corners(points, tree, settings, sight, tips)
-    whole = enriched(whole, corners, points, centers, targets, orders)
+    whole = enriched(whole, corners, points, centers, targets, (least, order))
     return whole if own is None else whole.of_revolution(own, radius_of(targets.reshape(-1, 2), points))
 
 

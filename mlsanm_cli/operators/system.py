@@ -1,22 +1,21 @@
-"""The interface for solving a discretised body, whatever its equations, and iterative refinement."""
+"""The interface for solving a discretised body, whatever its equations, and iterative solutions."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.records import dataclass
+from mlsanm_cli.roundoff import ROUND_OFF
 
 FULL_TOLERANCE = 1e-11
 """Relative tolerance of the predicted next update."""
 FUNCTIONAL_TOLERANCE = 1e-8
 """The same for many solutions of which only functionals are needed."""
-VERIFIED_TOLERANCE = 1e-7
-"""Limit of the last update where it serves as error estimate."""
 BLOCK_COLUMNS = 64
 """Solutions refined at once: enough for dense products, few enough for memory."""
 MAX_UPDATES = 15
@@ -34,28 +33,15 @@ class LinearSystem(Protocol):
     def solve(self, sources: sparse.csc_array, tolerance: float = FULL_TOLERANCE) -> FloatArray:
         """Solutions (n, c) for right-hand sides ``sources`` (r, c), refined to a relative ``tolerance``."""
 
-    def solve_with_error(
-        self, sources: sparse.csc_array, start: FloatArray | None = None
-    ) -> tuple[FloatArray, FloatArray]:
-        """Solutions (n, c) for ``sources`` (r, c), and the relative change (c,) by the last update, an error
-        estimate. Starts from a multiple of ``start`` (n, 1), if given, which saves updates if it is close."""
-
-    def solve_unrefined(self, sources: sparse.csc_array) -> FloatArray:
-        """Solutions (n, c) by the factor alone; :meth:`residual` estimates their error."""
-
-    def step(self, source: sparse.csc_array, solution: FloatArray, more: sparse.csc_array) -> FloatArray:
-        """A refinement step for a ``solution`` (n, 1) with right-hand side ``source`` (r, 1), and the
-        unrefined solution for ``more`` (r, 1): (n, 2), in one pass through the factor."""
+    def correction(self, sources: sparse.csc_array, solutions: FloatArray | None = None) -> FloatArray:
+        """Change (n, c) of ``solutions`` (n, c) for ``sources`` (r, c) by one pass through the factor; from
+        none, the solutions by the factor alone."""
 
     def functionals(
         self, observed: sparse.csr_array, sources: sparse.csc_array, mixture: FloatArray | None = None
     ) -> FloatArray:
         """Rows ``observed`` (g, n) applied to the solutions for ``sources`` (r, s), times the ``mixture`` (s,
         c) if given: (g, s) or (g, c). Much cheaper than the solutions themselves for sparse sources."""
-
-    def residual(self, sources: sparse.csc_array, solutions: FloatArray) -> FloatArray:
-        """Relative change (c,) of the ``solutions`` (n, c) by one more refinement. The residual itself is no
-        measure: rows of nearly incompressible materials are too large."""
 
     @property
     def note(self) -> str:
@@ -67,57 +53,123 @@ class LinearSystem(Protocol):
     def scaled(self, sources: sparse.csc_array, strong: bool = True) -> FloatArray:
         """Right-hand sides (r, c) in the scaling of the equations, without the ``strong`` rows if false."""
 
-    def equations(self, sources: sparse.csc_array) -> tuple[sparse.csr_array, sparse.csr_array]:
-        """The scaled equations' matrix (n, n) and their right-hand sides (n, c) for ``sources`` (r, c)."""
 
-    def residual_vector(self, source: FloatArray, solution: FloatArray) -> FloatArray:
-        """Residual (n,) of ``solution`` (n,) for ``source`` (r,), more accurate than by the matrix."""
+def residual_of(system: LinearSystem, sources: sparse.csc_array, solutions: FloatArray) -> FloatArray:
+    """Relative change (c,) of the ``solutions`` (n, c) by one more refinement. The residual itself is no
+    measure: rows of nearly incompressible materials are too large."""
+    size = np.linalg.norm(solutions, axis=0)
+    return np.asarray(
+        np.linalg.norm(system.correction(sources, solutions), axis=0) / np.where(size > 0.0, size, 1.0)
+    )
 
 
 @dataclass(frozen=True)
 class Progress:
     """Progress of several solutions: sizes (c,) of their ``last`` updates and of those ``before``, and which
-    are ``done`` (c,). A solution is done when the predicted next update is at most ``tolerance`` and the last
-    one at most ``limit``, relatively."""
+    are ``done`` (c,): the predicted next update is at most ``tolerance``, relatively."""
 
     before: FloatArray
     last: FloatArray
     done: BoolArray
     tolerance: float
-    limit: float = 1.0
 
     @classmethod
-    def of(cls, sizes: FloatArray, tolerance: float, limit: float = 1.0) -> Progress:
-        """At first solutions of ``sizes`` (c,), or infinite ones at starts of unknown accuracy."""
-        return cls(np.full(len(sizes), np.inf), sizes, np.zeros(len(sizes), bool), tolerance, limit)
+    def of(cls, first: FloatArray, tolerance: float) -> Progress:
+        """At ``first`` solutions (n, c)."""
+        sizes = np.linalg.norm(first, axis=0)
+        return cls(np.full(len(sizes), np.inf), sizes, np.zeros(len(sizes), bool), tolerance)
 
     def after(self, update: FloatArray, solution: FloatArray) -> Progress:
         """After another ``update`` (n, c), which led to ``solution`` (n, c)."""
         change, size = np.linalg.norm(update, axis=0), np.linalg.norm(solution, axis=0)
-        # The rate of convergence is unknown before the second update.
-        next_one = change * np.where(np.isinf(self.last), 1.0, change / np.maximum(self.last, TINY))
-        small = (next_one <= self.tolerance * size) & (change <= self.limit * size)
+        small = change * (change / np.maximum(self.last, TINY)) <= self.tolerance * size
         small_change = change <= STALL_CHANGE * size
         stalled = (change >= STALL_RATIO * np.maximum(self.before, self.last)) & small_change
         last = np.where(self.done, self.last, change)
-        return Progress(self.last, last, self.done | small | stalled, self.tolerance, self.limit)
+        return Progress(self.last, last, self.done | small | stalled, self.tolerance)
 
 
-def refine(
-    solution: FloatArray, update: Callable[[FloatArray], FloatArray], progress: Progress
-) -> tuple[FloatArray, Progress]:
-    """``solution`` (n, c) after as many updates as needed, at least one, or until they stop shrinking.
-    ``update`` is the factor's correction of the residual (Higham 2002, doi:10.1137/1.9780898718027)."""
-    for _ in range(MAX_UPDATES):
-        step = update(solution)
-        solution = solution + step
-        progress = progress.after(step, solution)
-        if progress.done.all():
+RANK, CHECK_COLUMNS = 8, 4
+"""Initial numbers of random columns, and of those for the error estimate."""
+NOISE_RATIO = 5.0
+"""Accepted error outside the basis over that inside."""
+
+Apply: TypeAlias = Callable[[FloatArray], FloatArray]
+
+
+def corrected(start: FloatArray, of_columns: Apply, of_rows: Apply) -> FloatArray:
+    """The matrix A (g, c) approximated by ``start``. ``of_columns`` computes A V (g, s) for V (c, s),
+    ``of_rows`` U^T A (s, c) for U (g, s), both accurately.
+
+    An ill-conditioned factor is inaccurate in a few smooth modes, above all motions of the finest part of the
+    cloud. The error matrix of all functionals of all solutions therefore has low rank, and is found from its
+    action on a few random columns (Halko, Martinsson and Tropp 2011, doi:10.1137/090771806).
+    """
+    column = np.linalg.norm(start, axis=0)
+    column[column == 0.0] = 1.0
+    row = np.linalg.norm(start / column, axis=1)[:, None]
+    row[row == 0.0] = 1.0
+    rng = np.random.default_rng(0)
+    rank, tried, found = RANK, np.zeros((start.shape[1], 0)), np.zeros((start.shape[0], 0))
+    while 2 * (rank + CHECK_COLUMNS) < min(start.shape):
+        more = rng.normal(size=(len(tried), rank + CHECK_COLUMNS - tried.shape[1])) / column[:, None]
+        tried, found = np.hstack([tried, more]), np.hstack([found, of_columns(more) / row])
+        basis = np.linalg.qr((found - start @ tried / row)[:, :rank])[0]
+        result = start + row * (basis @ (of_rows(basis / row) - (basis / row).T @ start))
+        left = (found - result @ tried / row)[:, rank:]
+        within = basis.T @ left
+        noise = np.linalg.norm(within)
+        if np.linalg.norm(left - basis @ within) <= max(
+            ROUND_OFF * np.linalg.norm(found[:, rank:]), NOISE_RATIO * noise
+        ):
+            return np.asarray(result)
+        rank *= 2
+    unit = np.eye(start.shape[1])
+    blocks = [
+        of_columns(unit[:, first : first + BLOCK_COLUMNS]) for first in range(0, len(unit), BLOCK_COLUMNS)
+    ]
+    return np.concatenate([start[:, :0], *blocks], axis=1)
+
+
+BASIS = 300
+"""Largest number of vectors kept; no restarts, which stall."""
+
+
+def gmres(product: Apply, rhs: FloatArray, tolerance: float) -> tuple[FloatArray, int]:
+    """An approximate solution (n,) for ``rhs`` (n,) whose residual is ``tolerance`` times as large, or the
+    best in BASIS vectors; and the number of products (Saad and Schultz 1986, doi:10.1137/0907058)."""
+    size = float(np.linalg.norm(rhs))
+    if size == 0.0:
+        return np.zeros_like(rhs), 0
+    vectors, count = [rhs / size], min(BASIS, len(rhs))
+    matrix = np.zeros((count + 1, count))
+    rotations = np.zeros((count, 2))
+    left = np.zeros(count + 1)
+    left[0] = size
+    for k in range(count):
+        new = product(vectors[k])
+        # Twice, against loss of orthogonality.
+        for _ in (0, 1):
+            for row, vector in enumerate(vectors):
+                share = float(vector @ new)
+                matrix[row, k] += share
+                new = new - share * vector
+        length = float(np.linalg.norm(new))
+        matrix[k + 1, k] = length
+        column = matrix[:, k]
+        for row in range(k):
+            c, s = rotations[row]
+            column[row], column[row + 1] = (
+                c * column[row] + s * column[row + 1],
+                c * column[row + 1] - s * column[row],
+            )
+        radius = float(np.hypot(column[k], length))
+        rotations[k] = c, s = column[k] / radius, length / radius
+        column[k], column[k + 1] = radius, 0.0
+        left[k], left[k + 1] = c * left[k], -s * left[k]
+        if abs(left[k + 1]) <= tolerance * size or length <= np.finfo(float).eps * radius:
             break
-    return solution, progress
-
-
-def relative(lengths: FloatArray, solutions: FloatArray) -> FloatArray:
-    """``lengths`` (c,) relative to the norms of the ``solutions`` (n, c), which may be zero."""
-    size = np.linalg.norm(solutions, axis=0)
-    return np.asarray(lengths / np.where(size > 0.0, size, 1.0))
+        vectors.append(new / length)
+    used = k + 1
+    shares = np.linalg.solve(np.triu(matrix[:used, :used]), left[:used])
+    return np.asarray(np.stack(vectors[:used], axis=1) @ shares), used

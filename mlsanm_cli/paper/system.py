@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from copy import copy
+from typing import cast
 
 import numpy as np
 import scipy.sparse as sparse
@@ -14,8 +15,9 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.assembly import node_rows
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.springs import FREE, NO_SPRING
+from mlsanm_cli.operators.least_squares import LeastSquares
 from mlsanm_cli.operators.linear.factors import THRESHOLD, elimination_order, factor_in_order
-from mlsanm_cli.operators.system import FULL_TOLERANCE, Progress, refine
+from mlsanm_cli.operators.system import FULL_TOLERANCE, MAX_UPDATES, Progress
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 
 LENGTH = 0.1
@@ -111,8 +113,10 @@ class System:
         m, n, k, loads = len(c.weight), len(c.friction_nodes), len(scene.unknown_motions), len(scene.loads)
         square = built.case.mls.scheme == "collocation"
         self.built, self.law = built, law
+        # All bodies are held: others need the exact law.
         self.bodies = {
-            name: Collocation(body) if square else body.system for name, body in scene.bodies.items()
+            name: Collocation(body) if square else cast(LeastSquares, body.system)
+            for name, body in scene.bodies.items()
         }
         equations = [
             body.equations(sparse.csc_array(c.sources[name] @ c.drivers.matrix))
@@ -264,12 +268,15 @@ class Tangent:
             solution[system.order] = self._factor.solve(rest[system.order])
             return (system.scale * solution)[:, None]
 
-        def update(y: FloatArray) -> FloatArray:
-            return by_factor(rhs - system.linear(unloaded, y[:, 0]) - self._local @ y[:, 0])
-
-        start = by_factor(rhs)
-        progress = Progress.of(np.linalg.norm(start, axis=0), FULL_TOLERANCE)
-        return np.asarray(refine(start, update, progress)[0][:, 0])
+        found = by_factor(rhs)
+        progress = Progress.of(found, FULL_TOLERANCE)
+        for _ in range(MAX_UPDATES):
+            left = rhs - system.linear(unloaded, found[:, 0]) - self._local @ found[:, 0]
+            step = by_factor(left)
+            found, progress = found + step, progress.after(step, found + step)
+            if progress.done.all():
+                break
+        return np.asarray(found[:, 0])
 
 
 def _relative_motions(built: CondensedScene) -> list[sparse.csr_array]:

@@ -9,11 +9,12 @@ the contact.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
-from typing import Literal, TypeAlias
 
 import numpy as np
 
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.contact.complementarity.problem import ContactStatus
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
@@ -23,15 +24,26 @@ from mlsanm_cli.contact.laws.contact_state import ContactState
 from mlsanm_cli.contact.response.condensation import condense
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.responses import BodyResponses
+from mlsanm_cli.errors import NumericalError
+from mlsanm_cli.mechanics.laws.von_mises import VonMises
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import Memo
 from mlsanm_cli.roundoff import ROUND_OFF
+from mlsanm_cli.solve.condensed_scene import CondensedScene, factors_at
 from mlsanm_cli.solve.direction_updates import rolling, turns, unturned
-from mlsanm_cli.solve.grid_ranges import begun_open, first_grid, passed_beyond, ranged, touching_first
-from mlsanm_cli.solve.grid_refinement import COMPRESSED_LIMITS, DENSE_LIMITS, refined, sampled
+from mlsanm_cli.solve.grid_fitting import (
+    COMPRESSED_LIMITS,
+    DENSE_LIMITS,
+    begun_open,
+    first_grid,
+    passed_beyond,
+    ranged,
+    refined,
+    sampled,
+    touching_first,
+)
+from mlsanm_cli.solve.stage_ends import contact_states
 
-FIRST_HALF_WIDTH = 0.05
-"""Half-width of the patches with which a search starts, relative to the range."""
 MAX_ROUNDS = 60
 TURN_ABOVE, TURN_TOLERANCE, MAX_TURNS = 1e-3, 3e-4, 4
 """Directions of pressures are rotated if they are off by the first angle, until they are off by less than the
@@ -43,15 +55,15 @@ MAX_PATCHES, MAX_ENDS = 2, 10
 """Frictionless contacts with more patches, or on paths with more ends of stages and requested states, are
 refined to the requested accuracy only: one grid is fine at the ends of contact in all states."""
 
-Wanted: TypeAlias = Literal["ends", "known", "every", "between"]
-"""States at the ends of the stages, of those that had one to start from, all that count, or some on the way
-that show where surfaces touch."""
-Path: TypeAlias = Callable[[Condensed], tuple[ContactState, ...]]
-"""The states of the path of a condensed scene whose bodies flow, or those up to one at an end of a grid."""
-Search = Callable[
-    [Condensed, Sequence[ContactStatus], Wanted, Sequence[ContactState]], tuple[ContactState, ...]
-]
-"""The exact states of a condensed scene, searched from sets if there are any; some may be known."""
+MAX_LEVELS = 40
+"""Largest number of levels of output that determine contact grids."""
+LEVELS_BETWEEN = 8
+"""Subdivisions of a stage at which contacts are checked to stay in the ranges of their grids; fewer with many
+stages."""
+
+States = tuple[ContactState, ...]
+Search = Callable[[Condensed, Sequence[ContactStatus]], States]
+"""The states of a condensed scene at the levels looked at, searched from sets."""
 
 
 def find_grids(
@@ -59,136 +71,203 @@ def find_grids(
     scene: Scene,
     pairings: tuple[Pairing, ...],
     ranges: Mapping[str, ContactRange],
-    search: Search,
+    stages: FloatArray,
     memo: Memo,
-    path: Path | None = None,
-) -> tuple[Condensed, tuple[ContactState, ...]] | None:
+    laws: Mapping[str, VonMises],
+) -> tuple[Condensed, States] | None:
     """Condense a scene on grids that are wide and fine enough, with the exact states at the ends of its
-    stages; None if a contact is too close to a corner, or its range does not converge. The search ends with
-    the states of the ``path`` of bodies that flow, if given: their contacts are wider."""
-    grids, passed = {name: first_grid(one) for name, one in ranges.items()}, touching_first(ranges)
-    starts, common = list[ContactStatus](), dict[str, float]()
-    places = len(case.contact) + sum(one.places - 1 for one in ranges.values())
-    few = places <= MAX_PATCHES and len({*range(1, len(case.stage) + 1), *case.output.at}) <= MAX_ENDS
-    effort = EXACT_FACTOR if few else 1.0
-    accuracy = {
-        one.name: one.accuracy * (FRICTION_FACTOR if one.friction else effort) for one in case.contact
-    }
-    exact = all(one.regularization.law == "exact" and not one.friction for one in case.contact)
-    limits = COMPRESSED_LIMITS if exact else DENSE_LIMITS
-    responses = resolved = None
-    known: tuple[ContactState, ...] = ()
-    looked = flows = settled = False
-    every, turnings = False, MAX_TURNS * (2 if scene.held_motions else 1)
-    condensed: Condensed | None = None
-    some = _on_grids(pairings, grids, pairings)
-    for _ in range(MAX_ROUNDS):
-        if responses is None:
-            responses = BodyResponses.of(scene, some, memo)
-        if condensed is None:
-            condensed = condense(scene, some, memo, responses)
-        if settled:
-            return condensed, search(condensed, [_starting_status(condensed.pairings)], "ends", ())
-        which: Wanted = "every" if every else "known" if starts else "ends"
-        starts = starts or [_starting_status(condensed.pairings)]
-        states = path(condensed) if path and flows else search(condensed, starts, which, known)
-        known = ()
-        begun = begun_open(condensed, grids, ranges, states)
-        if begun:
-            ranges = {**ranges, **begun}
-            grids = grids | {name: first_grid(one) for name, one in begun.items()}
-            passed = {name: places for name, places in passed.items() if name not in begun}
-            passed |= touching_first(begun)
-            some = _on_grids(pairings, grids, some)
-            starts, responses, condensed = [], None, None
-            continue
-        wanted = ranged(condensed, grids, ranges, states, passed)
-        if wanted is None:
-            return None
-        if _same(wanted, grids) and responses is not resolved:
-            wanted, resolved = sampled(scene, responses, grids), responses
-        if _same(wanted, grids):
-            # States with pressures above round-off of the largest of all.
-            peaks = [float(state.pressure.max(initial=0.0)) for state in states]
-            least = ROUND_OFF * max(peaks, default=0.0)
-            loaded = [state for state, peak in zip(states, peaks, strict=True) if peak > least]
-            wanted = refined(condensed, grids, ranges, loaded, accuracy, not every, limits)
-            settled = flows
-        if _same(wanted, grids):
-            turned = None
-            if settled:
-                continue
-            if every and turnings:
-                turned = _turned(scene, condensed, states, grids, common)
-            if turned is None and every:
-                whole = all(
-                    grids[name].first <= room.first and room.last <= grids[name].last
-                    for name, room in ranges.items()
-                )
-                between = () if looked or whole else search(condensed, (), "between", ())
-                if not passed_beyond(condensed, ranges, between, passed):
-                    if path is None:
-                        return condensed, search(condensed, starts, "ends", states)
-                    flows = True
-                    continue
-                looked = True
-                continue
-            every = True
-            if turned is None:
-                known = states
-                continue
-            turnings -= 1
-            wanted = turned
-            ranges = {name: replace(one, facing=turned[name].facing) for name, one in ranges.items()}
-        if any(wanted[name].samples_differ(grids[name]) for name in grids):
-            responses = None
-        grids = wanted
-        some = _on_grids(pairings, grids, some)
-        later = [pairing for pairing in some if not pairing.bonded]
-        starts = [_moved(condensed, later, state) for state in states]
-        condensed = None
-    return None
+    ``stages`` (T + 1, L); None if a contact is too close to a corner, or its range does not converge.
+
+    Grids are first fitted to the states at the ends of the stages, then to those at all positions with
+    fields, then directions of pressures are rotated with the bodies, and ranges extended to contacts
+    between. Bodies with ``laws`` flow: their contacts are wider, and grids end fitted to the whole path."""
+    search, ends = _GridSearch(case, scene, pairings, ranges, memo), stages[1:]
+    every_so_many = -(-len(case.output.at) // MAX_LEVELS) or 1
+    positions = sorted({*range(len(stages)), *case.output.at[::every_so_many]})
+    levels = np.stack([factors_at(stages, position) for position in positions[1:]])
+
+    def at_ends(condensed: Condensed, starts: Sequence[ContactStatus]) -> States:
+        # Stages beyond a limit load are not tried again.
+        return contact_states(scene, condensed, stages, ends[: len(starts) or None], starts)
+
+    def at_levels(condensed: Condensed, starts: Sequence[ContactStatus]) -> States:
+        return contact_states(scene, condensed, stages, levels, starts, skips=True)
+
+    def on_path(condensed: Condensed, _: Sequence[ContactStatus]) -> States:
+        return _flowing(CondensedScene(case, scene, condensed, stages, (), np.nan, laws))
+
+    settled = search.settle(at_ends, tractions=True)
+    if settled and len(search.states) < len(levels):
+        settled = search.settle(at_levels)
+    while settled and (search.turn() or search.extend(stages)):
+        settled = search.settle(at_levels)
+    states = search.states
+    if settled and laws:
+        settled = search.settle(on_path, repeats=False)
+    if not settled:
+        return None
+    condensed = search.condensed
+    if laws:
+        return condensed, contact_states(scene, condensed, stages, ends)
+    reached = tuple(one for one in states if (ends == one.factors).all(axis=1).any())
+    if len(reached) == len(ends):
+        return condensed, reached
+    if len(condensed.friction_nodes):
+        return condensed, reached or states
+    return condensed, contact_states(scene, condensed, stages, ends, search.starts)
 
 
-def _turned(
-    scene: Scene,
-    condensed: Condensed,
-    states: Sequence[ContactState],
-    grids: Mapping[str, ContactGrid],
-    common: dict[str, float],
-) -> dict[str, ContactGrid] | None:
-    """Grids with directions rotated with the bodies in the last states with contact, less the ``common``
-    angles that would do work along held motions, which are updated; None if they are converged."""
-    now: dict[str, float] = {}
-    held = scene.held_motions
-    for state in reversed(states):
-        if rolling(scene, condensed, state):
-            continue
-        now = turns(scene, condensed, state) | now
-        if len(now) == len(grids):
-            break
-    before = {name: grids[name].facing.turn for name in grids}
-    after = {}
-    for name, turn in before.items():
-        was = turn - common.get(name, 0.0)
-        angle = now.get(name, was)
-        after[name] = (
-            (angle if abs(angle - was) > (TURN_TOLERANCE if was else TURN_ABOVE) else was) + turn - was
+class _GridSearch:
+    """Grids of a scene during their search, and the ``condensed`` scene on them with the ``states`` looked at
+    last and the sets from which the next ones are searched."""
+
+    def __init__(
+        self,
+        case: Case,
+        scene: Scene,
+        pairings: tuple[Pairing, ...],
+        ranges: Mapping[str, ContactRange],
+        memo: Memo,
+    ) -> None:
+        self._scene, self._memo, self._nodal, self._ranges = scene, memo, pairings, dict(ranges)
+        self._grids, self._passed = {n: first_grid(one) for n, one in ranges.items()}, touching_first(ranges)
+        self._pairings = _on_grids(pairings, self._grids, pairings)
+        self._responses: BodyResponses | None = None
+        self._sampled: BodyResponses | None = None
+        self.starts: list[ContactStatus] = []
+        self.states: States = ()
+        self._turns = MAX_TURNS * (2 if scene.held_motions else 1)
+        # Directions of pressures: their angles with the bodies, and those common to held motions.
+        self._angles = {name: grid.facing.turn for name, grid in self._grids.items()}
+        self._common = dict.fromkeys(self._grids, 0.0)
+        self._extended = False
+        places = len(case.contact) + sum(one.places - 1 for one in ranges.values())
+        few = places <= MAX_PATCHES and len({*range(1, len(case.stage) + 1), *case.output.at}) <= MAX_ENDS
+        effort = EXACT_FACTOR if few else 1.0
+        self._accuracy = {
+            one.name: one.accuracy * (FRICTION_FACTOR if one.friction else effort) for one in case.contact
+        }
+        exact = all(one.regularization.law == "exact" and not one.friction for one in case.contact)
+        self._limits = COMPRESSED_LIMITS if exact else DENSE_LIMITS
+        self._condense()
+
+    def settle(self, search: Search, tractions: bool = False, repeats: bool = True) -> bool:
+        """Fit ranges, samples and intervals to the states of a ``search`` until none of them changes; False
+        if they do not converge. Edges of stick zones are resolved if ``tractions`` count: at the ends of
+        stages only, as every level between them has others. Unless it ``repeats``, intervals are halved once,
+        and the states are those before."""
+        for _ in range(MAX_ROUNDS):
+            self.states = search(self.condensed, self.starts)
+            begun = begun_open(self.condensed, self._grids, self._ranges, self.states)
+            if begun:
+                self._ranges |= begun
+                self._passed |= touching_first(begun)
+                self._take(self._grids | {name: first_grid(one) for name, one in begun.items()})
+                self.starts = []
+                continue
+            grids = ranged(self.condensed, self._grids, self._ranges, self.states, self._passed)
+            if grids is None:
+                return False
+            if _same(grids, self._grids) and self._responses is not self._sampled:
+                assert self._responses is not None
+                self._sampled = self._responses
+                grids = sampled(self._scene, self._responses, self._grids)
+            if _same(grids, self._grids):
+                # States with pressures above round-off of the largest of all.
+                peaks = [float(state.pressure.max(initial=0.0)) for state in self.states]
+                least = ROUND_OFF * max(peaks, default=0.0)
+                loaded = [state for state, peak in zip(self.states, peaks, strict=True) if peak > least]
+                args = self._ranges, loaded, self._accuracy, tractions, self._limits
+                grids = refined(self.condensed, self._grids, *args)
+                if not repeats:
+                    self._take(grids)
+                    return True
+            if _same(grids, self._grids):
+                return True
+            self._take(grids)
+        return False
+
+    def _take(self, grids: dict[str, ContactGrid]) -> None:
+        """Condense on other ``grids``."""
+        if any(grids[name].samples_differ(grid) for name, grid in self._grids.items()):
+            self._responses = None
+        before, self._grids = self.condensed, grids
+        self._pairings = _on_grids(self._nodal, grids, self._pairings)
+        later = [pairing for pairing in self._pairings if not pairing.bonded]
+        self.starts = [_moved(before, later, state) for state in self.states]
+        self._condense()
+
+    def _condense(self) -> None:
+        if self._responses is None:
+            self._responses = BodyResponses.of(self._scene, self._pairings, self._memo)
+        self.condensed = condense(self._scene, self._pairings, self._memo, self._responses)
+
+    def extend(self, stages: FloatArray) -> bool:
+        """Whether contacts between the levels looked at, which are without friction, pass beyond their
+        ranges, which are then extended. To be asked once."""
+        whole = all(
+            self._grids[name].first <= room.first and room.last <= self._grids[name].last
+            for name, room in self._ranges.items()
         )
-    if held:
-        last = states[-1]
-        for name, angle in unturned(condensed, last, after, held).items():
-            common[name] = common.get(name, 0.0) + angle
-            after[name] += angle
-        settled = all(abs(after[name] - turn) <= TURN_TOLERANCE for name, turn in before.items())
-        if settled and not unturned(condensed, last, before, held):
-            return None
-    changed = {
-        name: replace(grids[name], facing=replace(grids[name].facing, turn=angle))
-        for name, angle in after.items()
-        if angle != before[name]
-    }
-    return {**grids, **changed} if changed else None
+        if self._extended or whole or len(self.condensed.friction_nodes):
+            return False
+        self._extended = True
+        count = max(2, min(LEVELS_BETWEEN, MAX_LEVELS // (len(stages) - 1)))
+        between = [factors_at(stages, k / count) for k in range(count * (len(stages) - 1)) if k % count]
+        states = contact_states(self._scene, self.condensed, stages, np.stack(between), skips=True)
+        return passed_beyond(self.condensed, self._ranges, states, self._passed)
+
+    def turn(self) -> bool:
+        """Whether the directions of pressures rotate with the bodies in the last states with contact, less
+        the common angles that would do work along held motions."""
+        if not self._turns:
+            return False
+        now: dict[str, float] = {}
+        scene, condensed, held = self._scene, self.condensed, self._scene.held_motions
+        for state in reversed(self.states):
+            if not rolling(scene, condensed, state):
+                now = turns(scene, condensed, state) | now
+            if len(now) == len(self._grids):
+                break
+        for name, angle in now.items():
+            if abs(angle - self._angles[name]) > (TURN_TOLERANCE if self._angles[name] else TURN_ABOVE):
+                self._angles[name] = angle
+        before = {name: grid.facing.turn for name, grid in self._grids.items()}
+        after = {name: angle + self._common[name] for name, angle in self._angles.items()}
+        if held:
+            for name, angle in unturned(condensed, self.states[-1], after, held).items():
+                self._common[name] += angle
+                after[name] += angle
+            settled = all(abs(after[name] - turn) <= TURN_TOLERANCE for name, turn in before.items())
+            if settled and not unturned(condensed, self.states[-1], before, held):
+                return False
+        if after == before:
+            return False
+        self._turns -= 1
+        grids = dict(self._grids)
+        for name, angle in after.items():
+            facing = replace(grids[name].facing, turn=angle)
+            self._ranges[name] = replace(self._ranges[name], facing=facing)
+            if angle != before[name]:
+                grids[name] = replace(grids[name], facing=facing)
+        self._take(grids)
+        return True
+
+
+def _flowing(built: CondensedScene) -> States:
+    """The states of the path of bodies that flow, as far as there are any, or up to one whose contacts reach
+    an end of a grid that is no end of a surface."""
+    from mlsanm_cli.solve.plastic_path import plastic_path  # for few runs
+
+    states, condensed = list[ContactState](), built.condensed
+    with suppress(NumericalError):
+        for step in plastic_path(built):
+            state = step.state
+            shift = built.at(state).condensed.watched.constant - condensed.watched.constant
+            states.append(replace(state.contacts(condensed.friction_nodes), shift=shift))
+            if condensed.cut(state.pressure):
+                break
+    return tuple(states)
 
 
 def _same(one: Mapping[str, ContactGrid], other: Mapping[str, ContactGrid]) -> bool:
@@ -203,22 +282,6 @@ def _on_grids(
         old if old.contact_grid is grids.get(new.name) else on_grid(new, grids[new.name])
         for new, old in zip(pairings, before, strict=True)
     )
-
-
-def _starting_status(pairings: Sequence[Pairing]) -> ContactStatus:
-    """Initial sets of a search: wide patches around the places of closest approach. Searches from few nodes
-    may roll a body out of its contact."""
-    closed, stuck = [np.zeros(0, dtype=bool)], [np.zeros(0, dtype=bool)]
-    for pairing in pairings:
-        gap = pairing.gap[pairing.candidate]
-        close = gap <= gap.min()
-        if not pairing.nodal:
-            away = np.abs(pairing.grid.hats.place - pairing.grid.hats.place[int(np.argmin(gap))])
-            close = away <= FIRST_HALF_WIDTH * (pairing.grid.last - pairing.grid.first)
-        closed.append(gap <= gap[close].max())
-        stuck += [closed[-1]] if pairing.friction else []
-    sticking = np.concatenate(stuck)
-    return ContactStatus(np.concatenate(closed), sticking, np.zeros(len(sticking)))
 
 
 def _moved(condensed: Condensed, after: Sequence[Pairing], state: ContactState) -> ContactStatus:

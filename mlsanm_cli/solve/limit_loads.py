@@ -3,7 +3,6 @@ loads."""
 
 from __future__ import annotations
 
-import itertools
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +15,7 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.rigid import ROTATION
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
+from mlsanm_cli.solve.condensed_scene import factors_at
 
 MIN_REACHED = 0.85
 """Part of a limit load at which a path that ends is reported as having reached it."""
@@ -30,22 +30,26 @@ MIN_FRICTION_WORK = 0.5
 
 
 class Limit(NamedTuple):
-    """The ``part`` up to 1 of a load change ``more`` (k,) that pressures and tractions ``forces`` (m + n,)
-    carry, and the ``motion`` (k,), up to a factor, that more would cause; whether the loads themselves drive
-    it, not their round-off."""
+    """The ``part`` up to 1 of the change of loads in a ``stage`` that pressures and tractions ``forces`` (m +
+    n,) carry, and the ``motion`` (k,), up to a factor, that more would cause, and its ``work``."""
 
+    stage: int
     part: float
     forces: FloatArray
     motion: FloatArray
-    more: FloatArray
-    driven: bool
+    work: float
+
+    @property
+    def reached(self) -> bool:
+        """Whether not all of the change is carried."""
+        return self.part <= 1.0 - BALANCED
 
 
-def _limit(condensed: Condensed, begin: FloatArray, change: FloatArray) -> Limit | None:
-    """The limit for load factors ``begin`` (L,) + part ``change`` (L,); None if nothing can be carried, or if
-    no motion is unknown."""
+def _limit(condensed: Condensed, stages: FloatArray, stage: int) -> Limit | None:
+    """The limit of a stage; None if its first loads cannot be carried, or if no motion is unknown."""
     balance, nodes, m = condensed.balance, condensed.friction_nodes, len(condensed.weight)
-    start, more = balance.constant + balance.load @ begin, balance.load @ change
+    start = balance.constant + balance.load @ stages[stage]
+    more = balance.load @ (stages[stage + 1] - stages[stage])
     if not len(start) or not m or not (start.any() or more.any()):
         return None
     rows = np.hstack([balance.pressure, balance.traction, balance.motion])
@@ -57,8 +61,30 @@ def _limit(condensed: Condensed, begin: FloatArray, change: FloatArray) -> Limit
         return None
     part, forces, mechanism = found
     motion = mechanism / scale
-    most = float(np.abs(more / scale).max() * np.abs(motion * scale).max())
-    return Limit(part, forces, motion, more, abs(float(more @ motion)) > COARSE_ROUND_OFF * most)
+    return Limit(stage, part, forces, motion, part * abs(float(more @ motion)))
+
+
+def _first_limit(condensed: Condensed, stages: FloatArray) -> Limit | None:
+    """The first limit load of ``stages`` (T + 1, L)."""
+    limits = (_limit(condensed, stages, stage) for stage in range(len(stages) - 1))
+    return next((limit for limit in limits if limit is not None and limit.reached), None)
+
+
+def near_limit(condensed: Condensed, stages: FloatArray) -> tuple[FloatArray, float] | None:
+    """Load factors (L,) just below the first limit load of ``stages`` (T + 1, L), and its position; None
+    without a limit load, or if no part of it can be carried."""
+    limit = _first_limit(condensed, stages)
+    if limit is None or limit.part <= COARSE_ROUND_OFF:
+        return None
+    return factors_at(stages, limit.stage + LAST_LEVEL * limit.part), limit.stage + limit.part
+
+
+def beyond_limit(
+    scene: Scene, condensed: Condensed, stages: FloatArray, error: UnbalancedError
+) -> UnbalancedError:
+    """The error that no state balances the loads at the end of a stage, or the limit load."""
+    limit = _first_limit(condensed, stages)
+    return error if limit is None else UnbalancedError(*_named(scene, condensed, stages, limit))
 
 
 def at_limit(
@@ -67,60 +93,27 @@ def at_limit(
     """The error that ended a path along ``stages`` (T + 1, L) at position ``last``, or the limit load that it
     came close to."""
     stage = min(int(last), len(stages) - 2)
-    limit = _limit(condensed, stages[stage], stages[stage + 1] - stages[stage])
-    if limit is None or limit.part > 1.0 - BALANCED or last - stage < MIN_REACHED * limit.part:
+    limit = _limit(condensed, stages, stage)
+    if limit is None or not limit.reached or last - stage < MIN_REACHED * limit.part:
         return error
-    text, hint = _named(scene, condensed, stages, stage, limit)
+    text, hint = _named(scene, condensed, stages, limit)
     if isinstance(error, SlidingError) and f" {SLIDES}" in text:
         return error
     return NumericalError(f"{text} (the path ended at {last:.6g}: {error.message})", hint)
 
 
-def beyond_limit(
-    scene: Scene, condensed: Condensed, stages: FloatArray, error: UnbalancedError
-) -> UnbalancedError:
-    """The error that no state balances the loads at the end of a stage, or the limit load."""
-    for stage, (begin, end) in enumerate(itertools.pairwise(stages)):
-        limit = _limit(condensed, begin, end - begin)
-        if limit is not None and limit.part <= 1.0 - BALANCED:
-            return UnbalancedError(*_named(scene, condensed, stages, stage, limit))
-    return error
-
-
-def check_resisted(scene: Scene, condensed: Condensed, stages: FloatArray) -> None:
-    """Raise UnbalancedError if the first loads drive bodies that no pressures and tractions hold."""
-    limit = _limit(condensed, stages[0], stages[1] - stages[0])
-    if limit is not None and limit.driven and limit.part <= COARSE_ROUND_OFF:
-        raise UnbalancedError(*_named(scene, condensed, stages, 0, limit))
-
-
-def near_limit(condensed: Condensed, stages: FloatArray) -> tuple[FloatArray, float] | None:
-    """Load factors (L,) just below the first limit load of ``stages`` (T + 1, L), and their position; None
-    without a limit load, or if loads cannot be carried at all."""
-    for stage, (begin, end) in enumerate(itertools.pairwise(stages)):
-        limit = _limit(condensed, begin, end - begin)
-        if limit is None or limit.part <= COARSE_ROUND_OFF:
-            return None
-        if limit.part <= 1.0 - BALANCED:
-            return begin + LAST_LEVEL * limit.part * (end - begin), stage + limit.part
-    return None
-
-
-def _named(
-    scene: Scene, condensed: Condensed, stages: FloatArray, stage: int, limit: Limit
-) -> tuple[str, str]:
+def _named(scene: Scene, condensed: Condensed, stages: FloatArray, limit: Limit) -> tuple[str, str]:
     """Message and hint of the limit load of a stage: which bodies move, and how."""
     bodies, turns = moving_bodies(scene, limit.motion)
     names, several = ", ".join(bodies[:-1]) + " and " * (len(bodies) > 1) + bodies[-1], len(bodies) > 1
     motion, balance = limit.motion, condensed.balance
     pressure, traction = np.split(limit.forces, [len(condensed.weight)])
     opening, along = condensed.gap.motion @ motion, np.abs(condensed.slip.motion @ motion)
-    work = abs(float(limit.more @ motion)) * limit.part
     # Where nothing is carried the direction of motion decides.
     slides = along.max(initial=0.0) > np.abs(opening).max(initial=0.0)
-    if work:
+    if limit.work:
         dissipated = float(np.abs(traction * (balance.traction.T @ motion)).sum())
-        slides = dissipated / work > MIN_FRICTION_WORK
+        slides = dissipated / limit.work > MIN_FRICTION_WORK
     moved = pressure[np.abs(balance.pressure.T @ motion) + np.abs(opening) > 0.0]
     pressed = moved.max(initial=0.0) > ROUND_OFF * pressure.max(initial=0.0)
     # A motion that opens contacts would close others without its rotations.
@@ -134,14 +127,14 @@ def _named(
         how = "lose contact" if several else "loses contact"
     if limit.part <= COARSE_ROUND_OFF:
         hint = f"fix {names} with a [[support]]" + (", or raise friction" if slides else "")
-        return f"{names} {how}: the contacts cannot carry any load added in stage {stage + 1}", hint
-    changes = zip(scene.loads, stages[stage], stages[stage + 1], strict=True)
+        return f"{names} {how}: the contacts cannot carry any load added in stage {limit.stage + 1}", hint
+    changes = zip(scene.loads, stages[limit.stage], stages[limit.stage + 1], strict=True)
     loads = ", ".join(name for name, a, b in changes if a != b)
     return (
-        f"{names} {how} at position {stage + limit.part:.6g}: beyond this limit load no pressures and "
+        f"{names} {how} at position {limit.stage + limit.part:.6g}: beyond this limit load no pressures and "
         f"tractions balance the loads",
-        f"apply at most {100.0 * limit.part:.3g} % of the change of {loads} in stage {stage + 1}, or fix "
-        f"{names} with a [[support]]",
+        f"apply at most {100.0 * limit.part:.3g} % of the change of {loads} in stage {limit.stage + 1}, or "
+        f"fix {names} with a [[support]]",
     )
 
 

@@ -18,13 +18,7 @@ from mlsanm_cli.contact.response.compressed import compressed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene, factors_at
 from mlsanm_cli.solve.limit_loads import near_limit
-from mlsanm_cli.solve.state import (
-    UNLOADED,
-    Checkpoint,
-    PathStep,
-    State,
-    friction_history,
-)
+from mlsanm_cli.solve.state import UNLOADED, Checkpoint, PathStep, State
 
 LIMIT_LEVELS = (0.5, 0.9, 0.99, 0.999)
 """Parts of a limit load at which the path has states."""
@@ -34,6 +28,9 @@ MIN_ROWS_OF_MANY = 1
 """The same for contacts with many unknowns, whose states take seconds each."""
 MAX_ROWS = 40
 """Largest number of events of a stage with friction that are stored as steps, evenly distributed."""
+
+
+SNAPS = "the contact snaps to another state before position {:.6g}: there is no continuous path"
 
 
 def load_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
@@ -70,19 +67,13 @@ def linear_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[Pat
         factors = factors_at(built.stages, position)
         motion = np.linalg.solve(condensed.balance.motion, -condensed.balance.load @ factors)
         state = State(position, factors, motion=np.asarray(motion, dtype=np.float64))
-        yield replace(_step(built, state), solves=0 if position else condensed.solves)
+        yield built.step(state, solves=0 if position else condensed.solves)
 
 
 def exact_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathStep]:
-    """Exact contact at the known ends of stages, at requested positions and evenly between them, each from
-    the previous set; on the way to a limit load as close to it as states exist."""
+    """Exact contact without friction at requested positions and evenly between them, each from the previous
+    set; on the way to a limit load as close to it as states exist."""
     condensed, positions = built.condensed, built.stops
-    known = zip(built.ends, built.stages[1:], strict=False)
-    ends = {
-        float(number): one
-        for number, (one, factors) in enumerate(known, start=1)
-        if np.array_equal(one.factors, factors)
-    }
     near, wanted = near_limit(condensed, built.stages) if built.ends_early else None, set(positions)
     if near is not None:
         stage = np.ceil(near[1]) - 1.0
@@ -91,98 +82,72 @@ def exact_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[Path
     for begin, end in itertools.pairwise(positions):
         parts = int(np.ceil(rows * (end - begin) / positions[-1]))
         wanted |= {begin + part / parts * (end - begin) for part in range(1, parts)}
-    state = _drawn(built) if start is None else start.state
     if start is None:
-        yield _step(built, state)
-    for position in sorted(wanted):
-        if position <= state.position:
-            continue
-        closed = state.closed if state.position > 0.0 else None
+        gap, factors = condensed.gap.constant, built.stages[0]
+        if condensed.overlap(gap):
+            step = _step(built, solve_exact(condensed, factors), 0.0)
+        else:
+            motion = np.zeros(len(condensed.balance.constant))
+            status = np.where(gap <= 0.0, SLIP, OPEN).astype(np.int8)
+            step = built.step(State(0.0, factors, np.zeros(len(gap)), gap, motion, status))
+        yield step
+    passed, closed = (0.0, None) if start is None else (start.position, start.state.closed)
+    for position in sorted(one for one in wanted if one > passed):
         factors = factors_at(built.stages, position)
+        known = next((end for end in built.ends if np.array_equal(end.factors, factors)), None)
         try:
-            contacts = ends[position] if position in ends else solve_exact(condensed, factors, closed)
+            contacts = known or solve_exact(condensed, factors, closed)
         except NumericalError as error:
             if position in positions or not isinstance(error, UnbalancedError | EndlessError):
                 raise
             continue  # what floats on its way to a contact has no state there
-        state = _state(built, contacts, position)
-        yield _step(built, state, contacts.solves)
-
-
-def _drawn(built: CondensedScene) -> State:
-    """Initial state of contacts without friction, deformed only if surfaces overlap."""
-    gap, factors = built.condensed.gap.constant, built.stages[0]
-    if built.condensed.overlap(gap):
-        return _state(built, solve_exact(built.condensed, factors), 0.0)
-    motion = np.zeros(len(built.condensed.balance.constant))
-    return State(
-        0.0, factors, np.zeros(len(gap)), gap, motion, np.where(gap <= 0.0, SLIP, OPEN).astype(np.int8)
-    )
+        closed = contacts.closed
+        yield _step(built, contacts, position, contacts.solves)
 
 
 def friction_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
     """Path of exact contact with Coulomb friction, from event to event, with all requested states and a
     limited number of others."""
-    largest = max((float(end.pressure.max(initial=0.0)) for end in built.ends), default=0.0)
+    condensed, stages = built.condensed, built.stages
+    typical = max((float(end.pressure.max(initial=0.0)) for end in built.ends), default=0.0)
     if start is None:
-        contacts, stage, reached = first_state(built.condensed, built.stages[0], largest), 0, 0.0
-        first = _step(built, _state(built, contacts, 0.0), contacts.solves, contacts)
-        yield replace(first, iterations=0, solves=0)
+        contacts, stage, reached = first_state(condensed, stages[0], typical), 0, 0.0
+        yield _step(built, contacts, 0.0)
     else:
-        contacts = start.state.contacts(built.condensed.friction_nodes, start.history)
-        stage, reached = start.stage, start.fraction
-    for number in range(stage, len(built.stages) - 1):
+        contacts, stage, reached = start.state.contacts(condensed.friction_nodes), start.stage, start.fraction
+    for number in range(stage, len(stages) - 1):
         halts = sorted(place for one in built.stops if reached < (place := one - number) <= 1.0)
-        before, solves, warning, pending = reached, 0, "", False
-        begin, end = built.stages[number], built.stages[number + 1]
-        unloaded = False
-        path = event_driven_path(built.condensed, contacts, end, halts, begin, reached, largest or None)
+        args = stages[number + 1], halts, stages[number], reached, typical or None
+        path, stored, solves, unloaded = event_driven_path(condensed, contacts, *args), contacts, 0, False
         try:
             for contacts in path:
-                reached, solves, pending = contacts.fraction, solves + contacts.solves, True
-                if contacts.jumped and not unloaded:
-                    warning = (
-                        f"the contact snaps to another state before position {number + reached:.6g}: "
-                        f"there is no continuous path"
-                    )
-                unloaded = _share(built, contacts, number + reached) < UNLOADED
-                if reached in halts or reached >= before + 1.0 / MAX_ROWS or contacts.jumped:
-                    step = _step(built, _state(built, contacts, number + reached), solves, contacts)
-                    yield replace(step, warning=warning)
-                    before, solves, warning, pending = reached, 0, "", False
+                position, solves = number + contacts.fraction, solves + contacts.solves
+                snaps = contacts.jumped and not unloaded
+                unloaded = contacts.pressure.max(initial=0.0) < UNLOADED * _least(built, position)
+                enough = contacts.fraction >= reached + 1.0 / MAX_ROWS
+                if contacts.fraction in halts or enough or contacts.jumped:
+                    step = _step(built, contacts, position, solves)
+                    yield replace(step, warning=SNAPS.format(position)) if snaps else step
+                    stored, solves, reached = contacts, 0, contacts.fraction
         except NumericalError as error:
-            if pending:
-                step = _step(built, _state(built, contacts, number + reached), solves, contacts)
-                yield replace(step, warning=warning)
+            if contacts is not stored:
+                yield _step(built, contacts, number + contacts.fraction, solves)
             if isinstance(error, SlidingError):
                 raise SlidingError(error.fraction, f" at position {number + error.fraction:.9g}") from error
-            raise NumericalError(
-                f"{error.message} beyond position {number + reached:.9g}", error.hint
-            ) from error
+            position = number + (reached if contacts is stored else contacts.fraction)
+            raise NumericalError(f"{error.message} beyond position {position:.9g}", error.hint) from error
         reached = 0.0
 
 
-def _state(built: CondensedScene, contacts: ContactState, position: float) -> State:
-    worst = _share(built, contacts, position) * residual(built.condensed, contacts)
-    return State.of(contacts, built.condensed.friction_nodes, position, worst)
+def _least(built: CondensedScene, position: float) -> float:
+    """Part of the pressures at the ends of earlier stages that unloading leaves."""
+    before = (float(end.pressure.max(initial=0.0)) for end in built.ends[: int(position)])
+    return UNLOADED * max(before, default=0.0)
 
 
-def _share(built: CondensedScene, contacts: ContactState, position: float) -> float:
-    """Pressures over the least by which residuals are measured, if they are below."""
-    before = max((float(end.pressure.max(initial=0.0)) for end in built.ends[: int(position)]), default=0.0)
-    least, now = UNLOADED * before, float(contacts.pressure.max(initial=0.0))
-    return now / least if now < least else 1.0
-
-
-def _step(
-    built: CondensedScene, state: State, systems: int = 0, contacts: ContactState | None = None
-) -> PathStep:
-    """Step that ends at a ``state`` after so many ``systems``; with friction in that of the ``contacts``."""
-    return PathStep(
-        state,
-        (state,) if state.position in built.outputs else (),
-        iterations=systems,
-        factorizations=systems,
-        solves=(2 if contacts is None else 4) * systems,
-        checkpoint=Checkpoint(state, friction_history(contacts) if contacts is not None else {}),
-    )
+def _step(built: CondensedScene, contacts: ContactState, position: float, systems: int = 0) -> PathStep:
+    """Step that ends at a state after so many ``systems``."""
+    worst = residual(built.condensed, contacts, _least(built, position))
+    state = State.of(contacts, built.condensed.friction_nodes, position, worst)
+    solves = (4 if len(contacts.traction) else 2) * systems
+    return built.step(state, iterations=systems, factorizations=systems, solves=solves)

@@ -1,28 +1,49 @@
-"""Path of scenes with bodies that flow, in increments chosen by their error.
+"""Path of scenes with bodies that flow, in contact.
 
-Every increment is computed at once and in two halves, which are kept. The difference of the strains is
-the error of the halves, as the return map is of first order; its norm is at most ``solver.increment_error``
-of the largest one.
+Unknowns are the eigenstresses s = C e of the plastic strains e at the nodes. They cause displacements through
+the elastic factors, and gaps, on which the contact problem gives pressures; both give strains, and the return
+map plastic strains again::
+
+    s(strains(s)) - s = 0
+
+by Newton's method. Its equations, I - (C - D) d strains/ds with the consistent tangent D, are known by
+products and solved by GMRES: they are the identity wherever nothing flows, and well conditioned elsewhere, as
+the elastic response to eigenstresses approximates a projection. Forcing terms are those of Eisenstat and
+Walker 1996 (doi:10.1137/0917003, choice 2). Equation (34) of docs/method.md.
+
+Every increment is computed at once and in two halves, which are kept. The difference of the strains is the
+error of the halves, as the return map is of first order; its norm is at most ``solver.increment_error`` of
+the largest one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import field, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Case, finer_nodes
-from mlsanm_cli.contact.laws.contact_state import ContactState
+from mlsanm_cli.case import finer_nodes
+from mlsanm_cli.contact.complementarity.basis import Ray
+from mlsanm_cli.contact.laws.contact_state import ContactState, Linearised, residual
+from mlsanm_cli.contact.laws.coulomb import increment, unloaded
 from mlsanm_cli.contact.response.condensed import Condensed
+from mlsanm_cli.contact.response.contact_fields import NearFields
+from mlsanm_cli.contact.response.eigenstress import NOTHING
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.mechanics.laws.von_mises import VonMises, plastic_stress
-from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.mechanics.defect import NextDegree
+from mlsanm_cli.mechanics.elasticity import divergence_of_stress, stress_of
+from mlsanm_cli.mechanics.laws.von_mises import HISTORY, plastic_stress
+from mlsanm_cli.mechanics.near_field import as_complex
+from mlsanm_cli.mechanics.rigid import ROTATION
+from mlsanm_cli.operators.system import FUNCTIONAL_TOLERANCE, gmres
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene, factors_at
-from mlsanm_cli.solve.plastic_flow import Flow, FlowError, PlasticScene
-from mlsanm_cli.solve.state import Checkpoint, PathStep, State, friction_history
+from mlsanm_cli.solve.state import Checkpoint, PathStep, State
 
 GROWTH = 2.0
 """Largest growth of increments."""
@@ -30,87 +51,313 @@ LEAST_INCREMENT = 2.0**-10
 """Part of a stage within which a limit load is enclosed."""
 COLLAPSE = 10.0
 """Growth of strains over that of elastic bodies at the end of a path that counts as collapse."""
-KEPT = ("stress", "history", "work")
-"""Quantities of nodes that continue a path, by body."""
+KEPT = {"stress": (4,), "history": (HISTORY,), "work": ()}
+"""Quantities that continue a path, by body, and their shapes at a node."""
+PLANE = [0, 1, 3]
+"""Strains and stresses in the plane among xx, yy, zz, xy."""
+MOST_UPDATES, LEAST_STEP = 20, 2.0**-6
+"""Newton steps, and the shortest part of one, before a smaller increment is tried."""
+DECREASE = 1e-4
+"""Least decrease of the residual per step (Dennis and Schnabel 1996, doi:10.1137/1.9781611971200)."""
+MEMORY = 10
+"""Residuals of earlier steps of which none may be exceeded (Grippo, Lampariello and Lucidi 1986,
+doi:10.1137/0723046): where nodes begin or cease to flow single steps increase the residual."""
+FORCING, LARGEST_FORCING = 0.9, 0.1
+"""Factor of the forcing terms, and the first one."""
+
+
+class FlowError(NumericalError):
+    """No state has been found at the end of an increment."""
+
+
+@dataclass(frozen=True, eq=False)
+class Flow:
+    """A state for given eigenstresses ``unknowns`` (u,): contact, and by body ``strain`` and ``stress`` (n,
+    4), ``history`` (n, 5) and ``work`` (n,) of plastic strains so far, and ``tangent`` (n, 4, 4). ``misfit``
+    (u,) is what the return map would change, of equilibrium states 0, in the norm of stresses of ``size``.
+    ``updates`` and ``products`` count."""
+
+    unknowns: FloatArray
+    contact: ContactState
+    strain: Mapping[str, FloatArray]
+    stress: Mapping[str, FloatArray]
+    history: Mapping[str, FloatArray]
+    work: Mapping[str, FloatArray]
+    tangent: Mapping[str, FloatArray] = field(default_factory=dict)
+    misfit: FloatArray = field(default_factory=lambda: np.zeros(0))
+    size: float = 0.0
+    updates: int = 0
+    products: int = 0
+
+    @property
+    def error(self) -> float:
+        """The misfit relative to the stresses."""
+        return float(np.linalg.norm(self.misfit)) / self.size if self.size else 0.0
+
+
+def _elastic_stress(
+    built: CondensedScene, name: str
+) -> Callable[[Condensed, Sequence[FloatArray]], FloatArray]:
+    """The stress (n, 3) of a body in states f, q, p, t of a scene, also by its eigenstresses: from the
+    responses to each driver and, by the near fields of contacts on grids, to each pressure and traction."""
+    condensed, body, model = built.condensed, built.scene.bodies[name], built.scene.bodies[name].model
+
+    def stresses(displacement: FloatArray) -> FloatArray:
+        return np.asarray(model.stress(displacement.reshape(-1, 2)).T.ravel())
+
+    solutions = condensed.solutions.get(name)
+    if solutions is None:
+        solutions = body.system.solve(condensed.sources[name], FUNCTIONAL_TOLERANCE)
+    by_drivers = np.stack([stresses(one) for one in solutions.T], axis=1)
+    z, by_grids = as_complex(model.cloud.points), dict[str, FloatArray]()
+    for pairing in condensed.drivers.on_grids:
+        unit = np.eye(len(pairing.grid.hats.place))
+        for slave, sign in pairing.sides_of(name):
+            fields = NearFields.at(pairing.grid, model.kernel, slave, z)
+            parts = [fields(*pair)[1] for pair in ((unit, 0.0 * unit), (0.0 * unit, unit))]
+            near = np.concatenate(parts, axis=2).transpose(1, 0, 2).reshape(3 * len(z), -1)
+            by_grids[pairing.name] = by_grids.get(pairing.name, 0.0) + sign * near
+
+    def stress(now: Condensed, unknowns: Sequence[FloatArray]) -> FloatArray:
+        total = by_drivers @ now.drive(unknowns) + stresses(now.inner[name][1])
+        for pairing in now.reported:
+            if pairing.name in by_grids:
+                total += by_grids[pairing.name] @ np.concatenate(now.contact_values(pairing, unknowns))
+        return np.asarray(total.reshape(3, -1).T)
+
+    return stress
+
+
+class PlasticScene:
+    """A scene ``built`` with bodies that flow."""
+
+    def __init__(self, built: CondensedScene) -> None:
+        self.built, self.laws = built, built.laws
+        self.bodies = {name: built.scene.bodies[name] for name in self.laws}
+        clouds = [body.model.cloud for body in self.bodies.values()]
+        ends = np.cumsum([0, *(3 * len(cloud.points) for cloud in clouds)]).tolist()
+        self._places = {n: slice(a, b) for n, a, b in zip(self.bodies, ends[:-1], ends[1:], strict=True)}
+        self._root = np.sqrt(np.concatenate([np.tile(cloud.areas, 3) for cloud in clouds]))
+        self._area = sum(float(cloud.areas.sum()) for cloud in clouds)
+        volume, length = sum(float(cloud.volumes.sum()) for cloud in clouds), np.sqrt(self._area)
+        levers = [length if one.component == ROTATION else 1.0 for _, one in built.scene.unknown_motions]
+        self._sections = volume / length * np.array(levers)
+        known = built.condensed
+        gap, slip, balance = (one.shifted(-one.constant) for one in (known.gap, known.slip, known.balance))
+        self._linear = replace(known, gap=gap, slip=slip, balance=balance)
+        self._elastic = {name: _elastic_stress(built, name) for name in self.bodies}
+
+    def _within(
+        self, condensed: Condensed, unknowns: FloatArray, **more: Any
+    ) -> tuple[Condensed, dict[str, FloatArray]]:
+        """A scene under eigenstresses ``unknowns`` (u,), and these (n, 3) by body."""
+        assert condensed.eigen is not None
+        stresses = {name: unknowns[place].reshape(3, -1).T for name, place in self._places.items()}
+        return condensed.eigen.within(condensed, stresses, **more), stresses
+
+    def restored(self, state: State) -> Flow:
+        """A state of the path, from which it goes on, or the first one."""
+        kept: dict[str, dict[str, FloatArray]] = {key: {} for key in KEPT}
+        for name, body in self.bodies.items():
+            for key, shape in KEPT.items():
+                none = np.zeros((len(body.model.cloud.points), *shape))
+                kept[key][name] = state.solver.get(f"{key}.{name}", none)
+        stress, history, work = kept.values()
+        flowed = [plastic_stress(law.linear, history[n]).T.ravel() for n, law in self.laws.items()]
+        strain = {n: law.elastic_strain(stress[n]) + history[n][:, :4] for n, law in self.laws.items()}
+        contact = state.contacts(self.built.condensed.friction_nodes)
+        return Flow(np.concatenate(flowed), contact, strain, stress, history, work)
+
+    def advanced(self, before: Flow, factors: FloatArray, first: FloatArray | None = None) -> Flow:
+        """The state after an increment to load ``factors`` (L,), searched from eigenstresses ``first`` (u,).
+        Raises FlowError."""
+        tolerance = self.built.case.solver.tolerance
+        now = self._trial(before, factors, before.unknowns if first is None else first, before.contact)
+        forcing, products, seen = LARGEST_FORCING, 0, [float(np.linalg.norm(now.misfit))]
+        for updates in range(MOST_UPDATES + 1):
+            if now.error <= tolerance:
+                return replace(now, updates=updates, products=products)
+            try:
+                linear = Linearised(self.built.condensed, now.contact.status)
+            except Ray as error:
+                raise FlowError("the contact slides as a whole while bodies flow") from error
+            change, count = self._settled(now, linear, now.misfit, forcing)
+            products += count
+            most, part = max(seen[-MEMORY:]), 1.0
+            trial = self._trial(before, factors, now.unknowns + change, now.contact)
+            while float(np.linalg.norm(trial.misfit)) > (1.0 - DECREASE * part) * most:
+                part *= 0.5
+                if part < LEAST_STEP:
+                    raise FlowError("plastic strains do not settle")
+                trial = self._trial(before, factors, now.unknowns + part * change, now.contact)
+            now = trial
+            seen.append(float(np.linalg.norm(now.misfit)))
+            rate = seen[-1] / seen[-2]
+            safe = FORCING * forcing**2
+            forcing = min(LARGEST_FORCING, max(FORCING * rate**2, safe if safe > LARGEST_FORCING else 0.0))
+            forcing = max(forcing, 0.5 * tolerance / max(now.error, tolerance))
+        raise FlowError(f"plastic strains have not settled after {MOST_UPDATES} updates")
+
+    def _trial(self, before: Flow, factors: FloatArray, unknowns: FloatArray, guess: ContactState) -> Flow:
+        """The state for eigenstresses ``unknowns`` (u,), with the contact set searched from a ``guess``."""
+        condensed, stresses = self._within(self.built.condensed, unknowns)
+        contact = increment(condensed, before.contact, factors, guess=guess.status)
+        if contact is None:
+            raise FlowError("no contact state balances the loads")
+        strain, stress, tangent, history, work, misfits = {}, {}, {}, {}, {}, []
+        size = 0.0
+        for name, body in self.bodies.items():
+            law, model = self.laws[name], body.model
+            elastic = self._elastic[name](condensed, contact.unknowns)
+            whole = np.zeros((len(elastic), 4))
+            whole[:, PLANE] = np.linalg.solve(model.material.stiffness, elastic.T).T
+            degrees = self.built.scene.degrees(name, factors)
+            strain[name] = whole - degrees[:, None] * model.material.free_expansion[[0, 1, 3, 2]]
+            stress[name], tangent[name], history[name] = law.update(strain[name], before.history[name])
+            flowed = history[name][:, :4] - before.history[name][:, :4]
+            mean = 0.5 * (stress[name] + before.stress[name])
+            work[name] = before.work[name] + (mean * flowed).sum(axis=1)
+            misfits.append((plastic_stress(law.linear, history[name]) - stresses[name]).T.ravel())
+            size += float(model.cloud.areas @ (elastic**2).sum(axis=1))
+        misfit = self._root * np.concatenate(misfits)
+        size = float(np.sqrt(size + np.sum((self._root * unknowns) ** 2)))
+        return Flow(unknowns, contact, strain, stress, history, work, tangent, misfit, size)
+
+    def residual(self, now: Flow) -> float:
+        """The largest residual of a state: of its plastic strains, and of contacts and balances, relative to
+        the root mean square of stresses and their forces and moments on sections as long as the root of the
+        area."""
+        stress, scene = now.size / np.sqrt(self._area), self._within(self.built.condensed, now.unknowns)[0]
+        return max(now.error, residual(scene, now.contact, stress, stress * self._sections))
+
+    def growth(self, now: Flow, change: FloatArray) -> float:
+        """Strains per change of load factors (L,) over those of elastic bodies; unbounded at a limit load."""
+        linear, none = Linearised(self.built.condensed, now.contact.status), np.zeros(len(now.unknowns))
+        elastic, flowed, *_ = self._response(now, linear, none, change)
+        unknowns = self._settled(now, linear, self._root * flowed, LARGEST_FORCING)[0]
+        plastic = self._response(now, linear, unknowns, change)[0]
+        return self.size(plastic) / (self.size(elastic) or 1.0)
+
+    def size(self, strain: Mapping[str, FloatArray]) -> float:
+        """Norm of strains (n, ...) of all bodies that flow, integrated over these."""
+        squares = (self.bodies[name].model.cloud.areas @ (one**2).sum(axis=1) for name, one in strain.items())
+        return float(np.sqrt(sum(squares)))
+
+    def spatial_error(self, now: Flow) -> float:
+        """Norm of the error of the displacements of a state by the spacings: the defect in equations of the
+        next degree (:mod:`mlsanm_cli.mechanics.defect`) through the tangent. With fits B+ of that degree
+        stresses change by D (B+ - B) u. Raises NumericalError if the cloud is too small for these."""
+        scene, (condensed, stresses) = self.built.scene, self._within(self.built.condensed, now.unknowns)
+        defect, more = np.zeros(len(now.unknowns)), {}
+        for name, body in self.bodies.items():
+            model, better = body.model, self._better[name]
+            moved = condensed.solution(scene, name, now.contact.unknowns)[0].reshape(-1, 2)
+            less = stress_of(model.stencils.derivatives(moved) - better.at_nodes(moved), np.eye(3))
+            tangent = now.tangent[name][:, PLANE][:, :, PLANE]
+            defect[self._places[name]] = np.einsum("nij,nj->ni", tangent, less).T.ravel()
+            stress = model.stress(moved) - stresses[name]
+            lost = model.stress_divergence(stress) - divergence_of_stress(better.at_nodes(stress))
+            more[name] = np.zeros(body.rows)
+            more[name][: lost.size] = lost.T.ravel()
+        linear = Linearised(self.built.condensed, now.contact.status)
+        flowed = self._response(now, linear, defect, more=more)[1]
+        change = self._settled(now, linear, self._root * flowed, LARGEST_FORCING)[0]
+        *_, condensed, unknowns = self._response(now, linear, defect + change, more=more)
+        solved = {name: condensed.solution(scene, name, unknowns)[0] for name in self.bodies}
+        return self.size({name: one.reshape(-1, 2) for name, one in solved.items()})
+
+    @cached_property
+    def _better(self) -> dict[str, NextDegree]:
+        return {name: NextDegree(body.model) for name, body in self.bodies.items()}
+
+    def _settled(
+        self, now: Flow, linear: Linearised, weighted: FloatArray, tolerance: float
+    ) -> tuple[FloatArray, int]:
+        """The eigenstresses (u,) after which the return map adds nothing, if it has added some, ``weighted``
+        (u,) by the areas; and the number of products."""
+
+        def product(vector: FloatArray) -> FloatArray:
+            return np.asarray(vector - self._root * self._response(now, linear, vector / self._root)[1])
+
+        found, count = gmres(product, weighted, tolerance)
+        return found / self._root, count
+
+    def _response(
+        self,
+        now: Flow,
+        linear: Linearised,
+        unknowns: FloatArray,
+        factors: FloatArray | None = None,
+        more: Mapping[str, FloatArray] = NOTHING,
+    ) -> tuple[dict[str, FloatArray], FloatArray, Condensed, Sequence[FloatArray]]:
+        """Changes of strains (n, 3) by body by those of eigenstresses ``unknowns`` (u,), load ``factors``
+        (L,) and ``more`` right-hand sides (r,), the eigenstresses (u,) that the return map adds, and the
+        scene without initial gaps under all these with its state f, q, p, t."""
+        condensed = self._within(self._linear, unknowns, quick=True, more=more)[0]
+        factors = np.zeros(len(self.built.stages[0])) if factors is None else factors
+        m, n = len(condensed.gap.constant), len(condensed.slip.constant)
+        rows = np.split(condensed.unscaled_rows(factors), [m, m + n])
+        state = replace(linear.response(*rows), factors=factors).unknowns
+        strains, parts = dict[str, FloatArray](), list[FloatArray]()
+        for name, body in self.bodies.items():
+            tangent = now.tangent[name][:, PLANE][:, :, PLANE]
+            elastic = self._elastic[name](condensed, state)
+            strains[name] = np.asarray(elastic @ np.linalg.inv(body.model.material.stiffness))
+            parts.append((elastic - np.einsum("nij,nj->ni", tangent, strains[name])).T.ravel())
+        return strains, np.concatenate(parts), condensed, state
 
 
 def plastic_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
     """The path, or its part after a checkpoint. Raises NumericalError at a limit load."""
-    scene = PlasticScene(built)
+    scene, errors, half = PlasticScene(built), np.zeros(2), 0.0
     if start is None:
-        now, position, length, errors = scene.unloaded(), 0.0, 1.0, np.zeros(2)
+        contact = unloaded(built.condensed, built.stages[0])
+        first = State.of(contact, built.condensed.friction_nodes, 0.0)
+        now, position, length = scene.restored(first), 0.0, 1.0
         yield _step(scene, now, position, 0.0, length, errors)
     else:
-        now, position, length = _restored(built, start), start.position, start.pace
+        now, position, length = scene.restored(start.state), start.position, start.pace
         errors, half = start.state.solver["errors"], float(start.history["half"][0])
-        if half:
-            # The second half of an increment.
-            position = _rounded(built, position + half)
-            now = scene.advanced(now, factors_at(built.stages, position))
-            yield _step(scene, now, position, half, length, errors)
-    largest = scene.size(now.strain)
+    if half:
+        # The second half of an increment.
+        position = _rounded(built, position + half)
+        now = scene.advanced(now, factors_at(built.stages, position))
+        yield _step(scene, now, position, half, length, errors)
+    largest, allowed = scene.size(now.strain), built.case.solver.increment_error
     for halt in built.stops:
         while halt - position > FINE_ROUND_OFF:
-            wanted = min(length, halt - position, built.case.solver.largest_increment)
-            done, middle, end, error = _increment(scene, now, position, wanted, largest)
+            wanted = done = min(length, halt - position, built.case.solver.largest_increment)
+            whole: Flow | None = None
+            while True:
+                try:
+                    whole = whole or scene.advanced(now, factors_at(built.stages, position + done))
+                    middle = scene.advanced(now, factors_at(built.stages, position + 0.5 * done))
+                    end = scene.advanced(middle, whole.contact.factors, whole.unknowns)
+                except FlowError as failure:
+                    whole, done = None, 0.5 * done
+                    if done < LEAST_INCREMENT:
+                        raise _beyond(built, scene, now, position, failure) from failure
+                    continue
+                error = scene.size({name: whole.strain[name] - end.strain[name] for name in built.laws})
+                if error <= allowed * max(largest, scene.size(end.strain)):
+                    break
+                whole, done = middle, 0.5 * done
             largest = max(largest, scene.size(middle.strain), scene.size(end.strain))
-            allowed = built.case.solver.increment_error * largest
             # Errors of increments grow with the square of the length.
-            most = min(GROWTH, float(np.sqrt(allowed / error))) if error else GROWTH
+            most = min(GROWTH, float(np.sqrt(allowed * largest / error))) if error else GROWTH
             length = max(most * done, length if done == wanted else 0.0)
             half, now = 0.5 * done, end
-            added, spatial = error / (largest or 1.0), scene.spatial_error(now)
-            errors = np.array([errors[0] + added, max(errors[1], spatial)])
+            errors = np.array(
+                [errors[0] + error / (largest or 1.0), max(errors[1], scene.spatial_error(now))]
+            )
             yield _step(scene, middle, position + half, half, length, errors, half)
             position = _rounded(built, position + done)
             yield _step(scene, now, position, half, length, errors)
 
 
-def touching_states(
-    case: Case, scene: Scene, stages: FloatArray, laws: Mapping[str, VonMises], condensed: Condensed
-) -> tuple[ContactState, ...]:
-    """The states of the path of a scene, as far as there are any, or up to one whose contacts reach an end of
-    a grid that is no end of a surface."""
-    built, found = CondensedScene(case, scene, condensed, stages, (), np.nan, laws), list[ContactState]()
-    try:
-        for step in plastic_path(built):
-            state = step.state
-            shift = built.at(state).condensed.watched.constant - condensed.watched.constant
-            found.append(replace(state.contacts(condensed.friction_nodes), shift=shift))
-            if condensed.cut(state.pressure):
-                break
-    except NumericalError:
-        pass
-    return tuple(found)
-
-
 def _rounded(built: CondensedScene, position: float) -> float:
     """A position, or the requested one that it is up to round-off."""
     return next((halt for halt in built.stops if abs(halt - position) <= FINE_ROUND_OFF), position)
-
-
-def _increment(
-    scene: PlasticScene, now: Flow, position: float, length: float, largest: float
-) -> tuple[float, Flow, Flow, float]:
-    """The longest increment, of at most ``length``, whose error is allowed: its length, the states in its
-    middle and at its end, and the error of the strains. Raises NumericalError."""
-    built, whole = scene.built, None
-    while True:
-        try:
-            if whole is None:
-                whole = scene.advanced(now, factors_at(built.stages, position + length))
-            middle = scene.advanced(now, factors_at(built.stages, position + 0.5 * length))
-            end = scene.advanced(middle, whole.factors, whole.unknowns)
-        except FlowError as failure:
-            whole, length = None, 0.5 * length
-            if length < LEAST_INCREMENT:
-                raise _beyond(built, scene, now, position, failure) from failure
-            continue
-        apart = {name: whole.strain[name] - end.strain[name] for name in built.laws}
-        size, error = max(largest, scene.size(end.strain)), scene.size(apart)
-        if error <= built.case.solver.increment_error * size:
-            return length, middle, end, error
-        whole, length = middle, 0.5 * length
 
 
 def _beyond(
@@ -120,23 +367,18 @@ def _beyond(
     of elastic bodies, and some body does not harden."""
     stage = min(int(position), len(built.stages) - 2)
     change = built.stages[stage + 1] - built.stages[stage]
-    loads = ", ".join(
-        f"{name} = {factor:.6g}"
-        for name, moved, factor in zip(built.scene.loads, change, now.factors, strict=True)
-        if moved
-    )
+    loads = zip(built.scene.loads, change, now.contact.factors, strict=True)
+    where = ", ".join([f"position {position:.6g}", *(f"{n} = {f:.6g}" for n, moved, f in loads if moved)])
     growth = scene.growth(now, change)
     perfect = [f"body {name}" for name, law in built.laws.items() if not law.hardens(now.history[name])]
     if growth < COLLAPSE or not perfect:
         hint = [finer_nodes(built.case, list(built.laws))]
         hint += [f"give {' and '.join(perfect)} some hardening, 1 % of E"] if perfect else []
-        return FlowError(
-            f"no equilibrium is found beyond position {position:.6g}, {loads}: {failure.message}",
-            ", or ".join(hint),
-        )
+        message = f"no equilibrium is found beyond {where}: {failure.message}"
+        return FlowError(message, ", or ".join(hint))
     return NumericalError(
-        f"collapse: {' and '.join(perfect)} reached the limit load at position {position:.6g}, {loads}: "
-        f"strains grow {growth:.3g} times as fast as elastic ones",
+        f"collapse: {' and '.join(perfect)} reached the limit load at {where}: strains grow {growth:.3g} "
+        "times as fast as elastic ones",
         "prescribe displacements instead of forces to go on, or give the material hardening",
     )
 
@@ -153,27 +395,8 @@ def _step(
     """A step that ends at a state, of which another ``half`` follows at once, with ``errors`` (2,) so far:
     the sum of those of the increments, relative, and the largest of displacements by spacings."""
     built, solver = scene.built, {"errors": errors}
-    for name in built.laws:
-        solver |= {f"{key}.{name}": getattr(flow, key)[name] for key in KEPT}
-    nodes = built.condensed.friction_nodes
-    state = State.of(flow.contact, nodes, position, scene.residual(flow), solver)
-    history = friction_history(flow.contact) | {"half": np.array([half])}
-    return PathStep(
-        state,
-        (state,) if position in built.outputs else (),
-        length,
-        iterations=flow.updates,
-        solves=flow.products,
-        checkpoint=Checkpoint(state, history, pace=pace),
-    )
-
-
-def _restored(built: CondensedScene, start: Checkpoint) -> Flow:
-    """The state of a checkpoint."""
-    state, laws = start.state, built.laws
-    contact = state.contacts(built.condensed.friction_nodes, start.history)
-    stress, history, work = ({name: state.solver[f"{key}.{name}"] for name in laws} for key in KEPT)
-    unknowns = [plastic_stress(law.linear, history[name]).T.ravel() for name, law in laws.items()]
-    strain = {n: law.elastic_strain(stress[n]) + history[n][:, :4] for n, law in laws.items()}
-    first, none = np.concatenate(unknowns), np.zeros(0)
-    return Flow(state.factors, first, contact, strain, stress, {}, history, work, none, 0.0)
+    solver |= {f"{key}.{name}": getattr(flow, key)[name] for name in built.laws for key in KEPT}
+    state = State.of(flow.contact, built.condensed.friction_nodes, position, scene.residual(flow), solver)
+    checkpoint = Checkpoint(state, {"half": np.array([half])}, pace=pace)
+    counts = {"iterations": flow.updates, "solves": flow.products}
+    return built.step(state, length=length, checkpoint=checkpoint, **counts)

@@ -1,5 +1,5 @@
-"""Exact contact states at the ends of the stages, for scales, refinement and checks before the path
-begins."""
+"""Exact contact states at given loads, mostly the ends of the stages: for scales, refinement and checks
+before the path begins."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.case import Case
+from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.complementarity.problem import ContactStatus
 from mlsanm_cli.contact.laws.contact_state import ContactState
 from mlsanm_cli.contact.laws.coulomb import increment, unloaded
@@ -19,109 +18,68 @@ from mlsanm_cli.contact.laws.frictionless import solve_exact
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
-from mlsanm_cli.roundoff import ROUND_OFF
-from mlsanm_cli.solve.condensed_scene import factors_at
-from mlsanm_cli.solve.contact_grids import Wanted
 from mlsanm_cli.solve.direction_updates import rolling
-from mlsanm_cli.solve.limit_loads import beyond_limit, check_resisted, near_limit
+from mlsanm_cli.solve.limit_loads import beyond_limit, near_limit
 
-MAX_LEVELS = 40
-"""Largest number of levels of output that determine contact grids."""
-LEVELS_BETWEEN = 8
-"""Subdivisions of a stage at which contacts are checked to stay in the ranges of their grids; fewer with many
-stages."""
 MAX_NORMAL_TURN = 0.25
 """Rotation (radian) of normals over slips above which contact at small strain is not valid."""
 FIRST_PARTS = (0.5, 0.1, 0.01)
 """Parts of the first stage that give a contact with friction its scales if its end cannot be reached."""
 
 
-def searched_ends(
-    case: Case,
+def contact_states(
     scene: Scene,
-    stages: FloatArray,
     condensed: Condensed,
-    starts: Sequence[ContactStatus],
-    which: Wanted,
-    known: Sequence[ContactState] = (),
+    stages: FloatArray,
+    levels: FloatArray,
+    starts: Sequence[ContactStatus] = (),
+    skips: bool = False,
 ) -> tuple[ContactState, ...]:
-    """Exact states at those levels of the stages that are wanted (:data:`Wanted`). States ``known`` at equal
-    load factors are reused, with friction those of a whole path. If a stage cannot be completed the last
-    state is one near its limit load."""
-    every_so_many = -(-len(case.output.at) // MAX_LEVELS) or 1
-    positions = sorted({*range(len(stages)), *case.output.at[::every_so_many]})
-    levels = np.stack([factors_at(stages, position) for position in positions])
+    """Exact states at load factors ``levels`` (N, L) of a path along ``stages`` (T + 1, L), with friction by
+    one increment to each, searched from sets ``starts``: one each, or that of the first. The states end at
+    the first level without one, without friction in one near the limit load, unless such levels are to be
+    skipped. Raises NumericalError if there are none."""
+    starts = starts if len(starts) in (1, len(levels)) or len(condensed.friction_nodes) else ()
     if len(condensed.friction_nodes):
-        counted = stages if which == "ends" else levels
-        reached = [one for one in known if (counted == one.factors).all(axis=1).any()]
-        if which == "between":
-            return ()
-        if which == "ends" and known:
-            return tuple(reached or known)
-        if which == "every" and len(reached) == len(known) == len(positions) - 1:
-            return tuple(known)
-        if which == "ends":
-            check_resisted(scene, condensed, stages)
-        # After a separation at the end of a stage all guesses are needed again.
-        followed = stages[: len(starts) + 1] if which == "known" else counted
         try:
-            held = _friction_ends(scene, condensed, followed, starts)
+            held = _increments(scene, condensed, stages[0], levels, starts)
         except UnbalancedError as error:
             raise beyond_limit(scene, condensed, stages[:2], error) from error
-        check_slips(condensed, held)
+        _check_slips(condensed, held)
         return held
-    every = which in ("every", "between")
-    factors = levels if which == "every" else stages
-    if which == "between":
-        most = max(2, min(LEVELS_BETWEEN, MAX_LEVELS // (len(stages) - 1)))
-        parts = np.maximum(1, -(-most // _in_line(stages)))
-        inner = (k + j / count for k, count in enumerate(parts.tolist()) for j in range(1, count))
-        factors = np.stack([factors_at(stages, position) for position in (0.0, *inner)])
-    if len(starts) not in (1, len(factors) - 1):
-        starts = ()  # of other states
 
-    def solved(wanted: FloatArray, first: BoolArray | None) -> ContactState:
-        found = solve_exact(condensed, wanted, first)
-        if error := rolling(scene, condensed, found):
-            raise error
-        return found
-
-    ends: list[ContactState] = []
+    states: list[ContactState] = []
     lost: NumericalError | None = None
-    for number, wanted in enumerate(factors[1:]):
-        found = next((one for one in known if np.array_equal(one.factors, wanted)), None)
-        if found is not None:
-            ends.append(found)
-            continue
-        last = ends[-1].closed if ends else None
+    for number, factors in enumerate(levels):
+        last = states[-1].closed if states else None
         try:
             first = starts[number].closed if number < len(starts) else last
-            ends.append(solved(wanted, first))
+            states.append(_resting(scene, condensed, factors, first))
         except NumericalError as error:
             # Loads beyond their limit, or a body not in contact.
             lost = lost or error
-            if every:
+            if skips:
                 continue
             near = near_limit(condensed, stages) if isinstance(error, UnbalancedError) else None
             if near is None:
                 break
-            return (*ends, solved(near[0], last))
-    if lost is None or (every and ends):
-        return tuple(ends)
+            return (*states, _resting(scene, condensed, near[0], last))
+    if lost is None or (skips and states):
+        return tuple(states)
     raise beyond_limit(scene, condensed, stages, lost) if isinstance(lost, UnbalancedError) else lost
 
 
-def _in_line(stages: FloatArray) -> IntArray:
-    """Number of consecutive stages (s,) with the same direction of loads, from each of the ``stages`` (s + 1,
-    L)."""
-    way = np.diff(stages, axis=0)
-    size = np.sqrt((way**2).sum(axis=1))
-    turns = (way[1:] * way[:-1]).sum(axis=1) < (1.0 - ROUND_OFF) * size[1:] * size[:-1]
-    row = np.concatenate([[0], np.cumsum(turns)])
-    return np.asarray(np.bincount(row)[row])
+def _resting(
+    scene: Scene, condensed: Condensed, factors: FloatArray, start: BoolArray | None
+) -> ContactState:
+    """The state without friction at load ``factors`` (L,), in which no load rotates a body on."""
+    state = solve_exact(condensed, factors, start)
+    if error := rolling(scene, condensed, state):
+        raise error
+    return state
 
 
-def check_slips(condensed: Condensed, ends: Sequence[ContactState]) -> None:
+def _check_slips(condensed: Condensed, ends: Sequence[ContactState]) -> None:
     """UnbalancedError if forces move round bodies along each other until their normals have rotated: contacts
     with initial pairs do not know where they come to rest."""
     if not len(condensed.balance.constant):
@@ -149,26 +107,30 @@ def check_slips(condensed: Condensed, ends: Sequence[ContactState]) -> None:
                 )
 
 
-def _friction_ends(
-    scene: Scene, condensed: Condensed, stages: FloatArray, starts: Sequence[ContactStatus] = ()
+def _increments(
+    scene: Scene,
+    condensed: Condensed,
+    begin: FloatArray,
+    levels: FloatArray,
+    starts: Sequence[ContactStatus],
 ) -> tuple[ContactState, ...]:
-    """One increment per stage as far as loads can be carried; of the first stage at least a part without
+    """One increment to each level as far as loads can be carried; to the first one at least a part without
     rolling."""
 
     def rolls(state: ContactState) -> UnbalancedError | None:
         # More nodes slip in one increment than on the path.
         return rolling(scene, condensed, replace(state, status=condensed.problem.touching(state.closed)))
 
-    state, ends = unloaded(condensed, stages[0]), list[ContactState]()
+    state, ends = unloaded(condensed, begin), list[ContactState]()
     failure: NumericalError | None = None
-    for factors, guess in itertools.zip_longest(stages[1:], starts[: len(stages) - 1]):
+    for factors, guess in itertools.zip_longest(levels, starts[: len(levels)]):
         found = increment(condensed, state, factors, guess=guess)
         if found is None or (not ends and rolls(found)):
             break
         state = found
         ends.append(state)
     for part in FIRST_PARTS if not ends else ():
-        found = increment(condensed, state, state.factors + part * (stages[1] - state.factors))
+        found = increment(condensed, state, begin + part * (levels[0] - begin))
         failure = NoStateError() if found is None else rolls(found)
         if found is not None and failure is None:
             return (found,)

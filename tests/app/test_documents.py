@@ -14,8 +14,8 @@ from click import Context
 
 from mlsanm_cli import __version__
 from mlsanm_cli.app.checks.limits import LIMITS
-from mlsanm_cli.app.comparison.compare import SAME_LAW_FACTOR, compare
-from mlsanm_cli.app.comparison.small_strain import ETA_FACTOR, STICK_FACTOR
+from mlsanm_cli.app.comparison.compare import compare
+from mlsanm_cli.app.comparison.methods import ETA_FACTOR, SAME_LAW_FACTOR, STICK_FACTOR
 from mlsanm_cli.app.results import plot as plot_module
 from mlsanm_cli.case import load_case, resolved_mapping
 from mlsanm_cli.case.starters import kinds, starter

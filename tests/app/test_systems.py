@@ -71,9 +71,9 @@ def test_memory_in_the_unit_of_the_system(monkeypatch: pytest.MonkeyPatch) -> No
 def test_kernels_are_kept_where_users_are_not_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delattr(os, "getuid")
     assert kept.read(tmp_path) is None
-    codes = [Code(b"code", {}, (), ())]
-    kept.write(tmp_path / "kernels" / "place", codes)
-    assert kept.read(tmp_path / "kernels" / "place") == codes
+    code = Code(b"code", {}, (), ())
+    kept.write(tmp_path / "kernels" / "place", code)
+    assert kept.read(tmp_path / "kernels" / "place") == code
 
 
 def test_directories_of_a_container_may_belong_to_its_host(

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.cloud.cells import FINE, GAUSS, Halves, cell_quadrature, measure
-from mlsanm_cli.cloud.cloud import Cloud, build_cloud
+from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Outline, annulus, disk, half_disk, rectangle
-from mlsanm_cli.cloud.spacing import Spacing, Zone
+from mlsanm_cli.cloud.spacing import Spacing, Zone, build_cloud
 
 GRADED = Spacing(0.1, (Zone.around((1.0, 0.5), 0.02, 0.05, 0.15),))
 BODIES: dict[str, tuple[Outline, Spacing, float, tuple[float, float]]] = {

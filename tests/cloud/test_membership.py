@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mlsanm_cli.cloud.cloud import Cloud, build_cloud
+from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import annulus, disk, rectangle
-from mlsanm_cli.cloud.spacing import Spacing
+from mlsanm_cli.cloud.spacing import Spacing, build_cloud
 
 
 def ring(radius: float, angles: list[float]) -> list[list[float]]:

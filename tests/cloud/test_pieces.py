@@ -7,11 +7,11 @@ import pytest
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import IntArray
-from mlsanm_cli.cloud.cloud import Cloud, build_cloud
+from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Outline, annulus, disk, rectangle, sector
 from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.pieces import CLEARANCE, MAX_NODES, MERGE_FRACTION, _bisected, divide, pair_up
-from mlsanm_cli.cloud.spacing import Spacing, Zone
+from mlsanm_cli.cloud.spacing import Spacing, Zone, build_cloud
 
 BLOCK = rectangle((-1.0, 1.0), (0.0, 1.0))
 GRADED = Spacing(0.1, (Zone.around((0.0, 1.0), 0.01, 0.03, 0.15),))

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from mlsanm_cli.cloud.cloud import Cloud, build_cloud
+from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Arc, Outline, disk, rectangle
 from mlsanm_cli.cloud.mirror import SymmetryLine
-from mlsanm_cli.cloud.spacing import Spacing, Zone
+from mlsanm_cli.cloud.spacing import Spacing, Zone, build_cloud
 
 
 def test_nodes_stay_where_they_are_wanted() -> None:

@@ -8,8 +8,7 @@ import pytest
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Segment
 from mlsanm_cli.contact.finite.node_curve import NodeCurve
-from mlsanm_cli.contact.finite.pair import BodyContact, Meeting
-from mlsanm_cli.contact.finite.rigid import RigidContact
+from mlsanm_cli.contact.finite.pair import BodyContact, Meeting, RigidContact
 from mlsanm_cli.contact.finite.sides import ContactSide, SideNodes
 from mlsanm_cli.contact.geometry.obstacles import Round
 
@@ -87,7 +86,7 @@ def test_all_moves_as_differences_say(rigid: bool) -> None:
 
     def seen(step: float) -> tuple[Meeting, FloatArray]:
         met = contact.meet(u + step * direction, factors, before)
-        return met, met.tractions(p, q).ravel()
+        return met, met.tractions(p, q)
 
     step = 1e-6
     (one, ahead), (other, behind), (here, _) = seen(step), seen(-step), seen(0.0)
@@ -104,9 +103,9 @@ def test_all_moves_as_differences_say(rigid: bool) -> None:
 def test_no_force_is_lost_and_a_constant_traction_arrives() -> None:
     pair, u = bent_pair()
     met = pair.meet(u, np.zeros(1), None)
-    on_slave, on_master = np.split(met.tractions(np.arange(1.0, 7.0), np.ones(6)), [6])
+    on_slave, on_master = np.split(met.tractions(np.arange(1.0, 7.0), np.ones(6)).reshape(-1, 2), [6])
     np.testing.assert_allclose(pair.slave.weight @ on_slave, -pair.master.weight @ on_master, atol=1e-13)
-    flat = pair.meet(0.0 * u, np.zeros(1), None).tractions(np.ones(6), np.zeros(6))[6:]
+    flat = pair.meet(0.0 * u, np.zeros(1), None).tractions(np.ones(6), np.zeros(6)).reshape(-1, 2)[6:]
     x = pair.master.places[:, 0]
     inner = (x > 0.5) & (x < 1.2)
     np.testing.assert_allclose(flat[inner], np.tile([0.0, -1.0], (inner.sum(), 1)), atol=1e-12)
@@ -118,7 +117,7 @@ def test_a_parabola_of_pressures_arrives_without_smoothing() -> None:
     above = side("s", x, np.stack([2.0 - x, 0 * x], 1), np.tile([0.0, -1.0], (15, 1)))
     below = side("m", x, np.stack([x, 0 * x], 1), np.tile([0.0, 1.0], (15, 1)))
     met = BodyContact("c", above, below).meet(np.zeros((30, 2)), np.zeros(1), None)
-    arrived = met.tractions(1.0 - (x - 1.0) ** 2, np.zeros(15))[15:, 1]
+    arrived = met.tractions(1.0 - (x - 1.0) ** 2, np.zeros(15)).reshape(-1, 2)[15:, 1]
     np.testing.assert_allclose(arrived[2:-2], ((x - 1.0) ** 2 - 1.0)[2:-2], atol=1e-12)
 
 

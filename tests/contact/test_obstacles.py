@@ -9,9 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import rectangle
-from mlsanm_cli.cloud.spacing import Spacing
+from mlsanm_cli.cloud.spacing import Spacing, build_cloud
 from mlsanm_cli.contact.geometry.obstacles import Chain, Plane, Round
 from mlsanm_cli.contact.geometry.pairing import pair_surfaces
 
@@ -132,7 +131,7 @@ def test_the_closest_of_many_sides_is_not_missed() -> None:
     x = np.concatenate([np.cumsum(rng.uniform(0.01, 0.2, 60)), 20.0 + np.arange(3.0)])
     points = np.column_stack([x, 0.2 * rng.normal(size=len(x))])
     seen = np.random.default_rng(1).uniform((-8.0, -3.0), (25.0, 2.0), (400, 2))
-    partner = Chain(points)._on_sides(seen, np.tile((0.0, 1.0), (400, 1)))[0]
+    partner = Chain(points).closest(seen, np.tile((0.0, 1.0), (400, 1)))[0]
     along = np.diff(points, axis=0)
     share = ((seen[:, None] - points[:-1]) * along).sum(axis=2) / (along**2).sum(axis=1)
     closest = points[:-1] + np.clip(share, 0.0, 1.0)[..., None] * along

@@ -13,10 +13,9 @@ from scipy.spatial.distance import cdist
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud import spacing as slices
-from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import Arc, Outline, Segment, disk, rectangle
 from mlsanm_cli.cloud.membership import inside_polygon
-from mlsanm_cli.cloud.spacing import CANDIDATES, Spacing, Zone, fill_region
+from mlsanm_cli.cloud.spacing import CANDIDATES, Spacing, Zone, build_cloud, fill_region
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.kernels.fill import spacing_at
 

@@ -10,6 +10,7 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.defect import CORRECTION_TOLERANCE, correct, defect_of
 from mlsanm_cli.mechanics.material import isotropic
+from mlsanm_cli.mechanics.pieces import rule_of
 from mlsanm_cli.memo import Memo
 from mlsanm_cli.operators.least_squares import LeastSquares
 from tests.mechanics.bodies import STEEL, build, jittered_square
@@ -38,9 +39,9 @@ def test_pieces_lack_what_both_degrees_fluxes_differ_by(degree: int) -> None:
     cloud = jittered_square(20)
     body, better = (build(cloud, HELD, one) for one in (degree, degree + 1))
     u = Wave(STEEL.stiffness).displacement(cloud.points)
-    every = np.ones(body.pieces.count, dtype=bool)
     old, new = (
-        body.pieces.fluxes(model, body.restrained, every) @ u.ravel() for model in (body.model, better.model)
+        body.pieces.fluxes(model.stress_around, body.restrained, rule_of(model)) @ u.ravel()
+        for model in (body.model, better.model)
     )
     defect = defect_of(body, u)
     found = body.loads @ defect.source
@@ -87,11 +88,10 @@ def test_rough_solutions_are_refined_where_they_are_too_rough(
     body = build(jittered_square(12), HELD)
     assert isinstance(body.system, LeastSquares)
     source, moved = loaded(body), np.zeros(body.model.unknowns)
-    right, step, expected = LeastSquares.solve_unrefined, LeastSquares.step, correct(body, source, moved)
+    right, expected = LeastSquares.correction, correct(body, source, moved)
     sources = sparse.csc_array(np.random.default_rng(1).normal(size=(body.rows, 2)))
     exact = body.system.solve(sources)
-    monkeypatch.setattr(LeastSquares, "solve_unrefined", lambda *of: off * right(*of))
-    monkeypatch.setattr(LeastSquares, "step", lambda *of: off * step(*of))
+    monkeypatch.setattr(LeastSquares, "correction", lambda *of: off * right(*of))
     found = correct(body, source, moved)
     assert (found.rough > CORRECTION_TOLERANCE) == (off > 1.0)
     np.testing.assert_allclose(found.change, expected.change, atol=1e-2 * np.abs(expected.change).max())

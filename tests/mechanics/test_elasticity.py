@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mlsanm_cli.cloud.cloud import Cloud, build_cloud
+from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import rectangle
-from mlsanm_cli.cloud.spacing import Spacing
+from mlsanm_cli.cloud.spacing import Spacing, build_cloud
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.energy import (
     along_surface,

@@ -11,19 +11,20 @@ import scipy.sparse as sparse
 from benchmarks import thin_bodies
 from benchmarks.formulas import KirschHole
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.cloud.cells import FINE, Halves
-from mlsanm_cli.cloud.cloud import Cloud, build_cloud
+from mlsanm_cli.cloud.cells import FINE, GAUSS, Halves
+from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import annulus, disk, rectangle, sector
-from mlsanm_cli.cloud.spacing import Spacing, Zone
+from mlsanm_cli.cloud.spacing import Spacing, Zone, build_cloud
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.material import isotropic
-from mlsanm_cli.mechanics.pieces import Pieces
+from mlsanm_cli.mechanics.pieces import Pieces, values_of
 from mlsanm_cli.mechanics.rigid import FreeSystem
 from mlsanm_cli.mechanics.springs import Springs
 from mlsanm_cli.operators.neighbors import MlsSettings
+from mlsanm_cli.operators.system import residual_of
 from tests.mechanics.bodies import (
     STEEL,
     boundary_values,
@@ -79,7 +80,10 @@ def test_fluxes_of_even_and_linear_stress_balance_on_every_piece(
         source = boundary_values(body, lambda at: 0.0 * at, stress)
         if stress is linear:
             source = with_body_force(body, source, linear_force)
-        out, loads = body.pieces.flux_of(of_edges(stress), body.restrained), body.loads @ source
+        out, loads = (
+            body.pieces.fluxes(values_of(of_edges(stress)), body.restrained, GAUSS[2]),
+            body.loads @ source,
+        )
         assert np.abs(out).max() > 1e-2
         np.testing.assert_allclose(loads, out, rtol=0.0, atol=1e-12)
 
@@ -182,7 +186,7 @@ def test_a_long_thin_arch_is_solved_and_not_told_to_be_solved_badly() -> None:
     push = np.tile([0.0, 1e-9], (len(cloud.surfaces["end"].index), 1))
     source = body.source("end", push, held=False)
     found = solved(body, source)
-    assert body.system.residual(sparse.csc_array(source[:, None]), found.reshape(-1, 1)) <= 1e-6
+    assert residual_of(body.system, sparse.csc_array(source[:, None]), found.reshape(-1, 1)) <= 1e-6
     # Bent by the moments F R (cos phi - cos angle) of a force F along y at its end.
     moved = found[cloud.surfaces["end"].index, 1].mean()
     c, s = np.cos(angle), np.sin(angle)

@@ -7,9 +7,8 @@ import pytest
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import Outline, annulus, disk, rectangle
-from mlsanm_cli.cloud.spacing import Spacing
+from mlsanm_cli.cloud.spacing import Spacing, build_cloud
 from mlsanm_cli.mechanics import near_field
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.material import PlaneMaterial, isotropic, orthotropic

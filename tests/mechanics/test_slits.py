@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.cloud.cloud import Cloud, build_cloud
+from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment, rectangle, sector
-from mlsanm_cli.cloud.spacing import Spacing, Zone
+from mlsanm_cli.cloud.spacing import Spacing, Zone, build_cloud
 from mlsanm_cli.errors import NumericalError
 from tests.mechanics.bodies import STEEL, boundary_values, build, polygon, solved, with_body_force
 

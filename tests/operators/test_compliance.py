@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.operators.compliance import CHECK_COLUMNS, RANK, corrected
 from mlsanm_cli.operators.linear import interface
-from mlsanm_cli.operators.linear.dissection import nested_dissection
+from mlsanm_cli.operators.linear.factors import nested_dissection
 from mlsanm_cli.operators.normal import bordered, normal_equations
+from mlsanm_cli.operators.system import CHECK_COLUMNS, RANK, corrected
 from mlsanm_cli.roundoff import ROUND_OFF
 
 

@@ -15,9 +15,9 @@ from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.operators.linear.dissection import Fronts
 from mlsanm_cli.operators.linear.factors import (
     MAX_BACKWARD_ERROR,
+    Fronts,
     MultifrontalFactor,
     SuperLUFactor,
     factor_definite,

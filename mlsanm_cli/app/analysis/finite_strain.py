@@ -41,7 +41,7 @@ from mlsanm_cli.app.output.analysis import Analysis, BodyFields
 from mlsanm_cli.app.output.parts import ContactNodes, contact_part, obstacles, vtu_states
 from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.finite.rigid import RigidContact
+from mlsanm_cli.contact.finite.pair import RigidContact
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io.columns import Quantities
 from mlsanm_cli.io.vtu import VtuPart
@@ -73,29 +73,11 @@ def contact_lines(scene: FiniteScene, state: State) -> dict[str, VtuPart]:
     return lines
 
 
-def obstacle_lines(scene: FiniteScene, state: State) -> dict[str, VtuPart]:
-    points = np.concatenate([body.elastic.model.cloud.points for body in scene.bodies.values()])
-    drawn, lines = obstacles(scene.case, points), {}
-    for contact in scene.contacts.pairs:
-        if isinstance(contact, RigidContact):
-            places, edges = drawn[contact.name]
-            turned = (places - contact.pivot) @ contact.turn(state.driven).T
-            moved = contact.pivot + contact.motion @ state.driven + turned - places
-            lines[contact.name] = VtuPart(places, edges, {"displacement": moved})
-    return lines
-
-
-class FiniteStrain(Analysis):
+class FiniteStrain(Analysis[FiniteScene]):
     """The analysis at finite strain, with the knots of a ``refinement`` if these are known."""
 
-    _scene: FiniteScene | None = None
     _missed: Callable[[], Any] | None = None
     _estimates: tuple[State, dict[str, Any]] | None = None
-
-    @property
-    def scene(self) -> FiniteScene:
-        assert self._scene is not None
-        return self._scene
 
     def set_up(self, verdicts: Verdicts) -> None:
         self.quality = announce(self.case, self.prepared, self.context, verdicts)
@@ -106,45 +88,47 @@ class FiniteStrain(Analysis):
         elif scene.contacts.pairs:
             with self.context.phase("condensation", "locating contacts"):
                 scene = located(scene, self.context)
-        self._scene = scene
+        self._built = scene
 
     def steps(self, start: Checkpoint | None, last: State | None, verdicts: Verdicts) -> Iterator[PathStep]:
-        for step in self.stopped(self._follow, start, last, self.case.solver.tolerance):
+        for step in self.stopped(start, last, self.case.solver.tolerance):
             self._missed = step.missed
             yield step
 
-    def _follow(self, start: Checkpoint | None, at: tuple[float, ...]) -> Iterator[PathStep]:
-        """The path, or its part after a checkpoint, with saved states also ``at`` further positions."""
-        if self.scene.in_increments:
-            return contact_path(self.scene, start, at)
-        return finite_path(self.scene, start, at=at)
+    def path(self, start: Checkpoint | None = None, at: tuple[float, ...] = ()) -> Iterator[PathStep]:
+        if self.built.in_increments:
+            return contact_path(self.built, start, at)
+        return finite_path(self.built, start, at=at)
+
+    def displacement(self, state: State) -> FloatArray:
+        return state.displacement.reshape(-1, 2)
 
     def forces(self, state: State) -> Mapping[str, FloatArray]:
-        forces = resultants(self.scene, SceneForces(self.scene, state))
+        forces = resultants(self.built, SceneForces(self.built, state))
         return forces | {name.removeprefix(CONTACT_PREFIX): force for name, force in forces.items()}
 
     def checks(self, state: State) -> Iterator[Check]:
-        return all_of(STATE, self.scene, state)
+        return all_of(STATE, self.built, state)
 
     def judge(self, last: State, tally: dict[str, Any]) -> Iterator[Check]:
         errors = self._errors(last, tally)
-        return all_of(END, FiniteEnd(self.scene, last, tally, errors))
+        return all_of(END, FiniteEnd(self.built, last, tally, errors))
 
     @property
     def refinement(self) -> Mapping[str, Any]:
-        return Refinement(knots=knots_of(self._scene)).plain if self._scene is not None else {}
+        return Refinement(knots=knots_of(self._built)).plain if self._built is not None else {}
 
     @cached_property
     def contacts(self) -> Mapping[str, ContactNodes]:
-        contacts = {}
-        for contact in self.scene.contacts.pairs:
+        contacts, met = {}, self.built.undeformed_contacts
+        for contact, here, _ in self.built.contacts.each:
             slave, sign = contact.slave, -1.0 if contact.exchanged else 1.0
-            normal = sign * contact.start(self.scene.stages[0])
+            normal = sign * met.normal[here]
             contacts[contact.name] = ContactNodes(slave.places, normal, slave.arc, slave.weight)
         return contacts
 
     def quantities(self, state: State) -> Quantities:
-        return quantities(self.scene, state)
+        return quantities(self.built, state)
 
     def row_states(self, step: PathStep) -> Sequence[State]:
         return (*(state for state in step.saved if state is not step.state), step.state)
@@ -156,13 +140,20 @@ class FiniteStrain(Analysis):
 
     def fields(self, states: Sequence[State]) -> Iterator[tuple[BodyFields, Mapping[str, float]]]:
         for state in states:
-            yield fields_of(self.scene, state), {}
+            yield fields_of(self.built, state), {}
 
     def lines(self, state: State, fields: BodyFields) -> tuple[Mapping[str, VtuPart], Mapping[str, VtuPart]]:
-        return contact_lines(self.scene, state), obstacle_lines(self.scene, state)
+        drawn, lines = obstacles(self.case, self.points), {}
+        for contact in self.built.contacts.pairs:
+            if isinstance(contact, RigidContact):
+                places, edges = drawn[contact.name]
+                turned = (places - contact.pivot) @ contact.turn(state.driven).T
+                moved = contact.pivot + contact.motion @ state.driven + turned - places
+                lines[contact.name] = VtuPart(places, edges, {"displacement": moved})
+        return contact_lines(self.built, state), lines
 
     def tallied(self, tally: Mapping[str, Any], before: State | None, step: PathStep) -> dict[str, Any]:
-        scene, state = self.scene, step.state
+        scene, state = self.built, step.state
         forces, (nodal, energy) = SceneForces(scene, state), energy_errors(scene, state)
         error = sum(float(each.sum()) for each in nodal.values())
         largest = max(tally.get("largest", 0.0), forces.size)
@@ -189,7 +180,7 @@ class FiniteStrain(Analysis):
 
     def _fork(self, at: Bifurcation) -> dict[str, Any]:
         """A bifurcation in plain values, with the node that moves most."""
-        motions = {name: own.reshape(-1, 2) for name, own in self.scene.parts(at.motion).items() if own.any()}
+        motions = {name: own.reshape(-1, 2) for name, own in self.built.parts(at.motion).items() if own.any()}
         sizes = {name: np.hypot(*own.T) for name, own in motions.items()}
         body = max(sizes, key=lambda name: float(sizes[name].max()))
         node = int(np.argmax(sizes[body]))
@@ -208,13 +199,13 @@ class FiniteStrain(Analysis):
         return [*points, "equations renewed"] if step.renewed else points
 
     def diagnosis(self, state: State | None) -> tuple[Sequence[VtuPart], Mapping[str, Any]]:
-        if self._scene is None or state is None:
+        if self._built is None or state is None:
             return super().diagnosis(state)
-        parts = vtu_states(self.clouds, fields_of(self.scene, state), self.fields_written)
+        parts = vtu_states(self.clouds, fields_of(self.built, state), self.fields_written)
         return list(parts.values()), {}
 
     def figures(self, state: State, tally: Mapping[str, Any]) -> dict[str, Any]:
-        scene = self.scene
+        scene = self.built
         turned, stability = plates_turned(scene, state), tally["stability"]
         return {
             "contact_unknowns": len(state.pressure),
@@ -243,15 +234,15 @@ class FiniteStrain(Analysis):
         missing: dict[str, Any] = {"displacement": None}
         if self._missed is not None:
             with self.context.phase("estimate"), suppress(NumericalError, np.linalg.LinAlgError):
-                missing = missing_figures(self.scene, last, self._missed())
+                missing = missing_figures(self.built, last, self._missed())
         errors = {"energy": energy_estimate(tally)} | missing
-        if any(one.friction for one in self.scene.contacts.pairs):
+        if any(one.friction for one in self.built.contacts.pairs):
             errors["increments"] = float(last.solver["increment_error"])
         self._estimates = last, errors
         return errors
 
     def limits(self) -> dict[str, Any]:
-        names = [] if self._scene is None else [one.name for one in self._scene.contacts.pairs]
+        names = [] if self._built is None else [one.name for one in self._built.contacts.pairs]
         estimates = {
             "energy": level("energy_estimate"),
             "displacement": level("displacement_error"),

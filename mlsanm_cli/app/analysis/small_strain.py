@@ -12,7 +12,6 @@ import numpy as np
 from mlsanm_cli.app.analysis.small_contacts import (
     contact_lines,
     contact_summary,
-    obstacle_lines,
     sliding_distance,
     worst_state,
 )
@@ -28,7 +27,7 @@ from mlsanm_cli.app.checks.peaks import boundary_peaks
 from mlsanm_cli.app.checks.quality import MODEL, announce, assess, factor_notes
 from mlsanm_cli.app.checks.refinement import set_up
 from mlsanm_cli.app.output.analysis import Analysis, BodyFields
-from mlsanm_cli.app.output.parts import ContactNodes
+from mlsanm_cli.app.output.parts import ContactNodes, obstacle_shift, obstacles
 from mlsanm_cli.app.output.views import View, finer_views, shown_fields
 from mlsanm_cli.app.scene.assemble import NOTHING
 from mlsanm_cli.app.scene.refinement import Refinement
@@ -37,14 +36,21 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.laws.failures import SlidingError
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io.columns import Quantities, place
-from mlsanm_cli.io.run_file import Value
+from mlsanm_cli.io.run_file import Attribute, Value
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.memo import digest
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.solve.coercivity import stability_limit
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.fields import cone_ratio, fields_of, plates_turned, quantities, slave_arc
+from mlsanm_cli.solve.fields import (
+    cone_ratio,
+    fields_of,
+    platen_displacements,
+    plates_turned,
+    quantities,
+    slave_arc,
+)
 from mlsanm_cli.solve.limit_loads import at_limit
 from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import Checkpoint, Fields, PathStep, State
@@ -57,10 +63,9 @@ WITH_STRESS = {"stress", "von_mises", "strain", *FLOW_FIELDS}
 """Fields that need stresses."""
 
 
-class SmallStrain(Analysis):
+class SmallStrain(Analysis[CondensedScene]):
     """The analysis at small strain; the clouds may be those of a ``refinement`` of an earlier process."""
 
-    _condensed: CondensedScene | None = None
     _accuracy: Accuracy
     _refinement = Refinement()
     _first: State | None = None
@@ -69,33 +74,23 @@ class SmallStrain(Analysis):
     _energies: EnergyErrors | None = None
     _peaks: Mapping[str, Mapping[str, Any]] = NOTHING
 
-    @property
-    def _built(self) -> CondensedScene:
-        assert self._condensed is not None
-        return self._condensed
-
     def _at(self, state: State) -> CondensedScene:
         """The scene with the plastic strains of a state."""
         if self._last is None or self._last[0] is not state:
-            self._last = state, self._built.at(state)
+            self._last = state, self.built.at(state)
         return self._last[1]
-
-    @property
-    def _starts(self) -> Mapping[str, Any]:
-        """Approximate solutions by body, from the error estimate."""
-        return {name: body.solution for name, body in self._accuracy.bodies.items()}
 
     def set_up(self, verdicts: Verdicts) -> None:
         self.quality = announce(self.case, self.prepared, self.context, verdicts)
         adapted = set_up(self.case, self.prepared, self.context, verdicts, self.known)
-        self.prepared, self._condensed, self._accuracy, self._refinement = adapted
+        self.prepared, self._built, self._accuracy, self._refinement = adapted
         if self._refined:
             self.quality = assess(self.case, self.prepared, self.context.memo)
             verdicts.judge(all_of(MODEL, self.quality))
 
     def steps(self, start: Checkpoint | None, last: State | None, verdicts: Verdicts) -> Iterator[PathStep]:
-        built = self._built
-        steps = self.stopped(self._follow, start, last, FINE_ROUND_OFF)
+        built = self.built
+        steps = self.stopped(start, last, FINE_ROUND_OFF)
         while True:
             try:
                 step = next(steps, None)
@@ -117,13 +112,16 @@ class SmallStrain(Analysis):
     def checks(self, state: State) -> Iterator[Check]:
         return all_of(states.STATE, self._at(state), state)
 
-    def _follow(self, start: Checkpoint | None, at: tuple[float, ...]) -> Iterator[PathStep]:
-        """The path, or its part after a checkpoint, with saved states also ``at`` further positions."""
-        built, output = self._built, self.case.output
+    def path(self, start: Checkpoint | None = None, at: tuple[float, ...] = ()) -> Iterator[PathStep]:
+        built, output = self.built, self.case.output
         if at:
             output = output.model_copy(update={"at": tuple(sorted({*built.outputs, *at}))})
             built = replace(built, case=built.case.model_copy(update={"output": output}))
         return load_path(built, start)
+
+    def displacement(self, state: State) -> FloatArray:
+        condensed, scene = self.built.condensed, self.built.scene
+        return np.concatenate([condensed.displacement(scene, name, state.unknowns) for name in scene.bodies])
 
     def forces(self, state: State) -> Mapping[str, FloatArray]:
         condensed = self._at(state).condensed
@@ -134,14 +132,14 @@ class SmallStrain(Analysis):
         built, context = self._at(last), self.context
         if "linear_residual" not in tally:
             with context.phase("output"):
-                unsaved, tally["linear_residual"] = fields_of(built, [last], False, self._starts)[0]
+                unsaved, tally["linear_residual"] = fields_of(built, [last], False)[0]
             # At the nodes, as no state was saved.
             yield from overlaps(built, last, self.nodes, displacements(unsaved))
         with context.phase("output"):
             if self._stressed is not None and self._stressed[0] is last:
                 fields = self._stressed[1]
             else:
-                fields = fields_of(built, [last], stress=True, starts=self._starts)[0][0]
+                fields = fields_of(built, [last], stress=True)[0][0]
             self._energies = energy_error(built, last, fields)
             self._peaks = boundary_peaks(built, last, fields)
         figures = tally["linear_residual"], self._energies, self._peaks
@@ -162,9 +160,9 @@ class SmallStrain(Analysis):
             error = float(last.solver["errors"][1] / np.sqrt(squares)) if squares else 0.0
             unknown = {one.name: (None, None) for one in built.condensed.pairings}
             return Accuracy(error, unknown, accuracy.state)
-        if len(self._built.condensed.friction_nodes):
+        if len(self.built.condensed.friction_nodes):
             with self.context.phase("estimate"):
-                accuracy = with_friction(self._built, accuracy, last, self.context.memo)
+                accuracy = with_friction(self.built, accuracy, last, self.context.memo)
         return accuracy.with_energies(self._energies)
 
     @property
@@ -177,13 +175,13 @@ class SmallStrain(Analysis):
 
     @property
     def models(self) -> Mapping[str, BodyModel]:
-        if self._condensed is None:
+        if self._built is None:
             return super().models
-        return {name: body.model for name, body in self._built.scene.bodies.items()}
+        return {name: body.model for name, body in self.built.scene.bodies.items()}
 
     @cached_property
     def _views(self) -> Mapping[str, View]:
-        return finer_views(self._built, self.prepared.boundaries, self.context.memo)
+        return finer_views(self.built, self.prepared.boundaries, self.context.memo)
 
     @property
     def clouds(self) -> Mapping[str, Cloud]:
@@ -192,28 +190,23 @@ class SmallStrain(Analysis):
     @cached_property
     def contacts(self) -> Mapping[str, ContactNodes]:
         contacts = {}
-        for pairing in self._built.condensed.reported:
+        for pairing in self.built.condensed.reported:
             chosen = pairing.candidate
             places = pairing.points[chosen], pairing.normal[chosen], slave_arc(pairing)
             contacts[pairing.name] = ContactNodes(*places, pairing.areas[chosen])
         return contacts
 
-    def model_datasets(self) -> dict[str, Value]:
-        datasets, bonds = super().model_datasets(), self._built.condensed.bonds
-        for name, own in bonds.spans.items():
-            both = [part[own] for part in np.split(bonds.tractions.matrix, 2)]
+    def model(self) -> tuple[dict[str, Value], Mapping[str, Attribute]]:
+        datasets, condensed = super().model()[0], self.built.condensed
+        for name, own in condensed.bonds.spans.items():
+            both = [part[own] for part in np.split(condensed.bonds.tractions.matrix, 2)]
             datasets[place("maps", "bonds", name)] = np.concatenate(both)
-        return datasets
-
-    @property
-    def attributes(self) -> Mapping[str, str]:
-        condensed = self._built.condensed
         maps = (condensed.gap, condensed.slip, condensed.watched, condensed.balance)
         nodes = sum(len(cloud.points) for cloud in self.nodes.values())
-        return {"cache_hash": digest(maps, condensed.weight), "nodes": str(nodes)}
+        return datasets, {"cache_hash": digest(maps, condensed.weight), "nodes": str(nodes)}
 
     def series_maps(self) -> dict[str, Value]:
-        condensed, known = self._built.condensed, self._built.condensed.quantities
+        condensed, known = self.built.condensed, self.built.condensed.quantities
         slips = {name: condensed.slip.take(own) for name, own in condensed.tangential.items()}
         maps = {"forces": known["force"], "slip": slips, "probes": known["probe"]}
         return {
@@ -225,10 +218,8 @@ class SmallStrain(Analysis):
 
     def fields(self, states: Sequence[State]) -> Iterator[tuple[BodyFields, Mapping[str, float]]]:
         stress = bool(WITH_STRESS & set(self.fields_written))
-        alike = [states] if not self._built.laws else [[state] for state in states]
-        known = [
-            one for few in alike if few for one in fields_of(self._at(few[0]), few, stress, self._starts)
-        ]
+        alike = [states] if not self.built.laws else [[state] for state in states]
+        known = [one for few in alike if few for one in fields_of(self._at(few[0]), few, stress)]
         for state, (fields, residual) in zip(states, known, strict=True):
             if stress:
                 self._stressed = state, fields
@@ -238,7 +229,7 @@ class SmallStrain(Analysis):
     @property
     def fields_written(self) -> Sequence[str]:
         """Those of the case, and of scenes with a yield stress what tells how far bodies flow."""
-        flow = FLOW_FIELDS if self._condensed is not None and self._condensed.laws else ()
+        flow = FLOW_FIELDS if self._built is not None and self._built.laws else ()
         return (*super().fields_written, *flow)
 
     def field_checks(self, state: State, fields: BodyFields) -> Iterator[Check]:
@@ -248,12 +239,17 @@ class SmallStrain(Analysis):
 
     def lines(self, state: State, fields: BodyFields) -> tuple[Mapping[str, VtuPart], Mapping[str, VtuPart]]:
         built = self._at(state)
-        return contact_lines(built, state, self.clouds, fields), obstacle_lines(built, state)
+        moved = platen_displacements(built, state)
+        lines = {
+            name: VtuPart(*part, {"displacement": obstacle_shift(self.case, name, moved) + 0.0 * part[0]})
+            for name, part in obstacles(self.case, self.points).items()
+        }
+        return contact_lines(built, state, self.clouds, fields), lines
 
     def tallied(self, tally: Mapping[str, Any], before: State | None, step: PathStep) -> dict[str, Any]:
         cone = dict(tally.get("cone", {}))
-        for name in self._built.condensed.tangential:
-            ratios = [cone_ratio(self._built, name, state) for state in (step.state, *step.saved)]
+        for name in self.built.condensed.tangential:
+            ratios = [cone_ratio(self.built, name, state) for state in (step.state, *step.saved)]
             cone[name] = max(cone.get(name, 0.0), *ratios)
         return {"cone": cone}
 
@@ -262,20 +258,20 @@ class SmallStrain(Analysis):
         return [f"closed {int(closed.sum())}", f"peak pressure {pressure.max():.6g}"] if len(pressure) else []
 
     def diagnosis(self, state: State | None) -> tuple[Sequence[VtuPart], Mapping[str, Any]]:
-        if self._condensed is None or state is None:
+        if self._built is None or state is None:
             return super().diagnosis(state)
         return worst_state(self._at(state), state, self.nodes)
 
     @property
     def notes(self) -> Iterator[str]:
-        return factor_notes(self._built.scene) if self._condensed else iter(())
+        return factor_notes(self.built.scene) if self._built else iter(())
 
     def sizes(self, tally: Mapping[str, Any]) -> dict[str, Any]:
         sizes = super().sizes(tally)
         sizes |= {"linear_residual": tally.get("linear_residual"), "stability": None}
-        if self._condensed is None:
+        if self._built is None:
             return sizes
-        built, bodies = self._built, self._built.scene.bodies.values()
+        built, bodies = self.built, self.built.scene.bodies.values()
         mirrors = [body.model.cloud.mirror for body in bodies]
         lines = {None if mirror is None else str(mirror.line) for mirror in mirrors}
         sizes |= {"adapt": self._refinement.passes} if self._refined else {}
@@ -311,9 +307,9 @@ class SmallStrain(Analysis):
         }
 
     def limits(self) -> dict[str, Any]:
-        estimates = {} if self._condensed is None else end.estimate_limits(self._condensed.condensed)
+        estimates = {} if self._built is None else end.estimate_limits(self._built.condensed)
         known = summary_limits(self.case.solver.tolerance, FAILING, "rough_pressure_error", estimates)
-        return known | ({"stability": stability_limit(self._condensed.ends)} if self._condensed else {})
+        return known | ({"stability": stability_limit(self._built.ends)} if self._built else {})
 
 
 def displacements(fields: Mapping[str, Fields]) -> dict[str, FloatArray]:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from copy import copy
+from dataclasses import replace
+from typing import Any, Generic, NamedTuple, Self, TypeVar
 
 import numpy as np
 
@@ -19,15 +21,16 @@ from mlsanm_cli.case import Case, Stop
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.errors import NumericalError, RunError
 from mlsanm_cli.io.columns import Quantities, place
-from mlsanm_cli.io.run_file import Value
-from mlsanm_cli.io.schema import INTERFACE_COLUMNS
+from mlsanm_cli.io.run_file import Attribute, Value
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.solve.state import Checkpoint, Fields, PathStep, State
-from mlsanm_cli.solve.stop_events import Follow, StoppedPath, measured
+from mlsanm_cli.solve.stop_events import measured, stopped_path
 
 BodyFields = Mapping[str, Fields]
 """Fields of a state by body."""
+Built = TypeVar("Built")
+"""The assembled scene, at small or at finite strain."""
 
 
 class Ending(NamedTuple):
@@ -41,7 +44,7 @@ class Ending(NamedTuple):
     stopped_by: str = ""
 
 
-class Analysis(ABC):
+class Analysis(ABC, Generic[Built]):
     """The scene of a ``case`` on the clouds ``prepared``, those of a ``known`` refinement if there is one,
     its path, and the results of its states.
 
@@ -54,7 +57,20 @@ class Analysis(ABC):
     ) -> None:
         self.case, self.prepared, self.context, self.known = case, prepared, context, known
         self.quality = Quality(case, prepared, {}, {})
+        self._built: Built | None = None
         self._reached: Stop | None = None
+
+    @property
+    def built(self) -> Built:
+        """The scene assembled by `set_up`."""
+        assert self._built is not None
+        return self._built
+
+    def with_case(self, case: Case) -> Self:
+        """The same scene for a ``case`` that differs in the method only."""
+        other, built = copy(self), self.built
+        other.case, other._built = case, replace(built, case=case)  # type: ignore[type-var]
+        return other
 
     @property
     def models(self) -> Mapping[str, BodyModel]:
@@ -63,6 +79,11 @@ class Analysis(ABC):
     @property
     def nodes(self) -> Mapping[str, Cloud]:
         return {name: model.cloud for name, model in self.models.items()}
+
+    @property
+    def points(self) -> FloatArray:
+        """Nodes (N, 2) of all bodies."""
+        return np.concatenate([cloud.points for cloud in self.nodes.values()])
 
     @property
     def clouds(self) -> Mapping[str, Cloud]:
@@ -82,18 +103,25 @@ class Analysis(ABC):
     def steps(self, start: Checkpoint | None, last: State | None, verdicts: Verdicts) -> Iterator[PathStep]:
         """The path, or its part after a checkpoint, whose row was ``last``. Raises NumericalError."""
 
-    def checks(self, state: State) -> Iterator[Check]:
-        yield from ()
+    @abstractmethod
+    def path(self, start: Checkpoint | None = None, at: tuple[float, ...] = ()) -> Iterator[PathStep]:
+        """The path of all stages, or its part after a checkpoint, with saved states also ``at`` further
+        positions."""
+
+    @abstractmethod
+    def checks(self, state: State) -> Iterator[Check]: ...
+
+    @abstractmethod
+    def displacement(self, state: State) -> FloatArray:
+        """Displacements (N, 2) of the nodes of all bodies."""
 
     @abstractmethod
     def forces(self, state: State) -> Mapping[str, FloatArray]:
         """Forces (2,) of loads, supports and contacts in a state by name."""
 
-    def stopped(
-        self, follow: Follow, start: Checkpoint | None, last: State | None, tolerance: float
-    ) -> Iterator[PathStep]:
-        """The path that ``follow`` returns, up to a ``[[stop]]`` of the case reached within a ``tolerance``.
-        Raises RunError for a stop by an unknown force."""
+    def stopped(self, start: Checkpoint | None, last: State | None, tolerance: float) -> Iterator[PathStep]:
+        """The path up to a ``[[stop]]`` of the case, reached within a ``tolerance``. Raises RunError for a
+        stop by an unknown force."""
 
         def value(stop: Stop, state: State) -> float:
             forces = self.forces(state)
@@ -103,9 +131,13 @@ class Analysis(ABC):
             weights = {name: nodes.weight for name, nodes in self.contacts.items()}
             return measured(stop, self.quantities(state), forces, weights)
 
-        path = StoppedPath(self.case.stop, follow, value, last, tolerance)
-        yield from path.steps(start)
-        self._reached = path.reached
+        if start is not None and start.ended_by >= 0:
+            self._reached = self.case.stop[start.ended_by]
+            return
+        for step in stopped_path(self.case.stop, self.path, value, start, last, tolerance):
+            yield step
+            if step.checkpoint is not None and step.checkpoint.ended_by >= 0:
+                self._reached = self.case.stop[step.checkpoint.ended_by]
 
     def ending(self, last: State | None) -> Ending:
         """The end of a completed path, also by a stop of the case."""
@@ -123,8 +155,8 @@ class Analysis(ABC):
     def refinement(self) -> Mapping[str, Any]:
         """Plain values that reproduce refined clouds; empty if clouds are those of the case."""
 
-    def model_datasets(self) -> dict[str, Value]:
-        """Bodies and contacts before loading."""
+    def model(self) -> tuple[dict[str, Value], Mapping[str, Attribute]]:
+        """Datasets of bodies and contacts before loading, and attributes of the file."""
         datasets: dict[str, Value] = {}
         for name, cloud in self.clouds.items():
             index, normal, names = cloud.boundary
@@ -134,11 +166,7 @@ class Analysis(ABC):
             datasets |= {f"{place('bodies', name)}/{key}": value for key, value in members.items()}
         for name, nodes in self.contacts.items():
             datasets |= {place("contacts", name, key): array for key, array in nodes._asdict().items()}
-        return datasets
-
-    @property
-    def attributes(self) -> Mapping[str, str | int | float]:
-        return {}
+        return datasets, {}
 
     def series_maps(self) -> dict[str, Value]:
         """Maps from the unknowns of series to results."""
@@ -182,14 +210,6 @@ class Analysis(ABC):
     def diagnosis(self, state: State | None) -> tuple[Sequence[VtuPart], Mapping[str, Any]]:
         """The bodies in the ``state`` of a failed run, the model if there is none, and where it is worst."""
         return model_bodies(self.prepared), {}
-
-    def interfaces(self, state: State) -> Mapping[str, Mapping[str, Any]]:
-        tables = {}
-        for name, values in self.quantities(state)["contacts"].items():
-            x, y = self.contacts[name].points.T
-            columns = {"x": x, "y": y, "arc_length": self.contacts[name].arc_length, **values}
-            tables[name] = {column: columns[column] for column in INTERFACE_COLUMNS}
-        return tables
 
     @property
     def notes(self) -> Iterator[str]:

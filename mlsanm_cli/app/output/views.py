@@ -13,13 +13,13 @@ import scipy.sparse as sparse
 from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.clouds import spacing_of
 from mlsanm_cli.arrays import runs_of
-from mlsanm_cli.cloud.cloud import Cloud, build_cloud
-from mlsanm_cli.cloud.spacing import Zone
+from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.spacing import Zone, build_cloud
 from mlsanm_cli.mechanics.body_model import BodyModel
-from mlsanm_cli.memo import NO_CACHE, Memo, digest
+from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.fields import flow_of, named_fields
+from mlsanm_cli.solve.fields import named_fields
 from mlsanm_cli.solve.state import Fields, State
 
 PER_HALF_WIDTH = 12.0
@@ -72,8 +72,7 @@ def finer_views(built: CondensedScene, boundaries: Boundaries, memo: Memo = NO_C
         if zones:
             spacing = spacing_of(boundaries, body).with_zones(tuple(zones))
             cloud = build_cloud(boundaries.outline(body.name), spacing, body.seed, memo=memo)
-            key = digest(model.content, cloud.content)
-            finer[body.name] = memo.value("view", key, partial(View, model, cloud))
+            finer[body.name] = memo.value("view", (model, cloud), partial(View, model, cloud))
     return finer
 
 
@@ -83,13 +82,10 @@ def shown_fields(
     """The fields at the points where they are written, with stresses if requested."""
     shown = dict(fields)
     for name, view in views.items():
-        points, material = view.cloud.points, view.model.material
+        points = view.cloud.points
         moved, stressed = built.condensed.contact_fields(built.scene, name, state.unknowns, points)
         seen = (view.rows @ fields[name]["rest"].ravel()).reshape(-1, len(points)).T
-        sigma, degrees = np.zeros((0, len(material.stiffness))), np.zeros(0)
-        if stress:
-            degrees = built.scene.degrees(name, state.factors, points)
-            sigma = seen[:, 2:] + stressed - degrees[:, None] * material.stress_of_expansion
-        flow = flow_of(built, name, state, view.values)
-        shown[name] = named_fields(material, seen[:, :2] + moved, sigma, degrees, flow)
+        sigma = seen[:, 2:] + stressed if stress else stressed[:0]
+        at = seen[:, :2] + moved, sigma, points, view.values
+        shown[name] = named_fields(built, name, state, *at)
     return shown

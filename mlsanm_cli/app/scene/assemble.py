@@ -10,13 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.scene.boundaries import Boundaries, prescribed, prescribes, refuse_conflicts
+from mlsanm_cli.app.scene.boundaries import Boundaries, prescribes, refuse_conflicts
 from mlsanm_cli.app.scene.contact_pairs import check_tips, pair
 from mlsanm_cli.app.scene.contact_ranges import contact_ranges, directed
 from mlsanm_cli.app.scene.free_motions import Restrained, constrain_free_rigid_modes
-from mlsanm_cli.app.scene.loads import Acting, acting, rigid_constraints
+from mlsanm_cli.app.scene.loads import Acting, acting
 from mlsanm_cli.app.scene.materials import materials
-from mlsanm_cli.case import Body, Case
+from mlsanm_cli.app.scene.rigid_constraints import rigid_constraints
+from mlsanm_cli.case import Body, Case, Displacement
+from mlsanm_cli.case.model.conditions import Support
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.geometry.pairing import Pairing, facing_parts
@@ -29,7 +31,7 @@ from mlsanm_cli.mechanics.defect import DEGREES, next_degree
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.scene import Probe
 from mlsanm_cli.mechanics.springs import restrained, restraining
-from mlsanm_cli.memo import NO_CACHE, Memo, digest
+from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.operators.linear.interface import LinearSolver
 from mlsanm_cli.operators.neighbors import MlsSettings
 from mlsanm_cli.records import dataclass
@@ -48,13 +50,11 @@ MAX_SUPPORT_OFFSET = 1e-3
 
 @dataclass(frozen=True)
 class SceneModel:
-    """A scene before its linear systems are assembled and factorised.
-
-    ``boundaries`` are those of the case, ``held[body][surface]`` the fixed components, ``held_nodes[body]``
-    the fixed (node, component) pairs of single nodes, ``acting`` the loads, ``restrained`` the platens,
-    obstacles and floating bodies with their free motions fixed at zero, ``probes`` the observed points,
-    ``notes`` messages to the user, ``ranges`` the contacts that may have contact grids.
-    """
+    """A scene before its linear systems are assembled and factorised. ``boundaries`` are those of the case,
+    ``held[body][surface]`` the fixed components, ``held_nodes[body]`` the fixed (node, component) pairs of
+    single nodes, ``acting`` the loads, ``restrained`` the platens, obstacles and floating bodies with their
+    free motions fixed at zero, ``probes`` the observed points, ``notes`` messages to the user, ``ranges`` the
+    contacts that may have contact grids."""
 
     boundaries: Boundaries
     models: Mapping[str, BodyModel]
@@ -88,11 +88,9 @@ def prepare(
     grids: bool = True,
 ) -> SceneModel:
     """Stencils, pairs and conditions; models ``before`` are reused where cloud and degree are the same.
-
     ``grids``: contacts away from corners may have contact grids. Raises CaseError for contacts without facing
     nodes, for forces that nothing resists, for loads without a value at some node, and for supports and
-    probes outside their body.
-    """
+    probes outside their body."""
     case = boundaries.case
     stiffness = materials(case)
     if case.model.revolved:
@@ -100,7 +98,7 @@ def prepare(
     held, fixed = _held_surfaces(boundaries, clouds)
     held_nodes = {body.name: single_nodes(case, body.name, clouds[body.name]) for body in case.body}
     refuse_conflicts(boundaries)
-    loads = acting(boundaries, clouds)
+    loads = acting(case, boundaries.names, boundaries.drawn, clouds)
     pairings = tuple(pair(boundaries, clouds))
     # Errors are estimated at a higher degree; with friction the path would have to be repeated.
     known_next = case.mls.degree == "auto" or case.mls.degree in DEGREES
@@ -132,7 +130,7 @@ def prepare(
         restraints[name] = restrained(held[name], loads.springs[name], model.cloud, model.material)
         sprung = restraining(loads.springs[name], model.cloud, model.material)
         occupied[name] = held[name] | dict.fromkeys(sprung)
-    rigid = rigid_constraints(boundaries, clouds, held, held_nodes, restraints, loads.springs)
+    rigid = tuple(rigid_constraints(boundaries, clouds, held, held_nodes, restraints, loads.springs))
     # At finite strain knots are placed along sides of any kind; bodies of revolution have nodal pressures.
     small = case.model.strain == "small"
     if small:
@@ -215,8 +213,7 @@ def assemble_bodies(
         held, nodes, springs = prepared.held[name], prepared.held_nodes[name], prepared.acting.springs[name]
         surfaces = tuple(sorted(touching[name]))
         build = partial(assemble, model, held, nodes, solver, springs, touching=surfaces)
-        key = digest(model.content, held, nodes, springs, surfaces, solver)
-        bodies[name] = memo.value("body", key, build)
+        bodies[name] = memo.value("body", (model, held, nodes, springs, surfaces, solver), build)
         bodies[name].equations.timed = timed
     places = [support.place for support in case.support if support.place is not None]
     single = [(one.body, one.near) for one in case.support if one.body is not None and one.near is not None]
@@ -257,12 +254,11 @@ def _held_surfaces(
     fixed: dict[str, set[str]] = {body: set() for body in clouds}
     moving: dict[str, set[str]] = {body: set() for body in clouds}
     for _, condition, place in boundaries.conditions:
-        values = prescribed(condition)
-        x, y = (value is not None for value in values)
-        if not (x or y):
-            continue
-        still = all(value is None or value == 0.0 for value in values)
-        for surface in boundaries.names[place]:
+        x, y = prescribes(condition)
+        still = isinstance(condition, Support)
+        if isinstance(condition, Displacement):
+            still = all(value in (None, 0.0) for value in condition.components)
+        for surface in boundaries.names[place] if x or y else ():
             before = held[place.body].get(surface, (False, False))
             held[place.body][surface] = (before[0] or x, before[1] or y)
             (fixed if still else moving)[place.body].add(surface)

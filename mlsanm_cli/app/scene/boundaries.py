@@ -1,23 +1,20 @@
 """Boundaries of a case on the outlines of its bodies: sides of one name, lists, parts; the sides of contacts,
-and the conditions on boundaries.
-
-Outlines have one piece per smooth stretch, and are cut at the ends of loaded, fixed and contacting parts and
-where tractions are discontinuous. Boundaries of several pieces and parts of boundaries are sets of pieces;
-supports and loads act on each piece. A contact joins its pieces to one surface.
-"""
+and the conditions on boundaries. Outlines have one piece per smooth stretch, and are cut at the ends of
+loaded, fixed and contacting parts and where tractions are discontinuous. Boundaries of several pieces and
+parts of boundaries are sets of pieces; supports and loads act on each piece. A contact joins its pieces to
+one surface."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import TypeAlias
 
 import numpy as np
 
-from mlsanm_cli.app.scene.load_profiles import profiles, with_spread_forces
+from mlsanm_cli.app.scene.loads import profiles, with_spread_forces
 from mlsanm_cli.app.scene.outlines import drawn, given_nodes, run_of
-from mlsanm_cli.case import Body, Case, Contact, Displacement, Place, Platen, Pressure, Traction
+from mlsanm_cli.case import Body, Case, Contact, Place, Platen, Pressure, Traction
 from mlsanm_cli.case.model.conditions import Kind, Support, compatible
 from mlsanm_cli.case.model.loads import OnBoundary
 from mlsanm_cli.cloud.cloud import Cloud
@@ -42,24 +39,10 @@ Cuts = Mapping[int, Sequence[float]]
 Condition: TypeAlias = Support | OnBoundary
 
 
-def prescribed(condition: Condition) -> tuple[float | str | None, float | str | None]:
-    """The displacements that a condition prescribes in x and in y: None where it leaves them free, nan where
-    a plate makes them rigid."""
-    match condition:
-        case Platen():
-            x, y = (math.nan if axis in condition.control else None for axis in "xy")
-            return x, y
-        case Displacement():
-            return condition.components
-        case Support():
-            return condition.ux, condition.uy
-    return None, None
-
-
 def prescribes(condition: Condition) -> tuple[bool, bool]:
     """Whether a condition prescribes the displacements, or makes them rigid, in x and in y."""
-    x, y = prescribed(condition)
-    return x is not None, y is not None
+    held = {axis for axis, kind in condition.conditions(None) if kind not in ("spring", "traction")}
+    return 0 in held, 1 in held
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
-from functools import partial
 
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.assemble import NOTHING, SceneModel, mls_settings, prepare
@@ -13,23 +12,16 @@ from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.clouds import clouds, spacing_of
 from mlsanm_cli.app.scene.contact_pairs import refuse_overlap
 from mlsanm_cli.app.scene.outlines import given_nodes
-from mlsanm_cli.case import Case, LoadedCase, resolved_mapping
+from mlsanm_cli.case import Case, LoadedCase
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.cloud.zones import estimate_nodes
-from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.kernels.aot.jit import is_warm, load
 from mlsanm_cli.kernels.aot.machine import Machine
-from mlsanm_cli.memo import digest
 from mlsanm_cli.system import physical_memory_mb
 
 ANNOUNCED_NODES = 50_000
 """Scenes with more nodes are announced: they take long, and may be due to a typing error."""
-SECTIONS_WITHOUT_SIZE = {"load", "stage", "output"}
-CONTACT_KEYS_WITHOUT_SIZE = {"friction", "regularization"}
-"""Sections of a case and keys of its contacts that do not affect its size."""
-OUTPUT_SECTIONS = {"title", "output"}
-"""Sections of a case that only affect what is written."""
 COUNT_LIMIT = 2e8
 PROCESS_MB = 150.0
 """Memory of a process before its first body."""
@@ -59,26 +51,30 @@ def load_kernels(context: RunContext) -> Machine:
 
 
 def build_scene(loaded: LoadedCase, context: RunContext, zones: tuple[Zone, ...] = ()) -> SceneModel:
-    """The scene on its clouds, refined in ``zones``, with all checks that precede solving. Raises CaseError
-    for a scene that exceeds the memory, and for invalid contacts and platens."""
+    """The scene on its clouds, refined in ``zones``. Raises CaseError for a scene that exceeds the memory,
+    and for invalid contacts."""
     load_kernels(context)
     try:
         with context.phase("cloud"):
             boundaries = Boundaries.of(loaded.case)
-            content = resolved_mapping(loaded.case)
-            sized = {key: part for key, part in content.items() if key not in SECTIONS_WITHOUT_SIZE}
-            contacts = [
-                {key: part for key, part in contact.items() if key not in CONTACT_KEYS_WITHOUT_SIZE}
-                for contact in sized.pop("contact", [])
-            ]
-            estimate = partial(refuse_too_large, boundaries)
-            nodes, memory = context.memo.value("size", digest(sized, contacts), estimate)
+            nodes, memory = refuse_too_large(boundaries)
         if nodes > ANNOUNCED_NODES:
             context.console.note(
                 f"about {nodes:.2g} nodes, which need about {memory / 1024:.2g} GB of memory"
             )
         prepared = place(boundaries, context, zones)
-        refuse_too_many_contacts(loaded.case, prepared.pairings)
+        # The dense systems of the path.
+        unknowns = {p.name: int(p.candidate.sum()) * (2 if p.friction else 1) for p in prepared.pairings}
+        total, room = sum(unknowns.values()), physical_memory_mb()
+        memory = DENSE * total**2 * 8 / 2**20
+        if memory > room:
+            largest = max(loaded.case.contact, key=lambda contact: unknowns[contact.name])
+            message = (
+                f"{total} contact unknowns need about {memory / 1024:.3g} GB of memory, the machine has "
+                f"{room / 1024:.3g} GB"
+            )
+            hint = f"use larger spacings along {largest.names[0]}"
+            raise CaseError((CaseProblem(f"contact.{largest.name}", message, hint=hint),))
         refuse_overlap(loaded.case.contact, prepared.pairings)
     except CaseError as error:
         raise loaded.located(error) from error
@@ -92,26 +88,11 @@ def place(
     before: SceneModel | None = None,
 ) -> SceneModel:
     """Clouds, stencils, pairs and conditions; ``zones`` refine every body in addition to the case, and bodies
-    equal to those ``before`` are reused. Cases that differ in coefficients of friction share them."""
-
-    def placed() -> SceneModel:
-        with context.phase("cloud", "placing nodes"):
-            nodes = clouds(boundaries, zones, context.memo)
-        with context.phase("operators", "building operators"):
-            return prepare(boundaries, nodes, context.memo, before.models if before is not None else NOTHING)
-
-    if zones or before is not None:
-        return placed()
-    case = boundaries.case
-    content = {key: part for key, part in resolved_mapping(case).items() if key not in OUTPUT_SECTIONS}
-    contacts = [
-        {**part, "friction": contact.friction if contact.bonded else contact.coefficient > 0.0}
-        for part, contact in zip(content.pop("contact", []), case.contact, strict=True)
-    ]
-    kept = context.memo.value("placed", digest(content, contacts), placed)
-    friction = {contact.name: contact.coefficient for contact in case.contact}
-    pairings = (replace(pairing, friction=friction[pairing.name]) for pairing in kept.pairings)
-    return replace(kept, boundaries=replace(kept.boundaries, case=case), pairings=tuple(pairings))
+    equal to those ``before`` are reused."""
+    with context.phase("cloud", "placing nodes"):
+        nodes = clouds(boundaries, zones, context.memo)
+    with context.phase("operators", "building operators"):
+        return prepare(boundaries, nodes, context.memo, before.models if before is not None else NOTHING)
 
 
 def node_counts(boundaries: Boundaries) -> dict[str, float]:
@@ -169,20 +150,6 @@ def refuse_too_large(boundaries: Boundaries) -> tuple[float, float]:
                 key = f"body.{body.name}.refine.{finest}.spacing"
         raise CaseError((CaseProblem(key, message, hint=hint),))
     return sum(nodes.values()), memory
-
-
-def refuse_too_many_contacts(case: Case, pairings: Sequence[Pairing]) -> None:
-    """Raises CaseError, for the largest contact, if the dense systems of the path would not fit in memory."""
-    unknowns = {p.name: int(p.candidate.sum()) * (2 if p.friction else 1) for p in pairings}
-    memory, room = DENSE * sum(unknowns.values()) ** 2 * 8 / 2**20, physical_memory_mb()
-    if memory > room:
-        name = max(unknowns, key=lambda name: unknowns[name])
-        message = (
-            f"{sum(unknowns.values())} contact unknowns need about {memory / 1024:.3g} GB of memory, "
-            f"the machine has {room / 1024:.3g} GB"
-        )
-        hint = f"use larger spacings along {next(c.names[0] for c in case.contact if c.name == name)}"
-        raise CaseError((CaseProblem(f"contact.{name}", message, hint=hint),))
 
 
 def cpu_seconds(case: Case, prepared: SceneModel) -> float:

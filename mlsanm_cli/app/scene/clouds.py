@@ -12,9 +12,9 @@ from mlsanm_cli.app.scene.condition_sizes import CONDITION_SOURCES
 from mlsanm_cli.app.scene.outlines import geometry_of, given_nodes
 from mlsanm_cli.app.scene.sizes import OUTLINE_SOURCES, Domain
 from mlsanm_cli.case import Body
-from mlsanm_cli.cloud.cloud import Cloud, build_cloud
+from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.mirror import SymmetryLine
-from mlsanm_cli.cloud.spacing import Spacing, Zone
+from mlsanm_cli.cloud.spacing import Spacing, Zone, build_cloud
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.roundoff import ROUND_OFF
 

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from functools import partial
 
 import numpy as np
 
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.assemble import NOTHING, SceneModel, assemble_bodies, prepare
-from mlsanm_cli.app.scene.load_profiles import amounts_of
+from mlsanm_cli.app.scene.loads import amounts_of
 from mlsanm_cli.app.scene.materials import flow_laws
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import AnyLoad, Case, Displacement, Platen
@@ -21,11 +20,10 @@ from mlsanm_cli.contact.response.condensation import condense
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
-from mlsanm_cli.solve.coercivity import check_candidates_coercivity, check_coercivity
+from mlsanm_cli.solve.coercivity import check_coercivity, contact_coercivity
 from mlsanm_cli.solve.condensed_scene import CondensedScene, stage_factors
 from mlsanm_cli.solve.contact_grids import find_grids
-from mlsanm_cli.solve.plastic_path import touching_states
-from mlsanm_cli.solve.stage_ends import reach_error, searched_ends
+from mlsanm_cli.solve.stage_ends import contact_states, reach_error
 
 REACH_GROWTH = 1.5
 MAX_ENLARGEMENTS = 6
@@ -54,20 +52,14 @@ def condense_scene(
 def _condensed_scene(
     case: Case, prepared: SceneModel, context: RunContext, before: Scene | None
 ) -> CondensedScene:
-    @contextmanager
-    def factorising() -> Iterator[None]:
-        with context.phase("factorization", "factorising"):
-            yield
-
+    factorising = partial(context.phase, "factorization", "factorising")
     with context.phase("operators"):
         bodies = before.bodies if before is not None else NOTHING
         scene = assemble_bodies(case, prepared, case.solver.linear, factorising, context.memo, bodies)
     stages, laws = stage_factors(case), flow_laws(case)
     if prepared.ranges:
         with context.phase("condensation", "refining contact grids"):
-            search = partial(searched_ends, case, scene, stages)
-            path = partial(touching_states, case, scene, stages, laws) if laws else None
-            found = find_grids(case, scene, prepared.pairings, prepared.ranges, search, context.memo, path)
+            found = find_grids(case, scene, prepared.pairings, prepared.ranges, stages, context.memo, laws)
         if found is None:
             # Contact grids that do not converge are replaced by nodal pressures.
             placed = {name: model.cloud for name, model in prepared.models.items()}
@@ -78,7 +70,7 @@ def _condensed_scene(
     else:
         condensed, ends = _condense(case, scene, prepared.pairings, stages, context)
     with context.phase("condensation"):
-        stability = check_coercivity(case, scene, condensed, ends, context.memo)
+        stability = check_coercivity(scene, condensed, ends, context.memo)
     return CondensedScene(case, scene, condensed, stages, ends, stability, laws)
 
 
@@ -95,9 +87,9 @@ def _condense(
             if not condensed.pairings:
                 return condensed, ()
             try:
-                ends = searched_ends(case, scene, stages, condensed, (), "ends")
+                ends = contact_states(scene, condensed, stages, stages[1:])
             except EndlessError:
-                check_candidates_coercivity(case, scene, condensed, context.memo)
+                contact_coercivity(scene, condensed, np.ones(len(condensed.weight), dtype=bool), context.memo)
                 raise
             masks = [condensed.touched(*state.unknowns) for state in ends]
             touched = {

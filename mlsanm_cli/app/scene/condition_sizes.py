@@ -1,8 +1,6 @@
-"""Sources of the size function of a body by what acts on it.
-
-Tractions and displacements that end where a boundary continues, or vary along it, have a length scale
-independent of the size of the body: a pressure on a fiftieth of a block's side would fall between two nodes.
-"""
+"""Sources of the size function of a body by what acts on it. Tractions and displacements that end where a
+boundary continues, or vary along it, have a length scale independent of the size of the body: a pressure on a
+fiftieth of a block's side would fall between two nodes."""
 
 from __future__ import annotations
 
@@ -14,7 +12,7 @@ import numpy as np
 
 from mlsanm_cli.app.scene.boundaries import prescribes
 from mlsanm_cli.app.scene.contact_pairs import shape_of
-from mlsanm_cli.app.scene.load_profiles import amounts_of, profiles, runs_of
+from mlsanm_cli.app.scene.loads import amounts_of, profiles, runs_of
 from mlsanm_cli.app.scene.sizes import (
     LEVELS,
     PER_ROOT,

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.app.scene.boundaries import Boundaries
-from mlsanm_cli.app.scene.load_profiles import AmountField
+from mlsanm_cli.app.scene.loads import AmountField
 from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import AnyObstacle, Case, Contact, DiskObstacle, PlaneObstacle, rounded
@@ -86,7 +86,15 @@ def _paired(boundaries: Boundaries, contact: Contact, clouds: Mapping[str, Cloud
         hint = _unfaced_hint(contact, places, [surface.normal.mean(axis=0) for _, surface in sides])
         raise CaseError((CaseProblem(key, f"no node of {names[0]} faces {names[1]}", hint=hint),))
     if contact.bonded:
-        return _bonded(pairing)
+        drawn = np.abs(pairing.gap)
+        coincides = drawn <= BOND_TOLERANCE * pairing.spacing
+        if not coincides.any():
+            least = int(np.argmin(drawn))
+            x, y = pairing.partner[least]
+            message = f"bonded surfaces are at least {drawn[least]:g} apart, near ({x:g}, {y:g})"
+            hint = "draw them so that they coincide"
+            raise CaseError((CaseProblem(f"{key}.friction", message, hint=hint),))
+        return replace(pairing, candidate=coincides)
     profile = profile_of(contact)
     if profile is not None:
         pairing = replace(pairing, gap=pairing.gap + profile.at(pairing.points))
@@ -120,19 +128,6 @@ def _unfaced_hint(contact: Contact, places: Sequence[FloatArray], normals: Seque
         f"{' and '.join(facing)}, at least {distance:.3g} apart: contact surfaces must face each other; turn "
         "a body (shape.side, for instance), move it, or choose another boundary"
     )
-
-
-def _bonded(pairing: Pairing) -> Pairing:
-    """The pairing with coincident nodes as candidates. Raises CaseError if there are none."""
-    drawn = np.abs(pairing.gap)
-    candidate = drawn <= BOND_TOLERANCE * pairing.spacing
-    if candidate.any():
-        return replace(pairing, candidate=candidate)
-    least = int(np.argmin(drawn))
-    x, y = pairing.partner[least]
-    message = f"bonded surfaces are at least {drawn[least]:g} apart, near ({x:g}, {y:g})"
-    hint = "draw them so that they coincide"
-    raise CaseError((CaseProblem(f"contact.{pairing.name}.friction", message, hint=hint),))
 
 
 def _fitted(pairing: Pairing, interference: float) -> Pairing:

@@ -29,7 +29,7 @@ from mlsanm_cli.contact.geometry.obstacles import Chain
 from mlsanm_cli.contact.geometry.pairing import MAX_FACING_COSINE, Pairing
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.near_field import as_complex, as_real
-from mlsanm_cli.mechanics.symmetry import SymmetryPlane, images_of
+from mlsanm_cli.mechanics.symmetry import images_of
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
 SNAP_SAMPLES = 1.5
@@ -83,7 +83,8 @@ def _pins(
             if away[0] <= COARSE_ROUND_OFF * facing.base.length:
                 held = [axis for own, axis in held_nodes[body] if own == node]
                 # What carries load at a point moves without bound next to it, and holds a spacing around.
-                pushed = pairing.friction or np.abs(facing.normal(place)[0, held]).max() > COARSE_ROUND_OFF
+                along = facing.opposite(place)[2][0, held]
+                pushed = pairing.friction or np.abs(along).max() > COARSE_ROUND_OFF
                 found += [] if pushed else [Pin(node, slave, float(place[0]), model.kernel)]
     return tuple(found)
 
@@ -97,7 +98,7 @@ def directed(pairings: tuple[Pairing, ...], clear: Mapping[str, ContactRange]) -
             s = limits.facing.locate(pairing.points)
             within = limits.within(s) & pairing.candidate
             candidate = within if within.sum() > 1 else pairing.candidate
-            pairing = replace(pairing, normal=limits.facing.normal(s), candidate=candidate)
+            pairing = replace(pairing, normal=limits.facing.opposite(s)[2], candidate=candidate)
         result.append(pairing)
     return tuple(result)
 
@@ -161,8 +162,14 @@ def _clear(
     sampled = float(s[low]), float(s[0] + base.length if around else s[high])
     exact = _exact_ends(facing, [one.curve for one in surfaces], chosen)
     step = SNAP_SAMPLES * float(s[1] - s[0])
-    snapped = [_snapped(at, exact, step) for at in sampled]
-    one, other = (None if end is None else _plane_at(facing, end, chosen) for end in snapped)
+    closest_ends = [min((abs(end - at), end) for end in (*exact, np.inf)) for at in sampled]
+    snapped = [end if away <= step else None for away, end in closest_ends]
+    symmetric = [plane for part in chosen for plane in part.planes if plane is not None]
+    tips = [None if end is None else as_complex(base.points(np.array([end]))) for end in snapped]
+    one, other = (
+        next((p for p in symmetric if tip is not None and abs(float(p.height(tip)[0])) <= slack), None)
+        for tip in tips
+    )
     whole, planes = (around or snapped[0] is not None, around or snapped[1] is not None), (one, other)
     first, last = (at if end is None else end for end, at in zip(snapped, sampled, strict=True))
     inset = ROUND_OFF * base.length  # at a corner: the normal of the stretch
@@ -190,20 +197,6 @@ def _clear(
         len(valleys(gap[low : high + 1], alike)),
         around,
     )
-
-
-def _snapped(s: float, ends: list[float], step: float) -> float | None:
-    """The nearest of the ``ends`` if it is within a ``step``, else None."""
-    nearest = min(ends, key=lambda end: abs(end - s), default=np.inf)
-    return nearest if abs(nearest - s) <= step else None
-
-
-def _plane_at(facing: Facing, end: float, parts: Sequence[SmoothPart]) -> SymmetryPlane | None:
-    """The plane of symmetry through the arc length ``end`` of the base, None without one."""
-    tip = as_complex(facing.base.points(np.array([end])))
-    planes = [plane for part in parts for plane in part.planes if plane is not None]
-    slack = COARSE_ROUND_OFF * facing.base.length
-    return next((plane for plane in planes if abs(float(plane.height(tip)[0])) <= slack), None)
 
 
 def _exact_ends(facing: Facing, curves: Sequence[Curve], parts: Sequence[SmoothPart]) -> list[float]:

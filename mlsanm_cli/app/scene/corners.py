@@ -3,7 +3,7 @@ the body the fields end, at infinity or at a center in a hollow."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import TypeAlias
@@ -43,6 +43,8 @@ CENTER_DISTANCE = 0.5
 MIN_CLEARANCE = 0.1
 """Least distance of centers from the outline, relative to the extent of the places, if others are visible."""
 HALVES = 0.5 ** np.arange(6)
+SELF = Image(0j, 1.0, False)
+"""A body as the image of itself."""
 CHORDS = 200
 """Number of chords by which every boundary is approximated."""
 
@@ -93,18 +95,16 @@ def stretches_of(
         beyond = dict(continuations(model.cloud, own))
         # A straight continuation that is held is a corner of 180 degrees.
         smooth = tuple(place in beyond and beyond[place] not in held for place in (0, -1))
-        ends = tuple(zip((False, True), smooth, strict=True))
-        first = float(starts[k])
-        found.append(
-            SmoothPart(
-                first,
-                first + own.curve.length,
-                tuple(None if on else _corner(model, own, end, held) for end, on in ends),
-                tuple(None if on else _plane(model, own, end, held, fixed) for end, on in ends),
-                smooth,
-                tuple(on and beyond[-1 if end else 0] not in touching for end, on in ends),
-            )
+        divided = tuple(
+            beyond.get(place, "") not in touching and on for place, on in zip((0, -1), smooth, strict=True)
         )
+        ends = [
+            (None, None) if on else end_of(model, own, at, held, fixed)
+            for at, on in zip((False, True), smooth, strict=True)
+        ]
+        wedges, planes = tuple(corner for corner, _ in ends), tuple(plane for _, plane in ends)
+        first = float(starts[k])
+        found.append(SmoothPart(first, first + own.curve.length, wedges, planes, smooth, divided))
     return found
 
 
@@ -139,89 +139,67 @@ def ends_of(
 ) -> tuple[Planes, tuple[Corner | None, Corner | None]]:
     """The planes of symmetry, and the corners, at both ends of a surface; None if there is none, its fields
     are not known, or the surface is closed."""
-    first, last = planes_of(model, surface, held)
+    if surface.curve.closed:
+        return (None, None), (None, None)
+    (start, first), (end, last) = (end_of(model, surface, at, held, held) for at in (False, True))
     if first is not None and last is not None and copies_around(first, last) is None:
         last = None
-    corners = [
-        _corner(model, surface, at_end, held) if plane is None and not surface.curve.closed else None
-        for at_end, plane in ((False, first), (True, last))
-    ]
-    return (first, last), (corners[0], corners[1])
+    return (first, last), (None if first else start, None if last else end)
 
 
-def planes_of(model: BodyModel, surface: Surface, held: Restraints) -> Planes:
-    """The planes of symmetry at both ends of a surface, whatever their motion."""
-    if surface.curve.closed:
-        return None, None
-    first, last = (_plane(model, surface, at_end, held, held) for at_end in (False, True))
-    return first, last
-
-
-def _corner(model: BodyModel, surface: Surface, at_end: bool, held: Restraints) -> Corner | None:
-    """The corner at one end of a surface, None if its fields are not known. They are if the adjacent face is
-    free or clamped, or if both faces are straight and that of an isotropic body slides along a wall, for
-    angles that are neither blunt nor very sharp."""
-    face = _face(surface.curve, at_end)
-    for name, adjacent, other in _adjacent(model, face, surface):
-        clamped = held.get(name) == (True, True)
-        sliding = name in held and not clamped
-        if sliding and not (_straight(adjacent.curve) and _slides(other.along, held[name])):
-            return None
-        # Outlines have the body on their left.
-        turn = -1j if at_end else 1j
-        wedge = Wedge(model.kernel, face.along, other.along, turn, sliding, clamped)
-        inside = float(np.angle(wedge.other / wedge.along) * wedge.turn.imag) % (2.0 * np.pi)
-        angle = inside * (2.0 if sliding else 1.0)
-        # A straight outline is no corner; a wall at right angles is a symmetry line.
-        flat = sliding and abs(angle - np.pi) <= ROUND_OFF
-        blunt = BLUNTEST < angle < HOLLOW and not flat and not clamped
-        isotropic = isinstance(model.kernel, Isotropic)
-        sharpest = SHARPEST if isotropic else SHARPEST_ANISOTROPIC
-        if blunt or not sharpest <= inside <= angle <= WIDEST or (sliding and not isotropic):
-            return None
-        lengths = surface.curve.length, adjacent.curve.length
-        spacing = float(model.cloud.spacing[surface.index[-1 if at_end else 0]])
-        corner = Corner(wedge, face.tip, min(lengths), END_CLEARANCE * spacing)
-        straight = _straight(surface.curve) and _straight(adjacent.curve)
-        if straight and not model.cloud.contains(_behind(wedge, face.tip, *lengths)).any():
-            return corner
-        return None if wedge.sliding else _limited(model.cloud, corner, (face, other), spacing)
-    return None
-
-
-def _plane(
+def end_of(
     model: BodyModel, surface: Surface, at_end: bool, held: Restraints, fixed: Collection[str]
-) -> SymmetryPlane | None:
-    """The plane of symmetry at one end of a surface, None if there is none: a straight side, held in its
-    normal component at zero (``fixed``), that the surface meets at a right angle, with all of the body on one
-    side. The angle may differ as that of splines through nodes does, by the square of their turn from node to
-    node."""
-    face = _face(surface.curve, at_end)
-    for name, adjacent, other in _adjacent(model, face, surface):
-        if name not in fixed or not _straight(adjacent.curve) or not _slides(other.along, held[name]):
-            return None
-        end = surface.index[-1 if at_end else 0]
-        plane = SymmetryPlane(other.tip, other.along, END_CLEARANCE * float(model.cloud.spacing[end]))
-        bend = float(surface.curve.curvature(np.array([surface.curve.length * at_end]))[0])
-        turn = (bend * model.cloud.spacing[end]) ** 2
-        right = abs((face.along * np.conj(other.along)).real) <= max(ROUND_OFF, float(turn))
-        size = float(np.ptp(model.cloud.points, axis=0).max())
-        away = plane.height(as_complex(model.cloud.points)) * np.sign(
-            plane.height(np.array(other.tip + face.along))
-        )
-        return plane if right and away.min() >= -ROUND_OFF * size and plane.reflects(model.kernel) else None
-    return None
-
-
-def _adjacent(model: BodyModel, face: Face, surface: Surface) -> Iterator[tuple[str, Surface, Face]]:
-    """The surface that begins or ends at the tip of a ``face`` of another one, and its face there."""
-    own = {part.name for part, _ in surface.members}
-    for name, adjacent in model.cloud.surfaces.items():
-        if name not in own and not adjacent.curve.closed:
-            ends = [_face(adjacent.curve, at) for at in (False, True)]
-            other = min(ends, key=lambda end: abs(end.tip - face.tip))
-            if abs(other.tip - face.tip) <= ROUND_OFF * surface.curve.length:
-                yield name, adjacent, other
+) -> tuple[Corner | None, SymmetryPlane | None]:
+    """The corner and the plane of symmetry at one end of a surface, None without known fields. The fields of
+    a corner are known if the adjacent face is free or clamped, or if both faces are straight and that of an
+    isotropic body slides along a wall, for angles that are neither blunt nor very sharp. A plane of symmetry
+    is a straight side, held in its normal component at zero (``fixed``), that the surface meets at a right
+    angle, with all of the body on one side."""
+    face, cloud = _face(surface.curve, at_end), model.cloud
+    faces = [
+        (name, other)
+        for name, adjacent in cloud.surfaces.items()
+        if name not in {part.name for part, _ in surface.members} and not adjacent.curve.closed
+        for other in (_face(adjacent.curve, at) for at in (False, True))
+        if abs(other.tip - face.tip) <= ROUND_OFF * surface.curve.length
+    ]
+    if not faces:
+        return None, None
+    name, other = faces[0]
+    assert other.curve is not None
+    spacing = float(cloud.spacing[surface.index[-1 if at_end else 0]])
+    straight, clamped = _straight(other.curve), held.get(name) == (True, True)
+    axes = [abs(other.along.imag) > 1.0 - ROUND_OFF, abs(other.along.real) > 1.0 - ROUND_OFF]
+    slides = straight and any(axes) and list(held.get(name) or ()) == axes
+    plane = None
+    if slides and name in fixed:
+        found = SymmetryPlane(other.tip, other.along, END_CLEARANCE * spacing)
+        # The angle may differ as that of splines through nodes does, by the square of their turn per node.
+        bend = float(surface.curve.curvature(np.array([surface.curve.length * at_end]))[0]) * spacing
+        right = abs((face.along * np.conj(other.along)).real) <= max(ROUND_OFF, bend**2)
+        side = np.sign(found.height(np.array(other.tip + face.along)))
+        away = found.height(as_complex(cloud.points)) * side
+        one_sided = away.min() >= -ROUND_OFF * float(np.ptp(cloud.points, axis=0).max())
+        plane = found if right and one_sided and found.reflects(model.kernel) else None
+    sliding = name in held and not clamped
+    if sliding and not slides:
+        return None, plane
+    # Outlines have the body on their left.
+    wedge = Wedge(model.kernel, face.along, other.along, -1j if at_end else 1j, sliding, clamped)
+    inside = float(np.angle(wedge.other / wedge.along) * wedge.turn.imag) % (2.0 * np.pi)
+    angle = inside * (2.0 if sliding else 1.0)
+    # A straight outline is no corner; a wall at right angles is a symmetry line.
+    flat = sliding and abs(angle - np.pi) <= ROUND_OFF
+    blunt = BLUNTEST < angle < HOLLOW and not flat and not clamped
+    isotropic = isinstance(model.kernel, Isotropic)
+    sharpest = SHARPEST if isotropic else SHARPEST_ANISOTROPIC
+    if blunt or not sharpest <= inside <= angle <= WIDEST or (sliding and not isotropic):
+        return None, plane
+    lengths = surface.curve.length, other.curve.length
+    corner = Corner(wedge, face.tip, min(lengths), END_CLEARANCE * spacing)
+    if straight and _straight(surface.curve) and not cloud.contains(_behind(wedge, face.tip, *lengths)).any():
+        return corner, plane
+    return None if wedge.sliding else _limited(cloud, corner, (face, other), spacing), plane
 
 
 def _face(curve: Curve, at_end: bool) -> Face:
@@ -244,7 +222,7 @@ def _limited(cloud: Cloud, corner: Corner, faces: tuple[Face, Face], spacing: fl
     between = faces[0].inward + faces[1].inward
     centers = None, corner.tip - span * CENTER_DISTANCE * between / abs(between)
     for center in centers:
-        if all_see(cloud, corner.tip + places, inward, center):
+        if _all_see(cloud, corner.tip + places, inward, center):
             return replace(corner, curved=faces, span=span, center=center)
     return None
 
@@ -265,12 +243,6 @@ def _behind(wedge: Wedge, tip: complex, along: float, other: float) -> FloatArra
     return as_real(np.concatenate([*starts, *(cut.ravel() for cut in cuts)]))
 
 
-def _slides(other: complex, held: tuple[bool, bool] | None) -> bool:
-    """Whether a face along the unit vector ``other``, x or y, is held in its normal direction only."""
-    across = [abs(other.imag) > 1.0 - ROUND_OFF, abs(other.real) > 1.0 - ROUND_OFF]
-    return held is not None and any(across) and list(held) == across
-
-
 def _straight(curve: Curve) -> bool:
     """Whether a curve is a straight line."""
     ends = curve.points(np.array([0.0, curve.length]))
@@ -284,9 +256,8 @@ def void_center(
     """Where the fields of forces at places (e,) of an outline end: [None] at infinity if the outward rays are
     free, else a center visible from all places; empty if there is none. The ``images`` of the body are in the
     way as it is itself."""
-    free = _free(cloud, place, -inward)
-    for image in images:
-        free = np.minimum(free, _free(cloud, image.points(place), -image.directions(inward)))
+    whole = (SELF, *images)
+    free = np.min([_free(cloud, one.points(place), -one.directions(inward)) for one in whole], axis=0)
     if np.isinf(free).all():
         return [None]
     middle = len(place) // 2
@@ -295,7 +266,7 @@ def void_center(
     # nodes of a surface close to a center would not resolve its fields.
     for size in min(0.5 * float(free[middle]), wide) * HALVES if away < MIN_CLEARANCE * wide else (away,):
         center = complex(place[middle] - size * inward[middle])
-        if all_see(cloud, place, inward, center, images):
+        if _all_see(cloud, place, inward, center, images):
             return [center]
     # The visible center farthest from the outline, of those outward of any place: the mouth of a slot is
     # visible from its rounded edge and from its wall, the region outward of their middle is not.
@@ -306,12 +277,12 @@ def void_center(
     for number in np.argsort(-clear):
         if clear[number] < MIN_CLEARANCE * wide:
             break
-        if all_see(cloud, place, inward, complex(centers[number]), images):
+        if _all_see(cloud, place, inward, complex(centers[number]), images):
             return [complex(centers[number])]
     return []
 
 
-def all_see(
+def _all_see(
     cloud: Cloud,
     place: ComplexArray,
     inward: ComplexArray,
@@ -320,16 +291,15 @@ def all_see(
 ) -> bool:
     """Whether the segments from places (e,) of an outline to a ``center``, or the outward rays without one,
     are outside the body and its ``images``."""
-    if images:
-        ends = [None if center is None else complex(one.points(np.array(center))) for one in images]
-        each = zip(images, ends, strict=True)
-        seen = [all_see(cloud, one.points(place), one.directions(inward), end) for one, end in each]
-        return all(seen) and all_see(cloud, place, inward, center)
-    if center is None:
-        return bool(np.isinf(_free(cloud, place, -inward)).all())
-    lines = center - place
-    size = np.abs(lines)
-    return bool((_free(cloud, place, lines / size) > size).all())
+    for one in (SELF, *images):
+        start, ahead, size = one.points(place), -one.directions(inward), np.array(np.finfo(float).max)
+        if center is not None:
+            lines = one.points(np.array(center)) - start
+            size = np.abs(lines)
+            ahead = lines / size
+        if not (_free(cloud, start, ahead) > size).all():
+            return False
+    return True
 
 
 def _free(cloud: Cloud, place: ComplexArray, ahead: ComplexArray) -> FloatArray:

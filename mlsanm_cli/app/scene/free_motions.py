@@ -1,15 +1,13 @@
-"""Free rigid modes: fixed at zero without a load, an error with one.
-
-The motions of platens, obstacles and bodies held by contact only are unknowns. A contact resists a relative
-motion of its sides in the direction of its normals, with friction every relative motion. Two kinds of motion
-are free: those that move surfaces along themselves, as the rotation of a disk, and those without a component
-along any contact normal. They are the null vectors of a matrix over all unknown motions, and so independent
-of the axes; one mode may move several bodies.
-"""
+"""Free rigid modes: fixed at zero without a load, an error with one. The motions of platens, obstacles and
+bodies held by contact only are unknowns. A contact resists a relative motion of its sides in the direction of
+its normals, with friction every relative motion. Two kinds of motion are free: those that move surfaces along
+themselves, as the rotation of a disk, and those without a component along any contact normal. They are the
+null vectors of a matrix over all unknown motions, and so independent of the axes; one mode may move several
+bodies."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -21,9 +19,8 @@ from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.joined import normals_towards
-from mlsanm_cli.contact.geometry.facing import turned
+from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.response.near_field_response import resultant
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics.rigid import ROTATION, independent_rows, rigid_pattern
 from mlsanm_cli.mechanics.scene import RigidConstraint, RigidMotion
@@ -63,11 +60,11 @@ class Restrained:
 
 
 class UnknownMotion:
-    """One unknown motion: the ``force`` (L,) on it by load at factor 1, its own, and tractions and body
-    forces on the bodies that move; the sum ``size`` (L,) of the magnitudes of that force's terms, whether
-    something besides contacts resists it (``elastic``), and the largest displacement of a contact under unit
-    motion (``lever``). In words: what moves (``owner``), its component (``way``), and a ``hint`` how to
-    prescribe it other than by a support."""
+    """One unknown motion, its ``component`` and ``velocity`` (3,), in x, y and rotation about the origin: the
+    unit motion over its ``lever``, at most 1 in contacts. The ``force`` (L,) on the unit motion by load at
+    factor 1, its own, and tractions and body forces on the bodies that move; the sum ``size`` (L,) of the
+    magnitudes of its terms; whether something besides contacts resists it (``elastic``). In words: what moves
+    (``owner``), the ``way``, and a ``hint`` how to prescribe it other than by a support."""
 
     def __init__(
         self,
@@ -77,41 +74,37 @@ class UnknownMotion:
         pairings: Sequence[Pairing],
         loads: Acting,
     ) -> None:
-        self.constraint, self.motion, self.lever = constraint, motion, 1.0
-        self.rotates = motion.component == ROTATION
+        self.constraint, self.rotates = constraint, motion.component == ROTATION
+        self.component, self.way = motion.component, MOTIONS[motion.component]
         self.force, self.size = motion.force.copy(), np.abs(motion.force)
-        self.elastic = not motion.alone
+        self.elastic, center = not motion.alone, np.array(constraint.center)
         for body in () if self.elastic else constraint.bodies:
             for spring in loads.springs[body].values():
                 self.elastic |= any(spring) if self.rotates else bool(spring[motion.component])
             for number, forces, points in _forces(loads, clouds[body], body):
-                parts = resultant(forces, points, constraint.center)[motion.component]
-                self.force[number] += parts.sum()
-                self.size[number] += np.abs(parts).sum()
+                work = (forces * rigid_pattern(points, constraint.center, motion.component)).sum(axis=1)
+                self.force[number] += work.sum()
+                self.size[number] += np.abs(work).sum()
                 if self.rotates:
-                    arms = np.hypot(*(points - constraint.center).T)
-                    self.size[number] += QUADRATURE * np.hypot(*forces.T) @ arms
-        moved = [self.at(clouds[p.slave_body].points[p.node]) for p in pairings if self.side(p)]
-        self.lever = max((float(np.hypot(*parts.T).max()) for parts in moved), default=1.0)
+                    self.size[number] += QUADRATURE * np.hypot(*forces.T) @ np.hypot(*(points - center).T)
+        self.lever = 1.0
+        touching = [clouds[p.slave_body].points[p.node] for p in pairings if self.side(p)]
+        if self.rotates and touching:
+            self.lever = max(float(np.hypot(*(points - center).T).max()) for points in touching)
+        (origin,) = rigid_pattern(np.zeros((1, 2)), constraint.center, motion.component)
+        self.velocity = np.append(origin, float(self.rotates)) / self.lever
         kind, name = "platen" if constraint.bodies else "obstacle", constraint.name
         self.owner = f"platen on {name}" if constraint.bodies else f"the obstacle of contact {name}"
         self.owner = f"body {name}" if constraint.floats else self.owner
-        self.way = MOTIONS[motion.component]
         known = constraint.floats or self.rotates
         self.hint = "" if known else f", or prescribe {self.way} of the {kind}"
 
-    def side(self, pairing: Pairing) -> float:
+    def side(self, pairing: Pairing) -> int:
         """1 if it moves the slave of a contact, -1 for the master, else 0."""
         bodies = self.constraint.bodies
         if not bodies:
-            return -1.0 if self.constraint.name == pairing.name else 0.0
-        if self.elastic:
-            return 0.0
-        return float(pairing.slave_body in bodies) - float(pairing.master_body in bodies)
-
-    def at(self, points: FloatArray) -> FloatArray:
-        """Displacements (n, 2) of ``points`` (n, 2), at most 1 in contacts."""
-        return rigid_pattern(points, self.constraint.center, self.motion.component) / self.lever
+            return -1 if self.constraint.name == pairing.name else 0
+        return 0 if self.elastic else (pairing.slave_body in bodies) - (pairing.master_body in bodies)
 
 
 def constrain_free_rigid_modes(
@@ -133,27 +126,32 @@ def constrain_free_rigid_modes(
     ]
     held, notes, problems = dict[int, dict[int, FloatArray]](), list[str](), list[CaseProblem]()
     unresisted, loose = list[Mapping[str, FloatArray]](), list[Mapping[str, FloatArray]]()
-    for resisted in (sliding_resistance, partial(contact_resistance, exact=exact)):
+    for rows in (sliding_rows, partial(pressure_rows, exact=exact)):
         fixed = []
-        free = free_motions(resisted(kept, pairings, clouds))
+        free = free_motions(resistance(kept, pairings, clouds, rows))
         for pivot, direction in sorted(free, key=lambda motion: not kept[motion[0]].rotates):
-            unknown = kept[pivot]
+            unknown, others = kept[pivot], _others(kept, pivot, direction)
             parts = [(one, part) for one, part in zip(kept, direction, strict=True) if part]
-            problems += _driven(case, unknown, parts)
-            owner, component = unknown.constraint, unknown.motion.component
-            ways = [
-                part / one.lever * one.motion.direction[:2] for one, part in parts if one.constraint is owner
-            ]
+            problems += _driven(case, unknown, parts, others)
             # At finite strain the unknowns are those along the axes.
-            along = sum(ways, np.zeros(2)) if case.model.strain == "small" else np.eye(3)[component, :2]
-            notes.append(_note(unknown, parts, along))
-            held.setdefault(id(owner), {})[component] = along
+            along = np.eye(3)[unknown.component, :2]
+            if case.model.strain == "small":
+                translations = [
+                    p for p in parts if p[0].constraint is unknown.constraint and not p[0].rotates
+                ]
+                along = sum((part * one.velocity[:2] for one, part in translations), np.zeros(2))
+            way = unknown.way
+            if not unknown.rotates and along.all():
+                x, y = along / np.hypot(*along)
+                way = f"the displacement along ({x:.3g}, {y:.3g})"
+            why = "no load and no stiffness" + ("" if others else " in this direction")
+            also = f": it moves together with {others}; their relative motion stays free" if others else ""
+            notes.append(f"{unknown.owner}: {way} is fixed at 0 ({why}){also}")
+            held.setdefault(id(unknown.constraint), {})[unknown.component] = along
             velocities: dict[str, FloatArray] = {}
             for one, part in parts:
-                x, y = rigid_pattern(np.zeros((1, 2)), one.constraint.center, one.motion.component)[0]
-                velocity = part / one.lever * np.array([x, y, float(one.rotates)])
                 for body in one.constraint.bodies:
-                    velocities[body] = velocities.get(body, np.zeros(3)) + velocity
+                    velocities[body] = velocities.get(body, np.zeros(3)) + part * one.velocity
             unresisted.append(velocities)
             if all(one.constraint.floats for one, _ in parts):
                 loose.append(velocities)
@@ -162,24 +160,17 @@ def constrain_free_rigid_modes(
     if problems:
         raise CaseError(tuple(dict.fromkeys(problems)))
     weak = []
-    for pivot, direction in free_motions(
-        sliding_resistance(kept, pairings, clouds, at_once=True), WEAK_RESISTANCE
-    ):
-        unknown = kept[pivot]
-        others = _others(unknown, [one for one, part in zip(kept, direction, strict=True) if part])
+    at_once = resistance(kept, pairings, clouds, partial(sliding_rows, at_once=True))
+    for pivot, direction in free_motions(at_once, WEAK_RESISTANCE):
+        unknown, others = kept[pivot], _others(kept, pivot, direction)
         moves = f", which moves {others} with it," if others else ""
         weak.append(
             f"{unknown.owner}: {unknown.way}{moves} is hardly resisted, because it follows the surfaces in "
             "contact: results depend on the exact positions of supported nodes and on the contact width; fix "
             f"it with a [[support]]{unknown.hint}"
         )
-    return Restrained(
-        tuple(_held_at_zero(owner, held.get(id(owner), {})) for owner in rigid_constraints),
-        tuple(notes),
-        tuple(filter(None, unresisted)),
-        tuple(loose),
-        tuple(weak),
-    )
+    constraints = tuple(_held_at_zero(owner, held.get(id(owner), {})) for owner in rigid_constraints)
+    return Restrained(constraints, tuple(notes), tuple(filter(None, unresisted)), tuple(loose), tuple(weak))
 
 
 def _forces(loads: Acting, cloud: Cloud, body: str) -> Iterator[tuple[int, FloatArray, FloatArray]]:
@@ -236,8 +227,14 @@ def free_motions(resistance: FloatArray, least: float = COARSE_ROUND_OFF) -> lis
     return [(pivots[column], motions[:, column]) for column in columns]
 
 
+def _others(unknowns: Sequence[UnknownMotion], pivot: int, direction: FloatArray) -> str:
+    """The names of what else moves in a motion (k,) besides the unknown ``pivot`` by which it is fixed."""
+    moving = [one.owner for one, part in zip(unknowns, direction, strict=True) if part]
+    return " and ".join(name for name in dict.fromkeys(moving) if name != unknowns[pivot].owner)
+
+
 def _driven(
-    case: Case, unknown: UnknownMotion, parts: Sequence[tuple[UnknownMotion, float]]
+    case: Case, unknown: UnknownMotion, parts: Sequence[tuple[UnknownMotion, float]], others: str
 ) -> Iterator[CaseProblem]:
     """A problem if the loads drive a free motion, with ``parts`` of unknowns, at the end of some stage."""
     share = np.array([part / one.lever for one, part in parts])
@@ -247,7 +244,6 @@ def _driven(
     driving = np.abs(stages @ force)
     if (driving > QUADRATURE * (np.abs(stages) @ size)).any():
         worst = stages[int(np.argmax(driving))] * force * unknown.lever
-        others = _others(unknown, [one for one, _ in parts])
         whom = f"{unknown.owner} in {unknown.way}" + (f", which moves {others} with it" if others else "")
         yield CaseProblem(
             f"load.{case.moved[int(np.argmax(np.abs(worst)))]}",
@@ -258,112 +254,75 @@ def _driven(
         )
 
 
-def _note(unknown: UnknownMotion, parts: Sequence[tuple[UnknownMotion, float]], along: FloatArray) -> str:
-    way, others = unknown.way, _others(unknown, [one for one, _ in parts])
-    if not unknown.rotates and along.all():
-        x, y = along / np.hypot(*along)
-        way = f"the displacement along ({x:.3g}, {y:.3g})"
-    if others:
-        return (
-            f"{unknown.owner}: {way} is fixed at 0 (no load and no stiffness): it moves together with "
-            f"{others}; their relative motion stays free"
-        )
-    return f"{unknown.owner}: {way} is fixed at 0 (no load and no stiffness in this direction)"
+class _Contact:
+    """A contact in its own frame: rigid motions (3,) are the translation of the middle of its candidates and
+    the rotation times their root mean square distance from it, so that their mean square displacement is the
+    square of their length. ``moved`` are the motions (3, k) of slave and master per unit of each unknown,
+    ``normals`` those of both surfaces, as rows (m, 3) of the mean square normal component."""
 
-
-def _others(unknown: UnknownMotion, moving: Sequence[UnknownMotion]) -> str:
-    """The names of what else moves in a motion besides the unknown by which it is fixed."""
-    return " and ".join(name for name in dict.fromkeys(one.owner for one in moving) if name != unknown.owner)
-
-
-def sliding_resistance(
-    unknowns: Sequence[UnknownMotion],
-    pairings: Sequence[Pairing],
-    clouds: Mapping[str, Cloud],
-    at_once: bool = False,
-) -> FloatArray:
-    """Mean squares (k, k) of the motions normal to the surfaces they move; with friction, in all directions.
-
-    If one of two surfaces is straight, bodies may slide along both ``at_once``, as a disk that rotates about
-    a point above the plane on which it rests: only the width of the contact resists. Two straight surfaces
-    touch along their length or at a corner, which crosses the other unknown.
-    """
-    total = np.diag([float(unknown.elastic) for unknown in unknowns])
-    for pairing in pairings:
-        frame = _Frame(pairing, clouds)
-        sides = [np.linalg.eigh(frame.squares(*side)) for side in frame.sides]
-        free = [directions[:, sizes <= COARSE_ROUND_OFF**2] for sizes, directions in sides]
-        straight = [bool(null.shape[1] and np.abs(null[2]).max() <= COARSE_ROUND_OFF) for null in free]
-        if at_once and sum(straight) == 1 and not pairing.friction:
-            along = np.linalg.svd(np.hstack(free))
-            crossing = along[0][:, int((along[1] > COARSE_ROUND_OFF).sum()) :]
-            relative = crossing.T @ frame.relative(unknowns)
-            total += relative.T @ relative
-            continue
-        for side, (at, normal) in zip((1.0, -1.0), frame.sides, strict=True):
-            across = np.zeros((len(at), 2 if pairing.friction else 1, len(unknowns)))
-            for column, unknown in enumerate(unknowns):
-                if unknown.side(pairing) == side:
-                    across[:, 0, column] = (unknown.at(at) * normal).sum(axis=1)
-                    if pairing.friction:
-                        across[:, 1, column] = (unknown.at(at) * turned(normal)).sum(axis=1)
-            total += np.einsum("ndi,ndj->ij", across, across) / len(at)
-    return total
-
-
-def contact_resistance(
-    unknowns: Sequence[UnknownMotion],
-    pairings: Sequence[Pairing],
-    clouds: Mapping[str, Cloud],
-    exact: Collection[str],
-) -> FloatArray:
-    """Mean squares (k, k) of the motions in the directions that contacts resist."""
-    total = np.diag([float(unknown.elastic) for unknown in unknowns])
-    for pairing in pairings:
-        frame = _Frame(pairing, clouds)
-        sizes, directions = np.linalg.eigh(
-            frame.squares(frame.sides[0][0], pairing.normal[pairing.candidate])
-        )
-        least = MIN_EXACT_COMPONENT if pairing.name in exact else MIN_NORMAL_COMPONENT
-        resisted = np.eye(3) if pairing.friction else directions[:, sizes >= least**2].T
-        relative = resisted @ frame.relative(unknowns)
-        total += relative.T @ relative
-    return total
-
-
-Side = tuple[FloatArray, FloatArray]
-"""Points (m, 2) and normals (m, 2) of one side of a contact."""
-
-
-class _Frame:
-    """The frame of a contact: its ``middle`` (2,) and ``lever``, the root mean square distance from it. Rigid
-    motions (3,) are the translation of the middle and the rotation times the lever. ``share`` (m,) are the
-    weights of the points of the slave and master ``sides``."""
-
-    def __init__(self, pairing: Pairing, clouds: Mapping[str, Cloud]) -> None:
-        chosen = pairing.candidate
-        points = clouds[pairing.slave_body].points[pairing.node[chosen]]
-        self.pairing, self.share = pairing, pairing.weight[chosen] / pairing.weight[chosen].sum()
-        self.middle = self.share @ points
-        self.lever = float(np.sqrt(self.share @ ((points - self.middle) ** 2).sum(axis=1))) or 1.0
-        partner, normal = pairing.partner[chosen], pairing.normal[chosen]
-        outward = pairing.slave.normal[pairing.position[chosen]]
+    def __init__(
+        self, pairing: Pairing, clouds: Mapping[str, Cloud], unknowns: Sequence[UnknownMotion]
+    ) -> None:
+        self.pairing, chosen = pairing, pairing.candidate
+        points, partner = clouds[pairing.slave_body].points[pairing.node[chosen]], pairing.partner[chosen]
+        self.share = pairing.weight[chosen] / pairing.weight[chosen].sum()
+        x, y = middle = self.share @ points
+        self.arms = points - middle, partner - middle
+        self.lever = float(np.sqrt(self.share @ (self.arms[0] ** 2).sum(axis=1))) or 1.0
+        frame = np.array([[1.0, 0.0, -y], [0.0, 1.0, x], [0.0, 0.0, self.lever]])
+        sides = np.array([unknown.side(pairing) for unknown in unknowns])
+        velocities = frame @ np.array([unknown.velocity for unknown in unknowns]).T
+        self.moved = velocities * (sides == 1), velocities * (sides == -1)
+        outward, normal = pairing.slave.normal[pairing.position[chosen]], pairing.normal[chosen]
         if pairing.master is not None:  # pressures may act along the normals of the slave
             curve = pairing.master.curve
             normal = normals_towards(curve, curve.closest(partner), outward)
-        self.sides: tuple[Side, Side] = (points, outward), (partner, normal)
+        self.normals = self.across(outward, 0), self.across(normal, 1)
 
-    def squares(self, points: FloatArray, normal: FloatArray) -> FloatArray:
-        """Mean squares (3, 3) of the component of rigid motions along normals (m, 2) at ``points`` (m, 2)."""
-        arm, (n_x, n_y) = points - self.middle, normal.T
-        across = np.column_stack([n_x, n_y, (n_y * arm[:, 0] - n_x * arm[:, 1]) / self.lever])
-        return np.asarray(across.T @ (self.share[:, None] * across))
+    def across(self, normal: FloatArray, side: int) -> FloatArray:
+        """Rows (m, 3) of the component of motions along normals (m, 2) at the points of a side."""
+        rows = np.column_stack([normal, cross(self.arms[side], normal) / self.lever])
+        return np.asarray(np.sqrt(self.share)[:, None] * rows)
 
-    def relative(self, unknowns: Sequence[UnknownMotion]) -> FloatArray:
-        """The motion (3, k) of the slave relative to the master per unit of each unknown."""
-        found = np.zeros((3, len(unknowns)))
-        for column, unknown in enumerate(unknowns):
-            turn = self.lever / unknown.lever if unknown.rotates else 0.0
-            motion = np.append(unknown.at(self.middle[None, :])[0], turn)
-            found[:, column] = unknown.side(self.pairing) * motion
-        return found
+
+def sliding_rows(contact: _Contact, at_once: bool = False) -> FloatArray:
+    """Rows (r, k) of the motions normal to the surfaces they move; with friction, in all directions. If one
+    of two surfaces is straight, bodies may slide along both ``at_once``, as a disk that rotates about a point
+    above the plane on which it rests: only the width of the contact resists. Two straight surfaces touch
+    along their length or at a corner, which crosses the other unknown."""
+    if contact.pairing.friction:
+        return np.concatenate(contact.moved)
+    if at_once:
+        sides = [np.linalg.eigh(rows.T @ rows) for rows in contact.normals]
+        free = [directions[:, sizes <= COARSE_ROUND_OFF**2] for sizes, directions in sides]
+        straight = [bool(null.shape[1] and np.abs(null[2]).max() <= COARSE_ROUND_OFF) for null in free]
+        if sum(straight) == 1:
+            directions, sizes, _ = np.linalg.svd(np.hstack(free))
+            crossing = directions[:, int((sizes > COARSE_ROUND_OFF).sum()) :]
+            return np.asarray(crossing.T @ (contact.moved[0] - contact.moved[1]))
+    return np.concatenate([rows @ moved for rows, moved in zip(contact.normals, contact.moved, strict=True)])
+
+
+def pressure_rows(contact: _Contact, exact: Collection[str]) -> FloatArray:
+    """Rows (r, k) of the relative motions in the directions that the pressures of a contact resist."""
+    pairing, relative = contact.pairing, contact.moved[0] - contact.moved[1]
+    if pairing.friction:
+        return np.asarray(relative)
+    rows = contact.across(pairing.normal[pairing.candidate], 0)
+    sizes, directions = np.linalg.eigh(rows.T @ rows)
+    least = MIN_EXACT_COMPONENT if pairing.name in exact else MIN_NORMAL_COMPONENT
+    return np.asarray(directions[:, sizes >= least**2].T @ relative)
+
+
+def resistance(
+    unknowns: Sequence[UnknownMotion],
+    pairings: Sequence[Pairing],
+    clouds: Mapping[str, Cloud],
+    rows: Callable[[_Contact], FloatArray],
+) -> FloatArray:
+    """Mean squares (k, k) of the motions in the ``rows`` of directions that each contact resists."""
+    total = np.diag([float(unknown.elastic) for unknown in unknowns])
+    for pairing in pairings if unknowns else ():
+        resisted = rows(_Contact(pairing, clouds, unknowns))
+        total += resisted.T @ resisted
+    return total

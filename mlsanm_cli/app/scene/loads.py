@@ -1,50 +1,207 @@
-"""Loads and springs of a case at the nodes of given clouds; the rigid constraints: platens, obstacles, and
-bodies held by contact only."""
+"""Loads and springs of a case: the amounts given as functions of place, their profiles along boundaries with
+discontinuities, forces spread over bodies and boundaries, and all loads at the nodes of given clouds."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import lru_cache
 from itertools import accumulate
 
 import numpy as np
 
-from mlsanm_cli.app.scene.boundaries import Boundaries
-from mlsanm_cli.app.scene.load_profiles import (
-    AmountField,
-    amounts_at,
-    amounts_of,
-    profiles,
-    table_of,
-    values_along,
-)
+from mlsanm_cli.app.scene.outlines import run_of
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import (
+    AnyLoad,
     BodyForce,
     Case,
     Centrifugal,
     Displacement,
     ExpressionError,
-    ObstacleMotion,
-    Platen,
+    Force,
+    Place,
     Pressure,
     Temperature,
     Traction,
+    value_at,
 )
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.cloud.curves import Curve
+from mlsanm_cli.cloud.curves import Curve, Outline
+from mlsanm_cli.cloud.joined import BoundaryRun
+from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics import scene as mechanics
 from mlsanm_cli.mechanics.eigenstress import Heating
-from mlsanm_cli.mechanics.rigid import ROTATION, RigidBodyModes, free_motions
-from mlsanm_cli.mechanics.springs import Springs
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
+SAMPLES = 4096
+"""Samples along a boundary, a power of two."""
+MIN_JUMP = 0.05
+"""Least discontinuity that counts, relative to the largest value."""
+BISECTIONS = 40
+MIN_DISTANCE = 1e-3
+"""Least distance of a jump from the end of the boundary and from other jumps, relative to the boundary."""
+MAX_JUMPS = 64
+"""Boundaries with more jumps are not cut at them."""
+POINTS, WEIGHTS = np.polynomial.legendre.leggauss(4)
+PANELS = 64
+"""Gauss panels per curve, as the knots of splines are not known here."""
 SAMPLES_PER_POINT = 32
 """Samples for each quadrature point if tractions are discontinuous between nodes."""
-HeldSurfaces = Mapping[str, Mapping[str, tuple[bool, bool]]]
-HeldNodes = Mapping[str, tuple[tuple[int, int], ...]]
+
+Amounts = Sequence[float | str | None]
+"""Numbers and expressions in x and y; None where nothing is given."""
+Table = tuple[tuple[float, ...], ...]
+"""Rows of arc length and values, interpolated linearly."""
+Profile = tuple[BoundaryRun, FloatArray, tuple[float, ...]]
+"""Values (SAMPLES + 1, c) of a load, relative to the largest, at even steps along the part of a run, and the
+arc lengths of jumps along the part."""
+
+
+def amounts_of(load: AnyLoad) -> Amounts:
+    """The amounts that a load gives: components, a pressure or a temperature change; of other loads none."""
+    match load:
+        case Temperature():
+            return (load.temperature,)
+        case Pressure():
+            return (load.pressure,)
+        case Traction():
+            return load.traction or ()
+        case Displacement():
+            return load.components
+        case BodyForce() | Centrifugal():
+            return load.body_force
+    return ()
+
+
+def table_of(load: AnyLoad) -> Table:
+    """The table of a load over the arc length of its boundary, empty without one."""
+    return (load.table or ()) if isinstance(load, Pressure | Traction) else ()
+
+
+def amounts_at(amounts: Amounts, points: FloatArray) -> FloatArray:
+    """Amounts (c,) at ``points`` (n, 2), as columns (n, c); None is 0. Raises ExpressionError."""
+    columns = [
+        np.array([value_at(amount, x, y) for x, y in points.tolist()])
+        if isinstance(amount, str)
+        else np.full(len(points), amount or 0.0)
+        for amount in amounts
+    ]
+    return np.stack(columns, axis=1)
+
+
+def values_along(amounts: Amounts, table: Table, arc: FloatArray, points: FloatArray) -> FloatArray:
+    """Values (n, c) of a ``table`` at arc lengths ``arc`` (n,), without one of ``amounts`` at ``points``."""
+    if not table:
+        return amounts_at(amounts, points)
+    rows = np.array(table)
+    return np.stack([np.interp(arc, rows[:, 0], column) for column in rows[:, 1:].T], axis=1)
+
+
+@dataclass(frozen=True)
+class AmountField:
+    """The value of a ``key`` of the case: a number or an expression in x and y."""
+
+    key: str
+    amount: float | str
+
+    def at(self, points: FloatArray) -> FloatArray:
+        """Values (e,) at ``points`` (e, 2). Raises CaseError if an expression has no value there."""
+        try:
+            return amounts_at([self.amount], points)[:, 0]
+        except ExpressionError as error:
+            raise CaseError((CaseProblem(self.key, str(error)),)) from error
+
+
+def runs_of(outline: Outline, place: Place) -> list[BoundaryRun]:
+    """The runs of a place on the outline of its body. Loaded boundaries need not join."""
+    groups = [place.edges] if place.ends else [(edge,) for edge in place.edges]
+    return [
+        BoundaryRun(outline, *chain, place.ends)
+        for edges in groups
+        for chain in outline.chains(outline.numbers(*edges))
+    ]
+
+
+@lru_cache(maxsize=256)
+def profiles(outline: Outline, load: Pressure | Traction | Displacement) -> tuple[Profile, ...]:
+    """The profiles of a load that varies along boundaries of its body's ``outline``; empty if an expression
+    has no value."""
+    expressions = tuple(amount for amount in amounts_of(load) if isinstance(amount, str))
+    table = table_of(load)
+    found, start = [], 0.0
+    for run in runs_of(outline, load.place) if expressions or table else ():
+        curve = run.part
+
+        def values(arc: FloatArray, run: BoundaryRun = run, start: float = start) -> FloatArray:
+            return values_along(expressions, table, start + arc, run.part.points(arc))
+
+        arc = np.linspace(0.0, curve.length, SAMPLES + 1)
+        try:
+            sampled = values(arc)
+            scale = float(np.abs(sampled).max())
+            if scale > 0.0:
+                jumps = _jumps(values, arc, sampled, MIN_JUMP * scale)
+                found.append((run, sampled / scale, jumps))
+        except ExpressionError:
+            # Reported when loads are evaluated at the nodes.
+            return ()
+        start += curve.length
+    return tuple(found)
+
+
+def _jumps(
+    values: Callable[[FloatArray], FloatArray], arc: FloatArray, sampled: FloatArray, least: float
+) -> tuple[float, ...]:
+    """Arc lengths at which ``values``, ``sampled`` (s, c) at ``arc`` (s,), jump by more than ``least``, by
+    bisection."""
+    marks = [float(arc[0]), float(arc[-1])]
+    for step in np.flatnonzero(np.abs(np.diff(sampled, axis=0)).max(axis=1) > least).tolist():
+        low, high = float(arc[step]), float(arc[step + 1])
+        for _ in range(BISECTIONS):
+            middle = 0.5 * (low + high)
+            first, second = np.abs(np.diff(values(np.array([low, middle, high])), axis=0)).max(axis=1)
+            low, high = (low, middle) if first > second else (middle, high)
+        place = 0.5 * (low + high)
+        apart = min(abs(place - mark) for mark in marks) > MIN_DISTANCE * float(arc[-1])
+        if apart and np.abs(np.diff(values(np.array([low, high])), axis=0)).max() > least:
+            marks.append(place)
+    return tuple(marks[2:]) if len(marks) <= MAX_JUMPS else ()
+
+
+def with_spread_forces(case: Case, outlines: Mapping[str, Outline]) -> Case:
+    """The case with a body force or a traction of the same resultants for every load of kind `force`. Raises
+    CaseError for parts of boundaries that do not join."""
+    revolved = case.model.revolved
+    loads = [_spread(load, outlines, revolved) if isinstance(load, Force) else load for load in case.load]
+    return case.model_copy(update={"load": tuple(loads)})
+
+
+def _spread(load: Force, outlines: Mapping[str, Outline], revolved: bool) -> Traction | BodyForce:
+    outline = outlines[load.owner]
+    curves = list(outline.curves)
+    for place in load.places:
+        curves = [outline.curves[number] for number in outline.numbers(*place.edges)]
+        if place.ends is not None:
+            curves = [run_of(outlines, place, f"load.{load.name}").part]
+    share = ((np.arange(PANELS)[:, None] + 0.5 + 0.5 * POINTS) / PANELS).ravel()
+    points = np.concatenate([curve.points(share * curve.length) for curve in curves])
+    normals = np.concatenate([curve.normals(share * curve.length) for curve in curves])
+    panel = np.tile(0.5 * WEIGHTS / PANELS, PANELS)
+    weight = np.concatenate([panel * curve.length for curve in curves])
+    if revolved:
+        ring = np.pi * points[:, 0] * weight
+        size = ring @ (points[:, 0] * normals[:, 0]) if load.body is not None else 2.0 * ring.sum()
+        return load.spread(float(size), (0.0, 0.0), 1.0)
+    # Integrals of 1, x and x^2: over an area, by the divergence theorem, from those of x . n.
+    inside = load.body is not None
+    flux = weight * (points * normals).sum(axis=1) if inside else weight
+    one, two, three = (2.0, 3.0, 4.0) if inside else (1.0, 1.0, 1.0)
+    size, second = flux.sum() / one, flux @ (points**2).sum(axis=1) / three
+    x, y = (flux @ points / two / size).tolist()
+    return load.spread(float(size), (x, y), float(second - size * (x * x + y * y)))
 
 
 @dataclass(frozen=True)
@@ -63,17 +220,27 @@ def temperature_of(load: Temperature) -> AmountField:
     return AmountField(f"load.{load.name}.temperature", load.temperature)
 
 
-def acting(boundaries: Boundaries, clouds: Mapping[str, Cloud]) -> Acting:
-    """Evaluates all loads. Raises CaseError for expressions without a value at a node, and for tables that do
-    not cover their boundary."""
-    case, problems = boundaries.case, list[CaseProblem]()
+def acting(
+    case: Case,
+    names: Mapping[Place, tuple[str, ...]],
+    outlines: Mapping[str, Outline],
+    clouds: Mapping[str, Cloud],
+) -> Acting:
+    """Evaluates all loads; ``names`` are those of the surfaces of places on the ``outlines`` as drawn. Raises
+    CaseError for expressions without a value at a node, and for tables that do not cover their boundary."""
+    problems = list[CaseProblem]()
+    nodal = {body.name for body in case.body if body.has_nodes}
     surface_loads, body_forces = list[mechanics.SurfaceLoad](), list[mechanics.BodyForce]()
     heatings = list[Heating]()
     for number, load in enumerate(case.load):
         try:
             match load:
                 case Traction() | Pressure() | Displacement():
-                    surface_loads += _on_boundary(number, load, boundaries, clouds[load.owner])
+                    cloud = clouds[load.owner]
+                    surfaces = [cloud.surfaces[name] for name in names[load.place]]
+                    jumps = [place for *_, places in profiles(outlines[load.owner], load) for place in places]
+                    averaged = bool(jumps) and load.owner in nodal
+                    surface_loads += _on_boundary(number, load, surfaces, cloud.points, averaged)
                 case BodyForce() | Centrifugal():
                     values = amounts_at(load.body_force, clouds[load.body].points)
                     body_forces.append(mechanics.BodyForce(number, load.body, values))
@@ -90,28 +257,28 @@ def acting(boundaries: Boundaries, clouds: Mapping[str, Cloud]) -> Acting:
     for support in case.support:
         if support.place is not None and support.spring is not None:
             own = springs[support.place.body]
-            for surface in boundaries.names[support.place]:
+            for surface in names[support.place]:
                 x, y = own.get(surface, (0.0, 0.0))
                 own[surface] = (x + support.spring[0], y + support.spring[1])
     return Acting(tuple(surface_loads), tuple(body_forces), tuple(heatings), springs)
 
 
 def _on_boundary(
-    number: int, load: Traction | Pressure | Displacement, boundaries: Boundaries, cloud: Cloud
+    number: int,
+    load: Traction | Pressure | Displacement,
+    surfaces: Sequence[Surface],
+    points: FloatArray,
+    averaged: bool,
 ) -> Iterator[mechanics.SurfaceLoad]:
-    """A load at the nodes of its surfaces, 0 in free directions, and tractions at the FINE quadrature points;
-    if they are discontinuous between nodes of a file, means over the length of each point."""
+    """A load at the nodes ``points`` (n, 2) of its surfaces, 0 in free directions, and tractions at the FINE
+    quadrature points; ``averaged`` over the length of each if they are discontinuous between given nodes."""
     amounts, table, held = amounts_of(load), table_of(load), isinstance(load, Displacement)
-    surfaces = [cloud.surfaces[name] for name in boundaries.names[load.place]]
     *starts, length = accumulate((surface.curve.length for surface in surfaces), initial=0.0)
     if table and (
         table[0][0] > COARSE_ROUND_OFF * length or table[-1][0] < (1.0 - COARSE_ROUND_OFF) * length
     ):
         message = f"goes from {table[0][0]:.6g} to {table[-1][0]:.6g}, the boundary from 0 to {length:.9g}"
         raise CaseError((CaseProblem(f"load.{load.name}.table", message),))
-    nodal = any(body.has_nodes for body in boundaries.case.body if body.name == load.owner)
-    outline = boundaries.drawn[load.owner]
-    averaged = nodal and not held and any(jumps for _, _, jumps in profiles(outline, load))
     for surface, start in zip(surfaces, starts, strict=True):
         curve, between = surface.curve, None
 
@@ -119,7 +286,7 @@ def _on_boundary(
             values = values_along(amounts, table, arc + start, points)
             return -values * curve.normals(arc) if isinstance(load, Pressure) else values
 
-        values = at(surface.arc_length, cloud.points[surface.index])
+        values = at(surface.arc_length, points[surface.index])
         if not held:
             if not curve.closed:
                 # Tractions may be discontinuous at the end of a surface.
@@ -135,119 +302,3 @@ def _on_boundary(
                 sampled = at(arc, curve.points(arc))
                 between[order] = sampled.reshape(-1, SAMPLES_PER_POINT, 2).mean(axis=1)
         yield mechanics.SurfaceLoad(number, load.owner, surface.name, values, held, between)
-
-
-def rigid_constraints(
-    boundaries: Boundaries,
-    clouds: Mapping[str, Cloud],
-    held: HeldSurfaces,
-    held_nodes: HeldNodes,
-    restraints: HeldSurfaces,
-    springs: Mapping[str, Springs],
-) -> list[mechanics.RigidConstraint]:
-    """All rigid constraints, with ``held[body][surface]`` and ``held_nodes[body]`` as in `SceneModel`.
-    ``restraints`` are the surfaces held by supports or stiff springs. Raises CaseError for bodies that can
-    move without a contact, or whose contact law does not support floating bodies."""
-    case = boundaries.case
-    moved: dict[str, list[tuple[int, ObstacleMotion]]] = {}
-    for number, load in enumerate(case.load):
-        if isinstance(load, ObstacleMotion):
-            moved.setdefault(load.obstacle, []).append((number, load))
-    found = list(_platens(boundaries, clouds, restraints, held_nodes))
-    for contact, loads in moved.items():
-        controls = {k: c for k, axis in enumerate("xy") if (c := _controls(loads, axis))}
-        motions = tuple(_motion(case, component, control, True) for component, control in controls.items())
-        numbers = tuple(number for number, _ in loads)
-        found += [mechanics.RigidConstraint(contact, (), (0.0, 0.0), motions, numbers)] if motions else []
-    touching = {place.body for sides in boundaries.sides.values() for place, _ in sides}
-    for body in case.body:
-        cloud = clouds[body.name]
-        free = free_motions(cloud, held[body.name], held_nodes[body.name], springs[body.name])
-        if not free.components:
-            continue
-        if body.name not in touching:
-            what, needs = _described(free, float(np.ptp(cloud.points, axis=0).max()))
-            message = f"can move freely: nothing resists {what}"
-            hint = f"add a [[support]], a displacement or a platen: {needs}"
-            raise CaseError((CaseProblem(f"body.{body.name}", message, hint=hint),))
-        if case.is_regularized:
-            message = f"body {body.name} is held by contact only, which needs the exact contact law"
-            hint = 'use "exact", or fix the body with a [[support]]'
-            raise CaseError((CaseProblem("contact.regularization.law", message, hint=hint),))
-        still = np.zeros(len(case.moved))
-        motions = tuple(mechanics.RigidMotion(component, None, still) for component in free.components)
-        found.append(mechanics.RigidConstraint(body.name, (body.name,), free.center, motions))
-    return found
-
-
-def _platens(
-    boundaries: Boundaries, clouds: Mapping[str, Cloud], held: HeldSurfaces, held_nodes: HeldNodes
-) -> Iterator[mechanics.RigidConstraint]:
-    """Platens, one per boundary or list of boundaries of platen loads."""
-    case = boundaries.case
-    platens = {number: load for number, load in enumerate(case.load) if isinstance(load, Platen)}
-    for label in dict.fromkeys(load.label for load in platens.values()):
-        loads = [(number, load) for number, load in platens.items() if load.label == label]
-        first = loads[0][1]
-        parts = [(place.body, boundaries.names[place]) for place in first.places]
-        sides = tuple((body, name) for body, names in parts for name in names)
-        motions = []
-        for component, axis in enumerate("xy"):
-            controls = _controls(loads, axis)
-            if controls:
-                elsewhere = any(
-                    any(c == component for _, c in held_nodes[body])
-                    or any(fixed[component] for name, fixed in held[body].items() if name not in names)
-                    for body, names in parts
-                )
-                motions.append(_motion(case, component, controls, alone=not elsewhere))
-        if first.turning != "fixed":
-            alone = all(set(held[body]) == set(names) and not held_nodes[body] for body, names in parts)
-            turns = {
-                number: ("displacement", load.rotation)
-                if isinstance(load.rotation, float)
-                else ("force", load.moment or 0.0)
-                for number, load in loads
-            }
-            motions.append(_motion(case, ROTATION, turns, alone))
-        center = first.hinge
-        if not center:
-            surfaces = [(clouds[body].points, clouds[body].surfaces[name]) for body, name in sides]
-            weight = np.concatenate([surface.weight for _, surface in surfaces])
-            places = np.concatenate([points[surface.index] for points, surface in surfaces])
-            x, y = (weight @ places / weight.sum()).tolist()
-            center = x, y
-        bodies, numbers = tuple(dict.fromkeys(body for body, _ in parts)), tuple(n for n, _ in loads)
-        yield mechanics.RigidConstraint(label, bodies, center, tuple(motions), numbers, sides)
-
-
-def _described(free: RigidBodyModes, size: float) -> tuple[str, str]:
-    """Free motions of a body of a ``size`` in words, and supports that would resist them."""
-    x, y = (place if abs(place) > ROUND_OFF * size else 0.0 for place in free.center)
-    about = f" about ({x:.6g}, {y:.6g})" if free.components == (ROTATION,) else ""
-    words = {
-        0: ("translation in x", "fix ux"),
-        1: ("translation in y", "fix uy"),
-        ROTATION: (f"rotation{about}", "fix a second point or a whole boundary"),
-    }
-    what, needs = zip(*(words[component] for component in free.components), strict=True)
-    return " and ".join(what), ", ".join(needs)
-
-
-def _controls(
-    loads: list[tuple[int, Platen]] | list[tuple[int, ObstacleMotion]], axis: str
-) -> dict[int, tuple[str, float]]:
-    """Kind and value of each load that controls an axis, by number."""
-    return {number: load.control[axis] for number, load in loads if axis in load.control}
-
-
-def _motion(
-    case: Case, component: int, controls: Mapping[int, tuple[str, float]], alone: bool
-) -> mechanics.RigidMotion:
-    """One component of a platen or obstacle; forces, or displacements, of several loads add up."""
-    values, still = np.zeros(len(case.moved)), np.zeros(len(case.moved))
-    for number, (_, value) in controls.items():
-        values[number] = value
-    if any(kind == "displacement" for kind, _ in controls.values()):
-        return mechanics.RigidMotion(component, values, still, alone)
-    return mechanics.RigidMotion(component, None, values, alone)

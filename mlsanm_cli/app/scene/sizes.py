@@ -62,11 +62,9 @@ class Domain:
     of symmetry on it, axis and coordinate by the number of the curve on them, and the other, ``free`` curves;
     the whole of all ``copies``, with its ``area``, mean ``thickness`` and ``size``, the longer side of the
     smallest bounding box parallel to a straight side, or the largest width without one, both invariant under
-    rotation; the coarse spacing ``far``, and whether the thickness determines it (``bends``).
-
-    Spacings are ``finer`` than those of an isotropic elastic body by the geometric mean of the rates at which
-    fields decay along the axes, and in bodies that flow.
-    """
+    rotation; the coarse spacing ``far``, and whether the thickness determines it (``bends``). Spacings are
+    ``finer`` than those of an isotropic elastic body by the geometric mean of the rates at which fields decay
+    along the axes, and in bodies that flow."""
 
     def __init__(self, boundaries: Boundaries, body: Body) -> None:
         self.boundaries, self.body, self.case = boundaries, body, boundaries.case

@@ -55,7 +55,7 @@ class Case(Section):
     title: str = ""
     """Free text."""
     model: Model
-    units: Units = Units()
+    units: Units = Units.model_construct()
     material: dict[Name, Material]
     # An empty list is a fault of the case: pydantic would find one wherever a body is invalid.
     body: tuple[Body, ...] = Field(json_schema_extra={"minItems": 1})
@@ -66,10 +66,10 @@ class Case(Section):
     stage: tuple[dict[str, float], ...] = ()
     """Load stages, one after the other: load factors change proportionally from their current values to those
     given. Without stages all factors increase from 0 to 1."""
-    mls: Mls = Mls()
-    adapt: Adapt = Adapt()
-    solver: Solver = Solver()
-    output: Output = Output()
+    mls: Mls = Mls.model_construct()
+    adapt: Adapt = Adapt.model_construct()
+    solver: Solver = Solver.model_construct()
+    output: Output = Output.model_construct()
     probe: tuple[Probe, ...] = ()
     reference: Reference | None = None
 

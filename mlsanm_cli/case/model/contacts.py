@@ -122,7 +122,7 @@ class Contact(BoundaryPart):
     reach: Annotated[AutoLength, LENGTH] = "auto"
     """Search distance: nodes with a larger initial gap are ignored; the run fails if one of them closes.
     Without effect at finite strain, where contacts may move anywhere."""
-    regularization: Regularization = Regularization()
+    regularization: Regularization = Regularization.model_construct()
 
     @property
     def bonded(self) -> bool:
@@ -154,7 +154,6 @@ class Contact(BoundaryPart):
         return tuple(side.label for side in self.sides)
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
-        yield from super().faults(scope)
         yield from self.exclusive("master", "obstacle")
         if self.obstacle is not None and self.bonded:
             hint = "fix the boundary with a [[support]], or move it with a platen"

@@ -3,7 +3,6 @@ Equations (22) and (26) of docs/method.md."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import field
 
 import numpy as np
@@ -47,13 +46,13 @@ class FiniteContactState:
     pressure: FloatArray
     shear: FloatArray
     gap: FloatArray
+    free: FloatArray
+    sets: ContactStatus
     place: FloatArray
     slip: FloatArray
     normal: FloatArray
-    sets: ContactStatus
     traction: FloatArray
     surface: FloatArray
-    free: FloatArray
     residual: float = 0.0
     iterations: int = 0
     factorizations: int = 0
@@ -71,30 +70,18 @@ class FiniteContactState:
 class ExactContact(ContactSystem):
     """Exact contact of bodies, solved at given loads."""
 
-    def meet(
-        self, surface: FloatArray, factors: FloatArray, before: FloatArray | None, closed: BoolArray
-    ) -> tuple[Meeting, ...]:
-        """All contacts for displacements ``surface`` (2s,) of the sides; slips are relative to the places
-        ``before`` (c,), zero without; ``closed`` (c,) is the earlier status."""
-        found = list[Meeting]()
-        for contact, here, there in self.contacts.each:
-            since = None if before is None else before[here]
-            found.append(contact.meet(surface[there].reshape(-1, 2), factors, since, closed[here]))
-        return tuple(found)
-
     def solved(
         self,
         start: FiniteContactState,
         factors: FloatArray,
         tolerance: float,
         most: int,
-        before: FloatArray | None = None,
-        earlier: BoolArray | None = None,
+        before: FloatArray | None,
+        closed_before: BoolArray,
     ) -> FiniteContactState | None:
         """The state at load ``factors`` (L,), searched from ``start``, with slips relative to the places
-        ``before`` (c,), where knots were closed ``earlier`` (c,), by default in ``start``. None if ``most``
-        iterations do not converge. Raises LinAlgError or NumericalError for singular derivatives."""
-        closed_before = start.sets.closed if earlier is None else earlier
+        ``before`` (c,), where knots were closed (c,). None if ``most`` iterations do not converge. Raises
+        LinAlgError or NumericalError for singular derivatives."""
         u, p, q, sets, solves = start.displacement, start.pressure, start.shear, start.sets, 0
         free, given = start.free, factors
         traction, updates, spent = start.traction, [np.inf], 0
@@ -103,7 +90,7 @@ class ExactContact(ContactSystem):
         for count in range(1, most + 1):
             factors = np.concatenate([given, free])
             response = self.response(u, traction)
-            met = self.meet(response.moved(u, traction), factors, since, closed_before)
+            met = self.contacts.meet(response.moved(u, traction), factors, since, closed_before)
             # After slow convergence, as of thin bodies in rotation, derivatives are not reused.
             slow = len(updates) > 2 and updates[-1] > REUSE_RATE * updates[-2]
             known = responses if updates[-1] <= REUSE_BELOW and not slow else None
@@ -144,70 +131,48 @@ class ExactContact(ContactSystem):
         else:
             return None
         factors, surface = np.concatenate([given, free]), response.moved(u, traction)
-        met = self.meet(surface, factors, since, closed_before)
-        whole = met if since is before else self.meet(surface, factors, before, closed_before)
+        met = self.contacts.meet(surface, factors, since, closed_before)
+        whole = met if since is before else self.contacts.meet(surface, factors, before, closed_before)
         p, q = np.where(sets.closed, p, 0.0), np.where(sets.closed, q, 0.0)
-
-        def joined(met: Sequence[Meeting], name: str) -> FloatArray:
-            return np.concatenate([*(getattr(one, name) for one in met), np.zeros(0)])
-
         return FiniteContactState(
-            displacement=u,
-            pressure=p,
-            shear=q,
-            gap=joined(met, "gap"),
-            place=joined(met, "place"),
-            slip=joined(met, "slip"),
-            normal=np.concatenate([*(one.normal for one in met), np.zeros((0, 2))]),
-            sets=sets,
-            traction=self.contacts.tractions(met, p, q),
-            surface=surface,
-            free=free,
-            residual=left,
-            iterations=count,
-            factorizations=spent,
-            solves=solves,
+            *(u, p, q, met.gap, free, sets, met.place, met.slip, met.normal),
+            *(met.tractions(p, q), surface, left, count, spent, solves),
             stability=step.stability(met),
             soft=step.softest(u, p, q),
-            dragged=joined(whole, "slip"),
+            dragged=whole.slip,
         )
 
-    def _touched(
-        self, before: FloatArray, met: Sequence[Meeting], closed: BoolArray, now: BoolArray
-    ) -> FloatArray:
+    def _touched(self, before: FloatArray, met: Meeting, closed: BoolArray, now: BoolArray) -> FloatArray:
         """The places ``before`` (c,) from which slips count: for knots that were not ``closed`` (c,), but are
         ``now`` (c,), where they have touched. Until then they have moved as open knots next to them do."""
         found = before.copy()
-        for one, (contact, here, _) in zip(met, self.contacts.each, strict=True):
+        for contact, here, _ in self.contacts.each:
             if contact.friction:
-                slave = contact.slave
-                part, beside = touching(slave.weight, closed[here], now[here], slave.around is not None)
-                moved = wrapped(one.place - before[here], contact.around)[beside]
-                found[here] += np.where(one.facing[beside] & ~now[here][beside], part * moved, 0.0)
+                slave, after = contact.slave, now[here]
+                part, beside = touching(slave.weight, closed[here], after, slave.around is not None)
+                moved = wrapped(met.place[here] - before[here], contact.around)[beside]
+                found[here] += np.where(met.facing[here][beside] & ~after[beside], part * moved, 0.0)
         return found
 
-    def _until_touch(self, met: Sequence[Meeting], step: Iteration) -> float:
+    def _until_touch(self, met: Meeting, step: Iteration) -> float:
         """Fraction of an update after which a body that nothing holds meets something."""
-        least = 1.0
         if not self.contacts.free or step.sets.closed.any():
-            return least
-        for place, (one, (contact, _, there)) in enumerate(zip(met, self.contacts.each, strict=True)):
-            moved = (self.onto @ step.du)[there]
-            for driven in (some for some in self.contacts.driven if some.contact == place):
-                moved[driven.component : 2 * contact.slave.count : 2] -= step.free[driven.number]
-            falls = -(one.d_gap @ moved)
-            near = one.facing & (falls > 0.0) & (one.gap > 0.0)
-            ways = (one.gap[near] + INITIAL_OVERLAP * self.length) / falls[near]
-            least = min(least, float(ways.min(initial=1.0)))
-        return least
+            return 1.0
+        moved = self.onto @ step.du
+        for driven in self.contacts.driven:
+            moved[self.contacts.pushing(driven)] -= step.free[driven.number]
+        falls = -(met.d_gap @ moved)
+        near = met.facing & (falls > 0.0) & (met.gap > 0.0)
+        ways = (met.gap[near] + INITIAL_OVERLAP * self.length) / falls[near]
+        return min(1.0, float(ways.min(initial=1.0)))
 
 
 def undeformed(unknowns: int, contacts: Contacts) -> FiniteContactState:
     """The undeformed state of bodies with ``unknowns`` unknowns."""
     none, zero = np.zeros(contacts.count), np.zeros(contacts.size)
     sets = ContactStatus(none > 0.0, none > 0.0, none)
-    args = (np.zeros(unknowns), none, none, none, none, none, np.zeros((len(none), 2)))
-    return FiniteContactState(*args, sets, zero, zero, np.zeros(contacts.free))
+    known = np.zeros(unknowns), none, none, none, np.zeros(contacts.free), sets
+    return FiniteContactState(*known, none, none, np.zeros((len(none), 2)), zero, zero)
 
 
 def touching(

@@ -20,6 +20,7 @@ MAX_NEWTON_STEPS = 40
 """Largest number of Newton steps to the closest point."""
 END_SLACK = 1e-3
 """Points beyond an end by this fraction of the spacing still count as opposite."""
+SIMPSON = np.array([1.0, 4.0, 1.0]) / 6.0
 
 
 def wrapped(apart: FloatArray, around: float | None) -> FloatArray:
@@ -53,23 +54,30 @@ class NodeCurve:
     def slopes(self) -> tuple[sparse.csr_array, sparse.csr_array]:
         """Rows (m, m) of the derivatives on the left and right of the nodes, which differ at corners; zero on
         the left of the first and on the right of the last node of an open curve."""
-        count = len(self.arc)
-        if self.around is not None and not self.corners:
-            both = _slopes(self.arc, self.around, np.arange(count), min(SLOPE_NODES, count))
-            return both, both
+        count, half = len(self.arc), SLOPE_NODES // 2
         # From corner to corner; indices continue beyond the seam of a closed curve.
         ends = [0, *self.corners, count - 1]
         if self.around is not None:
-            ends = [*self.corners, self.corners[0] + count]
-        stretches = [np.arange(first, last + 1) for first, last in pairwise(ends)]
-        rows = sparse.csr_array(sparse.vstack([self._open(nodes) for nodes in stretches], format="csr"))
-        number, first = np.arange(rows.shape[0]), np.cumsum([0, *(len(nodes) for nodes in stretches)])
-        nodes, found = np.concatenate(stretches) % count, []
-        for end in (first[:-1], first[1:] - 1):
-            kept = np.setdiff1d(number, end)
-            entries = (np.ones(len(kept)), (nodes[kept], kept))
-            found.append(sparse.csr_array(sparse.csr_array(entries, shape=(count, len(number))) @ rows))
-        return found[0], found[1]
+            ends = [*self.corners, self.corners[0] + count] if self.corners else [-half, count - 1 + half]
+        smooth = self.around is not None and not self.corners
+        sides: tuple[list[sparse.coo_array], ...] = ([], [])
+        for begin, end in pairwise(ends):
+            nodes = np.arange(begin, end + 1)
+            turns, numbers = np.divmod(nodes, count)
+            arc = self.arc[numbers] + turns * (self.around or 0.0)
+            inner = np.arange(half, len(nodes) - half)
+            # Fewer nodes near corners: one-sided slopes of high degree amplify irregularities there.
+            outer = np.zeros(0, dtype=np.int64) if smooth else np.setdiff1d(np.arange(len(nodes)), inner)
+            for chosen, most in ((inner, SLOPE_NODES), (outer, END_NODES)):
+                size = min(most, len(nodes))
+                window = np.clip(chosen - size // 2, 0, len(nodes) - size)[:, None] + np.arange(size)
+                weights = _slope_weights(arc[window], chosen - window[:, 0])
+                for side, excluded in zip(sides, (0, len(nodes) - 1), strict=True):
+                    kept = chosen != excluded
+                    at = np.repeat(numbers[chosen[kept]], size), numbers[window[kept]].ravel()
+                    side.append(sparse.coo_array((weights[kept].ravel(), at), shape=(count, count)))
+        left, right = (sparse.csr_array(sum(side[1:], side[0])) for side in sides)
+        return left, right
 
     @cached_property
     def mean_slopes(self) -> sparse.csr_array:
@@ -78,18 +86,6 @@ class NodeCurve:
         if self.around is None:
             half[[0, -1]] = 1.0
         return sparse.csr_array(sparse.diags_array(half) @ (self.slopes[0] + self.slopes[1]))
-
-    def _open(self, nodes: IntArray) -> sparse.csr_array:
-        """Rows (k, m) of the derivatives at ``nodes`` (k,) between two corners, with fewer nodes near these:
-        one-sided slopes of high degree amplify irregularities of the last nodes."""
-        own, (turns, numbers) = len(nodes), np.divmod(nodes, len(self.arc))
-        arc = self.arc[numbers] + turns * (self.around or 0.0)
-        inner = np.arange(SLOPE_NODES // 2, own - SLOPE_NODES // 2)
-        rows = _slopes(arc, None, np.setdiff1d(np.arange(own), inner), min(END_NODES, own))
-        if len(inner):
-            rows = sparse.csr_array(rows + _slopes(arc, None, inner, SLOPE_NODES))
-        entries = (np.ones(own), (np.arange(own), numbers))
-        return sparse.csr_array(rows @ sparse.csr_array(entries, shape=(own, len(self.arc))))
 
     def interval(self, place: FloatArray) -> IntArray:
         """Index of the knot (c,) at or below each place (c,)."""
@@ -180,21 +176,49 @@ class NodeCurve:
         return place, np.asarray(inside & (moved <= END_SLACK * largest))
 
 
-def _slopes(arc: FloatArray, around: float | None, chosen: IntArray, size: int) -> sparse.csr_array:
-    """Rows (m, m) of the derivatives at ``chosen`` nodes of polynomials through ``size`` nodes, else zero."""
-    count, number = len(arc), np.arange(len(chosen))
-    first = chosen - size // 2
-    if around is None:
-        first = np.clip(first, 0, count - size)
-    turns, nodes = np.divmod(first[:, None] + np.arange(size), count)
-    place = arc[nodes] + turns * (around or 0.0)
-    apart = place[:, :, None] - place[:, None, :] + np.eye(size)
-    share = 1.0 / apart.prod(axis=2)
-    own = chosen - first
-    away = arc[chosen][:, None] - place
+def integration(
+    curve: NodeCurve, place: FloatArray, other: NodeCurve, chosen: IntArray | slice = slice(None)
+) -> tuple[sparse.csr_array, sparse.csr_array, sparse.csr_array, FloatArray]:
+    """Integration over the ``chosen`` intervals of a curve, the nodes of which are at the ``place`` (c,) of
+    another one, by Simpson's rule between the nodes of either: hat functions (q, c) of its nodes, those (q,
+    m) of the other ones and their derivatives, and lengths (q,)."""
+    first = np.arange(len(curve.knots) - 1)[chosen]
+    second, step = (first + 1) % len(curve.arc), np.diff(curve.knots)[chosen]
+    start, around, knots = place[first], other.around, other.knots
+    way = wrapped(place[second] - start, around)
+    if around is not None:
+        knots = np.concatenate([other.arc + turn * around for turn in (-1.0, 0.0, 1.0, 2.0)])
+    least, most = np.sort([start, start + way], axis=0)
+    begin = np.searchsorted(knots, least, "right")
+    count = np.maximum(np.searchsorted(knots, most, "left") - begin, 0)
+    every = np.arange(len(first))
+    number = np.repeat(every, count)
+    cut = knots[np.arange(len(number)) + (begin - np.cumsum(count) + count)[number]]
+    part = np.concatenate([np.zeros(len(every)), (cut - start[number]) / way[number], np.ones(len(every))])
+    owner = np.concatenate([every, number, every])
+    order = np.lexsort((part, owner))
+    part, owner = part[order], owner[order]
+    piece = np.flatnonzero(owner[1:] == owner[:-1])
+    low, high, owner = part[piece], part[piece + 1], owner[piece]
+    share = np.stack([low, 0.5 * (low + high), high], axis=1)
+    at = start[owner, None] + share * way[owner, None]
+    if around is not None:
+        at -= around * np.floor((at[:, 1:2] - other.arc[0]) / around)
+    columns = np.repeat(np.concatenate([first[owner], second[owner]]), 3)
+    entries = np.stack([1.0 - share, share]).ravel(), (np.tile(np.arange(share.size), 2), columns)
+    own = sparse.csr_array(entries, shape=(share.size, len(curve.arc)))
+    length = ((high - low) * step[owner])[:, None] * SIMPSON
+    return own, *other.hats(at.ravel(), np.repeat(other.interval(at[:, 1]), 3)), length.ravel()
+
+
+def _slope_weights(place: FloatArray, own: IntArray) -> FloatArray:
+    """Weights (e, k) of the derivatives at the nodes ``own`` (e,) of polynomials through nodes at ``place``
+    (e, k), by the barycentric formula."""
+    number, size = np.arange(len(place)), place.shape[1]
+    share = 1.0 / (place[:, :, None] - place[:, None, :] + np.eye(size)).prod(axis=2)
+    away = place[number, own][:, None] - place
     away[number, own] = 1.0
     weights = share / share[number, own][:, None] / away
     weights[number, own] = 0.0
     weights[number, own] = -weights.sum(axis=1)
-    entries = (weights.ravel(), (np.repeat(chosen, size), nodes.ravel()))
-    return sparse.csr_array(entries, shape=(count, count))
+    return np.asarray(weights)

@@ -16,10 +16,10 @@ from typing import TypeAlias
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.cloud.cells import FINE, GAUSS, Halves
+from mlsanm_cli.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.curves import Curve
-from mlsanm_cli.contact.finite.node_curve import NodeCurve
+from mlsanm_cli.contact.finite.node_curve import NodeCurve, integration
 from mlsanm_cli.contact.geometry.unfolding import Planes
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.corner import Corner
@@ -71,6 +71,16 @@ class Points:
     def ends(self) -> FloatArray:
         """Arc lengths of the ends of the intervals; on a closed side the first one is repeated."""
         return self.curve.knots
+
+    @cached_property
+    def mass(self) -> sparse.csr_array:
+        """Integrals (c, c) of the products of the points' hat functions."""
+        hats, _, _, length = integration(self.curve, self.arc, self.curve)
+        return sparse.csr_array(hats.T @ sparse.diags_array(length) @ hats)
+
+    def at(self, arc: FloatArray, values: AnyArray) -> FloatArray:
+        """Values (c,) at the points interpolated linearly at arc lengths (e,)."""
+        return np.interp(arc, self.arc, np.asarray(values, np.float64), period=self.around)
 
     def turned(self, displacement: FloatArray) -> tuple[ComplexArray, sparse.csr_array]:
         """Rotations (c,) of the side as unit complex numbers, and rows (c, 2c) of the angles."""
@@ -152,8 +162,30 @@ class SideNodes(Points):
     def fit(self) -> FloatArray:
         """Local cubic fits along the side at its nodes (2c, 2c), continued behind planes of symmetry, where
         near fields have a share."""
+        count, number = self.count, np.arange(self.count)
+        copies = [(self.arc, number, np.eye(2))]
+        if self.around is not None:
+            copies += [(self.arc + turn, number, np.eye(2)) for turn in (-self.around, self.around)]
+        for end, plane in enumerate(self.planes):
+            if plane is not None:
+                behind = np.delete(number, -end)
+                copies.append((2.0 * self.arc[-end] - self.arc[behind], behind, plane.image.matrix))
+        arc, node = (np.concatenate(one) for one in list(zip(*copies, strict=True))[:2])
+        turned = np.concatenate([np.tile(one, (len(nodes), 1, 1)) for _, nodes, one in copies])
+        order = np.argsort(arc)
+        arc, node, turned, own = arc[order], node[order], turned[order], np.argsort(order)
+        fit = np.zeros((count, count, 2, 2))
+        for i in number:
+            here = int(own[i])
+            low, high = max(0, here - 3 * HALF_WINDOW), min(len(arc), here + 3 * HALF_WINDOW + 1)
+            x, away = arc[low:high] - self.arc[i], np.arange(low, high) - here
+            weight = np.exp(-((away / HALF_WINDOW) ** 2.0))
+            basis = (x / np.abs(x).max())[:, None] ** np.arange(min(4, len(x)))
+            values = np.linalg.solve(basis.T @ (weight[:, None] * basis), basis.T * weight)[0]
+            np.add.at(fit[i], node[low:high], values[:, None, None] * turned[low:high])
         both = np.repeat(self.share, 2)
-        return np.diag(1.0 - both) + both[:, None] * _fit(self)
+        smooth = fit.transpose(0, 2, 1, 3).reshape(2 * count, 2 * count)
+        return np.asarray(np.diag(1.0 - both) + both[:, None] * smooth)
 
 
 @dataclass(frozen=True)
@@ -174,7 +206,7 @@ class ContactSide(Points):
         corners = tuple(int(np.argmin(np.abs(arc - nodes.arc[one]))) for one in nodes.corners)
         outward = geometry.normals(arc)
         outward[list(corners)] = nodes.outward[list(nodes.corners)]
-        held = np.interp(arc, nodes.arc, nodes.held.astype(float)) > 1.0 - COARSE_ROUND_OFF
+        held = nodes.at(arc, nodes.held) > 1.0 - COARSE_ROUND_OFF
         kept = (nodes.body, geometry.points(arc), outward, weight, arc, nodes.around, held, corners)
         return cls(*kept, nodes.planes, nodes.wedges, geometry, nodes)
 
@@ -195,70 +227,24 @@ class ContactSide(Points):
     @cached_property
     def spread(self) -> sparse.csr_array:
         """Nodal tractions (2c, 2g) by those at the knots (P), with the same force and moment."""
-        mass, shared = _products(self.nodes, self.nodes), _products(self.nodes, self)
-        return both_components(np.asarray(np.linalg.solve(mass, shared), np.float64))
-
-    @cached_property
-    def hats(self) -> sparse.csr_array:
-        """Values (2g, 2c) at the knots of vectors that are linear between nodes."""
-        curve = self.nodes.curve
-        return both_components(curve.hats(self.arc, curve.interval(self.arc))[0])
+        own, nodal, _, length = integration(self.curve, self.arc, self.nodes.curve)
+        shared = (nodal.T @ sparse.diags_array(length) @ own).toarray()
+        return both_components(np.linalg.solve(self.nodes.mass.toarray(), shared))
 
     @cached_property
     def share(self) -> FloatArray:
         """Fraction (g,) of near fields in the response."""
-        nodes = self.nodes
-        ends = nodes.share if nodes.around is None else np.append(nodes.share, nodes.share[0])
-        return np.interp(self.arc, nodes.ends, ends)
+        return self.nodes.at(self.arc, self.nodes.share)
 
 
 def by_component(rows: sparse.csr_array, directions: FloatArray) -> sparse.csr_array:
     """Rows (c, m) of a scalar as rows (c, 2m) of the component along ``directions`` (c, 2)."""
-    found = rows.tocoo()
-    line, column = found.coords
-    entries = (
-        np.concatenate([found.data * directions[line, 0], found.data * directions[line, 1]]),
-        (np.tile(line, 2), np.concatenate([2 * column, 2 * column + 1])),
-    )
-    return sparse.csr_array(entries, shape=(rows.shape[0], 2 * rows.shape[1]))
+    pairs = rows.data[:, None] * np.repeat(directions, np.diff(rows.indptr), axis=0)
+    columns = np.stack([2 * rows.indices, 2 * rows.indices + 1], axis=1)
+    shape = rows.shape[0], 2 * rows.shape[1]
+    return sparse.csr_array((pairs.ravel(), columns.ravel(), 2 * rows.indptr), shape=shape)
 
 
 def both_components(rows: sparse.csr_array | FloatArray) -> sparse.csr_array:
     """Rows (g, c) applied to both components (2g, 2c)."""
     return sparse.csr_array(sparse.kron(sparse.csr_array(rows), sparse.eye_array(2), format="csr"))
-
-
-def _products(one: Points, other: Points) -> FloatArray:
-    """Integrals (c, g) of the products of the hat functions of two sets of points of a side."""
-    cuts = np.unique(np.concatenate([one.ends, other.ends]))
-    step = np.diff(cuts)
-    places = np.concatenate([cuts[:-1] + at * step for at, _ in GAUSS[2]])
-    length = np.concatenate([weight * step for _, weight in GAUSS[2]])
-    first, second = (of.curve.hats(places, of.curve.interval(places))[0] for of in (one, other))
-    return np.asarray((first.T @ sparse.diags_array(length) @ second).toarray())
-
-
-def _fit(side: Points) -> FloatArray:
-    """Local cubic fits along the side at its nodes (2c, 2c), continued behind planes of symmetry."""
-    count, number = side.count, np.arange(side.count)
-    copies = [(side.arc, number, np.eye(2))]
-    if side.around is not None:
-        copies += [(side.arc + turn, number, np.eye(2)) for turn in (-side.around, side.around)]
-    for end, plane in enumerate(side.planes):
-        if plane is not None:
-            behind = np.delete(number, -end)
-            copies.append((2.0 * side.arc[-end] - side.arc[behind], behind, plane.image.matrix))
-    arc, node = (np.concatenate(one) for one in list(zip(*copies, strict=True))[:2])
-    turned = np.concatenate([np.tile(one, (len(nodes), 1, 1)) for _, nodes, one in copies])
-    order = np.argsort(arc)
-    arc, node, turned, own = arc[order], node[order], turned[order], np.argsort(order)
-    fit = np.zeros((count, count, 2, 2))
-    for i in number:
-        here = int(own[i])
-        low, high = max(0, here - 3 * HALF_WINDOW), min(len(arc), here + 3 * HALF_WINDOW + 1)
-        x, away = arc[low:high] - side.arc[i], np.arange(low, high) - here
-        weight = np.exp(-((away / HALF_WINDOW) ** 2.0))
-        basis = (x / np.abs(x).max())[:, None] ** np.arange(min(4, len(x)))
-        values = np.linalg.solve(basis.T @ (weight[:, None] * basis), basis.T * weight)[0]
-        np.add.at(fit[i], node[low:high], values[:, None, None] * turned[low:high])
-    return fit.transpose(0, 2, 1, 3).reshape(2 * count, 2 * count)

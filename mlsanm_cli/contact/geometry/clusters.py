@@ -114,7 +114,24 @@ def _chains(
 ) -> Iterator[Chain]:
     """Matrix products for the kernel values ``between`` the ``points`` (u, k) of clusters with hats
     ``ranges`` (u, 2), end exclusive, times a tensor ``table`` (2, 2)."""
-    shares = {c: _shares(hats, values, ranges, points) for c, values in enumerate(along.T) if values.any()}
+    count, (inner, weights) = points.shape[1], hats.own_points
+    first, last = ranges.T
+    size = last - first
+    cluster = np.repeat(np.arange(len(size)), size)
+    rows = np.arange(len(cluster)) - np.repeat(np.cumsum(size) - size, size) + first[cluster]
+    indices = np.repeat(rows, count), (cluster[:, None] * count + np.arange(count)).ravel()
+    shares = {}
+    for c, values in enumerate(along.T):
+        if not values.any():
+            continue
+        # Integrals of the directions times every hat times the Lagrange polynomials of its clusters.
+        at, acting, found = hats.points[inner], weights * values[inner], np.empty((len(rows), count))
+        for start in range(0, len(rows), BATCH_SIZE):
+            some = slice(start, start + BATCH_SIZE)
+            nodes = np.repeat(points[cluster[some]], at.shape[1], axis=0)
+            each = lagrange(at[rows[some]].ravel(), nodes).reshape(-1, at.shape[1], count)
+            found[some] = np.einsum("mq,mqk->mk", acting[rows[some]], each)
+        shares[c] = sparse.csr_array((found.ravel(), indices), shape=(len(hats.place), points.size))
     for seen, by in product(shares, repeat=2):
         if abs(table[seen, by]) > FINE_ROUND_OFF * np.abs(table).max():
             yield shares[seen], between, sparse.csr_array(table[seen, by] * shares[by].T)
@@ -150,23 +167,3 @@ def _near(
     values = np.concatenate([total, total[beside]])
     rows, columns = (np.concatenate([a, b[beside]]) for a, b in ((one, other), (other, one)))
     return sparse.csr_array((values, (rows, columns)), shape=(len(pairs.widths),) * 2)
-
-
-def _shares(hats: Hats, values: FloatArray, ranges: IntArray, places: FloatArray) -> sparse.csr_array:
-    """Integrals (m, u k) of ``values`` (g,) times every hat times the Lagrange polynomials of ``places`` (u,
-    k) of its clusters, of hats ``ranges`` (u, 2)."""
-    count, (points, weights) = places.shape[1], hats.own_points
-    at, weights = hats.points[points], weights * values[points]
-    first, last = ranges.T
-    size = last - first
-    cluster = np.repeat(np.arange(len(size)), size)
-    rows = np.arange(len(cluster)) - np.repeat(np.cumsum(size) - size, size) + first[cluster]
-    found = np.empty((len(rows), count))
-    for start in range(0, len(rows), BATCH_SIZE):
-        some = slice(start, start + BATCH_SIZE)
-        nodes = np.repeat(places[cluster[some]], at.shape[1], axis=0)
-        shares = lagrange(at[rows[some]].ravel(), nodes).reshape(-1, at.shape[1], count)
-        found[some] = np.einsum("mq,mqk->mk", weights[rows[some]], shares)
-    columns = cluster[:, None] * count + np.arange(count)
-    entries = found.ravel(), (np.repeat(rows, count), columns.ravel())
-    return sparse.csr_array(entries, shape=(len(hats.place), places.size))

@@ -26,13 +26,8 @@ from mlsanm_cli.contact.geometry.facing import Facing, turned
 from mlsanm_cli.contact.geometry.grid import Hats
 from mlsanm_cli.contact.geometry.hat_pairs import HatPairs
 from mlsanm_cli.contact.geometry.unfolding import Planes, Unfolding
-from mlsanm_cli.mechanics.corner import Corner, CorneredForces, Forces
-from mlsanm_cli.mechanics.near_field import (
-    PointForceField,
-    SurfaceForces,
-    as_complex,
-    as_real,
-)
+from mlsanm_cli.mechanics.corner import Corner
+from mlsanm_cli.mechanics.near_field import PointForceField, as_complex, as_real
 from mlsanm_cli.mechanics.symmetry import Image, images_of
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
@@ -135,20 +130,6 @@ class ContactGrid:
         """Coordinates (k,) of the samples."""
         return self.unfolding.samples
 
-    def forces(self, kernel: PointForceField, slave: bool) -> Forces:
-        """Unit forces at the samples on one of the two bodies, with the corrections at corners and planes of
-        symmetry."""
-        if slave not in self._forces:
-            place, inward = self.facing.side(self.samples, slave)
-            own = SurfaceForces(kernel, place, inward, self.centers[0 if slave else 1])
-            around = self.corners_of(slave), self.images_of(slave)
-            self._forces[slave] = CorneredForces(own, *around) if any(around) else own
-        return self._forces[slave]
-
-    @cached_property
-    def _forces(self) -> dict[bool, Forces]:
-        return {}
-
     @cached_property
     def responses(self) -> dict[bool, Any]:
         """Cache of :meth:`mlsanm_cli.contact.geometry.surface_response.SurfaceResponse.of` by body."""
@@ -174,12 +155,12 @@ class ContactGrid:
         """Vectors (2, k, 2) at the samples along which displacements are interpolated: x and y; with planes
         of symmetry along and across these, or between two at an angle the normal and the tangent, in which
         they are even and odd."""
-        if not self.mirrored:
-            return np.repeat(np.eye(2)[:, None], self.count, axis=1)
         return self._axes_at(self.samples)
 
     def _axes_at(self, s: FloatArray) -> FloatArray:
         ways = [plane.along for plane in self.mirrors if plane is not None]
+        if not ways:
+            return np.repeat(np.eye(2)[:, None], len(s), axis=1)
         if max(abs((way * np.conj(ways[0])).imag) for way in ways) <= COARSE_ROUND_OFF:
             # Not the normal: splines meet planes at angles that are not exactly right.
             normal = np.repeat(as_real(np.array(ways[:1])), len(s), axis=0)
@@ -191,18 +172,11 @@ class ContactGrid:
     def spreads(self) -> tuple[FloatArray, FloatArray]:
         """Forces (2k, m) x and y at the samples equivalent to hats of pressures, and of tractions; the
         transpose integrates displacements along these with the hats."""
-        shares, found = self.unfolding.cardinals(self.hats.points), []
+        shares, axes, found = self.unfolding.cardinals(self.hats.points), self._axes_at(self.hats.points), []
         for direction in self.directions:
-            parts = direction.T
-            if self.mirrored:
-                parts = (self._axes_at(self.hats.points) * direction).sum(axis=2)
-            along = [
-                (self.hats.integrals @ (part[:, None] * share)).T
-                for part, share in zip(parts, shares, strict=True)
-            ]
-            if self.mirrored:
-                along = list(np.einsum("akc,akm->ckm", self.axes, np.array(along)))
-            found.append(np.concatenate(along))
+            parts = zip((axes * direction).sum(axis=2), shares, strict=True)
+            along = np.array([(self.hats.integrals @ (part[:, None] * share)).T for part, share in parts])
+            found.append(np.concatenate(np.einsum("akc,akm->ckm", self.axes, along)))
         return found[0], found[1]
 
     @cached_property
@@ -260,7 +234,7 @@ class ContactGrid:
     @cached_property
     def pairs(self) -> HatPairs:
         """Double integrals of kernels with the hats of all copies."""
-        return HatPairs(self.unfolded[0] if self.mirrored else self.hats)
+        return HatPairs(self.unfolded[0])
 
     def directions_at(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Directions (e, 2) of pressures and of tractions at ``points`` (e,) of the copies of the range."""
@@ -275,18 +249,13 @@ class ContactGrid:
     def singular_integrals(self, log: FloatArray, turn: FloatArray, which: int, by: int) -> FloatArray:
         """Double integrals (m, m) with the hats of log ln|s - s'| + turn sgn(s - s') and its images, along
         pressures (0) or tractions (1)."""
-        directions = self._unfolded_directions
+        directions, fold = self._unfolded_directions, self.unfolded[1]
         whole = self.pairs.integrals(log, turn, directions[which], directions[by])
-        if not self.mirrored:
-            return whole
-        fold = self.unfolded[1]
         return np.asarray(fold.T @ (fold.T @ whole.T).T) / len(self.unfolding.copies)
 
     def singular_chains(self, log: FloatArray, turn: FloatArray) -> tuple[sparse.csr_array, list[Chain]]:
         """:meth:`singular_integrals` of pressures as near entries (m, m) and matrix products."""
         near, far = hierarchical(self.pairs, log, turn, self._unfolded_directions[0])
-        if not self.mirrored:
-            return near, far
         fold = self.unfolded[1]
         folded = sparse.csr_array(fold.T / len(self.unfolding.copies))
         return sparse.csr_array(folded @ near @ fold), [(folded, *chain, fold) for chain in far]

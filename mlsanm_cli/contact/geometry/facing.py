@@ -46,40 +46,32 @@ class Facing:
         arc = s if self.slave_first else -s
         return np.mod(arc, self.base.length) if self.base.closed else arc
 
-    def _places(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Points (e, 2) of the base and of the other surface, and both outward normals (e, 2)."""
+    def _places(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Points (e, 2) of the base and of the other surface, both outward normals (e, 2), and directions (e,
+        2) of pressures on the slave."""
         arc = self._arc(s)
         points, outward = self.base.points(arc), self.base.normals(arc)
         if self.other is None:
             assert self.obstacle is not None
             there, normal = self.obstacle.closest(points, outward)
-            return points, there, normal, outward
-        place = self.other.closest(points)
-        # At corners within the curves, normals of the sides that face each other.
-        normals = normals_towards(self.other, place, outward)
-        return points, self.other.points(place), normals, normals_towards(self.base, arc, normals)
+        else:
+            place = self.other.closest(points)
+            # At corners within the curves, normals of the sides that face each other.
+            there, normal = self.other.points(place), normals_towards(self.other, place, outward)
+            outward = normals_towards(self.base, arc, normal)
+        along = as_real(as_complex(normal) * np.exp(1j * self.turn)) if self.turn else normal
+        return points, there, outward, normal, along if self.slave_first else -along
 
     def opposite(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Points (e, 2) of the slave, opposite points of the master, and pressure directions (e, 2) on the
         slave, which are normals of the other surface."""
-        points, there, normal, _ = self._places(s)
-        normal = self._direction(normal)
-        return (points, there, normal) if self.slave_first else (there, points, normal)
-
-    def normal(self, s: FloatArray) -> FloatArray:
-        """Pressure directions (e, 2) on the slave."""
-        return self.opposite(s)[2]
-
-    def _direction(self, normal: FloatArray) -> FloatArray:
-        """Pressure directions (e, 2) on the slave from the other surface's normals (e, 2)."""
-        if self.turn:
-            normal = as_real(as_complex(normal) * np.exp(1j * self.turn))
-        return normal if self.slave_first else -normal
+        points, there, *_, along = self._places(s)
+        return (points, there, along) if self.slave_first else (there, points, along)
 
     def directions(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Directions (e, 2) of pressures and tractions on the slave: the master's outward normals, and these
         rotated by -90 degrees."""
-        normal = self.normal(s)
+        normal = self.opposite(s)[2]
         return normal, turned(normal)
 
     def gap(self, s: FloatArray) -> FloatArray:
@@ -102,8 +94,7 @@ class Facing:
         self, s: FloatArray, slave: bool
     ) -> tuple[ComplexArray, ComplexArray, tuple[FloatArray, FloatArray]]:
         """:meth:`side` and :meth:`directions` from one closest-point search."""
-        points, there, normal, outward = self._places(s)
-        along = self._direction(normal)
+        points, there, outward, normal, along = self._places(s)
         seen = (points, outward) if slave == self.slave_first else (there, normal)
         return as_complex(seen[0]), -as_complex(seen[1]), (along, turned(along))
 

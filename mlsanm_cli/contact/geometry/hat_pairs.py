@@ -75,24 +75,12 @@ class HatPairs:
         return np.asarray(np.maximum(self.hats.steps[1:], self.hats.steps[:-1]))
 
     def near(self, function: Distance, shift: float, one: IntArray, other: IntArray) -> NearPairs:
-        """The near ones among pairs (e,) of hats ``one`` and ``other``."""
+        """The near ones among pairs (e,) of hats ``one`` and ``other``. The exact integrals are fourth
+        differences, in extended precision as these lose digits; once per pair of nodes."""
         way = np.abs(self.hats.place[one] + shift - self.hats.place[other])
         wide = self.widths[one] + self.widths[other]
         chosen = np.flatnonzero(way <= function.reach * wide)
         one, other, overlap = one[chosen], other[chosen], (way < wide)[chosen]
-        ones = np.ones((len(self.hats.points), 1))
-        error = self._exact(function, shift, one, other)
-        error -= self.quadrature(function, shift, one, other, ones, ones)
-        return NearPairs(function, shift, chosen, one, other, overlap, error)
-
-    def kernel(self, function: Distance, apart: FloatArray) -> FloatArray:
-        """Values (...) of a kernel at distances (...) along the contact, with its images on a ring."""
-        period = self.hats.period
-        return function.values(apart) if period is None else function.images(apart, period)
-
-    def _exact(self, function: Distance, shift: float, one: IntArray, other: IntArray) -> FloatArray:
-        """Exact double integrals (e,) of a kernel, in extended precision as fourth differences lose digits;
-        once per pair of nodes."""
         nodes: Any = self.hats.nodes.astype(np.longdouble)
         lowest, highest = int((other - one).min(initial=0)) - 2, int((other - one).max(initial=0)) + 2
         first, last = (one[:, None] + THREE)[:, :, None], (other[:, None] + THREE)[:, None, :]
@@ -111,7 +99,15 @@ class HatPairs:
             exact += np.einsum("ea,eab,eb->e", impulses[one], rise, doublets[other])
             exact -= np.einsum("ea,eab,eb->e", doublets[one], rise, impulses[other])
             exact -= np.einsum("ea,eab,eb->e", doublets[one], second(t)[pairs], doublets[other])
-        return np.asarray(exact, dtype=np.float64)
+        ones = np.ones((len(self.hats.points), 1))
+        error = np.asarray(exact, dtype=np.float64)
+        error -= self.quadrature(function, shift, one, other, ones, ones)
+        return NearPairs(function, shift, chosen, one, other, overlap, error)
+
+    def kernel(self, function: Distance, apart: FloatArray) -> FloatArray:
+        """Values (...) of a kernel at distances (...) along the contact, with its images on a ring."""
+        period = self.hats.period
+        return function.values(apart) if period is None else function.images(apart, period)
 
     def quadrature(
         self, function: Distance, shift: float, one: IntArray, other: IntArray, *along: FloatArray

@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray, runs_of
+from mlsanm_cli.arrays import BoolArray, FloatArray, runs_of
 from mlsanm_cli.cloud.curves import Arc, Curve
 from mlsanm_cli.cloud.search import MAX_PAIRS
 from mlsanm_cli.cloud.splines import NodeSpline, Spline
@@ -133,19 +133,6 @@ class Chain:
         return next((one for one in whole if one.curvature(one.node_arcs).min() >= 0.0), None)
 
     def closest(self, points: FloatArray, outward: FloatArray) -> tuple[FloatArray, FloatArray]:
-        partner, normal, side, corner = self._on_sides(points, outward)
-        for first, last, curve in self._curves:
-            here = (side >= first) & (side < last)
-            here &= (corner == -1) | self.smooth[corner]
-            if here.any():
-                partner[here], normal[here] = curve.closest_points(points[here])
-        return partner, normal
-
-    def _on_sides(
-        self, points: FloatArray, outward: FloatArray
-    ) -> tuple[FloatArray, FloatArray, IntArray, IntArray]:
-        """Closest points and normals of straight sides, the side, and the inner corner that defines the
-        normal, or -1."""
         start, along = self.points[:-1], np.diff(self.points, axis=0)
         length = np.hypot(*along.T)
         tangent = along / length[:, None]
@@ -166,10 +153,14 @@ class Chain:
         normal = np.stack([tangent[side, 1], -tangent[side, 0]], axis=1)
         # Beyond a corner the normal is the direction from it; above a side it is exactly the side's.
         past = points - partner
-        neighbours = np.abs((past * tangent[side]).sum(axis=1))
         size = np.hypot(past[:, 0], past[:, 1])
-        corner = (neighbours > ROUND_OFF * length.max()) & ((past * normal).sum(axis=1) > 0.0)
-        inner = ((s == 0.0) & (side > 0)) | ((s == length[side]) & (side < len(length) - 1))
-        turned = corner & inner
+        turned = np.abs((past * tangent[side]).sum(axis=1)) > ROUND_OFF * length.max()
+        turned &= (past * normal).sum(axis=1) > 0.0
+        turned &= ((s == 0.0) & (side > 0)) | ((s == length[side]) & (side < len(length) - 1))
         normal = np.where(turned[:, None], past / np.where(size > 0.0, size, 1.0)[:, None], normal)
-        return partner, normal, side, np.where(turned, np.where(s == 0.0, side, side + 1), -1)
+        sampled = ~turned | self.smooth[np.where(s == 0.0, side, side + 1)]
+        for first, last, curve in self._curves:
+            here = (side >= first) & (side < last) & sampled
+            if here.any():
+                partner[here], normal[here] = curve.closest_points(points[here])
+        return partner, normal

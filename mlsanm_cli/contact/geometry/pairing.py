@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -29,13 +30,13 @@ class Pairing:
     ``position`` (w,) are indices among the slave surface's nodes, -1 for points between nodes; ``points`` (w,
     2) their coordinates, ``arc`` (w,) arc lengths along the slave, increasing over the candidates and
     continuing past the start of a closed surface, ``weight`` (w,) surface lengths, ``around`` (w,) the
-    circumferences of these parts of bodies of revolution, else 1. ``partner``  (w, 2) are the closest points
-    of the master, ``normal`` (w, 2) its outward normals there, ``gap`` (w,) initial gaps. ``candidate`` (w,)
-    marks the m points that can touch; the others are only monitored. ``friction`` is Coulomb's coefficient,
-    inf for bonded surfaces. ``interference`` reduces the gaps when the load of the contact's name is 1,
-    ``closed_by`` is their reduction to surfaces drawn touching. A rigid obstacle has neither ``master_body``
-    nor ``master``. With a ``contact_grid`` the candidates are its nodes, and gaps and normals are averages
-    over its hats. ``exchanged``: slave and master are swapped with respect to the case.
+    circumferences of bodies of revolution there, else 1. ``partner``  (w, 2) are the closest points of the
+    master, ``normal`` (w, 2) its outward normals there, ``gap`` (w,) initial gaps. ``candidate`` (w,) marks
+    the m points that can touch; the others are monitored. ``friction`` is Coulomb's coefficient, inf for
+    bonded surfaces. ``interference`` reduces the gaps when the load of the contact's name is 1, ``closed_by``
+    is their reduction to surfaces drawn touching. A rigid obstacle has neither ``master_body`` nor
+    ``master``. With a ``contact_grid`` the candidates are its nodes, and gaps and normals averages over its
+    hats. ``exchanged``: slave and master are swapped with respect to the case.
     """
 
     name: str
@@ -175,24 +176,20 @@ def on_grid(pairing: Pairing, grid: ContactGrid) -> Pairing:
     beyond = (place < grid.first - slack) | (place > grid.last + slack)
     points, partner, _ = facing.opposite(hats.place)
     count = len(hats.place)
-
-    def joined(own: FloatArray, others: FloatArray) -> FloatArray:
-        return np.concatenate([own, others[beyond]])
-
-    return replace(
-        pairing,
-        position=np.concatenate([np.full(count, -1), pairing.position[beyond]]),
-        points=joined(points, pairing.points),
-        arc=joined(hats.place, place),
-        weight=joined(hats.weight, pairing.weight),
-        partner=joined(partner, pairing.partner),
-        normal=joined(hats.at_places(grid.directions[0]), pairing.normal),
-        gap=joined(grid.gap - pairing.closed_by, pairing.gap),
-        spacing=joined(hats.weight, pairing.spacing),
-        around=joined(np.ones(count), pairing.around),
-        candidate=np.arange(count + int(beyond.sum())) < count,
-        contact_grid=grid,
-    )
+    own = {
+        "position": (np.full(count, -1), pairing.position),
+        "points": (points, pairing.points),
+        "arc": (hats.place, place),
+        "weight": (hats.weight, pairing.weight),
+        "partner": (partner, pairing.partner),
+        "normal": (hats.at_places(grid.directions[0]), pairing.normal),
+        "gap": (grid.gap - pairing.closed_by, pairing.gap),
+        "spacing": (hats.weight, pairing.spacing),
+        "around": (np.ones(count), pairing.around),
+    }
+    joined: dict[str, Any] = {name: np.concatenate([a, b[beyond]]) for name, (a, b) in own.items()}
+    joined["candidate"] = np.arange(count + int(beyond.sum())) < count
+    return replace(pairing, **joined, contact_grid=grid)
 
 
 def pair_surfaces(
@@ -208,8 +205,9 @@ def pair_surfaces(
     points = slave_cloud.points[slave.index]
     body, surface = master if isinstance(master, tuple) else (None, None)
     if isinstance(master, tuple):
-        s = master[1].curve.closest(points)
-        partner, normal = master[1].curve.points(s), normals_towards(master[1].curve, s, slave.normal)
+        surface = master[1]
+        s = surface.curve.closest(points)
+        partner, normal = surface.curve.points(s), normals_towards(surface.curve, s, slave.normal)
     else:
         partner, normal = master.closest(points, slave.normal)
     away = points - partner
@@ -219,7 +217,15 @@ def pair_surfaces(
     gap = (away * normal).sum(axis=1)
     # Coincident surfaces have zero gaps, whatever the round-off of their coordinates.
     gap[np.abs(gap) <= FINE_ROUND_OFF * np.abs(points).max()] = 0.0
-    position = _along(slave, np.flatnonzero(facing & (tangential < COARSE_ROUND_OFF * spacing)), gap)
+    position = np.flatnonzero(facing & (tangential < COARSE_ROUND_OFF * spacing))
+    if slave.curve.closed and len(position):
+        # In order along the slave, from behind the widest stretch without pairs or, without any, as for a pin
+        # in a hole, from the widest gap.
+        start = int(np.argmax(gap))
+        if len(position) < len(slave.index):
+            s = slave.arc_length[position]
+            start = int(np.argmax(np.diff(np.append(s, s[0] + slave.curve.length)))) + 1
+        position = np.roll(position, -start)
     arc, weight = slave.arc_length[position], np.zeros(len(position))
     for part, own, on in facing_parts(slave, position, normal[position]):
         weight[on] += part.weight[own]
@@ -241,18 +247,6 @@ def pair_surfaces(
         candidate=np.ones(len(position), dtype=bool),
         friction=friction,
     )
-
-
-def _along(slave: Surface, position: IntArray, gap: FloatArray) -> IntArray:
-    """Positions in order along the slave. On a closed surface they start behind the widest stretch without
-    pairs or, without any, as for a pin in a hole, at the widest ``gap`` (b,)."""
-    if not slave.curve.closed or not len(position):
-        return position
-    if len(position) == len(slave.index):
-        return np.roll(position, -int(np.argmax(gap)))
-    s = slave.arc_length[position]
-    left_out = np.diff(np.append(s, s[0] + slave.curve.length))
-    return np.roll(position, -(int(np.argmax(left_out)) + 1))
 
 
 def facing_spacing(pairing: Pairing, cloud: Cloud) -> FloatArray:

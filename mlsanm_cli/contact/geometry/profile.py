@@ -81,25 +81,20 @@ def regular_peak(arc_length: FloatArray, pressure: FloatArray) -> float:
     order = order[pressure[order] > 0.0]
     lengths = np.cumsum(np.gradient(arc_length)[order])
     rest = float(pressure[order][np.searchsorted(lengths, (1.0 - PEAK_SHARE) * lengths[-1])])
-    singular = pressure[top] > PEAK_RATIO * rest or _grows(arc_length, pressure, top, float(lengths[-1]))
-    return rest if singular else float(pressure[top])
-
-
-def _grows(arc: FloatArray, pressure: FloatArray, top: int, loaded: float) -> bool:
-    """Whether pressures grow towards an end ``top`` of the ``loaded`` length by a power of the distance, or
-    jump there."""
-    away = np.where(pressure > 0.0, np.abs(arc - arc[top]), np.inf)
-    order = np.argsort(away)[: int((pressure > 0.0).sum())]
+    if pressure[top] > PEAK_RATIO * rest:
+        return rest
+    # Pressures that grow towards the end by a power of the distance, or jump there.
+    away = np.where(pressure > 0.0, np.abs(arc_length - arc_length[top]), np.inf)
+    order = np.argsort(away)[: len(order)]
     if len(order) >= LEAST_NODES:
         jump, less = -np.diff(pressure[order[:3]])
         step, after = np.diff(away[order[:3]])  # 0 where round-off is largest between two nodes
         if jump > END_JUMP * pressure[order[1]] and jump * after > END_SLOPE * less * step:
-            return True
+            return rest
     places = 2.0 * away[order[min(1, len(order) - 1)]] * 2.0 ** np.arange(HALVINGS + 1)
-    if places[-1] > SINGULAR_REACH * loaded:
-        return False
     found = np.interp(places, away[order], pressure[order])
-    return bool((found[:-1] >= 2.0**LEAST_POWER * found[1:]).all())
+    grows = places[-1] <= SINGULAR_REACH * lengths[-1] and (found[:-1] >= 2.0**LEAST_POWER * found[1:]).all()
+    return rest if grows else float(pressure[top])
 
 
 def is_singular(arc_length: FloatArray, pressure: FloatArray) -> bool:

@@ -13,7 +13,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.grid import on_panels
 from mlsanm_cli.contact.geometry.hat_pairs import LOGARITHM, SIGN
-from mlsanm_cli.mechanics.corner import Corner
+from mlsanm_cli.mechanics.corner import Corner, CorneredForces, Forces
 from mlsanm_cli.mechanics.near_field import ComplexArray, PointForceField, SurfaceForces
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
@@ -38,6 +38,14 @@ class SurfaceResponse:
         """The response, kept with the grid, which is condensed again while others are refined."""
         found: SurfaceResponse = grid.responses.setdefault(slave, cls(grid, kernel, slave))
         return found
+
+    @cached_property
+    def forces(self) -> Forces:
+        """Unit forces at the samples, with the corrections at corners and planes of symmetry."""
+        grid, center = self.grid, self.grid.centers[0 if self.slave else 1]
+        own = SurfaceForces(self.kernel, *grid.facing.side(grid.samples, self.slave), center)
+        around = grid.corners_of(self.slave), grid.images_of(self.slave)
+        return CorneredForces(own, *around) if any(around) else own
 
     @cached_property
     def tensors(self) -> tuple[FloatArray, FloatArray]:
@@ -141,7 +149,7 @@ class SurfaceResponse:
             return
         hats, fold = self.grid.unfolded
         points, integrals = hats.towards_ends
-        integrals = sparse.csr_array(fold.T @ integrals) if self.grid.mirrored else integrals
+        integrals = sparse.csr_array(fold.T @ integrals)
         directions = self.grid.directions_at(points)
         present = [np.flatnonzero(np.abs(one).max(axis=0) > FINE_ROUND_OFF).tolist() for one in directions]
         for corner in corners:

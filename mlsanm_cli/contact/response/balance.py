@@ -1,4 +1,4 @@
-"""ForceSums of loads, supports and contacts on the bodies, and the balance of platens and bodies."""
+"""Forces of loads, supports and contacts on the bodies, and the balance of platens and bodies."""
 
 from __future__ import annotations
 
@@ -60,9 +60,9 @@ class ForceSums:
             both = [self._contact(one, body).take(slice(0, 2)) for body in one.bodies]
             found["mismatch"][one.name] = both[0] + both[1] if len(both) == 2 else self._zeros(2)
         for name, body in self.scene.bodies.items():
-            total, held = (
-                self._others(name).take(slice(0, 2)),
+            held, total = (
                 self.scene.held_nodes.get(name, (False, False)),
+                self._others(name).take(slice(0, 2)),
             )
             # Hoop stresses balance radial forces.
             shown = [axis in motions_of(body.model.cloud) and not held[axis] for axis in (0, 1)]
@@ -97,11 +97,9 @@ class ForceSums:
 
     def _applied(self, body: str, center: tuple[float, float] = (0.0, 0.0)) -> LinearMap:
         """Sum of prescribed tractions, body forces and springs on a body."""
-        result = self._of_loads(_about(center) @ self._prescribed[body])
-        for where, pull in self.springs.items():
-            if where[0] == body:
-                result = result + pull.combined(_about(center))
-        return result
+        about = _about(center)
+        pulls = (pull.combined(about) for (name, _), pull in self.springs.items() if name == body)
+        return sum(pulls, self._of_loads(about @ self._prescribed[body]))
 
     @cached_property
     def _prescribed(self) -> Mapping[str, FloatArray]:
@@ -128,8 +126,8 @@ class ForceSums:
                     if body in pairing.bodies:
                         total = total + self._contact(pairing, body, center)
             return -total.combined(along)
-        parts = [self.measured[held].combined(along) for held in constraint.held]
-        return sum(parts[1:], parts[0])
+        parts = (self.measured[held].combined(along) for held in constraint.held)
+        return sum(parts, self._zeros(1))
 
     def _reported(self) -> dict[str, LinearMap]:
         """Force x, y (2 rows) of each load and each support on its body, by name."""
@@ -163,11 +161,8 @@ class ForceSums:
         for heating in scene.heatings:
             report[scene.loads[heating.number]] = self._zeros(2)
         for name, places in scene.supports.items():
-            report[name] = self._zeros(2)
-            for where in places:
-                for forces in (self.measured, self.springs):
-                    if where in forces:
-                        report[name] += forces[where].take(slice(0, 2))
+            seen = (forces[at] for at in places for forces in (self.measured, self.springs) if at in forces)
+            report[name] = sum((one.take(slice(0, 2)) for one in seen), self._zeros(2))
             for load in scene.surface_loads:
                 if (load.body, load.surface) in places:
                     on_springs = np.zeros((2, self.drivers.loads))

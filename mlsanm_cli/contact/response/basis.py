@@ -63,9 +63,27 @@ class GridBasis:
         """Gaps (``which`` 0) or slips (1) at the nodes by unit motions of the samples (m, s)."""
         return self._grid.means[which]
 
-    def rows(self, body: ElasticBody, name: str) -> sparse.csr_array:
-        """Motions of the samples (s, 2N) by displacements of a body."""
-        return sampled_rows(body, name, self._pairing)
+    def rows(self, body: ElasticBody, name: str, lost: bool = False) -> sparse.csr_array:
+        """Motions of the samples (s, 2N) by displacements of a body, or what is ``lost`` of them by
+        smoothing: in isotropic bodies away from corners, as remainders are less smooth there and in
+        others."""
+        grid, model = self._grid, body.model
+        total = sparse.csr_array((self.samples, model.unknowns))
+        for slave, sign in self._pairing.sides_of(name):
+            points, fitted = as_real(grid.facing.side(grid.samples, slave)[0]), None
+            if isinstance(model.kernel, Isotropic) and not grid.corners_of(slave):
+                spacing = float(model.cloud.spacing[model.cloud.tree.query(points)[1]].min())
+                fitted = smoothing(grid, points, spacing)
+            if lost and fitted is None:
+                continue
+            along = [model.values_along(points, axis) for axis in grid.axes]
+            if fitted is not None:
+                taken = [np.eye(grid.count) - one if lost else one for one in fitted]
+                along = [sparse.csr_array(one @ rows) for one, rows in zip(taken, along, strict=True)]
+            back = [[sparse.diags_array(axis[:, c]) for axis in grid.axes] for c in (0, 1)]
+            along = [sparse.csr_array(a @ along[0] + b @ along[1]) for a, b in back]
+            total = sparse.csr_array(total + sign * sparse.csr_array(sparse.vstack(along, format="csr")))
+        return total
 
     def sources(self, body: ElasticBody, name: str, centred: bool) -> sparse.csc_array:
         """Right-hand sides (r, d) of a body for unit drivers: for forces those of the remainders of their
@@ -75,8 +93,7 @@ class GridBasis:
             pins = [(number, pin) for number, pin in enumerate(grid.pinned) if pin.slave == slave]
             response = SurfaceResponse.of(grid, body.model.kernel, slave)
             held = {pin.node: response.smooth(np.array([pin.place]))[0] for _, pin in pins}
-            forces = grid.forces(body.model.kernel, slave)
-            total[:, : self.samples] += sign * remainder_sources(body, forces, centred, held)
+            total[:, : self.samples] += sign * remainder_sources(body, response.forces, centred, held)
             if grid.covers:
                 surface = self._pairing.surface_of(slave)
                 for component, axis in enumerate(np.eye(2)):
@@ -106,46 +123,14 @@ def basis_of(pairing: Pairing) -> Basis:
     return NodalBasis(pairing) if pairing.nodal else GridBasis(pairing)
 
 
-def sampled_rows(body: ElasticBody, name: str, pairing: Pairing, lost: bool = False) -> sparse.csr_array:
-    """Contribution (2k, 2N) of body ``name`` to the motions x, then y, of the slave relative to the master at
-    a contact grid's samples, or what is ``lost`` of it by smoothing."""
-    total = sparse.csr_array((2 * pairing.grid.count, body.model.unknowns))
-    for slave, sign in pairing.sides_of(name):
-        total = sparse.csr_array(total + sign * _moved(body, pairing.grid, slave, lost))
-    return total
-
-
-def _moved(body: ElasticBody, grid: ContactGrid, slave: bool, lost: bool) -> sparse.csr_array:
-    """Displacements x and y (2k, 2N) of a body at the samples of a contact grid, or what is ``lost`` of them
-    by smoothing: in isotropic bodies away from corners. Remainders are less smooth at corners, and in
-    orthotropic bodies."""
-    points, cloud, fitted = as_real(grid.facing.side(grid.samples, slave)[0]), body.model.cloud, None
-    if isinstance(body.model.kernel, Isotropic) and not grid.corners_of(slave):
-        fitted = smoothing(grid, points, float(cloud.spacing[cloud.tree.query(points)[1]].min()))
-    if lost and fitted is None:
-        return sparse.csr_array((2 * grid.count, 2 * len(cloud.points)))
-    along = [body.model.values_along(points, axis) for axis in grid.axes]
-    if fitted is not None:
-        taken = [np.eye(grid.count) - one if lost else one for one in fitted]
-        along = [sparse.csr_array(one @ rows) for one, rows in zip(taken, along, strict=True)]
-    if grid.mirrored:
-        back = [[sparse.diags_array(axis[:, c]) for axis in grid.axes] for c in (0, 1)]
-        along = [sparse.csr_array(a @ along[0] + b @ along[1]) for a, b in back]
-    return sparse.csr_array(sparse.vstack(along, format="csr"))
-
-
 def changes(
     body: ElasticBody, name: str, pairing: Pairing, displacement: FloatArray, lost: bool = False
 ) -> tuple[FloatArray, FloatArray]:
     """Changes of a contact's gaps and slips (m,) at its nodes by the ``displacement`` (N, 2) of body
     ``name``, or what is ``lost`` of them by smoothing."""
-    if pairing.nodal:
-        gap, slip = NodalBasis(pairing).both_rows(body, name)
-        kept = 0.0 if lost else 1.0
-        return kept * (gap @ displacement.ravel()), kept * (slip @ displacement.ravel())
-    normal, tangent = pairing.grid.means
-    samples = sampled_rows(body, name, pairing, lost) @ displacement.ravel()
-    return normal @ samples, tangent @ samples
+    basis = basis_of(pairing)
+    samples = basis.rows(body, name, lost) @ displacement.ravel()
+    return basis.means(0) @ samples, basis.means(1) @ samples
 
 
 def smoothing(grid: ContactGrid, points: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray] | None:

@@ -95,12 +95,9 @@ def bind(scene: Scene, drivers: Drivers, gap: LinearMap, slip: LinearMap) -> Bon
     if not bonded:
         return Bonds.none()
     loads, motions, pressures, tractions = drivers.counts
-    gaps, slips = (
-        np.concatenate([np.arange(ranges[one.name].start, ranges[one.name].stop) for one in bonded])
-        for ranges in (drivers.spans, drivers.tangential)
-    )
-    first = loads + motions
-    own = np.concatenate([first + gaps, first + pressures + slips])
+    each = (drivers.spans, drivers.tangential)
+    gaps, slips = (np.concatenate([np.r_[ranges[one.name]] for one in bonded]) for ranges in each)
+    own = loads + motions + np.append(gaps, pressures + slips)
     kept = np.setdiff1d(np.arange(sum(drivers.counts)), own)
     held = np.concatenate([np.hstack(one.parts[1:]) for one in (gap.take(gaps), slip.take(slips))])
     shapes = [_shapes(pairing, scene) for pairing in bonded]
@@ -122,17 +119,9 @@ def bind(scene: Scene, drivers: Drivers, gap: LinearMap, slip: LinearMap) -> Bon
     rest = rows[:, None] * (known - matrix @ solution)
     solved = -whole @ (solution + columns[:, None] * np.linalg.solve(scaled, rest))
     by_others, response = np.split(solved, [len(kept)], axis=1)
-    counts = loads, motions, pressures - len(gaps), tractions - len(slips)
-    names = [one.name for one in bonded]
-    return Bonds(
-        pairings=bonded,
-        spans=spans(names, [one.count for one in bonded]),
-        tractions=LinearMap.of_rows(by_others, counts),
-        kept=kept,
-        own=own,
-        response=response,
-        effects=np.zeros((0, len(own))),
-    )
+    others = LinearMap.of_rows(by_others, (loads, motions, pressures - len(gaps), tractions - len(slips)))
+    ranges = spans([one.name for one in bonded], [one.count for one in bonded])
+    return Bonds(bonded, ranges, others, kept, own, response, np.zeros((0, len(own))))
 
 
 def _shapes(pairing: Pairing, scene: Scene) -> FloatArray:

@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import reduce
-from itertools import pairwise
 from typing import Any, Protocol, cast
 
 import numpy as np
@@ -156,35 +155,6 @@ class Multiplier(Protocol):
     """An operator that multiplies vectors."""
 
     def __matmul__(self, vector: FloatArray, /) -> FloatArray: ...
-
-
-class Blocks:
-    """A matrix (r, r) in blocks between ``cuts``. In products zero blocks cost nothing, nor do unknowns of a
-    block before the first and after the last that are not zero: open nodes beside a contact."""
-
-    def __init__(self, matrix: FloatArray, cuts: Sequence[int]) -> None:
-        spans = [slice(first, last) for first, last in pairwise(sorted({0, *cuts, len(matrix)}))]
-        self._parts = list[tuple[slice, list[slice]]]()
-        for columns in spans:
-            runs = list[slice]()
-            for rows in spans:
-                if not matrix[rows, columns].any():
-                    continue
-                begun = runs and runs[-1].stop == rows.start
-                runs.append(slice(runs.pop().start if begun else rows.start, rows.stop))
-            self._parts.append((columns, runs))
-        self._matrix = matrix
-
-    def __matmul__(self, vector: FloatArray) -> FloatArray:
-        total = np.zeros(len(self._matrix))
-        for columns, runs in self._parts:
-            acting = np.flatnonzero(vector[columns]) + columns.start
-            if not len(acting):
-                continue
-            some = slice(acting[0], acting[-1] + 1)
-            for rows in runs:
-                total[rows] += self._matrix[rows, some] @ vector[some]
-        return total
 
 
 @dataclass(frozen=True, eq=False)

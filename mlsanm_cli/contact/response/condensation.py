@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from mlsanm_cli.arrays import AnyArray, FloatArray, IntArray
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.balance import ForceSums
 from mlsanm_cli.contact.response.bonds import bind
@@ -22,14 +22,14 @@ from mlsanm_cli.contact.response.drivers import Drivers, spans
 from mlsanm_cli.contact.response.eigenstress import Eigenstresses, flowing, narrowed, widened
 from mlsanm_cli.contact.response.linear_map import LinearMap, stack
 from mlsanm_cli.contact.response.near_field_response import (
-    add_fields,
     add_singular,
     compressed_gap,
+    seen_by_probe,
     wall_forces,
 )
 from mlsanm_cli.contact.response.responses import BodyResponses, used_columns, without_coefficients
 from mlsanm_cli.contact.response.short_waves import correct_short_waves
-from mlsanm_cli.mechanics.scene import Probe, Scene
+from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.roundoff import ROUND_OFF
 
@@ -93,7 +93,13 @@ def _condensed(scene: Scene, content: str, responses: BodyResponses) -> Condense
             _add_obstacle(slip, drivers.tangential[pairing.name], scene, pairing, pairing.tangent[chosen])
     gap = gap.shifted(_joined([one.gap[one.candidate] for one in pairings]))
     watched = watched.shifted(_joined([one.gap[~one.candidate] for one in pairings]))
-    half_planes = {one.name: _half_plane(scene, one) for one in pairings}
+    half_planes = dict[str, FloatArray]()
+    for pairing in pairings:
+        # 1/E* (m, 2, 2) along normal and tangent; obstacles are rigid.
+        axes = pairing.normal[pairing.candidate], pairing.tangent[pairing.candidate]
+        materials = [scene.bodies[body].model.material for body in pairing.bodies]
+        table = [[sum(one.contact_compliance(a, b) for one in materials) for b in axes] for a in axes]
+        half_planes[pairing.name] = np.moveaxis(np.array(table), -1, 0)
     _without_tractions(scene, gap, slip, drivers)
     gap, slip, beyond = correct_short_waves(gap, slip, drivers, half_planes)
     forces = ForceSums(
@@ -112,7 +118,7 @@ def _condensed(scene: Scene, content: str, responses: BodyResponses) -> Condense
         gap, slip, beyond = gap.take(free), slip.take(sliding), sparse.csr_array(beyond[kept][:, kept])
         watched = watched.take(_numbers([places[one.name] for one in loose.pairings]))
     effects = np.concatenate([bonds.acting(one) for one in (gap, slip, balance)])
-    probes = {one.name: _seen(scene, one, drivers, seen["probe", one.name]) for one in scene.probes}
+    probes = {one.name: seen_by_probe(scene, drivers, one, seen["probe", one.name]) for one in scene.probes}
     quantities = forces.quantities() | {"probe": probes}
     return Condensed(
         pairings=loose.pairings,
@@ -153,50 +159,26 @@ def _add_obstacle(
 
 
 def _without_tractions(scene: Scene, gap: LinearMap, slip: LinearMap, drivers: Drivers) -> None:
-    """Remove slips and tractions at planes of symmetry from gaps and slips: such a traction has the only
-    entry of its row and of its column."""
-    still = _joined([_untracted(scene, one) for one in drivers.frictional]).astype(bool)
+    """Remove slips and tractions at planes of symmetry, unless an obstacle moves across them, from gaps and
+    slips: such a traction has the only entry of its row and of its column."""
+    still = np.zeros(len(slip.constant), dtype=bool)
+    for pairing in drivers.frictional:
+        if pairing.nodal or not pairing.grid.mirrored:
+            continue
+        planes = [plane.along for plane in pairing.grid.mirrors if plane is not None]
+        across = np.array([[-along.imag, along.real, 1.0] for along in planes])
+        moved = any(
+            (np.abs(across * motion.direction) > ROUND_OFF).any()
+            for constraint, motion, by in scene.motions
+            if not constraint.bodies and constraint.name == pairing.name and by.any()
+        )
+        still[drivers.tangential[pairing.name]] = pairing.grid.untracted & (not moved)
     if still.any():
         own = slip.traction[still, still].copy()
         for part in slip.parts:
             part[still] = 0.0
         gap.traction[:, still] = slip.traction[:, still] = 0.0
         slip.traction[still, still] = own
-
-
-def _untracted(scene: Scene, pairing: Pairing) -> BoolArray:
-    """Mask (m,) of a contact's candidates at planes of symmetry, unless its obstacle moves across them."""
-    if pairing.nodal or not pairing.grid.mirrored:
-        return np.zeros(pairing.count, dtype=bool)
-    moves = [
-        motion.direction
-        for constraint, motion, by in scene.motions
-        if not constraint.bodies and constraint.name == pairing.name and by.any()
-    ]
-    planes = [plane.along for plane in pairing.grid.mirrors if plane is not None]
-    across = [np.array([-along.imag, along.real, 1.0]) for along in planes]
-    symmetric = all((np.abs(one * way) <= ROUND_OFF).all() for one in across for way in moves)
-    return pairing.grid.untracted & symmetric
-
-
-def _seen(scene: Scene, probe: Probe, drivers: Drivers, rows: FloatArray) -> LinearMap:
-    """Displacement and stress of a probe, without thermal stress from free expansion."""
-    free = scene.bodies[probe.body].model.material.stress_of_expansion
-    rows = rows.copy()
-    for heating in scene.heated(probe.body):
-        rows[-len(free) :, heating.number] -= free * heating.field.at(probe.point)
-    result = drivers.by_unknowns(rows)
-    add_fields(result, drivers, scene, probe)
-    return result
-
-
-def _half_plane(scene: Scene, pairing: Pairing) -> FloatArray:
-    """1/E* (m, 2, 2) of a contact's bodies at its candidates along normal and tangent; obstacles are
-    rigid."""
-    axes = pairing.normal[pairing.candidate], pairing.tangent[pairing.candidate]
-    materials = [scene.bodies[body].model.material for body in pairing.bodies]
-    rows = [[sum(one.contact_compliance(along, by) for one in materials) for by in axes] for along in axes]
-    return np.moveaxis(np.array(rows), -1, 0)
 
 
 def _friction(pairings: tuple[Pairing, ...]) -> FloatArray:

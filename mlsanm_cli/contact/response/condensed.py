@@ -25,19 +25,22 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.complementarity.problem import Problem
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.bonds import Bonds
-from mlsanm_cli.contact.response.compressed import Blocks, Bordered, Multiplier, compressed, largest
+from mlsanm_cli.contact.response.compressed import Bordered, Multiplier, compressed, largest
 from mlsanm_cli.contact.response.contact_fields import NearFields
 from mlsanm_cli.contact.response.drivers import Drivers, spans
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.mechanics.near_field import as_complex
 from mlsanm_cli.mechanics.scene import Scene
-from mlsanm_cli.memo import Memo, digest
+from mlsanm_cli.memo import Memo
+from mlsanm_cli.operators.system import residual_of
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 
 if TYPE_CHECKING:
     from mlsanm_cli.contact.response.eigenstress import Eigenstresses
 
+SPARSE_SHARE = 0.3
+"""Share of entries that are not zero below which products with a sparse matrix are the faster ones."""
 MAX_KEPT, MAX_KEPT_UNKNOWNS = 50, 5000
 """Numbers of sets of points for which near fields are kept, and of unknowns of their contacts."""
 
@@ -51,14 +54,12 @@ class Condensed:
     ``friction_nodes`` (n,) are the indices of nodes with friction among the pressures, ``friction`` (n,)
     their coefficients. ``weight`` (m,) are surface lengths, ``around`` (m,) circumferences in bodies of
     revolution, else 1, ``half_plane`` (m, 2, 2) 1/E* along normal and tangent. ``watched`` maps to the gaps
-    of points that are no candidates, ``balance`` to the force imbalance of the rigid constraints (k,), whose
-    moments are about their centres. ``beyond`` (m + n, m + n) is the part of gaps and slips that is not due
-    to displacements (:func:`correct_short_waves`), ``quantities`` the maps of other results by kind and
-    subject (:meth:`ForceSums.quantities`, and "probe" displacement and stress of each probe).
-
-    ``solves`` counts columns. ``content`` is a digest of everything except friction coefficients. ``kept``
-    are near fields at points of the bodies. Bodies may have ``inner`` right-hand sides (r,) and their
-    solutions (2N,), by eigenstresses; ``eigen`` are the maps of these.
+    of points that are no candidates, ``balance`` to the force imbalance of the rigid constraints (k,), with
+    moments about their centres. ``beyond`` (m + n, m + n) is the part of gaps and slips not due to
+    displacements (:func:`correct_short_waves`), ``quantities`` the maps of other results by kind and subject
+    (:meth:`ForceSums.quantities`, and "probe" displacement and stress of each probe). ``solves`` counts
+    columns, ``content`` is a digest of everything but friction coefficients, ``kept`` are near fields at
+    points of the bodies, ``inner`` right-hand sides (r,) and solutions (2N,) by eigenstresses ``eigen``.
     """
 
     pairings: tuple[Pairing, ...]
@@ -112,13 +113,14 @@ class Condensed:
 
     @cached_property
     def blocks(self) -> Multiplier:
-        """:attr:`whole` for products, without zero blocks of contacts that have no body in common."""
+        """:attr:`whole` for products: sparse if many contacts have no body in common."""
         own = compressed(self.gap.pressure)
         if own is not None:
             return Bordered(own, self.gap.motion, self.balance.pressure, self.balance.motion)
-        m, n = len(self.gap.constant), len(self.slip.constant)
-        tangential = (m + span.start for span in self.tangential.values())
-        return Blocks(self.whole, [*(span.start for span in self.spans.values()), *tangential, m, m + n])
+        filled = np.count_nonzero(self.whole)
+        found: Any = sparse.csr_array if filled < SPARSE_SHARE * self.whole.size else np.asarray
+        few: Multiplier = found(self.whole)
+        return few
 
     def elastic_gap(self, pressure: FloatArray) -> float:
         """Largest gap caused by pressures (m,) on any candidate."""
@@ -258,7 +260,7 @@ class Condensed:
                 side, count = (pairing.grid, model.kernel, slave), len(self.reported)
                 make = partial(NearFields.at, *side, as_complex(seen), count)
                 few = len(pressure) <= MAX_KEPT_UNKNOWNS
-                fields = self.kept.value(pairing.name, digest(slave, seen), make) if few else make()
+                fields = self.kept.value(pairing.name, (slave, seen), make) if few else make()
                 moved, stressed = fields(pressure[:, None], traction[:, None])
                 displacement, stress = displacement + sign * moved[:, :, 0], stress + sign * stressed[:, :, 0]
         return displacement, stress
@@ -276,17 +278,17 @@ class Condensed:
         return pressure, tractions[self.tangential[pairing.name]]
 
     def checked_displacements(
-        self, scene: Scene, body: str, states: Sequence[Sequence[FloatArray]], start: FloatArray | None = None
+        self, scene: Scene, body: str, states: Sequence[Sequence[FloatArray]]
     ) -> tuple[list[FloatArray], FloatArray]:
         """Elastic displacements in several states, and the relative change (c,) of each by one more
-        refinement. All are solved at once, from a ``start`` (2N, 1) if a nearby solution is known."""
+        refinement. All are solved at once."""
         system, patterns = scene.bodies[body].system, scene.floating_patterns(body)
         stacked = [self.source(body, *state) for state in states]
         sources = sparse.csc_array(sparse.hstack(stacked, format="csc"))
         if body in self.solutions:
             solution = np.hstack([self.solution(scene, body, state)[0] for state in states])
-            worth = system.residual(sources, solution)
         else:
-            solution, worth = system.solve_with_error(sources, start)
-        moved = [patterns @ state[1] for state in states]
-        return [(solution[:, k] + one).reshape(-1, 2) for k, one in enumerate(moved)], worth
+            solution = system.solve(sources)
+        both = zip(solution.T, states, strict=True)
+        moved = [(own + patterns @ state[1]).reshape(-1, 2) for own, state in both]
+        return moved, residual_of(system, sources, solution)

@@ -8,9 +8,9 @@ which a path leaves as they are.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import field
-from functools import cache, cached_property
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sparse
@@ -32,6 +32,8 @@ from mlsanm_cli.mechanics.near_field import (
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 
+SHARES = np.array([share for share, _ in RULE])
+"""Quadrature points (q,) as fractions of their interval."""
 GRID_POINT_DISTANCE = 2.0
 """Intervals farther away than this many of their lengths are integrated with the grid's quadrature points."""
 GAUSS_POINTS = ((0.0, 32), (0.05, 12), (0.5, 6))
@@ -53,14 +55,13 @@ TIP_INSET = 2e-3
 @dataclass(frozen=True)
 class Intervals:
     """The intervals (i,) between the ``ends`` (i + 1,) of a contact, as they load one body, and at the
-    quadrature points (q,) of each: ``share`` (q,) of the interval, ``place`` and ``inward`` normal (q, i),
-    directions of pressures and of tractions (q, i, 2)."""
+    quadrature points (q,) of each: ``place`` and ``inward`` normal (q, i), directions of pressures and of
+    tractions (q, i, 2)."""
 
     grid: ContactGrid
     slave: bool
     kernel: PointForceField
     ends: FloatArray
-    share: FloatArray
     place: ComplexArray
     inward: ComplexArray
     directions: tuple[FloatArray, FloatArray]
@@ -68,12 +69,13 @@ class Intervals:
     @classmethod
     def of(cls, grid: ContactGrid, slave: bool, kernel: PointForceField) -> Intervals:
         """The intervals of a grid."""
-        ends, share = grid.hats.ends, np.array([share for share, _ in RULE])
-        s = ends[:-1] + share[:, None] * np.diff(ends)
+        ends = grid.hats.ends
+        s = ends[:-1] + SHARES[:, None] * np.diff(ends)
         place, inward, both = grid.facing.side_and_directions(s.ravel(), slave)
         normal, tangent = (one.reshape(*s.shape, 2) for one in both)
-        points = place.reshape(s.shape), inward.reshape(s.shape)
-        return cls(grid, slave, kernel, ends, share, *points, (normal, tangent))
+        return cls(
+            grid, slave, kernel, ends, place.reshape(s.shape), inward.reshape(s.shape), (normal, tangent)
+        )
 
     @property
     def steps(self) -> FloatArray:
@@ -83,7 +85,7 @@ class Intervals:
     def forces(self, *values: FloatArray) -> FloatArray:
         """Forces (q, i, 2, c) at the quadrature points for nodal pressures and tractions (m, c)."""
         first, last = self.grid.hats.whole
-        beyond, part = ((int(not first), int(not last)), (0, 0)), self.share[:, None, None]
+        beyond, part = ((int(not first), int(not last)), (0, 0)), SHARES[:, None, None]
         total = np.zeros((*self.place.shape, 2, values[0].shape[1]))
         for direction, one in zip(self.directions, (np.pad(one, beyond) for one in values), strict=True):
             total += direction[..., None] * ((1.0 - part) * one[:-1] + part * one[1:])[:, :, None]
@@ -103,13 +105,8 @@ class Intervals:
         points of some intervals, which they represent from afar."""
         starts, steps = self.ends[:-1][span], self.steps[span]
         samples = chebyshev(float(self.ends[span.start]), float(self.ends[span.stop]), count)
-        shares = lagrange((starts + self.share[:, None] * steps).ravel(), samples)
+        shares = lagrange((starts + SHARES[:, None] * steps).ravel(), samples)
         return self.sources(*self.grid.facing.side(samples, self.slave)), np.ascontiguousarray(shares.T)
-
-    def away(self, z: ComplexArray, sources: SurfaceForces, span: slice) -> FloatArray:
-        """Distances (e,) of points from the nearest source over the extent of some intervals."""
-        extent = float(self.ends[span.stop] - self.ends[span.start])
-        return np.asarray(np.abs(z[:, None] - sources.place).min(axis=1) / extent)
 
     def nearest(
         self, z: ComplexArray, s: FloatArray, within: tuple[FloatArray, FloatArray]
@@ -149,8 +146,8 @@ class _Group:
     span: slice
     sources: SurfaceForces
     shares: FloatArray | None = None
-    left_out: BoolArray = field(default_factory=lambda: NO_PAIRS)
     image: FloatArray | None = None
+    left_out: BoolArray = field(default_factory=lambda: NO_PAIRS)
 
     @cached_property
     def kept(self) -> FloatArray:
@@ -206,7 +203,8 @@ class NearFields:
         groups, pairs = list[_Group](), list[tuple[AnyArray, ...]]()
         _arrange(intervals, intervals.inside(z), every, whole, groups, pairs)
         for corner in grid.corners_of(slave):
-            groups.extend(_images(intervals, corner, z, every, whole))
+            if corner.wedge.sliding:
+                _arrange(intervals, z, every, whole, groups, pairs, corner)
         count = sum(len(group.z) * len(group.sources.place) for group in groups)
         close = _close_matrix(intervals, len(z), pairs)
         return cls(intervals, z, tuple(groups), close, count * contacts <= MAX_KEPT_PAIRS)
@@ -236,33 +234,6 @@ class NearFields:
         return own[0], own[1]
 
 
-def _halves(span: slice) -> tuple[slice, slice]:
-    middle = (span.start + span.stop) // 2
-    return slice(span.start, middle), slice(middle, span.stop)
-
-
-def _images(
-    intervals: Intervals, corner: Corner, z: ComplexArray, some: IntArray, span: slice
-) -> Iterator[_Group]:
-    """Groups of points ``some`` for the images of intervals ``span`` behind the wall of a ``corner``, as in
-    :func:`_arrange`."""
-    sources, shares = intervals.of_samples(span, FAR_SAMPLES)
-    found = corner.mirrored(corner.distance(sources.place))
-    if found is None or not len(some):
-        return
-    few, image = found
-    near = intervals.away(z[some], few, span) <= FAR_DISTANCE
-    if not near.all():
-        yield _Group(some[~near], z[some[~near]], span, few, shares, image=image)
-    if span.stop - span.start > MAX_INTERVALS:
-        for half in _halves(span):
-            yield from _images(intervals, corner, z, some[near], half)
-    elif near.any():
-        whole = corner.mirrored(corner.distance(intervals.of_points(span).place))
-        assert whole is not None
-        yield _Group(some[near], z[some[near]], span, whole[0], image=whole[1])
-
-
 def _arrange(
     intervals: Intervals,
     z: ComplexArray,
@@ -270,46 +241,56 @@ def _arrange(
     span: slice,
     groups: list[_Group],
     pairs: list[tuple[AnyArray, ...]],
+    corner: Corner | None = None,
 ) -> None:
     """Add the groups of points ``some`` for the intervals ``span``, and the ``pairs`` of a point, an interval
     next to it, and the closest place on its chord as a fraction. From afar few samples represent all
-    pressures; nearer, those of each half of the intervals, recursively."""
-    close, steps = intervals.of_samples(span, FAR_SAMPLES), intervals.steps[span]
-    away = intervals.away(z[some], close[0], span)
-    near, distant = away <= FAR_DISTANCE, away > 1.0
+    pressures; nearer, those of each half of the intervals, recursively. With a ``corner``, for the images of
+    the intervals behind its wall, which no point is next to."""
+
+    def acting(sources: SurfaceForces) -> tuple[SurfaceForces, FloatArray | None]:
+        found = None if corner is None else corner.mirrored(corner.distance(sources.place))
+        return (sources, None) if found is None else found
+
+    few, shares = intervals.of_samples(span, FAR_SAMPLES)
+    sources, image = acting(few)
+    extent = float(intervals.ends[span.stop] - intervals.ends[span.start])
+    away = np.abs(z[some, None] - sources.place).min(axis=1) / extent
+    near, distant = away <= FAR_DISTANCE, (away > 1.0) & (corner is None)
     for chosen, count in ((distant, DISTANT_SAMPLES), (~distant & ~near, FAR_SAMPLES)):
         if chosen.any():
-            seen = close if count == FAR_SAMPLES else intervals.of_samples(span, count)
-            groups.append(_Group(some[chosen], z[some[chosen]], span, *seen))
+            seen = (sources, shares) if count == FAR_SAMPLES else intervals.of_samples(span, count)
+            groups.append(_Group(some[chosen], z[some[chosen]], span, *seen, image))
     adjacent = some[near]
     if not len(adjacent):
         return
-    if len(steps) > MAX_INTERVALS:
-        for half in _halves(span):
-            _arrange(intervals, z, adjacent, half, groups, pairs)
+    if span.stop - span.start > MAX_INTERVALS:
+        middle = (span.start + span.stop) // 2
+        for half in (slice(span.start, middle), slice(middle, span.stop)):
+            _arrange(intervals, z, adjacent, half, groups, pairs, corner)
+        return
+    sources, image = acting(intervals.of_points(span))
+    if corner is not None:
+        groups.append(_Group(adjacent, z[adjacent], span, sources, None, image))
         return
     ends = intervals.grid.facing.side(intervals.ends[span.start : span.stop + 1], intervals.slave)[0]
-    sources, starts, chords = intervals.of_points(span), ends[:-1], np.diff(ends)
-    for few in np.array_split(adjacent, 1 + len(adjacent) * len(sources.place) // BATCH_SIZE):
-        way = ((z[few, None] - starts) * np.conj(chords)).real / np.abs(chords) ** 2
+    starts, chords, steps = ends[:-1], np.diff(ends), intervals.steps[span]
+    for few_points in np.array_split(adjacent, 1 + len(adjacent) * len(sources.place) // BATCH_SIZE):
+        way = ((z[few_points, None] - starts) * np.conj(chords)).real / np.abs(chords) ** 2
         foot: FloatArray = np.clip(way, 0.0, 1.0)
-        beside = np.abs(z[few, None] - (starts + foot * chords)) < GRID_POINT_DISTANCE * steps
-        groups.append(_Group(few, z[few], span, sources, left_out=np.tile(beside, len(RULE))))
+        beside = np.abs(z[few_points, None] - (starts + foot * chords)) < GRID_POINT_DISTANCE * steps
+        left_out = np.tile(beside, len(RULE))
+        groups.append(_Group(few_points, z[few_points], span, sources, left_out=left_out))
         row, interval = np.nonzero(beside)
-        pairs.append((few[row], z[few[row]], span.start + interval, foot[beside]))
-
-
-@cache
-def _rule(count: int) -> tuple[FloatArray, FloatArray]:
-    """Gauss points and weights on (-1, 1)."""
-    return np.polynomial.legendre.leggauss(count)
+        pairs.append((few_points[row], z[few_points[row]], span.start + interval, foot[beside]))
 
 
 def _close_matrix(
     intervals: Intervals, count: int, pairs: Sequence[tuple[AnyArray, ...]]
 ) -> sparse.csr_array:
     """Displacements x and y and stresses xx, yy, xy (5 count, 2m), quantity by quantity, at ``count`` points
-    due to nodal pressures and tractions on the intervals next to them."""
+    due to nodal pressures and tractions on the intervals next to them: by Gauss rules, after a substitution
+    that removes the peak at the closest point."""
     nodes = len(intervals.grid.hats.place)
     shape, skipped = (5 * count, 2 * nodes), int(not intervals.grid.hats.whole[0])
     if not pairs:
@@ -323,37 +304,25 @@ def _close_matrix(
     limits = [*(limit for limit, _ in GAUSS_POINTS[1:]), np.inf]
     for (least, points), beyond in zip(GAUSS_POINTS, limits, strict=True):
         chosen = np.flatnonzero((away >= least) & (away < beyond))
+        nodes_of_rule, weights = np.polynomial.legendre.leggauss(points)
         for some in np.array_split(chosen, 1 + len(chosen) * points // BATCH_SIZE):
-            each = z[some], interval[some], at[some], away[some]
-            values[some] = _close_integrals(intervals, _rule(points), *each)
+            distance, start = np.maximum(away[some], FINE_ROUND_OFF)[:, None], at[some, None]
+            low, high = np.arcsinh(-start / distance), np.arcsinh((1.0 - start) / distance)
+            v = 0.5 * (low + high) + 0.5 * (high - low) * nodes_of_rule
+            share = np.clip(start + distance * np.sinh(v), 0.0, 1.0)
+            step = size[some, None]
+            length = 0.5 * weights * (high - low) * distance * np.cosh(v) * step
+            places = (first[some, None] + share * step).ravel()
+            *side, directions = intervals.grid.facing.side_and_directions(places, intervals.slave)
+            sources, seen = intervals.sources(*side), np.repeat(z[some], points)
+            fields = np.concatenate(
+                [sources.displacement_of_each(seen), sources.stress_of_each(seen)], axis=1
+            )
+            by_kind = (fields @ np.stack(directions, axis=2)).reshape(*share.shape, 5, 2)
+            hats = length[:, :, None] * np.stack([1.0 - share, share], axis=2)
+            values[some] = np.einsum("pkfd,pke->pfed", by_kind, hats)
     rows = np.broadcast_to((row[:, None] + count * np.arange(5))[:, :, None, None], values.shape)
     node = interval[:, None] + np.arange(2) - skipped
     columns = np.broadcast_to((node[:, :, None] + nodes * np.arange(2))[:, None], values.shape)
     kept = np.broadcast_to(((node >= 0) & (node < nodes))[:, None, :, None], values.shape)
     return sparse.csr_array((values[kept], (rows[kept], columns[kept])), shape=shape)
-
-
-def _close_integrals(
-    intervals: Intervals,
-    rule: tuple[FloatArray, FloatArray],
-    z: ComplexArray,
-    interval: IntArray,
-    at: FloatArray,
-    away: FloatArray,
-) -> FloatArray:
-    """Displacements and stresses (p, 5, 2, 2) at points due to unit values at the ends of one interval each,
-    of pressure and of traction, by a Gauss ``rule`` (k,) after a substitution that removes the peak at the
-    closest point."""
-    distance = np.maximum(away, FINE_ROUND_OFF)[:, None]
-    low, high = np.arcsinh(-at[:, None] / distance), np.arcsinh((1.0 - at[:, None]) / distance)
-    v = 0.5 * (low + high) + 0.5 * (high - low) * rule[0]
-    share = np.clip(at[:, None] + distance * np.sinh(v), 0.0, 1.0)
-    first, step = intervals.ends[interval][:, None], intervals.steps[interval][:, None]
-    length = 0.5 * rule[1] * (high - low) * distance * np.cosh(v) * step
-    s = (first + share * step).ravel()
-    place, inward, directions = intervals.grid.facing.side_and_directions(s, intervals.slave)
-    sources, seen = intervals.sources(place, inward), np.repeat(z, len(rule[0]))
-    field = np.concatenate([sources.displacement_of_each(seen), sources.stress_of_each(seen)], axis=1)
-    by_kind = (field @ np.stack(directions, axis=2)).reshape(*share.shape, 5, 2)
-    hats = length[:, :, None] * np.stack([1.0 - share, share], axis=2)
-    return np.asarray(np.einsum("pkfd,pke->pfed", by_kind, hats))

@@ -32,7 +32,7 @@ NOTHING: Mapping[str, FloatArray] = MappingProxyType({})
 class Eigenstresses:
     """Maps from nodal eigenstresses (3n,) of the bodies that flow: right-hand sides ``loads`` (r, 3n),
     functionals ``rows`` (c, 2N) of displacements and their ``own`` (c, 3n) part; ``wide`` is the condensed
-    scene with the functionals as loads after the first ``count``, ``narrow`` without them."""
+    scene with the functionals as loads after the first ``count``."""
 
     scene: Scene
     loads: Mapping[str, sparse.csr_array]
@@ -80,7 +80,7 @@ class Eigenstresses:
             flat, system = stress.T.ravel(), self.scene.bodies[name].system
             source = self.loads[name] @ flat + more.get(name, 0.0)
             column = sparse.csc_array(source[:, None])
-            moved = (system.solve_unrefined(column) if quick else system.solve(column))[:, 0]
+            moved = (system.correction(column) if quick else system.solve(column))[:, 0]
             inner[name] = source, moved
             seen = seen + self.rows[name] @ moved - self.own[name] @ flat
         return inner, seen

@@ -3,9 +3,9 @@ docs/method.md."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
-from functools import partial, reduce
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,6 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.contact.geometry.clusters import Chain
-from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.geometry.surface_response import SurfaceResponse
 from mlsanm_cli.contact.response.compressed import Compressed, as_array
@@ -38,7 +37,7 @@ def near_field_response(
         columns = drivers.of_samples(pairing)
         for body, slave, sign in pairing.sides:
             elastic = scene.bodies[body]
-            forces = pairing.grid.forces(elastic.model.kernel, slave)
+            forces = SurfaceResponse.of(pairing.grid, elastic.model.kernel, slave).forces
             seen: dict[tuple[str, Any], FloatArray] = {
                 ("contact", one.name): _on_contact(scene, one, pairing, body, forces, slave)
                 for one in drivers.pairings
@@ -135,18 +134,24 @@ def compressed_gap(scene: Scene, drivers: Drivers, rows: FloatArray, weight: Flo
     return replace(few, pressure=as_array(total))
 
 
-def add_fields(linear: LinearMap, drivers: Drivers, scene: Scene, probe: Probe) -> None:
-    """Add the near fields to a probe's functionals."""
+def seen_by_probe(scene: Scene, drivers: Drivers, probe: Probe, rows: FloatArray) -> LinearMap:
+    """Displacement and stress of a probe, near fields included and without thermal stress from free
+    expansion, from its functionals ``rows`` (r, drivers)."""
+    model, rows = scene.bodies[probe.body].model, rows.copy()
+    free = model.material.stress_of_expansion
+    for heating in scene.heated(probe.body):
+        rows[-len(free) :, heating.number] -= free * heating.field.at(probe.point)
+    linear = drivers.by_unknowns(rows)
     for pairing in drivers.on_grids:
         parts = [linear.pressure[:, drivers.spans[pairing.name]]]
         if pairing.friction:
             parts.append(linear.traction[:, drivers.tangential[pairing.name]])
         unit, nothing = np.eye(pairing.count), np.zeros((pairing.count,) * 2)
         for slave, sign in pairing.sides_of(probe.body):
-            kernel = scene.bodies[probe.body].model.kernel
-            fields = NearFields.at(pairing.grid, kernel, slave, as_complex(probe.point))
+            fields = NearFields.at(pairing.grid, model.kernel, slave, as_complex(probe.point))
             for part, values in zip(parts, ((unit, nothing), (nothing, unit)), strict=False):
                 part += sign * np.concatenate([field[0] for field in fields(*values)])
+    return linear
 
 
 def wall_forces(
@@ -162,54 +167,40 @@ def wall_forces(
     """
     rows = {where: one.copy() for where, one in seen.items()}
     steps = {where: LinearMap.zeros(3, drivers.counts) for where in rows}
+
+    def add(
+        pairing: Pairing, slave: bool, sign: float, end: float, normal: FloatArray, where: tuple[str, str]
+    ) -> None:
+        grid, samples, center = pairing.grid, drivers.of_samples(pairing), scene.center(*where)
+
+        def carried(s: FloatArray, force: FloatArray) -> FloatArray:
+            share = 1.0 - np.abs(s - end) / (grid.last - grid.first) * (None not in grid.mirrors)
+            across = (share * (force @ normal))[:, None] * (sign * normal)
+            return -resultant(across, as_real(grid.facing.side(s, slave)[0]), center)
+
+        rows[where][:, samples] -= carried(np.tile(grid.samples, 2), np.repeat(np.eye(2), grid.count, axis=0))
+        spans = (drivers.spans[pairing.name], drivers.tangential.get(pairing.name))
+        parts = (steps[where].pressure, steps[where].traction)
+        for which, (span, part) in enumerate(zip(spans, parts, strict=True)):
+            if span is not None:
+                by = carried(grid.hats.points, grid.directions[which])
+                deviation = grid.deviation(np.eye(pairing.count), which)
+                part[:, span] += (grid.hats.integrals @ by.T).T @ deviation
+
     for pairing in drivers.on_grids:
-        grid, samples = pairing.grid, drivers.of_samples(pairing)
-        units = np.repeat(np.eye(2), grid.count, axis=0)
-        for where, carried in _walls(scene, pairing):
-            rows[where][:, samples] -= carried(np.tile(grid.samples, 2), units)
-            spans = (drivers.spans[pairing.name], drivers.tangential.get(pairing.name))
-            parts = (steps[where].pressure, steps[where].traction)
-            for which, (span, part) in enumerate(zip(spans, parts, strict=True)):
-                if span is not None:
-                    by = carried(grid.hats.points, grid.directions[which])
-                    deviation = grid.deviation(np.eye(pairing.count), which)
-                    part[:, span] += (grid.hats.integrals @ by.T).T @ deviation
+        grid = pairing.grid
+        for body, slave, sign in pairing.sides:
+            for end, plane in zip((grid.first, grid.last), grid.mirrors, strict=True):
+                if plane is None:
+                    continue
+                tip = as_real(grid.facing.side(np.array([end]), slave)[0])
+                for name in scene.bodies[body].held:
+                    curve = scene.bodies[body].model.cloud.surfaces[name].curve
+                    away = np.abs(curve.points(np.array([0.0, curve.length])) - tip).max(axis=1).min()
+                    if away <= COARSE_ROUND_OFF * curve.length:
+                        normal = np.array([-plane.along.imag, plane.along.real])
+                        add(pairing, slave, sign, end, normal, (body, name))
     return {where: drivers.by_unknowns(one) + steps[where] for where, one in rows.items()}
-
-
-def _walls(
-    scene: Scene, pairing: Pairing
-) -> Iterator[tuple[tuple[str, str], Callable[[FloatArray, FloatArray], FloatArray]]]:
-    """The held surfaces, by body and name, at planes of symmetry at which the range of a contact ends, and
-    what they carry: force x, y and moment (3, e) of the steps due to forces (e, 2) at coordinates (e,)."""
-    grid = pairing.grid
-    for body, slave, sign in pairing.sides:
-        for end, plane in zip((grid.first, grid.last), grid.mirrors, strict=True):
-            if plane is None:
-                continue
-            normal = np.array([-plane.along.imag, plane.along.real])
-            tip = as_real(grid.facing.side(np.array([end]), slave)[0])
-            for name in scene.bodies[body].held:
-                curve = scene.bodies[body].model.cloud.surfaces[name].curve
-                away = np.abs(curve.points(np.array([0.0, curve.length])) - tip).max(axis=1).min()
-                if away <= COARSE_ROUND_OFF * curve.length:
-                    center = scene.center(body, name)
-                    yield (body, name), partial(_carried, grid, slave, end, sign * normal, normal, center)
-
-
-def _carried(
-    grid: ContactGrid,
-    slave: bool,
-    end: float,
-    along: FloatArray,
-    normal: FloatArray,
-    center: tuple[float, float],
-    s: FloatArray,
-    force: FloatArray,
-) -> FloatArray:
-    step = 1.0 - np.abs(s - end) / (grid.last - grid.first) * (None not in grid.mirrors)
-    across = (step * (force @ normal))[:, None] * along
-    return -resultant(across, as_real(grid.facing.side(s, slave)[0]), center)
 
 
 def resultant(force: FloatArray, points: FloatArray, center: tuple[float, float]) -> FloatArray:

@@ -45,16 +45,25 @@ class NodalBasis:
         at, pairing = np.flatnonzero(self._pairing.candidate), self._pairing
         return [relative_rows(body, name, pairing, one, at) for one in (pairing.normal, pairing.tangent)]
 
-    def rows(self, body: ElasticBody, name: str) -> sparse.csr_array:
-        both = self.both_rows(body, name)
-        return sparse.csr_array(sparse.vstack(both if self._pairing.friction else both[:1]))
+    def rows(self, body: ElasticBody, name: str, lost: bool = False) -> sparse.csr_array:
+        both = self.both_rows(body, name)[: 2 if self._pairing.friction else 1]
+        return sparse.csr_array(sparse.vstack(both) * (not lost))
 
     def sources(self, body: ElasticBody, name: str, centred: bool) -> sparse.csc_array:
         pairing, blocks = self._pairing, []
         for tangential in (False, True)[: 2 if pairing.friction else 1]:
             source = sparse.csc_array((body.rows, self._count))
             if pairing.slave_body == name:
-                source = source + _on_slave(body, pairing, tangential)
+                chosen = np.flatnonzero(pairing.candidate)
+                along, normal = (
+                    (pairing.tangent if tangential else pairing.normal)[chosen],
+                    pairing.normal[chosen],
+                )
+                for part, own, on in facing_parts(pairing.slave, pairing.position[chosen], normal):
+                    for component in (0, 1):
+                        rows = body.condition_rows(part.name, component)[own]
+                        entries = along[on, component], (rows, on)
+                        source = source + sparse.csc_array(entries, shape=source.shape)
             if pairing.master is not None and pairing.master_body == name:
                 source = source + _on_master(body, pairing, pairing.master, tangential)
             blocks.append(source)
@@ -80,19 +89,6 @@ def relative_rows(
     if len(at) and pairing.master_body == name:
         block = block - body.model.values_along(pairing.partner[at], direction[at])
     return sparse.csr_array(block)
-
-
-def _on_slave(body: ElasticBody, pairing: Pairing, tangential: bool) -> sparse.csc_array:
-    """Right-hand sides (r, m) of unit pressures, or tractions, on the slave."""
-    chosen = np.flatnonzero(pairing.candidate)
-    direction = (pairing.tangent if tangential else pairing.normal)[chosen]
-    source = sparse.csc_array((body.rows, len(chosen)))
-    for part, own, on in facing_parts(pairing.slave, pairing.position[chosen], pairing.normal[chosen]):
-        for component in (0, 1):
-            rows = body.condition_rows(part.name, component)[own]
-            entries = direction[on, component], (rows, on)
-            source = source + sparse.csc_array(entries, shape=source.shape)
-    return source
 
 
 def _on_master(body: ElasticBody, pairing: Pairing, master: Surface, tangential: bool) -> sparse.csc_array:

@@ -21,7 +21,7 @@ from mlsanm_cli.contact.response.near_field_response import near_field_response
 from mlsanm_cli.contact.response.nodal import relative_rows
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.scene import Scene
-from mlsanm_cli.memo import NO_CACHE, Arrays, Memo, digest
+from mlsanm_cli.memo import NO_CACHE, Arrays, Memo
 from mlsanm_cli.operators.stencil_weights import nodal_rows
 from mlsanm_cli.records import dataclass
 
@@ -50,13 +50,24 @@ class BodyResponses:
 
         def made() -> BodyResponses:
             drivers = Drivers(len(scene.loads), len(scene.unknown_motions), pairings)
-            places = functional_places(scene, drivers)
+            bodies, counts = scene.bodies.items(), dict[Functional, int]()
+            for pairing in drivers.pairings:
+                watched = len(pairing.position) - pairing.count
+                counts["contact", pairing.name] = drivers.bases[pairing.name].samples + watched
+            counts |= {("held", (name, surface)): 3 for name, body in bodies for surface in body.restrained}
+            for probe in scene.probes:
+                # Displacement and stress.
+                counts["probe", probe.name] = 2 + len(scene.bodies[probe.body].model.material.stiffness)
+            counts |= {
+                ("spring", (name, surface)): 3 for name, body in bodies for surface in body.soft_springs
+            }
+            places = spans(counts, counts.values())
             sources = {name: _sources(scene, name, drivers) for name in scene.bodies}
             observed, solutions = _observe(scene, drivers, places, sources, memo)
             observed += near_field_response(scene, drivers, places, len(observed))
             return cls(scene, drivers, places, sources, observed, solutions)
 
-        return memo.value("responses", digest(scene, without_coefficients(pairings)), made)
+        return memo.value("responses", (scene, without_coefficients(pairings)), made)
 
     def widened(self, loads: int) -> BodyResponses:
         """The responses with all functionals as further drivers after the ``loads``."""
@@ -84,20 +95,6 @@ def without_coefficients(pairings: tuple[Pairing, ...]) -> list[Pairing]:
 def used_columns(source: sparse.csc_array) -> IntArray:
     """Indices of the columns with entries."""
     return np.flatnonzero(np.diff(source.indptr))
-
-
-def functional_places(scene: Scene, drivers: Drivers) -> dict[Functional, slice]:
-    """Range of rows of every functional."""
-    bodies, counts = scene.bodies.items(), dict[Functional, int]()
-    for pairing in drivers.pairings:
-        watched = len(pairing.position) - pairing.count
-        counts["contact", pairing.name] = drivers.bases[pairing.name].samples + watched
-    counts |= {("held", (name, surface)): 3 for name, body in bodies for surface in body.restrained}
-    for probe in scene.probes:
-        # Displacement and stress.
-        counts["probe", probe.name] = 2 + len(scene.bodies[probe.body].model.material.stiffness)
-    counts |= {("spring", (name, surface)): 3 for name, body in bodies for surface in body.soft_springs}
-    return spans(counts, counts.values())
 
 
 def functional_rows(
@@ -203,4 +200,4 @@ def _solved(
         solution = body.system.solve(sources)
         return {"observed": np.asarray(rows @ solution), "solution": solution}
 
-    return memo.value("answers", digest(body.equations.content, sources, rows, quick), solve)
+    return memo.value("answers", (body.equations.content, sources, rows, quick), solve)

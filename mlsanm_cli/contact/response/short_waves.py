@@ -25,26 +25,22 @@ measured additional half compensates for slightly longer waves."""
 def correct_short_waves(
     gap: LinearMap, slip: LinearMap, drivers: Drivers, half_planes: Mapping[str, FloatArray]
 ) -> tuple[LinearMap, LinearMap, sparse.csr_array]:
-    """Gaps (m,) and slips (n,) of all frictional contacts with short waves approximately as on a half-plane.
+    """Gaps (m,) and slips (n,) of all frictional contacts with short waves approximately as on a half-plane,
+    with 1/E* (m, 2, 2) at the nodes of every contact, and what of them displacements do not cause (m + n, m +
+    n).
 
-    ``half_planes`` are 1/E* (m, 2, 2) at the nodes of every contact. Let F be a local linear fit along the
-    surface. Slips due to anything but the contact's own tractions are smooth; their short waves come from the
-    clouds' irregularity, and they become F s. Least squares respond less to a traction t the shorter its
-    waves: its deviation from the fit gets the compliance 3 h/(pi E*) (t - F t) in addition. Without this,
-    tractions of sticking nodes oscillate from node to node. With G t the linear function closest to t over
-    the whole contact, slips due to G t are fitted like the others, so that a patch under uniform stress stays
-    exact. On a closed surface F continues across the seam and G t is constant.
+    Let F be a local linear fit along the surface. Slips due to anything but the contact's own tractions are
+    smooth; their short waves come from the clouds' irregularity, and they become F s. Least squares respond
+    less to a traction t the shorter its waves: its deviation from the fit gets the compliance 3 h/(pi E*) (t
+    - F t) in addition. Without this, tractions of sticking nodes oscillate from node to node. With G t the
+    linear function closest to t over the whole contact, slips due to G t are fitted like the others, so that
+    a patch under uniform stress stays exact. On a closed surface F continues across the seam and G t is
+    constant.
 
-    Gaps depend on F t only, and slips due to pressures on F p only. With short waves of t in the gaps but not
-    of p in the slips, the compliance loses its positivity for spacings that grow along the contact. Besides,
-    a body does not receive exactly the resultant of a short-wave pressure, and the resulting motion does not
-    decrease with the spacing as the short-wave compliance does.
-
-    On bodies of revolution short waves only get this compliance: fits of one of two coupled responses would
-    cost flexible rings their positivity.
-
-    Also returned is the effect of pressures and tractions beyond gaps from displacements and fitted slips
-    (m + n, m + n).
+    Gaps depend on F t only, and slips due to pressures on F p only: with short waves of t in the gaps but not
+    of p in the slips, the compliance loses its positivity for spacings that grow along the contact. On bodies
+    of revolution short waves only get their compliance: fits of one of two coupled responses would cost
+    flexible rings their positivity.
     """
     m, n = len(gap.constant), len(slip.constant)
     pairings = [one for one in drivers.frictional if one.nodal and not one.bonded]
@@ -70,7 +66,11 @@ def correct_short_waves(
             array[own] = fit @ array[own]
         by_pressure[m:][own, facing] = -slip.pressure[own, facing] @ short
         slip.pressure[own, facing] += by_pressure[m:][own, facing]
-        by_own = compliance - short @ compliance @ _linear_part(pairing)
+        arc, weight = pairing.arc[pairing.candidate], pairing.weight[pairing.candidate, None]
+        basis = np.stack([np.ones(len(arc)), arc - arc.mean()], axis=1)
+        basis = basis[:, : min(1 if pairing.all_around else 2, len(arc))]
+        linear = basis @ np.linalg.solve(basis.T @ (weight * basis), (weight * basis).T)
+        by_own = compliance - short @ compliance @ linear
         slip.traction[own, own] = by_own + shortest[:, None] * short
         by_traction[m:][own, own] = slip.traction[own, own] - fit @ compliance
     return gap, slip, sparse.csr_array(beyond)
@@ -80,13 +80,3 @@ def slip_fit(pairing: Pairing) -> sparse.csr_array:
     """The local linear fit F (n, n) of nodal values along a contact."""
     chosen = pairing.candidate
     return candidates_fit(pairing, pairing.arc[chosen], FIT_WINDOW * pairing.spacing[chosen])
-
-
-def _linear_part(pairing: Pairing) -> FloatArray:
-    """Projection (n, n) of nodal values of a contact onto linear functions."""
-    arc, weight = pairing.arc[pairing.candidate], pairing.weight[pairing.candidate]
-    freedoms = 1 if pairing.all_around else 2
-    basis = np.stack([np.ones(len(arc)), arc - arc.mean()], axis=1)[:, : min(freedoms, len(arc))]
-    moments = basis.T @ (weight[:, None] * basis)
-    result: FloatArray = basis @ np.linalg.solve(moments, basis.T * weight)
-    return result

@@ -10,6 +10,7 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.contact.geometry.pairing import Pairing, facing_parts, opposed
+from mlsanm_cli.contact.geometry.surface_response import SurfaceResponse
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.energy import along_surface, extended, inner_work, over_body, rigid_part
@@ -137,7 +138,7 @@ def _given_tractions(
         spread = normal @ grid.deviation(values[0], 0) + tangent @ grid.deviation(values[1], 1)
         acting = np.stack(np.split(spread, 2), axis=1)
         for slave, sign in pairing.sides_of(body):
-            forces = grid.forces(model.kernel, slave)
+            forces = SurfaceResponse.of(grid, model.kernel, slave).forces
             for name, surface in surfaces.items():
                 z, outward = as_complex(surface.curve.points(surface.arc_length)), as_complex(surface.normal)
                 found = forces.traction(z, outward, surface.curve.curvature(surface.arc_length))

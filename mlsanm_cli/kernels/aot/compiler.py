@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import functools
-import os
-import pickle
-import subprocess
-import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import llvmlite.binding as llvm
@@ -61,49 +57,8 @@ def _type(value: Value) -> Any:
     return numba.types.Array(scalar, value.ndim, "C", readonly=not value.written)
 
 
-def compiled(kernels: Sequence[Kernel]) -> list[Code]:
-    """Compile all ``kernels``, those that call BLAS and the others each to an object file, on two processors
-    if there are."""
-    users = {
-        name
-        for name in {kernel.__module__ for kernel in kernels}
-        if any(getattr(used, "__module__", None) == BLAS_CALLS for used in vars(sys.modules[name]).values())
-    }
-    calls_blas = [kernel for kernel in kernels if kernel.__module__ in users]
-    others = [kernel for kernel in kernels if kernel.__module__ not in users]
-    if not calls_blas or not others or (os.cpu_count() or 1) < 2:
-        return [object_code(some) for some in (calls_blas, others) if some]
-    command = [sys.executable, "-c", WORKER, *(kernel.name for kernel in others)]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    with subprocess.Popen(
-        command,
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        env=environment,
-    ) as worker:
-        first, made = object_code(calls_blas), worker.communicate()[0]
-    if worker.returncode:
-        raise RunError("the kernels could not be compiled in a second process")
-    second: Code = pickle.loads(made)
-    return [first, second]
-
-
-BLAS_CALLS = "mlsanm_cli.kernels.dense"
-"""The module of the functions that call BLAS."""
-
-
-WORKER = """\
-import pickle, sys
-from mlsanm_cli.kernels.aot.compiler import object_code
-from mlsanm_cli.kernels.aot.jit import every_kernel
-code = object_code([kernel for kernel in every_kernel() if kernel.name in sys.argv])
-sys.stdout.buffer.write(pickle.dumps(code))
-"""
-
-
-def object_code(kernels: Iterable[Kernel]) -> Code:
-    """Compile ``kernels`` to one object file, in this process."""
+def compiled(kernels: Iterable[Kernel]) -> Code:
+    """Compile ``kernels`` to one object file."""
     for external in EXTERNALS:
         llvm.add_symbol(external.symbol, external.address())
     try:

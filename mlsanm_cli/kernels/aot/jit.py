@@ -55,9 +55,9 @@ def is_warm() -> bool:
         if not _loaded:
             try:
                 place = kept.directory()
-                codes = kept.read(place)
-                if codes is not None:
-                    _loaded.append(Machine(codes, place))
+                code = kept.read(place)
+                if code is not None:
+                    _loaded.append(Machine(code, place))
             except (ImportError, RuntimeError, UnloadableError):
                 # Code that this process cannot load is compiled anew.
                 return False
@@ -70,19 +70,15 @@ def load() -> Machine:
         if not is_warm():
             from mlsanm_cli.kernels.aot.compiler import compiled
 
-            codes, place, note = compiled(every_kernel()), None, ""
+            code, place, note = compiled(every_kernel()), None, ""
             try:
                 place = kept.directory()
-                kept.write(place, codes)
+                kept.write(place, code)
             except (OSError, RuntimeError) as error:
-                place, note = (
-                    None,
-                    (
-                        f"compiled kernels cannot be kept ({error}); every run compiles them again. "
-                        "Set MLSANM_CACHE_DIR to a directory that only you may write to."
-                    ),
-                )
-            _loaded.append(Machine(codes, place, note))
+                place = None
+                note = f"compiled kernels cannot be kept ({error}); every run compiles them again. "
+                note += "Set MLSANM_CACHE_DIR to a directory that only you may write to."
+            _loaded.append(Machine(code, place, note))
         return _loaded[0]
 
 

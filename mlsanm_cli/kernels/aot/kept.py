@@ -42,14 +42,14 @@ def directory() -> Path:
     return root / "kernels" / digest.hexdigest()[:16]
 
 
-def encoded(codes: list[Code]) -> bytes:
-    """Machine codes as the content of a file."""
-    rest = pickle.dumps(codes)
+def encoded(code: Code) -> bytes:
+    """Machine code as the content of a file."""
+    rest = pickle.dumps(code)
     return hashlib.sha256(rest).digest() + rest
 
 
-def read(place: Path) -> list[Code] | None:
-    """Machine codes of a directory; None if it is missing or damaged, or if another user may have written
+def read(place: Path) -> Code | None:
+    """Machine code of a directory; None if it is missing or damaged, or if another user may have written
     it."""
     try:
         if who_else_may_write(place / FILE_NAME):
@@ -59,12 +59,12 @@ def read(place: Path) -> list[Code] | None:
         return None
     if hashlib.sha256(data[DIGEST:]).digest() != data[:DIGEST]:
         return None
-    codes: list[Code] = pickle.loads(data[DIGEST:])
-    return codes
+    code: Code = pickle.loads(data[DIGEST:])
+    return code
 
 
-def write(place: Path, codes: list[Code]) -> None:
-    """Store machine codes atomically, writable by its owner only. Raises OSError, also if they would not be
+def write(place: Path, code: Code) -> None:
+    """Store machine code atomically, writable by its owner only. Raises OSError, also if they would not be
     read."""
     previous = os.umask(PRIVATE)
     try:
@@ -78,6 +78,6 @@ def write(place: Path, codes: list[Code]) -> None:
         # Not tempfile, whose files other users cannot read: one user may compile for all.
         temporary = place / f"{FILE_NAME}.{os.getpid()}.{os.urandom(8).hex()}"
         with replacing(place / FILE_NAME, temporary):
-            temporary.write_bytes(encoded(codes))
+            temporary.write_bytes(encoded(code))
     finally:
         os.umask(previous)

@@ -13,7 +13,7 @@ import os
 import pickle
 import struct
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from importlib.machinery import PathFinder
 from itertools import accumulate
 from pathlib import Path
@@ -79,36 +79,32 @@ def _extension(name: str) -> ModuleType:
 
 
 class Machine:
-    """Loaded machine ``codes``, stored in ``place``, or a ``note`` why they are not. Raises UnloadableError
-    if an external function is missing."""
+    """Loaded machine ``code``, stored in ``place``, or a ``note`` why it is not. Raises UnloadableError if an
+    external function is missing."""
 
-    def __init__(self, codes: Iterable[Code], place: Path | None = None, note: str = "") -> None:
+    def __init__(self, code: Code, place: Path | None = None, note: str = "") -> None:
         import llvmlite.binding as llvm
 
-        self.place, self.note = place, note
+        self.place, self.note, self._entries = place, note, code.entries
         llvm.initialize_native_target()
         llvm.initialize_native_asmprinter()
         runtime = _extension("core.runtime._nrt_python").c_helpers
         helpers = _extension("_helperlib").c_helpers
         known = {f"NRT_{name}": address for name, address in runtime.items()}
         known |= {f"numba_{name}": address for name, address in helpers.items()}
-        self._engines: dict[str, tuple[Any, str]] = {}
-        for code in codes:
-            # A compiler of its own: symbols of another code must not be taken for these.
-            target = llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine()
-            # First: LLVM knows the functions of the process only after this.
-            engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target)
-            addresses = known | {one.symbol: one.address() for one in EXTERNALS if one.symbol in code.symbols}
-            for name in code.symbols:
-                if name in addresses:
-                    llvm.add_symbol(name, addresses[name])
-                elif llvm.address_of_symbol(name) is None:
-                    raise UnloadableError(f"there is no function {name}")
-            for name in code.math:
-                llvm.add_symbol(name, helpers[name])
-            engine.add_object_file(llvm.ObjectFileRef.from_data(code.object))
-            engine.finalize_object()
-            self._engines |= {name: (engine, entry) for name, entry in code.entries.items()}
+        known |= {one.symbol: one.address() for one in EXTERNALS if one.symbol in code.symbols}
+        target = llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine()
+        # First: LLVM knows the functions of the process only after this.
+        self._engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target)
+        for name in code.symbols:
+            if name in known:
+                llvm.add_symbol(name, known[name])
+            elif llvm.address_of_symbol(name) is None:
+                raise UnloadableError(f"there is no function {name}")
+        for name in code.math:
+            llvm.add_symbol(name, helpers[name])
+        self._engine.add_object_file(llvm.ObjectFileRef.from_data(code.object))
+        self._engine.finalize_object()
         release = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
         self._release: Callable[[int], None] = release(runtime["MemInfo_release"])
 
@@ -116,8 +112,8 @@ class Machine:
         """A kernel as a Python function that checks its arguments and releases the GIL."""
         kinds = "".join(argument.kinds for argument in kernel.arguments)
         prototype = ctypes.CFUNCTYPE(ctypes.c_int32, *(WORDS[kind] for kind in "pp" + kinds))
-        engine, entry = self._engines[kernel.name]
-        address, sizes = engine.get_function_address(entry), [len(one.kinds) for one in kernel.results]
+        address = self._engine.get_function_address(self._entries[kernel.name])
+        sizes = [len(one.kinds) for one in kernel.results]
         call, room = prototype(address), ctypes.c_int64 * max(1, sum(sizes))
         results = list(zip(kernel.results, accumulate(sizes, initial=0), strict=False))
 

@@ -19,7 +19,7 @@ from mlsanm_cli.mechanics.eigenstress import Heating
 from mlsanm_cli.mechanics.pieces import rule_of
 from mlsanm_cli.mechanics.springs import FREE
 from mlsanm_cli.operators.stencil_weights import Stencils
-from mlsanm_cli.operators.stencils import build_gradients
+from mlsanm_cli.operators.stencils import build_stencils
 from mlsanm_cli.records import dataclass
 
 
@@ -125,9 +125,7 @@ def outline_points(body: ElasticBody, kept: Mapping[str, Sequence[bool]], rule: 
 
 def _stencils(model: BodyModel, centers: FloatArray, points: FloatArray) -> Stencils:
     cloud = model.cloud
-    return build_gradients(
-        cloud.points, cloud.tree, centers, points, model.settings, cloud.sight, values=True
-    )
+    return build_stencils(cloud.points, cloud.tree, points, 1, model.settings, cloud.sight, centers=centers)
 
 
 class Applied:

@@ -14,9 +14,8 @@ from mlsanm_cli.app.checks import quality
 from mlsanm_cli.app.checks.check import Check, Verdicts
 from mlsanm_cli.app.checks.limits import LIMITS
 from mlsanm_cli.app.finite.checks import overlap
-from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import rectangle
-from mlsanm_cli.cloud.spacing import Spacing
+from mlsanm_cli.cloud.spacing import Spacing, build_cloud
 from mlsanm_cli.errors import NumericalError
 from tests.app.runs import warned
 from tests.app.scenes import BAR, COARSE, EXACT_LAW, FAST, NODAL, done, hertz

@@ -12,9 +12,8 @@ import scipy.sparse as sparse
 
 from benchmarks.formulas import AnisotropicHole, KirschHole
 from mlsanm_cli.app.checks.peaks import along_over_across, traction_error
-from mlsanm_cli.cloud.cloud import build_cloud
 from mlsanm_cli.cloud.curves import Arc, Outline, rectangle
-from mlsanm_cli.cloud.spacing import Spacing, Zone
+from mlsanm_cli.cloud.spacing import Spacing, Zone, build_cloud
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.material import orthotropic

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.comparison import small_strain
+from mlsanm_cli.app.analysis import small_strain
 from mlsanm_cli.app.comparison.compare import compare
-from mlsanm_cli.app.comparison.small_strain import chosen_methods, other_law_limit
+from mlsanm_cli.app.comparison.methods import chosen_methods, other_law_limit
 from mlsanm_cli.case import Case, parse_case
 from mlsanm_cli.cli import main
 from mlsanm_cli.errors import NumericalError, RunError
@@ -102,7 +102,7 @@ def test_smooth_and_exact_laws_agree_within_their_limit(
 def perturbed(size: float) -> Any:
     """A path whose pressures are off by a part, of all methods but power series."""
 
-    def path(built: CondensedScene) -> Iterator[PathStep]:
+    def path(built: CondensedScene, start: None) -> Iterator[PathStep]:
         for step in load_path(built):
             if built.case.solver.method != "anm":
                 saved = tuple(replace(s, pressure=(1.0 + size) * s.pressure) for s in step.saved)
@@ -131,7 +131,7 @@ def test_a_small_difference_between_equal_laws_is_found(
     assert loose["status"] == "agree"
 
 
-def failing(built: CondensedScene) -> Iterator[PathStep]:
+def failing(built: CondensedScene, start: None) -> Iterator[PathStep]:
     """A path of which the active set finds the first state only."""
     steps = load_path(built)
     yield next(steps)
