@@ -70,6 +70,12 @@ class Basis:
         self.problem, self.missed, self._springs = problem, 0.0, springs
         self._factorise(status)
 
+    @classmethod
+    def near(cls, problem: Problem, status: ContactStatus) -> Basis:
+        """The last basis of the problem that is in use, or a new one, taken to a status."""
+        last: Basis | None = problem.kept.get("basis")
+        return cls(problem, status) if last is None else last.to(status)
+
     def to(self, status: ContactStatus) -> Basis:
         """The basis of another status, by borders if these are few."""
         p, keys = self.problem, self._keys(status)
@@ -102,6 +108,8 @@ class Basis:
 
     def _factorise(self, status: ContactStatus) -> None:
         p = self.problem
+        if self._springs is None:
+            p.kept["basis"] = self
         self.status, self._side, self._active = status, status.slip_sign, status.active(p.k)
         self._based, self._base = self._active, np.flatnonzero(self._active)
         self._unbordered()
@@ -249,9 +257,8 @@ class Basis:
         aim[p.m : count] = reference
         values = np.where(self._active, aim - free, 0.0)
         size = np.abs(values).max(initial=0.0)
-        if self.held.shape[1]:
-            if np.abs(self.left.T @ values[count:]).max() > GRAZING * size:
-                raise SingularError
+        if np.abs(self.left.T @ values[count:]).max(initial=0.0) > GRAZING * size:
+            raise SingularError
         if near is not None:
             values[count:] += self._resists @ near[count:]
             size = np.abs(values).max(initial=0.0)

@@ -95,8 +95,8 @@ def follow(
 
 
 def _admissible(problem: Problem, state: State, typical: float) -> BoolArray:
-    """Changes (5, m) that a state admits to its rates: of nodes at their limits, relative to its own or ``typical``
-    pressures."""
+    """Changes (5, m) that a state admits to its rates: of nodes at their limits, relative to its own or
+    ``typical`` pressures."""
     p, x, w = problem, state.x, state.w
     limit = GRAZING * max(p.size(x), typical) * p.grain[: p.m]
     bare, touches = x[: p.m] <= limit, w[: p.m] <= limit

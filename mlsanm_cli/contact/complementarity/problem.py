@@ -15,7 +15,8 @@ cause, balances by their largest coefficient: all conditions are pressures, comp
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Protocol
+from typing import Any, Protocol
+from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -131,6 +132,11 @@ class Problem:
     @property
     def k(self) -> int:
         return len(self.rows) - self.contacts
+
+    @cached_property
+    def kept(self) -> WeakValueDictionary[str, Any]:
+        """The last basis, as long as it is in use."""
+        return WeakValueDictionary()
 
     @cached_property
     def owner(self) -> IntArray:
