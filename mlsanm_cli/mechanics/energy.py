@@ -29,8 +29,6 @@ MAX_STEPS, EXTENSION_TOLERANCE = 500, 1e-5
 """Step limit and relative residual of the extension of boundary values."""
 TIP_RADIUS = 3.0
 """Triangles within this many spacings of a reentrant corner are integrated with fitted stresses."""
-
-
 MIN_THERMAL_SHARE = 0.1
 """Energies below this part of that of fully restrained expansion are not checked; free expansion has none."""
 
@@ -45,8 +43,7 @@ def least_thermal_energy(model: BodyModel, degrees: FloatArray) -> float:
 def over_body(
     cloud: Cloud, first: FloatArray, second: FloatArray, triangles: IntArray | None = None
 ) -> float:
-    """Integral over the body, or ``triangles`` (t, 3), of the product of two nodal fields (n, c), summed over
-    components, and of the circumference of circles in bodies of revolution."""
+    """Integral over the body, or ``triangles`` (t, 3), of the product of two nodal fields (n, c)."""
     own = cloud.triangles if triangles is None else triangles
     a, b, around = (one[own] for one in (first, second, cloud.around(cloud.points)))
     products = np.einsum("ijk,ti,tjc,tkc->t", _TRIPLE, around, a, b, optimize=True)
@@ -87,8 +84,7 @@ def gradients(cloud: Cloud) -> tuple[FloatArray, FloatArray]:
 
 
 def inner_work(cloud: Cloud, stress: FloatArray, virtual: FloatArray) -> float:
-    """Integral of nodal ``stress`` (n, 3) times the strain of a ``virtual`` displacement (n, 2), both
-    linear."""
+    """Integral of nodal ``stress`` (n, 3) times the strain of a ``virtual`` displacement (n, 2)."""
     areas, slopes = gradients(cloud)
     by, middle = np.einsum("tki,tkc->tic", slopes, virtual[cloud.triangles]), cloud.points[cloud.triangles]
     derivatives = np.concatenate([virtual[cloud.triangles].mean(axis=1)[:, None], by], axis=1)
@@ -98,8 +94,8 @@ def inner_work(cloud: Cloud, stress: FloatArray, virtual: FloatArray) -> float:
 
 
 def extended(cloud: Cloud, values: FloatArray, known: BoolArray) -> FloatArray:
-    """A nearly harmonic nodal field (n, 2) with the ``values`` (n, 2) where ``known`` (n, 2), by conjugate
-    gradients on the triangles; 0 in a component without known values."""
+    """A nearly harmonic nodal field (n, 2) with the ``values`` (n, 2) where ``known``; 0 if nothing is
+    known."""
     areas, slopes = gradients(cloud)
     entries = areas[:, None, None] * np.einsum("tki,tli->tkl", slopes, slopes)
     rows, columns = np.repeat(cloud.triangles, 3, axis=1).ravel(), np.tile(cloud.triangles, 3).ravel()
@@ -127,7 +123,7 @@ def extended(cloud: Cloud, values: FloatArray, known: BoolArray) -> FloatArray:
 
 
 def twice_strain_energy(cloud: Cloud, material: PlaneMaterial, stress: FloatArray) -> float:
-    """Integral of stress times elastic strain, per unit thickness, for nodal ``stress`` (n, 3)."""
+    """Integral of nodal ``stress`` (n, 3) times elastic strain."""
     return over_body(cloud, stress, stress @ np.linalg.inv(material.stiffness))
 
 

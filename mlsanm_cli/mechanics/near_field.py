@@ -41,8 +41,7 @@ class PointForceField(Protocol):
     """The field of a unit force at the origin on the surface of a body of one material."""
 
     def displacement(self, w: ComplexArray, base: ComplexArray) -> FloatArray:
-        """Displacements (..., 2, 2) at ``w`` (...); angles from ``base`` (...), the branch cut along
-        -base."""
+        """Displacements (..., 2, 2) at ``w``; angles from ``base``, the branch cut along -base."""
 
     def stress(self, w: ComplexArray) -> FloatArray:
         """Stresses (..., 3, 2) at ``w`` (...)."""
@@ -52,8 +51,7 @@ class PointForceField(Protocol):
         subtends less than pi; it has no moment about the origin."""
 
     def along(self, tangent: ComplexArray) -> FloatArray:
-        """Traction (..., 2, 2) next to the force per unit curvature, on surfaces with unit ``tangent``
-        (...)."""
+        """Traction (..., 2, 2) next to the force per unit curvature, by the unit ``tangent`` (...)."""
 
 
 @dataclass(frozen=True)

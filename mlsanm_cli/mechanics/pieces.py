@@ -164,8 +164,8 @@ class Pieces:
                 yield sparse.csr_array(-spread @ kept), points, points[:, None], normals[:, None]
 
     def _spread(self, owner: IntArray, center: FloatArray) -> sparse.csr_array:
-        """Matrix (3k, 3e) from forces x, y and moments about ``center`` (e, 2) to those on pieces ``owner``
-        (e,), -1 for none."""
+        """Matrix (3k, 3e) from forces and moments about ``center`` (e, 2) to those on pieces ``owner`` (e,)
+        or -1."""
         number = np.flatnonzero(owner >= 0)
         own = owner[number]
         arm = (center[number] - self.middle[own]) / self.size[own][:, None]
@@ -224,15 +224,14 @@ class Pieces:
         return total
 
     def gathered(self, nodes: IntArray, points: FloatArray, force: FloatArray) -> FloatArray:
-        """Force and moment (3k, ...) on the pieces of ``nodes`` (e,) by forces (e, 2, ...) at ``points`` (e,
+        """Force and moment (3k, ...) on the pieces of ``nodes`` by forces (e, 2, ...) at ``points`` (e,
         2)."""
         spread = self._spread_from(nodes, points)[:, : 2 * len(nodes)]
         flat = np.concatenate([force[:, 0], force[:, 1]]).reshape(2 * len(nodes), -1)
         return np.asarray(spread @ flat).reshape(3 * self.count, *force.shape[2:])
 
     def totals(self, center: tuple[float, float]) -> sparse.csr_array:
-        """Matrix (3, 3k) from the pieces' forces and moments to force x, force y and moment about ``center``
-        of the body."""
+        """Matrix (3, 3k) from forces and moments on pieces to those of the body, about ``center``."""
         one, none = self.main.astype(float), np.zeros(self.count)
         x, y = one * (self.middle - np.array(center)).T
         lines = [[one, none, none], [none, one, none], [-y, x, one * self.size]]
@@ -248,8 +247,7 @@ class Pieces:
         return sparse.csr_array(self.totals((float(middle[0]), float(middle[1])))[np.flatnonzero(closed)])
 
     def rows_known(self, hidden: list[tuple[int, int]]) -> BoolArray:
-        """Mask of the 3k rows of closed pieces, but where single (node, component) pairs ``hidden`` hold the
-        body."""
+        """Mask (3k,) of the rows of closed pieces, without those of (node, component) pairs ``hidden``."""
         known = np.tile(self.closed, 3)
         for node, component in hidden:
             for level in self.levels:
@@ -298,8 +296,7 @@ def reaction(
     center: tuple[float, float],
     stress: StressAround,
 ) -> Any:
-    """Rows or values (3, ...) of force and moment about ``center`` of a held surface on its body by a
-    ``stress``, in ``held`` components."""
+    """Rows or values (3, ...) of force and moment of a surface on its body by ``stress``, if ``held``."""
     points, normals = _along(model.cloud, surface, Halves.of(surface, rule_of(model)))
     forces = force_sums(np.zeros((len(points), 1, 2)), normals[:, None])[: 2 * len(points)]
     along, one, none = np.array(held, dtype=float), np.ones(len(points)), np.zeros(len(points))

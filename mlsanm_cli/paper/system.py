@@ -32,8 +32,8 @@ class Law:
     ``elastic`` (of displacements) and ``slip`` are scales."""
 
     def __init__(self, built: CondensedScene) -> None:
-        """The law of a case, relative to the exact states at the ends of its stages: units and sizes of loads
-        do not matter. Raises NumericalError if no state has any pressure."""
+        """The law of a case, relative to the exact states at the ends of its stages. Raises
+        NumericalError."""
         c, law = built.condensed, {contact.name: contact.regularization for contact in built.case.touching}
         nodes, pressures = c.friction_nodes, [state.pressure for state in built.ends]
         largest = np.max(pressures, axis=0)

@@ -137,8 +137,7 @@ class MultifrontalFactor:
         return solution
 
     def products(self, left: sparse.csr_array, right: sparse.csc_array) -> FloatArray:
-        """``left`` (g, n) times the solutions for ``right`` (n, c) by a symmetric matrix, by forward
-        substitution."""
+        """``left`` (g, n) times the solutions for ``right`` (n, c), by forward substitution; if symmetric."""
         fronts = self.fronts
         both = sparse.csr_array(sparse.hstack([left.T, right], format="csr"))[fronts.unknowns]
         indptr, indices = both.indptr.astype(np.int64), both.indices.astype(np.int64)
@@ -181,8 +180,7 @@ def elimination_order(matrix: sparse.csc_array, points: FloatArray) -> IntArray:
 
 
 def factor_in_order(matrix: sparse.csc_array, order: IntArray, threshold: float = 0.0) -> SuperLUFactor:
-    """Factorise in ``order`` (n,) with the ``threshold`` of pivoting, 0 for quasi-definite matrices. Raises
-    NumericalError if the matrix is singular."""
+    """Factorise in ``order`` (n,) with the ``threshold`` of pivoting. Raises NumericalError if singular."""
     # Imported here: it loads the eigenvalue solvers, not needed when the own Cholesky factor suffices.
     from scipy.sparse.linalg import splu
 
@@ -249,8 +247,7 @@ MAX_UNCORRECTED_ERROR, MAX_CORRECTED_ERROR = 1e-9, 1e-13
 
 
 def verified_or_superlu(factor: Factor | None, matrix: Matrix, points: FloatArray) -> Factor:
-    """The ``factor`` of a ``matrix`` (2n, 2n) if accurate, else SuperLU's, with a note. Raises NumericalError
-    if that is inaccurate too."""
+    """The ``factor`` of a ``matrix`` if accurate, else SuperLU's, with a note. Raises NumericalError."""
     if factor is not None and _accurate(matrix, factor):
         return factor
     other = factor_quasi_definite(matrix, points)
