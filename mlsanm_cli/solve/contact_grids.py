@@ -31,8 +31,17 @@ from mlsanm_cli.memo import Memo
 from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene, factors_at
 from mlsanm_cli.solve.direction_updates import rolling, turns, unturned
-from mlsanm_cli.solve.grid_ranges import begun_open, first_grid, passed_beyond, ranged, touching_first
-from mlsanm_cli.solve.grid_refinement import COMPRESSED_LIMITS, DENSE_LIMITS, refined, sampled
+from mlsanm_cli.solve.grid_fitting import (
+    COMPRESSED_LIMITS,
+    DENSE_LIMITS,
+    begun_open,
+    first_grid,
+    passed_beyond,
+    ranged,
+    refined,
+    sampled,
+    touching_first,
+)
 from mlsanm_cli.solve.stage_ends import contact_states
 
 MAX_ROUNDS = 60
@@ -152,7 +161,6 @@ class _GridSearch:
             begun = begun_open(self.condensed, self._grids, self._ranges, self.states)
             if begun:
                 self._ranges |= begun
-                self._passed = {n: one for n, one in self._passed.items() if n not in begun}
                 self._passed |= touching_first(begun)
                 self._take(self._grids | {name: first_grid(one) for name, one in begun.items()})
                 self.starts = []

@@ -397,11 +397,6 @@ def _step(
     built, solver = scene.built, {"errors": errors}
     solver |= {f"{key}.{name}": getattr(flow, key)[name] for name in built.laws for key in KEPT}
     state = State.of(flow.contact, built.condensed.friction_nodes, position, scene.residual(flow), solver)
-    return PathStep(
-        state,
-        (state,) if position in built.outputs else (),
-        length,
-        iterations=flow.updates,
-        solves=flow.products,
-        checkpoint=Checkpoint(state, {"half": np.array([half])}, pace=pace),
-    )
+    checkpoint = Checkpoint(state, {"half": np.array([half])}, pace=pace)
+    counts = {"iterations": flow.updates, "solves": flow.products}
+    return built.step(state, length=length, checkpoint=checkpoint, **counts)

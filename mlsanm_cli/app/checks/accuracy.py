@@ -37,7 +37,7 @@ from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.grid_refinement import grid_errors
+from mlsanm_cli.solve.grid_fitting import grid_errors
 from mlsanm_cli.solve.state import State
 
 ROUGH_SHARE = 0.5

@@ -81,6 +81,11 @@ class Analysis(ABC, Generic[Built]):
         return {name: model.cloud for name, model in self.models.items()}
 
     @property
+    def points(self) -> FloatArray:
+        """Nodes (N, 2) of all bodies."""
+        return np.concatenate([cloud.points for cloud in self.nodes.values()])
+
+    @property
     def clouds(self) -> Mapping[str, Cloud]:
         """The points at which fields are written."""
         return self.nodes

@@ -1,4 +1,5 @@
-"""Range of a contact grid: found on a coarse grid and then narrowed to the contact."""
+"""Fitting of contact grids to states: the range, narrowed to the contact, samples of the responses of bodies,
+and halving of intervals."""
 
 from __future__ import annotations
 
@@ -11,9 +12,13 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.complementarity.problem import FEASIBLE
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
+from mlsanm_cli.contact.geometry.surface_response import SurfaceResponse
 from mlsanm_cli.contact.laws.contact_state import ContactState
+from mlsanm_cli.contact.response.compressed import COMPRESSED_CONTACT
 from mlsanm_cli.contact.response.condensed import Condensed
-from mlsanm_cli.roundoff import ROUND_OFF
+from mlsanm_cli.contact.response.responses import BodyResponses
+from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
 
 FIRST_INTERVALS = 24
 """Intervals of the even grid over all facing surfaces."""
@@ -40,6 +45,30 @@ MIN_OVERLAP = 1e-3
 """Overlap between grid nodes, relative to the largest approach, above which it is examined."""
 
 
+MAX_SAMPLES = 96
+SAMPLE_TOLERANCE = 1e-4
+"""Samples are doubled until the last coefficients of the response are below this part of the factor of its
+logarithm."""
+MIN_INTERVAL = 1e-5
+"""Intervals below this part of the range are not halved: pressures under corners of obstacles are
+unbounded."""
+MIN_CLAMPED_INTERVAL = 0.25
+"""Least interval beside clamped sides, relative to the reach of their corner: stresses are singular there
+without contact, and clouds do not resolve more."""
+DENSE_LIMITS, COMPRESSED_LIMITS = (300, 2000), (5000, 20_000)
+"""Numbers of intervals above which grids are refined to a lower accuracy, by the cube of the ratio, and above
+which they are not refined, of paths that need dense matrices and of others."""
+END_ERROR_SHARE = 0.3
+"""Intervals at the ends of a grid with this part of the largest error are halved twice at once; further
+halvings save nothing."""
+EQUAL_SHARE, WORST_SHARE, WORST_SHARE_OF_MANY = 0.7, 0.1, 0.02
+"""Intervals are halved whose error is above this part of an equal share, and of the largest: more at once in
+grids with many intervals, as each round takes long."""
+WORST_SHARE_WITHOUT_FRICTION, QUARTER_RATIO = 0.05, 4.0
+"""Part of the largest error without friction, where rounds take longer than more intervals do; and intervals
+with more than this multiple of the least error of halved ones are quartered, but not for tractions."""
+
+
 def first_grid(limits: ContactRange) -> ContactGrid:
     """Coarse grid over all facing places, finer towards the closest approach; uniform for parallel
     surfaces."""
@@ -52,20 +81,11 @@ def first_grid(limits: ContactRange) -> ContactGrid:
         finest, nearest = FINEST_INTERVAL * widest, limits.nearest
         before = nearest - _growing(nearest - limits.first, finest, widest)
         after = nearest + _growing(limits.last - nearest, finest, widest)
-        ends = [limits.first, nearest, limits.last]
-        places = spaced_apart(np.concatenate([ends, before, after]), 0.5 * finest)
-    return ContactGrid(
-        limits.facing,
-        limits.first,
-        limits.last,
-        FIRST_SAMPLES,
-        limits.hats(places),
-        limits.centers,
-        limits.corners,
-        limits.planes,
-        limits.pins,
-        provisional=not parallel,
-    )
+        fixed = [limits.first, nearest, limits.last]
+        places = spaced_apart(np.concatenate([fixed, before, after]), 0.5 * finest)
+    grid = ContactGrid(limits.facing, limits.first, limits.last, FIRST_SAMPLES, limits.hats(places))
+    grid = replace(grid, centers=limits.centers, corners=limits.corners, provisional=not parallel)
+    return replace(grid, planes=limits.planes, pins=limits.pins)
 
 
 def touching_first(ranges: Mapping[str, ContactRange]) -> dict[str, FloatArray]:
@@ -73,14 +93,11 @@ def touching_first(ranges: Mapping[str, ContactRange]) -> dict[str, FloatArray]:
     where curved ones are nearest if they touch as drawn: contacts move on from there."""
     found = {}
     for name, room in ranges.items():
-        places, gaps = (values[1:-1] for values in room.drawn_gaps)
-        long = room.last - room.first
-        overlaps = places[gaps < -ROUND_OFF * long]
+        (places, gaps), long = (values[1:-1] for values in room.drawn_gaps), room.last - room.first
         nearest = np.array([room.nearest])
-        if np.ptp(gaps) > TOUCHING * long and room.facing.gap(nearest)[0] < TOUCHING * long:
-            overlaps = np.append(overlaps, room.nearest)
-        found[name] = overlaps
-    return {name: places for name, places in found.items() if len(places)}
+        touches = np.ptp(gaps) > TOUCHING * long and room.facing.gap(nearest)[0] < TOUCHING * long
+        found[name] = np.append(places[gaps < -ROUND_OFF * long], nearest if touches else [])
+    return found
 
 
 def _growing(room: float, step: float, widest: float) -> FloatArray:
@@ -114,24 +131,21 @@ def ranged(
     """Grids with ranges fitted to the contact, and where it ``passed`` on its way; None if it comes to the
     end of the available range. Nodes beyond a grid that touch are included in its range from then on: they
     are paired in directions other than those of the grid, and may be open on it."""
-    touched = [condensed.touched(*state.unknowns, state.shift) for state in states]
     result = dict(grids)
     for name, grid in grids.items():
         room, nodes, steps = ranges[name], grid.hats.nodes, grid.hats.steps
-        arc = condensed.pairing_of(name).arc
         places = np.flatnonzero(_pressed(condensed, name, states))
-        seen = summits(condensed, name, room, states)
-        outside = seen[(seen < grid.first) | (seen > grid.last)]
-        beyond = np.concatenate([arc[np.any([masks[name] for masks in touched], axis=0)], outside])
-        if len(beyond) and not grid.provisional:
-            passed[name] = np.concatenate([passed.get(name, np.zeros(0)), beyond])
+        touched, seen = _overlapping(condensed, name, room, states)
+        beyond = np.append(touched, seen[(seen < grid.first) | (seen > grid.last)])
+        if not grid.provisional:
+            passed[name] = np.append(passed[name], beyond)
         if not len(places):
             if len(beyond):
                 result[name] = first_grid(room)
             continue
         low, high = nodes[places[0]], nodes[places[-1] + 2]
         width = high - low
-        reached = np.concatenate([[low, high], beyond, seen, passed.get(name, np.zeros(0))])
+        reached = np.concatenate([[low, high], beyond, seen, passed[name]])
         low, high = float(reached.min()), float(reached.max())
         if (low <= room.first and not room.whole[0]) or (high >= room.last and not room.whole[1]):
             # Intervals at a closed end that are too long to tell whether the contact reaches it.
@@ -217,27 +231,24 @@ def passed_beyond(
     states: Sequence[ContactState],
     passed: dict[str, FloatArray],
 ) -> bool:
-    """Whether surfaces touch in some states beyond the ranges of their grids; ``passed`` is then extended to
-    the first and last of these places."""
+    """Whether surfaces touch in some states beyond the ranges of their grids, which then have ``passed``
+    these places."""
     beyond = False
-    for pairing in condensed.on_grids if states else ():
+    for pairing in condensed.on_grids:
         name, grid = pairing.name, pairing.grid
-        touched = [pairing.arc[condensed.touched(*one.unknowns)[name]] for one in states]
         closed = np.any([one.closed[condensed.spans[name]] for one in states], axis=0)
-        seen = summits(condensed, name, ranges[name], states)
-        places = np.concatenate([grid.hats.place[closed], seen, *touched])
+        overlaps = _overlapping(condensed, name, ranges[name], states)
+        places = np.concatenate([grid.hats.place[closed], *overlaps])
         if len(places) and (places.min() < grid.first or places.max() > grid.last):
-            places = np.concatenate([places, passed.get(name, places)])
-            passed[name] = np.array([places.min(), places.max()])
-            beyond = True
+            passed[name], beyond = np.append(passed[name], places), True
     return beyond
 
 
-def summits(
+def _overlapping(
     condensed: Condensed, name: str, room: ContactRange, states: Sequence[ContactState]
-) -> FloatArray:
-    """Places (e,) of overlaps in a state away from its contact: summits of a profile between the nodes of a
-    grid; within the grid, where halving decides, also places of possible overlaps."""
+) -> tuple[FloatArray, FloatArray]:
+    """Places of overlaps in a state away from its contact: paired nodes beyond a grid, and summits of a
+    profile between its nodes; within the grid, where halving decides, also possible ones."""
     pairing = condensed.pairing_of(name)
     hats, span, watched = pairing.grid.hats, condensed.spans[name], condensed.watched_of(name)
     places, drawn = room.drawn_gaps
@@ -250,9 +261,10 @@ def summits(
     order = np.argsort(at)
     interval = np.clip(np.searchsorted(hats.nodes, places) - 1, 0, len(hats.steps) - 1)
     beyond = (places < hats.nodes[0]) | (places > hats.nodes[-1])
-    chosen = np.zeros(len(places), dtype=bool)
+    chosen, touched = np.zeros(len(places), dtype=bool), np.zeros(len(beyond_grid), dtype=bool)
     for state in states:
         gap = (condensed.watched(*state.unknowns) + state.shift)[watched]
+        touched |= gap < 0.0
         moved = np.concatenate([state.gap[span] - own, gap - others])
         closed = state.closed[span]
         touching = np.pad(closed, 2)
@@ -267,4 +279,109 @@ def summits(
         unsure = (0.25 * steps**2 * np.maximum(second[:-1], second[1:]))[between]
         overlap = drawn + np.interp(places, at[order], way) < np.where(beyond, -unsure, unsure) - shallow
         chosen |= overlap & (apart[interval] | beyond)
-    return places[chosen]
+    return beyond_grid[touched], places[chosen]
+
+
+def sampled(scene: Scene, answers: BodyResponses, grids: Mapping[str, ContactGrid]) -> dict[str, ContactGrid]:
+    """Grids with as many samples as the responses of the bodies require."""
+    result = dict(grids)
+    for pairing in answers.drivers.on_grids:
+        grid = pairing.grid
+        if grid.count >= MAX_SAMPLES:
+            continue
+        log = sum(
+            np.abs(SurfaceResponse.of(grid, scene.bodies[body].model.kernel, slave).tensors[0]).max()
+            for body, slave, _ in pairing.sides
+        )
+        kernel = answers.smooth(pairing)
+        size = grid.coefficients(kernel)
+        aim, last = SAMPLE_TOLERANCE * float(log), float(size[-2:].max())
+        # Coefficients of smooth functions decay geometrically; few tell how fast, so that more are looked at.
+        half = max(float(size[grid.count // 2 - 2 : grid.count // 2].max()), last)
+        decay, count = last / (half or 1.0), grid.count
+        while last > aim and count < min(MAX_SAMPLES, 4 * grid.count):
+            last, decay, count = last * decay**2, decay**2, 2 * count
+        if count > grid.count:
+            result[pairing.name] = replace(grids[pairing.name], count=count)
+    return result
+
+
+def refined(
+    condensed: Condensed,
+    grids: Mapping[str, ContactGrid],
+    ranges: Mapping[str, ContactRange],
+    states: Sequence[ContactState],
+    accuracy: Mapping[str, float],
+    tractions: bool,
+    limits: tuple[int, int] = DENSE_LIMITS,
+) -> dict[str, ContactGrid]:
+    """Grids halved where the pressures of the states require it, up to ``limits``, and ``tractions`` if they
+    count. Intervals at the ends of a grid with the largest errors are halved once more towards the end, where
+    errors of unbounded pressures decrease slowly."""
+    result = dict(grids)
+    for name, grid in grids.items():
+        each = [grid_errors(condensed, name, [state], tractions) for state in states]
+        steps = grid.hats.steps
+        if len(steps) >= limits[1]:
+            continue
+        places = _overlapping(condensed, name, ranges[name], states)[1]
+        chosen = np.isin(np.arange(len(steps)), np.searchsorted(grid.hats.nodes, places) - 1)
+        quartered, free = np.zeros_like(chosen), condensed.pairing_of(name).friction == 0.0
+        many = len(steps) > COMPRESSED_CONTACT
+        aim = accuracy[name] * max(1.0, len(steps) / limits[0]) ** 3
+        part = WORST_SHARE_OF_MANY if many else WORST_SHARE_WITHOUT_FRICTION if free else WORST_SHARE
+        # Ends of other states are no part of a state's error, and its share is one of the intervals that
+        # contribute; many patches end everywhere, and rounds take long.
+        for errors in each:
+            if float(np.linalg.norm(errors)) > aim:
+                count = len(errors) if many else float(errors.sum()) ** 2 / float((errors**2).sum())
+                least = max(EQUAL_SHARE * aim / np.sqrt(count), part * float(errors.max()))
+                chosen |= errors > least
+                quartered |= (free or not tractions) & (errors > QUARTER_RATIO * least)
+        chosen &= steps > _shortest(grid)
+        if not chosen.any():
+            continue
+        errors, ends = np.max(each, axis=0, initial=0.0), np.flatnonzero(steps > 0.0)[[0, -1]]
+        large = chosen & (errors >= END_ERROR_SHARE * errors.max())
+        once = replace(grid, hats=grid.hats.halved(chosen))
+        hats = once.hats
+        within = np.searchsorted(grid.hats.nodes, 0.5 * (hats.nodes[1:] + hats.nodes[:-1])) - 1
+        again = (chosen & quartered)[np.clip(within, 0, len(chosen) - 1)]
+        again[np.flatnonzero(hats.steps > 0.0)[[0, -1]]] |= large[ends]
+        again &= hats.steps > _shortest(once)
+        result[name] = replace(once, hats=hats.halved(again))
+    return result
+
+
+def grid_errors(
+    condensed: Condensed, name: str, states: Sequence[ContactState], tractions: bool = True
+) -> FloatArray:
+    """Contribution of every interval of a contact grid to the relative L2 error of its pressures, and
+    ``tractions`` if they count, in the worst of the states; 0 for the shortest ones."""
+    pairing = condensed.pairing_of(name)
+    hats, worst = pairing.grid.hats, np.zeros(len(pairing.grid.hats.steps))
+    for state in states:
+        pressure = state.pressure[condensed.spans[name]]
+        size = hats.norm(pressure)
+        if np.abs(pressure).max(initial=0.0) <= COARSE_ROUND_OFF * np.abs(state.pressure).max(initial=0.0):
+            continue
+        parts = [hats.errors(pressure)]
+        if pairing.friction and tractions:
+            parts.append(hats.errors(state.traction[condensed.tangential[name]]) / pairing.friction)
+        worst = np.maximum(worst, np.linalg.norm(parts, axis=0) / size)
+    worst[hats.steps <= _shortest(pairing.grid)] = 0.0
+    return worst
+
+
+def _shortest(grid: ContactGrid) -> FloatArray:
+    """Lengths (e,) below which intervals are not halved."""
+    least = np.full(len(grid.hats.steps), MIN_INTERVAL * (grid.last - grid.first))
+    for slave in (True, False):
+        for corner in grid.corners_of(slave):
+            if corner.wedge.clamped:
+                away = corner.distance(grid.facing.side(grid.hats.nodes, slave)[0])
+                away = np.minimum(away[:-1], away[1:])
+                least = np.where(
+                    away < corner.reach, np.maximum(least, MIN_CLAMPED_INTERVAL * corner.reach), least
+                )
+    return least
