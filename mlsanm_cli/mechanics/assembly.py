@@ -40,8 +40,8 @@ from mlsanm_cli.mechanics.rigid import FreeSystem, free_motions, pins
 from mlsanm_cli.mechanics.springs import FREE, NO_SPRING, Held, Springs, restrained
 from mlsanm_cli.memo import digest
 from mlsanm_cli.operators import least_squares
+from mlsanm_cli.operators.factors import LinearSolver, structure
 from mlsanm_cli.operators.least_squares import Strong
-from mlsanm_cli.operators.linear.interface import LinearSolver, structure
 from mlsanm_cli.operators.stencil_weights import nodal_pairs, nodal_rows
 from mlsanm_cli.operators.system import LinearSystem
 

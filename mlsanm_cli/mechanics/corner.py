@@ -34,11 +34,11 @@ class Images:
 
     def displacement(self, z: ComplexArray) -> FloatArray:
         """Displacements (e, 2, c) at ``z`` (e,)."""
-        return summed(self.places.displacements, z, self.force)
+        return summed(self.places.displacement, z, self.force)
 
     def traction(self, z: ComplexArray, normal: ComplexArray, curvature: FloatArray) -> FloatArray:
         """Tractions (e, 2, c) at ``z`` (e,) on outward ``normal`` vectors (e,)."""
-        return traction(summed(self.places.stresses, z, self.force), normal)
+        return traction(summed(self.places.stress, z, self.force), normal)
 
 
 @dataclass(frozen=True)

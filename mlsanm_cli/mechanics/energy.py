@@ -134,22 +134,21 @@ def energy_at_tips(model: BodyModel, displacement: FloatArray, stress: FloatArra
     Fitted stresses at the Gauss points of triangles collapsed to the corner nearest to the tip: the integrand
     times the distance is nearly constant.
     """
-    if model.tips is None:
-        return 0.0
     around, away = _at_tips(model)
     own = model.cloud.triangles[around]
     own = np.take_along_axis(own, (away[own].argmin(axis=1)[:, None] + np.arange(3)) % 3, axis=1)
-    shares, weights = [], []
-    for (out, weight), (across, other_weight) in product(GAUSS[3], repeat=2):
-        shares.append([1.0 - out, out * (1.0 - across), out * across])
-        weights.append(2.0 * out * weight * other_weight)
-    return _beyond_linear(model, displacement, stress, own, np.array(shares), np.array(weights))
+    rule = [
+        ([1.0 - out, out * (1.0 - across), out * across], 2.0 * out * weight * other_weight)
+        for (out, weight), (across, other_weight) in product(GAUSS[3], repeat=2)
+    ]
+    return _beyond_linear(model, displacement, stress, own, rule)
 
 
 def energy_between_nodes(model: BodyModel, displacement: FloatArray, stress: FloatArray) -> float:
     """The same correction by all other triangles: near the surface fits are better between nodes."""
     own = model.cloud.triangles[~_at_tips(model)[0]]
-    return _beyond_linear(model, displacement, stress, own, TRIANGLE_POINTS, np.full(3, 1.0 / 3.0))
+    rule = [(share, 1.0 / 3.0) for share in TRIANGLE_POINTS.tolist()]
+    return _beyond_linear(model, displacement, stress, own, rule)
 
 
 def _at_tips(model: BodyModel) -> tuple[BoolArray, FloatArray]:
@@ -168,19 +167,19 @@ def _beyond_linear(
     displacement: FloatArray,
     stress: FloatArray,
     own: IntArray,
-    shares: FloatArray,
-    weights: FloatArray,
+    rule: Sequence[tuple[Sequence[float], float]],
 ) -> float:
     """Twice the strain energy of triangles ``own`` (t, 3) with fitted stress, minus that with linear stress,
-    by quadrature points with barycentric ``shares`` (g, 3) and ``weights`` (g,). Stress that is not from
-    fits, such as thermal stress, is linear."""
+    by a ``rule`` of barycentric shares and weights. Stress that is not from fits is linear."""
+    if not len(own):
+        return 0.0
     cloud, c = model.cloud, model.material.stiffness
     if model.material.nearly_incompressible:
         c = c - model.material.bulk_part
     compliance = np.linalg.inv(model.material.stiffness)
     linear = stress - stress_of(model.stencils.derivatives(displacement), c, model.stencils.radius)
     total, areas = 0.0, _areas(cloud.points[own])
-    for share, weight in zip(shares, weights, strict=True):
+    for share, weight in rule:
         points = np.einsum("k,tkc->tc", share, cloud.points[own])
         fitted = stress_of(model.stencils_at(points, 1).derivatives(displacement), c, cloud.radius(points))
         here = fitted + np.einsum("k,tkc->tc", share, linear[own])

@@ -10,7 +10,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from mlsanm_cli.kernels.stencils import apply_weights
-from mlsanm_cli.operators.linear.interface import MAX_ENTRIES
+from mlsanm_cli.operators.factors import MAX_ENTRIES
 from mlsanm_cli.records import dataclass
 
 PARITY = {1: (1.0,), 2: (-1.0, 1.0), 3: (1.0, 1.0, -1.0), 4: (1.0, 1.0, -1.0, 1.0)}
