@@ -23,8 +23,6 @@ from mlsanm_cli.io.run_reader import RunData, read_run
 
 FRAMES = 40
 """Frames of a path with power series."""
-TOGETHER = ("pressure", "force", "peak", "loop", "hysteresis")
-"""Pictures of several runs, besides lines."""
 Make = Callable[[], Picture | BodyPicture]
 
 
@@ -48,7 +46,7 @@ def plot(
         assert choice.out is not None
         if choice.along is not None:
             return [write(choice.out, line_picture(runs, cases, choice))]
-        if len(choice.what) != 1 or choice.what[0] not in TOGETHER:
+        if len(choice.what) != 1 or choice.what[0] in ("traction", "bodies"):
             hint = "add --what pressure, force, peak, loop or hysteresis, or --along"
             raise RunError("several runs need one kind of picture", hint)
         return [write(choice.out, curves.path_picture(runs, cases, choice.what[0], choice))]
