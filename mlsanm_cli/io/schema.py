@@ -121,11 +121,6 @@ def scalars(table: Table) -> dict[str, Scalar]:
     return chosen
 
 
-def members(table: Table) -> dict[str, Quantity]:
-    """The quantities of a table by name."""
-    return {entry.name: entry for entry in table}
-
-
 def quantity(table: Table, path: str) -> Quantity | None:
     """The quantity of a table that is written at a ``path`` with names for the parts in braces.
 
