@@ -1,5 +1,4 @@
-"""Contacts with pressures at the nodes of the slave, which the master receives by transfer: local fits along
-surfaces."""
+"""Contacts with pressures at the nodes of the slave, whose forces act at the closest points of the master."""
 
 from __future__ import annotations
 
