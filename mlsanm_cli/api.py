@@ -17,7 +17,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from mlsanm_cli.errors import Interrupted, NumericalError
+from mlsanm_cli.errors import Interrupted, NumericalError, RunError
 from mlsanm_cli.inputs import results_of
 from mlsanm_cli.results import Run
 from mlsanm_cli.system import THREAD_VARIABLES
@@ -71,7 +71,7 @@ def resume(
     progress: bool = False,
 ) -> Run:
     """Continue a stopped or killed run, to the same result within the solver's tolerance; see `run`."""
-    summary = _call("run.resume", threads, Path(rundir), max_wall=max_wall, progress=progress)
+    summary = _call("run.resume", threads, _named(rundir), max_wall=max_wall, progress=progress)
     return _opened(summary)
 
 
@@ -97,7 +97,7 @@ def open_run(rundir: Place) -> Run:
 
     Exported by the package as ``open``.
     """
-    return Run(Path(rundir))
+    return Run(_named(rundir))
 
 
 def sweep(
@@ -131,7 +131,7 @@ def collect(runs: Sequence[Place | Run]) -> list[dict[str, Any]]:
     """One row per run: directory, status, the keys that differ between the cases, and results."""
     with _numerics(1):
         from mlsanm_cli.app.results.info import collect as collect_runs
-    return collect_runs([place.directory if isinstance(place, Run) else Path(place) for place in runs])
+    return collect_runs([place.directory if isinstance(place, Run) else _named(place) for place in runs])
 
 
 def overrides(changes: Changes | None) -> tuple[str, ...]:
@@ -166,7 +166,7 @@ def _call(function: str, numerics: int, /, *given: Any, progress: bool = False, 
 def _file_of(case: CaseSource) -> Iterator[Path]:
     """The file of a case; dicts are written to one within the block, and name files as seen from here."""
     if not isinstance(case, Mapping):
-        yield Path(case)
+        yield _named(case)
         return
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "case.toml"
@@ -184,8 +184,14 @@ def _placed(value: Any) -> Any:
     return [_placed(one) for one in value] if isinstance(value, list | tuple) else value
 
 
+def _named(place: Place) -> Path:
+    if not isinstance(place, str | os.PathLike):
+        raise RunError(f"{place!r} is not the name of a file or a directory", "give a text or a path")
+    return Path(place)
+
+
 def _path(place: Place | None) -> Path | None:
-    return None if place is None else Path(place)
+    return None if place is None else _named(place)
 
 
 @contextmanager

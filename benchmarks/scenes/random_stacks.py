@@ -11,19 +11,55 @@ from __future__ import annotations
 
 import math
 import tomllib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.scenes.parts import body, case, held, pair, platen, polygon, probe
 from benchmarks.scenes.scene import Table
 
 PARTS = tomllib.loads(Path(__file__).with_name("random_parts.toml").read_text())
 SQUARE = [[-1, 0], [1, 0], [1, 1], [-1, 1]]
 SIDES = ["foot", "right", "head", "left"]
 Span = tuple[float, float]
+
+
+def case(plane: str, materials: Mapping[str, Table], bodies: Sequence[Table], **rest: Any) -> Table:
+    """A case; ``rest`` are its other tables."""
+    return {
+        "format": 1,
+        "model": {"plane": plane},
+        "material": dict(materials),
+        "body": list(bodies),
+        "output": {"vtu": False},
+        **{key: value for key, value in rest.items() if value},
+    }
+
+
+def body(name: str, material: str, kind: str, **shape: Any) -> Table:
+    return {"name": name, "material": material, "shape": {"kind": kind, **shape}}
+
+
+def polygon(name: str, material: str, points: Sequence[Span], **shape: Any) -> Table:
+    return body(name, material, "polygon", points=[list(map(float, p)) for p in points], **shape)
+
+
+def held(boundary: str, *directions: str) -> Table:
+    return {"boundary": boundary} | dict.fromkeys(directions or ("ux", "uy"), 0.0)
+
+
+def pair(name: str, slave: str, master: str, friction: float | str = 0.0, **rest: Any) -> Table:
+    return {"name": name, "slave": slave, "master": master, "friction": friction, **rest}
+
+
+def platen(name: str, boundary: str, **rest: Any) -> Table:
+    return {"name": name, "boundary": boundary, "kind": "platen", **rest}
+
+
+def probe(name: str, body_name: str, x: float, y: float) -> Table:
+    return {"name": name, "body": body_name, "point": [x, y]}
 
 
 @dataclass

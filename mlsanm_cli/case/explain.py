@@ -1,10 +1,8 @@
-"""``mlsanm explain``: the meaning of a key of the case file, from the JSON Schema and the starter cases, and
-the reference of all tables and keys."""
+"""``mlsanm explain``: keys of the case file, from the JSON Schema and the starters, and their reference."""
 
 from __future__ import annotations
 
 import difflib
-import json
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -29,9 +27,8 @@ _TYPES = {"number": "number", "integer": "whole number", "boolean": "true or fal
 
 
 class Explanation(NamedTuple):
-    """A key, or a table with its keys and their meanings. ``place`` is the heading of the table that holds
-    the key, ``kinds`` the kinds of that table with the key (empty: all). ``default`` and ``example`` are
-    TOML. ``variants`` describes every kind of a table."""
+    """A key, or a table with the meanings of its keys. ``place`` is the heading of the table that holds the
+    key, ``kinds`` are those of it with the key (empty: all), ``variants`` describes every kind of a table."""
 
     key: str
     place: str
@@ -48,9 +45,8 @@ class Explanation(NamedTuple):
 
 
 def explain(key: str = "") -> tuple[Explanation, ...]:
-    """Explains a dotted key, with or without the names of list items; "" lists the tables. Returns several
-    explanations if the meaning depends on the kind of the table. Raises RunError for an unknown key, with
-    similar ones."""
+    """Explains a dotted key, with or without names of items; "" lists the tables. There are several
+    explanations if the meaning depends on the kind of the table. Raises RunError for an unknown key."""
     parts = [part for part in key.split(".") if part]
     # Every table with the key, with the node of the key; and the key without names of items.
     nodes: list[tuple[Node, Node]] = [(json_schema(), json_schema())]
@@ -73,13 +69,12 @@ def explain(key: str = "") -> tuple[Explanation, ...]:
     if path and path[-1] == "kind":
         # The key that distinguishes the kinds of a table.
         options = ", ".join(toml_value(node["const"]) for _, node in nodes)
-        variants = _variants(tuple(table for table, _ in nodes))
-        first = _explain(path, *nodes[0])
+        variants, first = _variants([table for table, _ in nodes]), _explain(path, *nodes[0])
         return (first._replace(type=_TYPES["string"], kinds=(), allowed=options, variants=variants),)
-    groups: dict[str, Explanation] = {}
+    groups: dict[tuple[Any, ...], Explanation] = {}
     for table, node in nodes:
         new = _explain(path, table, node)
-        same = json.dumps([new.meaning, new.type, new.allowed, new.unit, new.default, sorted(new.keys)])
+        same = (new.meaning, new.type, new.allowed, new.unit, new.default, *sorted(new.keys))
         before = groups.get(same, new)
         kinds = tuple(dict.fromkeys([*before.kinds, *new.kinds]))
         groups[same] = before._replace(kinds=kinds, required=new.required and before.required)
@@ -96,18 +91,18 @@ def _explain(path: tuple[str, ...], table: Node, node: Node) -> Explanation:
     for name, below in (pair for table in inner for pair in table["properties"].items()):
         keys.setdefault(name, _meaning(below))
     return Explanation(
-        key=".".join(path),
-        place=heading(path) if inner else heading(path[:-1]),
-        meaning=_meaning(node),
-        required=bool(path) and path[-1] in table.get("required", ()),
-        kinds=kinds,
-        unit=node.get(UNIT, ""),
-        type=_table_type(target) if inner else _type(target),
-        allowed="" if inner else _allowed(target),
-        default=default,
-        example="" if inner else _example(path, default, kinds),
-        keys=keys,
-        variants=_variants(inner),
+        ".".join(path),
+        heading(path if inner else path[:-1]),
+        _meaning(node),
+        _table_type(target) if inner else _type(target),
+        node.get(UNIT, ""),
+        "" if inner else _allowed(target),
+        default,
+        bool(path) and path[-1] in table.get("required", ()),
+        kinds,
+        "" if inner else _example(path, default, kinds),
+        keys,
+        _variants(inner),
     )
 
 
@@ -116,10 +111,8 @@ def _meaning(node: Node) -> str:
     return f"One of {len(inner)} kinds." if len(inner) > 1 else str((*inner, node)[0]["description"])
 
 
-def _variants(inner: tuple[Node, ...]) -> dict[str, str]:
-    if len(inner) < 2:
-        return {}
-    return {table["properties"]["kind"]["const"]: table["description"] for table in inner}
+def _variants(inner: Sequence[Node]) -> dict[str, str]:
+    return {one["properties"]["kind"]["const"]: one["description"] for one in inner if len(inner) > 1}
 
 
 def _table_type(node: Node) -> str:
@@ -180,16 +173,15 @@ def _starters() -> tuple[dict[str, Any], ...]:
 
 
 def _nearest(key: str) -> str:
-    known = list(dict.fromkeys(key for key, _ in walk()))
+    endings = {name: name.rpartition(".")[2] for name, _ in walk()}
     last = key.rpartition(".")[2]
     last = SYNONYMS.get(last.lower(), last)
-    endings = {name: name.rpartition(".")[2] for name in known}
-    similar = [name for name in known if endings[name] == last]
+    similar = [name for name, ending in endings.items() if ending == last]
     if not similar and "." in key:
-        similar = difflib.get_close_matches(key, known, n=3)
+        similar = difflib.get_close_matches(key, endings, n=3)
     if not similar:
-        near = difflib.get_close_matches(last, list(endings.values()), n=1)
-        similar = [name for name in known if endings[name] in near]
+        near = difflib.get_close_matches(last, endings.values(), n=1)
+        similar = [name for name, ending in endings.items() if ending in near]
     return f"did you mean {' or '.join(similar[:4])}?" if similar else '"mlsanm explain" lists the tables'
 
 
@@ -200,7 +192,7 @@ def value_keys() -> list[str]:
 
 def all_explanations() -> list[Explanation]:
     """The explanations of all tables and keys, tables before their keys, in the order of the schema."""
-    explanations = [entry for key in dict.fromkeys(key for key, _ in walk()) for entry in explain(key)]
+    explanations = [entry for key in dict(walk()) for entry in explain(key)]
     places = list(dict.fromkeys(["the top of the file", *(entry.place for entry in explanations)]))
     return sorted(explanations, key=lambda entry: (places.index(entry.place), not entry.keys))
 
@@ -230,10 +222,6 @@ def sections(explanations: Sequence[Explanation], level: str) -> str:
         value = ", ".join(filter(None, (kind, entry.unit, entry.allowed)))
         default = "required" if entry.required else f"`{entry.default}`" if entry.default else ""
         kinds = f" (of {', '.join(entry.kinds)})" if entry.kinds else ""
-        name = entry.key.rpartition(".")[2]
-        lines.append(f"| `{name}`{kinds} | {_cell(entry.meaning)} | {_cell(value)} | {_cell(default)} |")
+        cells = f"`{entry.key.rpartition('.')[2]}`{kinds}", entry.meaning, value, default
+        lines.append(" | ".join(("", *(cell.replace("|", r"\|") for cell in cells), "")).strip())
     return "\n".join(lines)
-
-
-def _cell(text: str) -> str:
-    return text.replace("|", "\\|")

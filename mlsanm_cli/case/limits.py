@@ -1,6 +1,4 @@
-"""Limits on counts, depths and magnitudes, checked before anything else. They are far beyond any scene that
-could be solved, and keep checks whose cost grows faster than the input, as the search for crossing sides,
-below seconds."""
+"""Limits on counts, depths and magnitudes, far beyond any scene, which bound the time of all other checks."""
 
 from __future__ import annotations
 
@@ -78,8 +76,7 @@ def number_faults(value: Any, path: KeyPath = ()) -> Iterator[Fault]:
 
 
 def magnitude_problem(value: int | float, coordinate: bool = True) -> str:
-    """What makes a number unfit for floating-point arithmetic, "" if nothing does; coordinates and components
-    may be 0 up to round-off."""
+    """What makes a number unfit for floating point, ""; coordinates may be 0 up to round-off."""
     small = 0.0 < abs(value) < MIN_MAGNITUDE and not coordinate
     if not small and not MAX_MAGNITUDE < abs(value) < float("inf"):
         return ""

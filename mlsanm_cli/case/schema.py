@@ -1,6 +1,5 @@
-"""JSON Schema (draft 7) of the case file, generated from the model and its docstrings, for editors,
-`mlsanm explain`, the case reference and hints; and pydantic's errors as faults of the case file, with path,
-message and hint. Imported only where it is needed."""
+"""JSON Schema (draft 7) of the case file, from the model and its docstrings; pydantic's errors as faults.
+Imported only where it is needed."""
 
 from __future__ import annotations
 
@@ -76,8 +75,8 @@ def tables_at(path: KeyPath) -> tuple[Node, ...]:
 
 
 def walk(path: tuple[str, ...] = (), table: Node | None = None) -> Iterator[tuple[str, Node]]:
-    """Every dotted key below a ``table`` at a path, by default the whole file, with its node; once for each
-    kind of table. Names of items are left out."""
+    """Every dotted key below a ``table``, without names of items, once for each kind of table, and its
+    node."""
     for key, node in (table or json_schema())["properties"].items():
         yield ".".join((*path, key)), node
         for inner in tables(node):

@@ -30,7 +30,7 @@ SCHEMA_LINE = "#:schema ./mlsanm.schema.json"
         "Kind of scene, see --list.",
         default="hertz",
         show_default=True,
-        shell_complete=declare.complete_kinds,
+        **declare.completed(declare.kinds),
     ),
     declare.option("--list listing", "List the kinds of scenes.", is_flag=True),
     declare.flag("force", "Overwrite an existing file."),
@@ -109,7 +109,7 @@ def fit_law(
 
 
 @declare.command(
-    click.argument("key", required=False, default="", shell_complete=declare.complete_plain_keys),
+    click.argument("key", required=False, default="", **declare.completed(declare.plain_keys)),
     declare.option("--all all_keys", "Print the reference of all keys as Markdown.", is_flag=True),
 )
 def explain(settings: Settings, key: str, all_keys: bool) -> int:

@@ -1,5 +1,4 @@
-"""The group of commands, and those that solve cases. Each imports its dependencies when called, which keeps
-``--help`` fast."""
+"""The group of commands, and those that solve cases; each imports its dependencies when called."""
 
 from __future__ import annotations
 

@@ -104,11 +104,9 @@ class TerminalConsole(Closing):
             self._line("  ".join(row).rstrip())
 
     def _finish_steps(self) -> None:
-        if self._last is None:
-            return
-        if self._waiting:
+        if self._last is not None and self._waiting:
             self._show_step(self._waiting)
-        if self._live:
+        if self._last is not None and self._live:
             # Removes the elapsed time.
             self._draw(self._row)
             self._put("\n")
@@ -173,8 +171,8 @@ class TerminalConsole(Closing):
 
 
 def console_for(settings: Settings, doing: str = "starting") -> TerminalConsole:
-    """The console for progress messages on stderr; a terminal shows ``doing`` until the first of them.
-    Opened before the numerical modules are imported, which takes a second or more."""
+    """The console on stderr; a terminal shows ``doing`` until the first message, while modules are
+    imported."""
     console = TerminalConsole(sys.stderr, settings)
     if is_terminal(sys.stderr):
         console.phase(doing)
@@ -182,8 +180,7 @@ def console_for(settings: Settings, doing: str = "starting") -> TerminalConsole:
 
 
 def called(settings: Settings, function: str, threads: int, /, *given: Any, **options: Any) -> Any:
-    """The result of a function of ``mlsanm_cli.app`` that reports its progress on stderr, imported with this
-    number of threads."""
+    """The result of a function of ``mlsanm_cli.app`` that reports its progress on stderr."""
     with console_for(settings) as console:
         return of_app(function, threads)(*given, console=console, **options)
 

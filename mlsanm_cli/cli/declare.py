@@ -1,12 +1,11 @@
-"""Declaration of commands: their arguments and options, each once, and what the shell completes: keys of the
-case, kinds of scenes, names in cases and runs. Errors in files are ignored; nothing is completed then."""
+"""Declaration of commands: arguments and options, and what the shell completes, nothing from faulty files."""
 
 from __future__ import annotations
 
 import math
 import os
 import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -19,7 +18,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 class File(click.Path):
-    """A path that is valid text, as results contain file names; ``-``, the standard input, if it is
+    """A path that is valid text, as results contain file names; ``-`` is the standard input if
     ``read_once``."""
 
     def __init__(self, read_once: bool = True) -> None:
@@ -49,66 +48,56 @@ class Seconds(click.FloatRange):
 
 NAMED_TABLES = ("body", "material", "load", "contact", "probe")
 """Tables whose items have names, which are part of keys."""
-Complete = Callable[[click.Context, click.Parameter, str], list[str]]
+Candidates = Callable[[click.Context], Iterable[Any]]
 
 
-def complete_keys(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
-    """Keys as for ``--set`` and ``--vary``, with the names in the case given to the command, or ``*``."""
-    from mlsanm_cli.case.explain import value_keys
-
-    (case, *_) = (*_contents(context, ("case",)), {})
-    candidates = []
-    for key in value_keys():
-        table, dot, rest = key.partition(".")
-        if table in NAMED_TABLES and dot:
-            items = case.get(table)
-            known = (
-                list(items) if isinstance(items, dict) else [item.get("name") for item in _items(case, table)]
-            )
-            candidates += [f"{table}.{name}.{rest}=" for name in (*known, "*") if isinstance(name, str)]
-        else:
-            candidates.append(f"{key}=")
-    return [key for key in candidates if key.startswith(incomplete)]
-
-
-def complete_plain_keys(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
-    from mlsanm_cli.case.explain import value_keys
-
-    return [key for key in value_keys() if key.startswith(incomplete)]
-
-
-def complete_kinds(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
-    from mlsanm_cli.case.starters import kinds as known
-
-    return [kind for kind in known() if kind.startswith(incomplete)]
-
-
-def complete_names(*tables: str) -> Complete:
-    """A function that completes names of items of tables in the case of a run; for supports, boundaries."""
+def completed(candidates: Candidates) -> dict[str, Any]:
+    """The setting of a parameter that the shell completes by the texts among ``candidates``."""
 
     def complete(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
-        known: list[Any] = []
-        for case in _contents(context, ("rundirs", "rundir"), "resolved.toml"):
-            items = [item for table in tables for item in _items(case, table)]
-            known += [item.get("name", item.get("boundary")) for item in items]
-        return [
-            name for name in dict.fromkeys(known) if isinstance(name, str) and name.startswith(incomplete)
-        ]
+        known = dict.fromkeys(candidates(context))
+        return [one for one in known if isinstance(one, str) and one.startswith(incomplete)]
 
-    return complete
+    return {"shell_complete": complete}
 
 
-def _items(case: Mapping[str, Any], table: str) -> list[dict[str, Any]]:
-    """The items of a list of tables that are tables."""
-    items = case.get(table)
-    return [item for item in items if isinstance(item, dict)] if isinstance(items, list) else []
+def keys_of_case(context: click.Context) -> Iterator[str]:
+    """Keys as for ``--set`` and ``--vary``, with the names in the case given to the command, or ``*``."""
+    (case, *_) = (*_contents(context, ("case",)), {})
+    for key in plain_keys(context):
+        table, dot, rest = key.partition(".")
+        named = table in NAMED_TABLES and dot
+        names = (*_names(case, (table,)), "*")
+        yield from (f"{table}.{name}.{rest}=" for name in names) if named else (f"{key}=",)
+
+
+def plain_keys(context: click.Context) -> list[str]:
+    from mlsanm_cli.case.explain import value_keys
+
+    return value_keys()
+
+
+def kinds(context: click.Context) -> Iterable[str]:
+    from mlsanm_cli.case.starters import kinds as known
+
+    return known()
+
+
+def _names(case: Mapping[str, Any], tables: Sequence[str]) -> Iterator[str]:
+    """Names of items of tables, and boundaries of supports."""
+    for items in map(case.get, tables):
+        listed = items if isinstance(items, list | dict) else []
+        for one in listed:
+            name = one.get("name", one.get("boundary")) if isinstance(one, dict) else one
+            if isinstance(name, str) and isinstance(one, dict) == isinstance(items, list):
+                yield name
 
 
 def _contents(
     context: click.Context, parameters: Sequence[str], below: str = ""
 ) -> Iterator[Mapping[str, Any]]:
-    """The content of the TOML files given to the command so far, or of those in the directories given; if the
-    value of an option is missing, click keeps them in ``args``. Files that cannot be read are empty."""
+    """The content of the TOML files given so far, or of those ``below`` the directories given; if the value
+    of an option is missing, click keeps them in ``args``. Files that cannot be read are empty."""
     given = next(filter(None, (context.params.get(name) for name in parameters)), None)
     places = [name for name in context.args if not name.startswith("-")] if given is None else given
     for place in places if isinstance(places, list | tuple) else [places]:
@@ -151,7 +140,12 @@ def positions(text: str) -> Decorator[Any]:
 
 def name_option(name: str, text: str, *tables: str) -> Decorator[Any]:
     """An option whose value is the name of an item of these tables of the case of a run."""
-    return option(f"--{name}", text, metavar="NAME", shell_complete=complete_names(*tables))
+
+    def names(context: click.Context) -> Iterator[str]:
+        for case in _contents(context, ("rundirs", "rundir"), "resolved.toml"):
+            yield from _names(case, tables)
+
+    return option(f"--{name}", text, metavar="NAME", **completed(names))
 
 
 def _common(names: str, text: str, **settings: Any) -> Decorator[Any]:
@@ -176,7 +170,7 @@ CASE = click.argument("case", type=File(read_once=False))
 CASE_OR_STDIN = click.argument("case", type=FILE)
 RUNDIR = click.argument("rundir", type=FILE)
 RUNDIRS = click.argument("rundirs", metavar="RUNDIR...", type=FILE, nargs=-1, required=True)
-KEYS: dict[str, Any] = {"multiple": True, "shell_complete": complete_keys}
+KEYS: dict[str, Any] = {"multiple": True, **completed(keys_of_case)}
 _SET_HELP = "Change a key of the case, as in --set solver.order=15. Repeatable."
 SET = option("--set overrides", _SET_HELP, metavar="KEY=VALUE", **KEYS)
 THREADS = count("--threads", "Number of threads.")

@@ -1,5 +1,4 @@
-"""Settings from the options common to all commands, functions imported on call, the output of their results,
-and the standard streams, which the caller or the reader may close at any time."""
+"""Settings from the common options, functions imported on call, and output to streams that may be closed."""
 
 from __future__ import annotations
 
@@ -42,8 +41,7 @@ def is_terminal(stream: TextIO) -> bool:
 
 
 def of_app(function: str, threads: int = 1) -> Callable[..., Any]:
-    """A function of ``mlsanm_cli.app``, named by module and name, imported with this number of threads of the
-    numerical libraries, which read it when they are imported."""
+    """A function of ``mlsanm_cli.app``, imported with this number of threads of the numerical libraries."""
     from mlsanm_cli.startup import lean_imports
 
     os.environ.update(dict.fromkeys(THREAD_VARIABLES, str(threads)))
@@ -71,8 +69,8 @@ def print_tables(
 
 
 def open_closed_streams() -> None:
-    """Replaces closed standard streams (``>&-``) by the null device: otherwise the first file opened by a run
-    would get the number of the stream, and its output."""
+    """Replaces closed standard streams by the null device: else the first file opened would get their
+    output."""
     for number in range(3):
         try:
             os.fstat(number)
@@ -84,8 +82,8 @@ def open_closed_streams() -> None:
 
 
 def say(settings: Settings, text: str, *, newline: bool = True) -> None:
-    """Writes to stdout. An error is stored in the settings, and the command continues: its results and exit
-    code do not depend on the reader."""
+    """Writes to stdout; errors are stored in the settings, as results and exit code do not depend on the
+    reader."""
     if settings.stdout_error is not None:
         return
     try:

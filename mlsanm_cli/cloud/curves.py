@@ -111,6 +111,11 @@ class Segment(Curve):
     def _ends(self) -> FloatArray:
         return np.array([self.start, self.end])
 
+    @property
+    def ends(self) -> tuple[Point, Point]:
+        """Start and end, also of a segment of length 0."""
+        return self.start, self.end
+
     @cached_property
     def _tangent(self) -> FloatArray:
         return np.asarray((self._ends[1] - self._ends[0]) / self.length)

@@ -13,14 +13,18 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from enum import StrEnum
+from functools import cached_property
 
 import numpy as np
 
 from mlsanm_cli.continuation.corrector import Correction, Effort, correct, residual_norm
 from mlsanm_cli.continuation.expansion import ExpansionPoint, Metric, expansion_point
 from mlsanm_cli.continuation.problem import FloatArray, PathOptions, Problem, SingularTangentError, Tangent
-from mlsanm_cli.continuation.series import Branch
+from mlsanm_cli.continuation.series import Branch, root
 from mlsanm_cli.records import dataclass
+
+LIMIT_SAMPLES = 65
+"""Points of a step at which the slope of the load factor is evaluated to find limit points."""
 
 
 class StopReason(StrEnum):
@@ -55,6 +59,20 @@ class Step:
     def counts(self) -> tuple[int, int, int]:
         """Updates, factorisations and solves."""
         return self.effort["updates"], self.effort["factorizations"], self.effort["solves"]
+
+    @cached_property
+    def limit_points(self) -> list[tuple[float, bool]]:
+        """Limit points within a step of power series: its parameter, and whether it is a maximum."""
+        if not self.order:
+            return []
+
+        def slope(a: float) -> float:
+            return float(self.branch.derivative_weights(np.array([a]))[0] @ self.branch.terms[1])
+
+        a = np.linspace(0.0, self.branch.length, LIMIT_SAMPLES)
+        slopes = self.branch.derivative_weights(a) @ self.branch.terms[1]
+        turns = np.flatnonzero(slopes[:-1] * slopes[1:] < 0.0)
+        return [(root(slope, a[k], a[k + 1]), bool(slopes[k] > 0.0)) for k in turns]
 
 
 class Stopped(Exception):

@@ -1,8 +1,5 @@
-"""Plane meshes of Abaqus input files: nodes, elements and sets of parts, instances and the assembly.
-
-meshio, which reads all other formats, takes the last block of nodes for all of them and leaves out instances.
-Numbers and names are those of a part, an instance or the assembly, here a `_Scope`.
-"""
+"""Plane meshes of Abaqus input files, with parts, instances and the assembly, of which meshio, which reads
+all other formats, takes the last block of nodes only. Numbers and names are those of a `_Scope`."""
 
 from __future__ import annotations
 
@@ -20,13 +17,13 @@ from mlsanm_cli.errors import GeometryError
 Grid = tuple[FloatArray, list[tuple[str, IntArray, list[list[str]]]], dict[str, IntArray]]
 """Points (p, 3), blocks of elements (kind, nodes (e, k) and names of the groups of each element), and sets of
 nodes."""
-_FACES = re.compile(r"(?:CP(?:S|E|EG)|SFM3D|M3D|R3D|STRI|S|DC2D|AC2D)([34689])[A-Z0-9]*")
-_FACE_KINDS = {"3": "triangle", "4": "quad", "6": "triangle6", "8": "quad8", "9": "quad9"}
-_LINE_KINDS = {
-    **dict.fromkeys(("T2D2", "T3D2", "B21", "B23", "B31", "B33", "R2D2"), "line"),
-    **dict.fromkeys(("T2D3", "T3D3", "B22", "B32"), "line3"),
+_COUNTS = {"triangle": 3, "quad": 4, "triangle6": 6, "quad8": 8, "quad9": 9, "line": 2, "line3": 3}
+_TYPES = {
+    **{kind: rf"(CP(S|E|EG)|SFM3D|M3D|R3D|STRI|S|DC2D|AC2D){_COUNTS[kind]}[A-Z0-9]*" for kind in _COUNTS},
+    "line": "(T[23]D2|B[23][13]|R2D2).*",
+    "line3": "(T[23]D3|B[23]2).*",
 }
-_COUNTS = {"line": 2, "line3": 3, "triangle": 3, "quad": 4, "triangle6": 6, "quad8": 8, "quad9": 9}
+"""Abaqus' types of elements by the kinds of meshio."""
 _REFUSED = {
     "INCLUDE": "replace *INCLUDE by the lines of that file",
     **dict.fromkeys(("SYSTEM", "NGEN", "NFILL", "NCOPY", "NMAP"), "write all nodes in global coordinates"),
@@ -51,6 +48,11 @@ class _Section(NamedTuple):
             raise self.refuse(f"{parameter} is missing")
         return self.parameters[parameter]
 
+    def known(self, sets: dict[str, list[int]], name: str) -> list[int]:
+        if name not in sets:
+            raise self.refuse(f'there is no set "{name}"')
+        return sets[name]
+
     def whole(self, value: str) -> int:
         """A number of a node or an element."""
         if not value.isdecimal():
@@ -66,9 +68,9 @@ class _Section(NamedTuple):
 
 
 class _Scope:
-    """Nodes (3,) and elements (kind, nodes) by number, sets of numbers by name, and surfaces by name: numbers
-    or sets of elements with the number of a side, from 0. ``listed`` are the names of sets that only name a
-    list of elements. New nodes move by ``rotation @ x + shift``."""
+    """Nodes (3,) and elements (kind, nodes) by number, sets of numbers, and surfaces by name: numbers or sets
+    of elements with the number of a side, from 0. ``listed`` sets only name a list of elements. New nodes
+    move by ``rotation @ x + shift``."""
 
     def __init__(self) -> None:
         self.nodes: dict[int, FloatArray] = {}
@@ -94,7 +96,11 @@ class _Scope:
 
     def add_elements(self, section: _Section) -> None:
         """The elements of an *ELEMENT section; a row may go on in the next line."""
-        kind = _kind(section)
+        name = section.name("TYPE").upper()
+        kind = next((kind for kind, known in _TYPES.items() if re.fullmatch(known, name)), "")
+        if not kind:
+            hint = "plane triangles and quadrilaterals, and lines, only"
+            raise section.refuse(f'there are elements of type "{name}"', hint)
         values = [section.whole(value) for row in section.rows for value in row if value]
         if len(values) % (_COUNTS[kind] + 1):
             raise section.refuse(f"elements of this type have {_COUNTS[kind]} nodes")
@@ -118,13 +124,8 @@ class _Scope:
         sets, name = (self.node_sets, "NSET") if nodes else (self.element_sets, "ELSET")
         members = sets.setdefault(section.name(name), [])
 
-        def known(sets: dict[str, list[int]], wanted: str) -> list[int]:
-            if wanted not in sets:
-                raise section.refuse(f'there is no set "{wanted}"')
-            return sets[wanted]
-
         if nodes and "ELSET" in section.parameters:
-            for number in known(self.element_sets, section.name("ELSET")):
+            for number in section.known(self.element_sets, section.name("ELSET")):
                 members += self.elements[number][1]
         for row in section.rows:
             if "GENERATE" in section.parameters:
@@ -132,7 +133,7 @@ class _Scope:
                 members += range(first, last + 1, max(*step, 1) if step else 1)
                 continue
             for value in filter(None, row):
-                members += [int(value)] if value.isdecimal() else known(sets, value)
+                members += [int(value)] if value.isdecimal() else section.known(sets, value)
         if not nodes:
             self.listed.discard(section.name(name))
 
@@ -145,8 +146,7 @@ class _Scope:
                     known.append((members, int(side[1]) - 1))
 
     def name_surfaces(self, surfaces: dict[str, list[tuple[str, int]]]) -> None:
-        """Adds surfaces as sets of line elements. One that shares an edge with another, with a line element
-        or with a set of nodes is left out: an edge has one name."""
+        """Adds surfaces as sets of lines, but those with an edge of another surface, line or set of nodes."""
         # Ends and mid-side node, if there is one, of the sides that are here.
         edges: dict[str, list[tuple[int, ...]]] = {name: [] for name in surfaces}
         for name, members, side in ((name, *place) for name, places in surfaces.items() for place in places):
@@ -168,9 +168,8 @@ class _Scope:
 
 
 def read_abaqus(text: str) -> Grid:
-    """The mesh of an input file, with sets of nodes and, for every instance, set and named list, of elements.
-    Programs name every list of elements: a line that is in a set too is not in its list. Raises GeometryError
-    with the number of the line."""
+    """The mesh of an input file. Programs name every list of elements: a line that is in a set too is not in
+    its list. Raises GeometryError with the number of the line."""
     assembly, parts, instances = _Scope(), dict[str, _Scope](), dict[str, _Scope]()
     scope, title = assembly, ""
     for section in _sections(text):
@@ -229,20 +228,6 @@ def _sections(text: str) -> Iterator[_Section]:
         yield section
 
 
-def _kind(section: _Section) -> str:
-    """The type of the elements of a section as meshio names it."""
-    name = section.name("TYPE").upper()
-    face = _FACES.fullmatch(name)
-    if face is not None:
-        return _FACE_KINDS[face[1]]
-    for line, kind in _LINE_KINDS.items():
-        if name.startswith(line):
-            return kind
-    raise section.refuse(
-        f'there are elements of type "{name}"', "plane triangles and quadrilaterals, and lines, only"
-    )
-
-
 def _named(section: _Section, scope: _Scope, instances: dict[str, _Scope]) -> _Scope:
     """The scope of a section: that of the instance it names, also as in Block-1.Left, or the present one."""
     wanted = section.parameters.get("INSTANCE", "")
@@ -256,8 +241,7 @@ def _named(section: _Section, scope: _Scope, instances: dict[str, _Scope]) -> _S
 
 
 def _placed(section: _Section, parts: dict[str, _Scope]) -> _Scope:
-    """The instance of a part: moved by the first data line, then turned about the axis through two points by
-    the angle in degrees of the second one."""
+    """The instance of a part, moved by the first data line, then turned as the second one tells."""
     wanted = section.name("PART")
     if wanted not in parts:
         raise section.refuse(f'there is no part "{wanted}"')
@@ -304,5 +288,5 @@ def _merged(scopes: dict[str, _Scope]) -> Grid:
             chosen = [number for number, element in scope.elements.items() if element[0] == kind]
             cells = [[row[node] for node in scope.elements[number][1]] for number in chosen]
             blocks.append((kind, np.array(cells, dtype=np.int64), [groups[number] for number in chosen]))
-    rows = {name: np.unique(np.array(numbers, dtype=np.int64)) for name, numbers in node_sets.items()}
-    return np.array(points).reshape(-1, 3), blocks, rows
+    sets_of_rows = {name: np.unique(np.array(rows, dtype=np.int64)) for name, rows in node_sets.items()}
+    return np.array(points).reshape(-1, 3), blocks, sets_of_rows

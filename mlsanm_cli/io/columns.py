@@ -27,8 +27,7 @@ def place(*names: str) -> str:
 
 
 def row(path: Mapping[str, float], quantities: Quantities) -> dict[str, Any]:
-    """One step as a value for every column of run.h5: the position and figures of the step, and the
-    ``quantities`` of its state."""
+    """One step as a value for every column of run.h5."""
     groups = dict(quantities)
     objects = {kind: groups.pop(kind, {}) for kind in ("contacts", "probes")}
     values: dict[str, Any] = {place("path", name): value for name, value in path.items()}
@@ -41,9 +40,7 @@ def row(path: Mapping[str, float], quantities: Quantities) -> dict[str, Any]:
 
 
 def path_table(run: Mapping[str, Any]) -> Mapping[str, NDArray[Any]]:
-    """Columns (S+1,) of the path of a run, given its datasets by path; none without a path. Position, stage,
-    load factors, displacements of platens and the work of their forces, forces of loads and supports; for
-    every contact the force on the slave, the largest pressure, the closed length and the dissipated work."""
+    """Columns (S+1,) of the path of a run, as `io.schema.PATH_COLUMNS`, given its datasets by path."""
     position = run.get("path/position", ())
     if not len(position):
         return {}
@@ -87,8 +84,8 @@ def path_table(run: Mapping[str, Any]) -> Mapping[str, NDArray[Any]]:
 def force_on_slave(
     weight: FloatArray, normal: FloatArray, pressure: FloatArray, traction: FloatArray | None = None
 ) -> FloatArray:
-    """Force (..., 2) of pressures and tractions (..., m) on a slave with surface lengths (m,) and normals of
-    the master (m, 2), at small strain."""
+    """Force (..., 2) on a slave of pressures and tractions (..., m) with lengths (m,) and master normals (m,
+    2)."""
     force = (pressure * weight) @ normal
     if traction is not None:
         force = force + (traction * weight) @ np.stack([normal[:, 1], -normal[:, 0]], axis=1)

@@ -1,5 +1,4 @@
-"""Text files of a run (summary.json, events.jsonl, CSV tables), atomic files, and files with a digest of
-their content."""
+"""Text files of a run, atomic files, and files with a digest of their content."""
 
 from __future__ import annotations
 
@@ -31,9 +30,8 @@ toml_text = tomli_w.dumps
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Yields a temporary path in the same directory (a rename is atomic within one file system), and renames
-    it to ``path`` when the block ends without an error. Raises WriteError if the file cannot be written;
-    ``path`` is then unchanged."""
+    """Yields a temporary path in the same directory, renamed to ``path`` at the end of a block without an
+    error. Raises WriteError if the file cannot be written."""
     temporary = path.with_name(path.name + TEMPORARY_SUFFIX)
     try:
         with system.replacing(path, temporary):
@@ -50,18 +48,14 @@ def write_text(path: Path, text: str) -> None:
 
 def cannot_write(path: Path, error: Exception) -> WriteError:
     """The WriteError for a file that cannot be written, with the reason given by the system."""
+    # HDF5 wraps the reason in several lines about its own buffers.
     inner = re.search(r"error message = '([^']*)'", str(error))
-    if isinstance(error, OSError) and error.strerror:
-        reason = error.strerror
-    elif inner:
-        # HDF5 wraps the reason in several lines about its own buffers.
-        reason = inner[1]
-    else:
-        reason = (str(error).splitlines() or [type(error).__name__])[0]
-    if isinstance(error, OSError) and error.errno in (errno.ELOOP, errno.EINVAL, errno.EMLINK):
-        hint = "remove it, or choose another directory"
-    else:
-        hint = "check the free disk space and the permissions of the directory"
+    reason = inner[1] if inner else (str(error).splitlines() or [type(error).__name__])[0]
+    hint = "check the free disk space and the permissions of the directory"
+    if isinstance(error, OSError):
+        reason = error.strerror or reason
+        if error.errno in (errno.ELOOP, errno.EINVAL, errno.EMLINK):
+            hint = "remove it, or choose another directory"
     return WriteError(f"cannot write {path}: {reason}", hint=hint)
 
 
@@ -76,24 +70,23 @@ def sealed(content: bytes) -> bytes:
 def check_seal(path: Path) -> None:
     """Raises OSError if a sealed file is damaged; one that has not changed is read once."""
     found = path.stat()
-    _check_version(path, found.st_mtime_ns, found.st_size)
+    _unsealed(path, found.st_mtime_ns, found.st_size)
 
 
 @lru_cache(maxsize=8)
-def _check_version(path: Path, changed: int, size: int) -> None:
+def _unsealed(path: Path, changed: int, size: int) -> None:
     unsealed(path)
 
 
 def unsealed(path: Path) -> bytes:
     """The content of a sealed file, or of a file without a seal. Raises OSError if it is damaged."""
     whole = path.read_bytes()
-    place = len(whole) - len(SEAL) - hashlib.blake2b().digest_size
-    content = whole[: max(place, 0)]
-    if whole[max(place, 0) :].startswith(SEAL):
-        if sealed(content) != whole:
-            raise OSError("its content does not agree with its digest")
-        return content
-    return whole
+    content, seal, _ = whole.rpartition(SEAL)
+    if not seal or len(whole) - len(content) != len(SEAL) + hashlib.blake2b().digest_size:
+        return whole
+    if sealed(content) != whole:
+        raise OSError("its content does not agree with its digest")
+    return content
 
 
 def write_json_atomic(path: Path, mapping: Mapping[str, Any]) -> None:
@@ -128,27 +121,26 @@ def read_summary(path: Path) -> dict[str, Any]:
 
 def write_csv(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
     """Writes columns (n,) by name; floats read back equal. Raises RunError if that fails."""
-    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
-    header = io.StringIO()
+    text = io.StringIO()
     # Names with commas, as those of supports at points, are quoted.
-    csv.writer(header, lineterminator="").writerow(columns)
-    lines = [header.getvalue(), *(",".join(map(repr, row)) for row in rows)]
-    write_text(path, "\n".join(lines) + "\n")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(zip(*(map(repr, column.tolist()) for column in columns.values()), strict=True))
+    write_text(path, text.getvalue())
 
 
 class EventLog(Closing):
     """events.jsonl: one JSON object per line, written immediately; a resumed run appends to it."""
 
     def __init__(self, path: Path, rows: int | None = None) -> None:
-        """Opens ``path``, and removes an incomplete last line and the steps from number ``rows`` on, which a
-        resumed run repeats. Raises RunError."""
+        """Opens ``path`` without an incomplete last line and the steps from number ``rows`` on. Raises
+        RunError."""
         self._path = path
         try:
             flags = os.O_RDWR | os.O_APPEND | os.O_CREAT
             self._stream = os.fdopen(system.open_regular(path, flags), "a+b", buffering=0)
             self._stream.seek(0)
-            lines = self._stream.read().split(b"\n")[:-1]
-            kept = [line for line in lines if rows is None or not _is_step_from(line, rows)]
+            kept = [one for one in self._stream.read().split(b"\n")[:-1] if not _is_step_from(one, rows)]
             self._stream.truncate(0)
             self._stream.write(b"".join(line + b"\n" for line in kept))
         except OSError as error:
@@ -175,10 +167,10 @@ class EventLog(Closing):
         self._stream.close()
 
 
-def _is_step_from(line: bytes, rows: int) -> bool:
+def _is_step_from(line: bytes, rows: int | None) -> bool:
     try:
         event = json.loads(line)
-        return bool(event["event"] == "step" and event["index"] >= rows)
+        return rows is not None and bool(event["event"] == "step" and event["index"] >= rows)
     except (ValueError, KeyError, TypeError):
         # Lines of other programs are kept.
         return False

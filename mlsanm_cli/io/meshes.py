@@ -1,5 +1,4 @@
-"""Meshes of other programs, read by meshio, which is imported on first use: that takes as long as importing
-numpy."""
+"""Meshes of other programs, read by meshio, whose import takes as long as that of numpy."""
 
 from __future__ import annotations
 
@@ -12,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.errors import GeometryError
@@ -40,9 +38,8 @@ _LINES: Mapping[str, tuple[int, ...]] = {"line": (0, 1), "line3": (0, 2, 1)}
 
 
 class MeshFile(NamedTuple):
-    """The elements of one body. ``points`` (n, 2) are the nodes in use, ``rings`` arrays (e, m) of the nodes
-    around elements, ``lines`` (l, 2) edges with the names (l,) of their groups ("": none), ``node_sets`` the
-    named sets of nodes."""
+    """The elements of one body: nodes in use ``points`` (n, 2), ``rings`` (e, m) of nodes around elements,
+    edges ``lines`` (l, 2) with the ``names`` (l,) of their groups ("": none), and sets of nodes."""
 
     points: FloatArray
     rings: tuple[IntArray, ...]
@@ -52,8 +49,7 @@ class MeshFile(NamedTuple):
 
 
 def read_mesh(path: Path, group: str | None = None) -> MeshFile:
-    """The triangles and quads of a file, restricted to those of a ``group`` if one is named. Raises
-    GeometryError for unreadable files, other elements, nodes out of plane and unknown groups."""
+    """The triangles and quads of a file, or of a ``group``. Raises GeometryError."""
     points, blocks, node_sets = _read(path, with_faces=group is not None)
     if not len(points):
         raise GeometryError("there are no nodes")
@@ -71,9 +67,9 @@ def read_mesh(path: Path, group: str | None = None) -> MeshFile:
         elif kind in _LINES:
             lines.append((cells[:, _LINES[kind]], groups))
     rings = tuple(cells[:, ring] for cells, ring in faces if len(cells))
-    if not rings and group is None:
-        raise GeometryError("there are no triangles or quads")
     if not rings:
+        if group is None:
+            raise GeometryError("there are no triangles or quads")
         hint = f"groups: {', '.join(sorted(known)) or 'none'}"
         raise GeometryError(f'there is no group of elements "{group}"', hint)
     used = np.unique(np.concatenate([cells.ravel() for cells, _ in faces]))
@@ -83,8 +79,15 @@ def read_mesh(path: Path, group: str | None = None) -> MeshFile:
     if len(sets) < len(node_sets):
         message = "the names of two node sets differ only in characters not allowed in boundary names"
         raise GeometryError(message)
+    kept = np.asarray(points, dtype=np.float64)[used]
+    finite = np.isfinite(kept).all(axis=1)
+    if not finite.all():
+        raise GeometryError(f"the coordinates of node {used[np.argmin(finite)] + 1} are not finite")
+    extent = np.ptp(kept, axis=0)
+    if kept.shape[1] == 3 and extent[2] > ROUND_OFF * extent.max():
+        raise GeometryError(f"the nodes are not coplanar: z varies by {extent[2]:g}", "z = 0 for all nodes")
     return MeshFile(
-        _plane(points, used),
+        np.ascontiguousarray(kept[:, :2]),
         tuple(number_of[ring] for ring in rings),
         *_edges([(number_of[chains], groups) for chains, groups in lines], whole=group is None),
         {name: nodes[nodes >= 0] for name, nodes in sets.items()},
@@ -94,12 +97,9 @@ def read_mesh(path: Path, group: str | None = None) -> MeshFile:
 def _read(path: Path, with_faces: bool) -> Grid:
     """The mesh of a file; ``with_faces`` also the groups of faces, else those of lines only."""
     if path.suffix.lower() == ".inp":
-        points, blocks, node_sets = read_abaqus(path.read_text(encoding="utf-8", errors="replace"))
-        return (
-            points,
-            [(kind, cells, [[*map(_name, one)] for one in names]) for kind, cells, names in blocks],
-            node_sets,
-        )
+        points, given, node_sets = read_abaqus(path.read_text(encoding="utf-8", errors="replace"))
+        blocks = [(kind, cells, [[*map(_name, one)] for one in names]) for kind, cells, names in given]
+        return points, blocks, node_sets
     import meshio
 
     output = io.StringIO()
@@ -132,8 +132,8 @@ def _read(path: Path, with_faces: bool) -> Grid:
 
 @contextlib.contextmanager
 def unnamed_groups() -> Iterator[None]:
-    """A block in which meshio reads elements of Gmsh's format 4.1 that are in no physical group, and all
-    groups of those that are in several without a name, which it leaves out."""
+    """A block in which meshio reads elements of Gmsh's format 4.1 in no group or in several without a
+    name."""
     from meshio.gmsh import _gmsh41
 
     read = _gmsh41._read_elements
@@ -156,23 +156,11 @@ def unnamed_groups() -> Iterator[None]:
         _gmsh41._read_elements = read
 
 
-def _plane(points: NDArray[Any], used: IntArray) -> FloatArray:
-    """The ``used`` points (n, 2) of those (p, 2), or (p, 3) in a plane of constant z."""
-    kept = np.asarray(points, dtype=np.float64)[used]
-    finite = np.isfinite(kept).all(axis=1)
-    if not finite.all():
-        raise GeometryError(f"the coordinates of node {used[np.argmin(finite)] + 1} are not finite")
-    extent = np.ptp(kept, axis=0)
-    if kept.shape[1] == 3 and extent[2] > ROUND_OFF * extent.max():
-        raise GeometryError(f"the nodes are not coplanar: z varies by {extent[2]:g}", "z = 0 for all nodes")
-    return np.ascontiguousarray(kept[:, :2])
-
-
 def _edges(
     lines: Sequence[tuple[IntArray, list[list[str]]]], whole: bool
 ) -> tuple[IntArray, tuple[str, ...]]:
-    """Edges (l, 2) of line elements, by blocks of their nodes (c, 2 or 3) and groups, with their names. Nodes
-    of no face are -1; there are none if the ``whole`` file is read."""
+    """Edges (l, 2) and names of blocks of line elements. Nodes of no face are -1, but for a ``whole``
+    file."""
     edges, names = [np.zeros((0, 2), dtype=np.int64)], []
     for chains, groups in lines:
         own = (chains >= 0).all(axis=1)
@@ -187,8 +175,7 @@ def _edges(
 
 
 def _groups(mesh: meshio.Mesh, block: int, dimension: int) -> list[list[str]]:
-    """Names of the groups of each cell of a block: Gmsh's physical groups, sets, or, where there are neither,
-    integers."""
+    """Groups of each cell of a block: Gmsh's physical groups, sets, or, where there are neither, integers."""
     count = len(mesh.cells[block].data)
     groups: list[list[str]] = [[] for _ in range(count)]
     sets = {
@@ -197,15 +184,10 @@ def _groups(mesh: meshio.Mesh, block: int, dimension: int) -> list[list[str]]:
         if name not in _NOT_NAMES and len(cells) == len(mesh.cells) and cells[block] is not None
     }
     # The integers that identify groups: Gmsh's physical groups, else the only integer cell data.
-    arrays = {
-        name: values
-        for name, values in mesh.cell_data.items()
-        if name == PHYSICAL
-        or (
-            not (mesh.cell_sets or PHYSICAL in mesh.cell_data or name in _NOT_NAMES)
-            and all(v.ndim == 1 and v.dtype.kind in "iu" for v in map(np.asarray, values))
-        )
-    }
+    arrays = {PHYSICAL: mesh.cell_data[PHYSICAL]} if PHYSICAL in mesh.cell_data else {}
+    for name, values in mesh.cell_data.items() if not (arrays or mesh.cell_sets) else ():
+        whole = all(one.ndim == 1 and one.dtype.kind in "iu" for one in map(np.asarray, values))
+        arrays |= {name: values} if whole and name not in _NOT_NAMES else {}
     if len(arrays) > 1:
         message = f"several cell data could name the boundaries: {', '.join(arrays)}"
         raise GeometryError(message, "leave one integer array")

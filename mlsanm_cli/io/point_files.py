@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -23,9 +22,8 @@ UNIT_LENGTH_TOLERANCE = 1e-3
 
 
 def read_points(path: Path) -> tuple[FloatArray, tuple[str, ...], FloatArray, tuple[str, ...]]:
-    """Points (n, 2), tags (n,) ("": interior), normals (n, 2) (nan: not given), and the line or row (n,) of
-    each, from a ``.csv`` file or, with any other suffix, an HDF5 file. Raises GeometryError, naming the line
-    or row, if the file is invalid."""
+    """Points (n, 2), tags (n,) ("": interior), normals (n, 2) (nan: not given) and places (n,) in a ``.csv``
+    file or, with any other suffix, an HDF5 file. Raises GeometryError, naming the line or row."""
     table, places = _csv(path) if path.suffix.lower() == ".csv" else _hdf5(path)
     numbers = {name: _numbers(name, table[name], places) for name in table if name != "tag"}
     tags = tuple(text.strip() for text in table["tag"])
@@ -61,12 +59,11 @@ def _csv(path: Path) -> tuple[Table, tuple[str, ...]]:
         raise GeometryError(f"there are {count} nodes", f"{MAX_NODES} at most")
     lines = csv.reader(text.splitlines())
     try:
-        numbered = [(f"line {lines.line_num}", row) for row in lines]
+        header = [name.strip() for name in next(lines, [])]
+        rows = {f"line {lines.line_num}": row for row in lines if any(cell.strip() for cell in row)}
     except csv.Error as error:
         raise GeometryError(f"line {lines.line_num}: {error}") from error
-    header = [name.strip() for name in numbered[0][1]] if numbered else []
     _check_columns(header, "line 1")
-    rows = {place: row for place, row in numbered[1:] if any(cell.strip() for cell in row)}
     for place, row in rows.items():
         if len(row) != len(header):
             raise GeometryError(f"{place}: {len(row)} values for {len(header)} columns")
@@ -91,7 +88,7 @@ def _hdf5(path: Path) -> tuple[Table, tuple[str, ...]]:
                     raise GeometryError(f"the dataset {name} has no data")
                 if size > MAX_NODES:
                     raise GeometryError(f"there are {size} nodes", f"{MAX_NODES} at most")
-            table = {name: [_text(value) for value in np.ravel(file[name][()])] for name in found}
+            table = {name: [*map(_text, np.ravel(file[name][()]))] for name in found}
     except UnicodeDecodeError as error:
         raise GeometryError(f"it contains a text that is not UTF-8 (byte {error.start})") from error
     except (OSError, RuntimeError, TypeError, KeyError) as error:
@@ -107,9 +104,7 @@ def _hdf5(path: Path) -> tuple[Table, tuple[str, ...]]:
 
 
 def _text(value: Any) -> str:
-    if isinstance(value, bytes):
-        return value.decode()
-    return "" if isinstance(value, float) and math.isnan(value) else str(value)
+    return value.decode() if isinstance(value, bytes) else str(value) if value == value else ""
 
 
 def _check_columns(names: Sequence[str], where: str) -> None:
@@ -128,9 +123,8 @@ def _check_columns(names: Sequence[str], where: str) -> None:
 def _numbers(name: str, values: Sequence[str], places: Sequence[str]) -> FloatArray:
     numbers = np.full(len(values), np.nan)
     for row, text in enumerate(values):
-        if text.strip():
-            try:
-                numbers[row] = float(text)
-            except ValueError as error:
-                raise GeometryError(f"{places[row]}: {name} is not a number: {text.strip()!r}") from error
+        try:
+            numbers[row] = float(text.strip() or "nan")
+        except ValueError as error:
+            raise GeometryError(f"{places[row]}: {name} is not a number: {text.strip()!r}") from error
     return numbers

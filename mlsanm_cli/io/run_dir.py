@@ -1,5 +1,5 @@
-"""The run directory: names of its files, its preparation for a new run without loss of others, and its lock.
-One process writes to a directory at a time; the system releases the lock of a process that has ended."""
+"""The run directory: names of files, preparation without loss of others, and lock for one process at a
+time."""
 
 from __future__ import annotations
 
@@ -30,12 +30,13 @@ FAILURE_FILE = "failure.vtu"
 COMPARISON_FILE = "comparison.json"
 LOCK_FILE = "run.lock"
 
-_FIXED = (
-    *(RUN_FILE, SUMMARY_FILE, RESOLVED_FILE, EVENTS_FILE, PATH_FILE),
-    *(COLLECTION_FILE, LINES_FILE, FAILURE_FILE, LOCK_FILE),
-)
-_FIELDS = re.compile(r"(fields|contacts|obstacles)_\d{4,}\.vtu")
 _INTERFACE = re.compile(r"interface(_.+)?\.csv")
+_FIXED = (RUN_FILE, SUMMARY_FILE, RESOLVED_FILE, EVENTS_FILE, PATH_FILE, COLLECTION_FILE, LINES_FILE)
+_NUMBERED = r"(fields|contacts|obstacles)_\d{4,}\.vtu"
+_RESERVED = re.compile(
+    "|".join((*map(re.escape, (*_FIXED, FAILURE_FILE, LOCK_FILE)), _NUMBERED, _INTERFACE.pattern))
+)
+"""Names of the files that a run may write."""
 _PICTURE = re.compile(r"plot_.+\.(png|svg|pdf|gif)")
 # In the metadata of every picture, see figures.py.
 SIGNATURE = b"mlsanm"
@@ -48,8 +49,7 @@ def resume_command(directory: Path) -> str:
 
 
 def vtu_name(kind: str, number: int) -> str:
-    """Name of a VTU: number of "fields", counted over states and, within a state, bodies; or number of the
-    saved state of "contacts" and "obstacles"."""
+    """Name of a VTU: number of a state and body for "fields", of a state for "contacts" and "obstacles"."""
     return f"{kind}_{number:04d}.vtu"
 
 
@@ -73,30 +73,27 @@ def file_part(name: str) -> str:
 
 
 def check(directory: Path, force: bool) -> None:
-    """Raises RunError if `prepare` would refuse ``directory`` or a run is in progress in it. Changes no
-    file."""
+    """Raises RunError if `prepare` would, or if a run is in progress in ``directory``; changes no file."""
     if process := holder(directory):
         raise _in_use(directory, process)
     _replaced(directory, force)
 
 
 def prepare(directory: Path, force: bool) -> None:
-    """Prepares ``directory``, which the caller has locked, for a new run: it is created with its parents if
-    it does not exist, and with ``force`` the files of an earlier run are removed, and no others. Raises
-    RunError if the directory holds a run or other files and ``force`` is not given, if another file in it has
-    a name that the run needs, or if it is not writable."""
+    """Prepares ``directory``, which the caller has locked, for a new run: it is created, and with ``force``
+    the files of an earlier run, and no others, are removed. Raises RunError if it holds a run or other files
+    without ``force``, a file with a name that the run needs, or is not writable."""
     _remove(_replaced(directory, force), directory)
 
 
 def reopen(directory: Path) -> None:
-    """Removes the files that only a completed run has; the caller has locked ``directory``. Raises
+    """Removes the files of completed runs from ``directory``, which the caller has locked. Raises
     RunError."""
     _remove([directory / name for name in (SUMMARY_FILE, FAILURE_FILE)], directory)
 
 
 def check_comparison(directory: Path, force: bool) -> list[Path]:
-    """The files of an earlier comparison to remove. Raises RunError if `prepare_comparison` would refuse
-    ``directory``. A comparison may be in the directory of a run, whose files it does not change."""
+    """The files of an earlier comparison to remove; those of a run may remain beside it. Raises RunError."""
     entries = _entries(directory)
     known = [path for path in entries if path.name in _COMPARISON]
     for path in known:
@@ -125,8 +122,7 @@ def _remove(files: Iterable[Path], directory: Path) -> None:
 
 
 def _entries(directory: Path) -> list[Path]:
-    """The entries of a directory, empty if it does not exist. Raises RunError for a path that is a file, is
-    below a file, or is not writable."""
+    """The entries of a directory that exists. Raises RunError for a file, or one that is not writable."""
     place = directory
     while not place.exists() and not place.is_symlink() and place != place.parent:
         place = place.parent
@@ -144,7 +140,7 @@ def _replaced(directory: Path, force: bool) -> list[Path]:
     """The files of an earlier run to remove. Raises RunError."""
     entries = [path for path in _entries(directory) if path.name not in {*_COMPARISON, LOCK_FILE}]
     holds_run = _is_run(directory / RUN_FILE)
-    taken = [] if holds_run else [path.name for path in entries if _is_reserved(path.name)]
+    taken = [] if holds_run else [path.name for path in entries if _RESERVED.fullmatch(path.name)]
     if taken:
         hint = "no file was changed; use another --out, or move these files"
         raise RunError(f"{directory} holds {', '.join(taken)}, but no run of mlsanm", hint)
@@ -178,11 +174,6 @@ def _is_run(file: Path) -> bool:
             return stream.read(len(HDF5_SIGNATURE)) in (b"", HDF5_SIGNATURE)
 
 
-def _is_reserved(name: str) -> bool:
-    """Whether a run may write a file of this name."""
-    return name in _FIXED or any(pattern.fullmatch(name) for pattern in (_FIELDS, _INTERFACE))
-
-
 def _is_ours(path: Path) -> bool:
     """Whether ``path``, a file in a directory that holds a run, was written by mlsanm."""
     name = path.name.removesuffix(TEMPORARY_SUFFIX)
@@ -195,7 +186,9 @@ def _is_ours(path: Path) -> bool:
         from mlsanm_cli.io.html import is_ours
 
         return is_ours(path)
-    return _is_reserved(name) or (_PICTURE.fullmatch(name) is not None and SIGNATURE in path.read_bytes())
+    if _PICTURE.fullmatch(name):
+        return SIGNATURE in path.read_bytes()
+    return _RESERVED.fullmatch(name) is not None
 
 
 UNLINKS_OPEN_FILES = os.name != "nt"
@@ -204,8 +197,7 @@ UNLINKS_OPEN_FILES = os.name != "nt"
 
 @contextmanager
 def locked(directory: Path) -> Iterator[None]:
-    """Keeps other processes from writing to ``directory``, which is created if it does not exist. Raises
-    RunError, naming the process, if another one writes to it, and if the directory is not writable."""
+    """Keeps other processes from writing to ``directory``, which is created. Raises RunError if one does."""
     path = directory / LOCK_FILE
     try:
         directory.mkdir(parents=True, exist_ok=True)
@@ -227,14 +219,12 @@ def locked(directory: Path) -> Iterator[None]:
 
 
 def _in_use(directory: Path, process: str) -> RunError:
-    return RunError(
-        f"{directory} is being written by {process}", "wait until it has ended, or use another --out"
-    )
+    hint = "wait until it has ended, or use another --out"
+    return RunError(f"{directory} is being written by {process}", hint)
 
 
 def holder(directory: Path) -> str:
-    """The process that writes to ``directory`` in words, "" if there is none; files left by an ended one do
-    not count."""
+    """The process that writes to ``directory`` in words, "" if there is none, even if it left its file."""
     try:
         fd = open_regular(directory / LOCK_FILE, os.O_RDONLY)
     except OSError:

@@ -57,12 +57,9 @@ Change = tuple[Sequence[Mapping[str, NDArray[Any]]], Mapping[str, Value], Attrib
 
 
 class RunFile(Closing):
-    """run.h5 open for writing, made with `RunFile.create` or `RunFile.reopen`; a context manager.
-
-    The next `save` writes everything added, or nothing. At an exception the additions are saved, and
-    ``status`` remains as last set. Every method that writes raises WriteError if that is not possible (full
-    disk): the file on disk then remains, and nothing more is written.
-    """
+    """run.h5 open for writing. The next `save` writes everything added, or nothing; at an exception the
+    additions are saved, and ``status`` remains as last set. After a WriteError (full disk) the file on disk
+    remains, and nothing more is written."""
 
     def __init__(self, path: Path, datasets: Mapping[str, Value], attributes: Attributes) -> None:
         self._path = path
@@ -100,9 +97,8 @@ class RunFile(Closing):
         attributes: Attributes | None = None,
         latest: Latest | None = None,
     ) -> None:
-        """Adds rows (one value for every column they name), datasets (replacing those of the same name) and
-        attributes of groups ("": the root). Arrays are copied. ``latest`` returns the datasets of a
-        checkpoint; it is called only if the file is written before the next checkpoint is given."""
+        """Adds rows (a value for every column), datasets, attributes of groups ("": the root), all copied,
+        and the function ``latest`` of the datasets of a checkpoint, called only if it is written."""
         # Integers have 64 bits on all systems.
         kept = [
             {name: np.array(one, np.int64 if isinstance(one, int) else None) for name, one in row.items()}
@@ -117,8 +113,8 @@ class RunFile(Closing):
         self._changes.append((kept, arrays, attributes or {}, latest))
 
     def confirm(self, datasets: Mapping[str, Value]) -> None:
-        """Stores datasets that do not exist yet. Raises RunError if an existing one differs: a text, or an
-        array beyond the tolerance."""
+        """Stores new datasets. Raises RunError if an existing text or, beyond the tolerance, array
+        differs."""
         stored, _ = self._content()
         for name, value in datasets.items():
             before = stored.get(name, value)
@@ -180,8 +176,7 @@ class RunFile(Closing):
             self.save()
 
     def _content(self) -> tuple[Mapping[str, Value], Attributes]:
-        """All datasets and attributes, of which the list of changes is made one; repeating it after a signal
-        changes nothing."""
+        """All datasets and attributes, of which the list of changes is made one, also after a signal."""
         columns: dict[str, list[NDArray[Any]]] = {}
         datasets: dict[str, Value] = {}
         attributes: dict[str, Mapping[str, Attribute]] = {}
@@ -219,8 +214,7 @@ def _put(file: Any, path: str, value: Value) -> None:
 
 
 def _group(file: Any, name: str) -> Any:
-    """A group, created with its parents if it does not exist; members keep the order of creation, which is
-    that of the case."""
+    """A group, created with its parents; members keep the order of creation, that of the case."""
     if name and name not in file:
         above, _, last = name.rpartition("/")
         _group(file, above).create_group(last, track_order=True)

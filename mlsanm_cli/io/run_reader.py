@@ -1,7 +1,4 @@
-"""Reader of run.h5 as one labelled dataset; also for runs that were killed or are still being written.
-
-`mlsanm_cli.io.schema` describes the members: their dimensions, units and types.
-"""
+"""Reader of run.h5 as one dataset, described by `io.schema`; also of runs killed or being written."""
 
 from __future__ import annotations
 
@@ -28,11 +25,8 @@ RESULTS = ("bodies", "path", "contacts", "probes", "maps", "fields")
 
 
 class Dataset(Mapping[str, Any]):
-    """A group of run.h5: arrays, texts, lists of texts and further groups, in the order of the case.
-
-    Members are given by path, ``run["contacts/nose/gap"]``, or as attributes, ``run.contacts["nose"].gap``.
-    ``attributes`` are those of the group.
-    """
+    """A group of run.h5, with members by path, ``run["contacts/nose/gap"]``, or as attributes,
+    ``run.contacts["nose"].gap``, in the order of the case; ``attributes`` are those of the group."""
 
     def __init__(self, members: Mapping[str, Any], attributes: Mapping[str, Any] | None = None) -> None:
         self._members = {
@@ -64,12 +58,9 @@ class SavedState(NamedTuple):
 
 
 class RunData(Dataset):
-    """A run as read from its ``directory``; ``attributes`` are those of the file. ``status`` is running (or
-    killed), done, failed or stopped; ``case_raw`` the case as given and ``case_resolved`` with all defaults,
-    as TOML; ``rows`` the number of rows of the path, S+1, 0 if the run ended before its first state;
-    ``seconds`` those that the rows took, of all processes; ``is_finite`` whether the run is at finite strain,
-    where states between two rows cannot be evaluated. Runs that were killed before their first state have
-    histories without rows."""
+    """A run as read from its ``directory``. ``status`` is running (or killed), done, failed or stopped;
+    ``rows`` those of the path, S+1, 0 if the run ended before its first state; ``seconds`` those that they
+    took, of all processes; at finite strain states between two rows cannot be evaluated."""
 
     def __init__(self, directory: Path, members: Mapping[str, Any], attributes: Mapping[str, Any]) -> None:
         super().__init__(members, attributes)
@@ -94,9 +85,8 @@ class RunData(Dataset):
 
 
 def read_run(rundir: Path, groups: Sequence[str] = RESULTS) -> RunData:
-    """Reads the case and ``groups`` of the run in directory ``rundir`` (or from the run.h5 itself), also one
-    in progress. Raises RunError if there is no run, if run.h5 is damaged or not from mlsanm, or if it has
-    another format."""
+    """Reads the case and ``groups`` of a run, given its directory or run.h5, also while it is written. Raises
+    RunError if there is none, if run.h5 is damaged, not from mlsanm, or of another format."""
 
     with _opened(rundir) as (root, file):
         attributes: dict[str, str | int | float] = {}
@@ -118,8 +108,7 @@ def read_origin(rundir: Path) -> RunData:
 
 
 def held_run(directory: Path) -> tuple[str | None, Mapping[str, Any] | None]:
-    """The hash of the case of the run in ``directory``, None without a readable run, and its summary if this
-    version has completed it."""
+    """The hash of the case of a run, None without one, and its summary if this version has completed it."""
     try:
         known = read_origin(directory).attributes
     except RunError:
@@ -171,8 +160,8 @@ def _opened(rundir: Path) -> Iterator[tuple[Any, Path]]:
 
 
 def _completed(members: dict[str, Any]) -> dict[str, Any]:
-    """Members with the groups and, without rows, the histories that runs without a first state lack. Raises
-    KeyError if others are missing."""
+    """Members with the groups and histories that runs without a first state lack. Raises KeyError for
+    others."""
     for entry in (*schema.NAMED_PATH, *schema.MAPS):
         group, kind, _ = entry.path.split("/")
         if group in members:

@@ -1,7 +1,5 @@
-"""The quantities of a run: where they are written, their dimensions, types and units; one table per file, in
-quantities.csv. A path has a part in braces for each name that the case gives: ``contacts/{contact}/gap``.
-The pages of the documentation and the files of the published cases are tested against these tables.
-"""
+"""The quantities of a run: where they are written, dimensions, types and units; one table per file, in
+quantities.csv, with a part in braces for each name that the case gives: ``contacts/{contact}/gap``."""
 
 from __future__ import annotations
 
@@ -20,13 +18,9 @@ COMPONENTS: Mapping[str, tuple[str, ...]] = {
 
 
 class Quantity(NamedTuple):
-    """A quantity in one of the files.
-
-    ``path`` is its dataset, column, array or key; ``dimensions`` name its axes, in order; ``unit`` is length,
-    stress, force, angle, time or "" for numbers, products with ``*``; forces and works are per unit
-    thickness. ``description`` is what labels call it, ``dtype`` that of numpy, "text" or "mapping"; ``rest``
-    is the value in the undeformed body.
-    """
+    """A quantity in one of the files: its dataset, column, array or key, the names of its axes, its unit
+    (length, stress, force, angle, time or "", products with ``*``, forces and works per unit thickness), what
+    labels call it, numpy's type, "text" or "mapping", and its value in the undeformed body."""
 
     path: str
     dimensions: tuple[str, ...]

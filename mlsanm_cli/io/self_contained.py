@@ -1,6 +1,5 @@
-"""Checks that the file of a body is self-contained: no references to other files, and bounded size. A case
-stores the digest of the file. Included files would not be part of it, could be any file of the user, and
-might never end; and a small compressed file may exceed the memory when unpacked."""
+"""Checks that the file of a body, of which a case stores the digest, is self-contained: no references to
+other files, and bounded size, also of what is unpacked."""
 
 from __future__ import annotations
 
@@ -54,8 +53,8 @@ with h5py.File(sys.argv[1], "r") as root:
 
 
 def check_readable(path: Path) -> None:
-    """Raises GeometryError for an HDF5 file that the library, in a process of its own, does not read to an
-    end: a damaged file may keep it busy for ever, or end the process. Other errors are left to the reader."""
+    """Raises GeometryError for a damaged HDF5 file, on which the library, here in a process of its own, may
+    hang."""
     try:
         command = [sys.executable, "-c", READER, str(path)]
         ended = subprocess.run(command, capture_output=True, timeout=MAX_SECONDS).returncode >= 0
@@ -66,8 +65,8 @@ def check_readable(path: Path) -> None:
 
 
 def check_hdf5(root: Any) -> None:
-    """Raises GeometryError if an open HDF5 file ``root`` has soft, external or circular links, data in other
-    files, or more data than the limit."""
+    """Raises GeometryError for an open HDF5 file with links, data in other files, or more data than the
+    limit."""
     import h5py
 
     total, seen, waiting = 0, {h5py.h5o.get_info(root.id).addr}, [root]
@@ -96,8 +95,7 @@ def check_hdf5(root: Any) -> None:
 
 @contextmanager
 def bounded_unpacking() -> Iterator[None]:
-    """A block in which meshio unpacks at most the limit of a VTU file. Raises GeometryError beyond it.
-    meshio, which has no limit of its own, accesses zlib and lzma by name."""
+    """A block in which meshio, by its zlib and lzma, unpacks at most the limit. Raises GeometryError."""
     from meshio.vtu import _vtu
 
     before = _vtu.zlib, _vtu.lzma

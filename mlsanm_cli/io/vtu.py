@@ -1,6 +1,5 @@
-"""VTU and PVD files for ParaView: bodies as triangles, contact surfaces and obstacles as lines. VTK's XML
-format for unstructured grids. Arrays are inline in base64, each preceded by its length in bytes. They are not
-compressed: that would make files a third smaller and take ten times as long."""
+"""VTU and PVD files for ParaView: VTK's XML format with inline arrays in base64, each preceded by its length,
+not compressed, which would make files a third smaller and take ten times as long."""
 
 from __future__ import annotations
 
@@ -21,9 +20,8 @@ from mlsanm_cli.io.run_dir import COLLECTION_FILE, LINES_FILE, vtu_name
 
 
 class VtuPart(NamedTuple):
-    """A body, a surface or an obstacle at one load level. ``points`` (n, 2) are undeformed; ``cells`` are
-    lines (c, 2) or triangles (c, 3); points without a cell become vertices. ``data`` by name are scalars
-    (n,), vectors (n, 2), and tensors xx, yy, xy (n, 3) or xx, yy, xy, zz (n, 4)."""
+    """A body, surface or obstacle at one load level: undeformed points (n, 2), lines (c, 2) or triangles (c,
+    3), and scalars (n,), vectors (n, 2), tensors xx, yy, xy (n, 3) or xx, yy, xy, zz (n, 4) by name."""
 
     points: FloatArray
     cells: NDArray[np.int64]
@@ -34,9 +32,8 @@ NO_PARTS: Mapping[str, VtuPart] = {}
 
 
 class StateWriter:
-    """Writes the saved states into an existing directory: a VTU file per state and body, from fields_0000.vtu
-    on, contacts_0000.vtu and, if there are any, obstacles_0000.vtu and so on for every state, and fields.pvd
-    and contacts.pvd, which list them."""
+    """Writes saved states: a VTU file per state and body, contacts and obstacles of every state, and lists of
+    them in fields.pvd and contacts.pvd."""
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory
@@ -59,8 +56,8 @@ class StateWriter:
         self.keep(position, list(bodies))
 
     def keep(self, position: float, names: Sequence[str]) -> None:
-        """Lists a state with the bodies of these ``names``, also of an earlier process. Raises RunError if a
-        file is missing."""
+        """Lists a state with these bodies, also of an earlier process. Raises RunError if a file is
+        missing."""
         files = self._files(names)
         for path in (self._directory / file for file in files.values()):
             if not path.is_file():
@@ -96,8 +93,8 @@ _ORDER = {"little": "LittleEndian", "big": "BigEndian"}[sys.byteorder]
 
 
 def write_parts(path: Path, number: str, parts: Sequence[VtuPart]) -> None:
-    """Writes parts as one grid with their common data and, if ``number`` is a name, their numbers from 0
-    under it. Raises RunError if the file cannot be written."""
+    """Writes parts as one grid with common data and, if ``number`` is a name, their numbers. Raises
+    RunError."""
     counts = [len(part.points) for part in parts]
     total, first = sum(counts), np.cumsum([0, *counts[:-1]])
     shared = [name for name in parts[0].data if all(name in part.data for part in parts)]

@@ -128,6 +128,7 @@ def _increment(
             # Predictors of Newton-Raphson between states are not stored.
             series=_series(system, step.branch, stage) if step.order else {},
             series_attributes={"length": step.branch.length, "stage": stage},
+            limit_points=tuple((stage + step.branch.load_factor(a), high) for a, high in step.limit_points),
             checkpoint=Checkpoint(state),
         )
     if not follower.reached:

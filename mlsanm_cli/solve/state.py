@@ -161,7 +161,7 @@ class PathStep:
 
     ``series`` holds the arrays from which any state of the step can be evaluated (ANM only), ``order`` that
     of the series or 0; ``iterations`` are updates of the nonlinear solution; ``warning`` is for the user.
-    At finite strain: ``limit_points`` of the load factor as (position, whether a maximum), and
+    ``limit_points`` of the load factor are positions, and whether these are maxima. At finite strain:
     ``bifurcations``; whether the equations were ``renewed`` at its end; the work ``kept`` of contact
     tractions on the displacements that would remove the residuals which equations keep; intermediate states
     ``way`` of a power series; ``missed`` computes what fits of the next degree would change.

@@ -118,6 +118,8 @@ def test_errors_are_those_of_the_commands(case: Path) -> None:
     with pytest.raises(mlsanm.CaseError) as wrong:
         mlsanm.run(case, {"solver.ordr": 15, "material.steel.nu": 0.7})
     assert {problem.key for problem in wrong.value.problems} == {"solver.ordr", "material.steel.nu"}
+    with pytest.raises(mlsanm.RunError, match="5 is not the name of a file"):
+        mlsanm.run(5)  # type: ignore[arg-type]
     with pytest.raises(mlsanm.RunError, match="already holds a run"):
         mlsanm.run(case, out=case.parent / "run")
 

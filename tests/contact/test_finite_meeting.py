@@ -8,8 +8,7 @@ import pytest
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Segment
 from mlsanm_cli.contact.finite.node_curve import NodeCurve
-from mlsanm_cli.contact.finite.pair import BodyContact, Meeting
-from mlsanm_cli.contact.finite.rigid import RigidContact
+from mlsanm_cli.contact.finite.pair import BodyContact, Meeting, RigidContact
 from mlsanm_cli.contact.finite.sides import ContactSide, SideNodes
 from mlsanm_cli.contact.geometry.obstacles import Round
 

@@ -41,7 +41,7 @@ from mlsanm_cli.app.output.analysis import Analysis, BodyFields
 from mlsanm_cli.app.output.parts import ContactNodes, contact_part, obstacles, vtu_states
 from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.finite.rigid import RigidContact
+from mlsanm_cli.contact.finite.pair import RigidContact
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io.columns import Quantities
 from mlsanm_cli.io.vtu import VtuPart

@@ -37,7 +37,7 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.laws.failures import SlidingError
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.io.columns import Quantities, place
-from mlsanm_cli.io.run_file import Value
+from mlsanm_cli.io.run_file import Attribute, Value
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.memo import digest
@@ -190,19 +190,14 @@ class SmallStrain(Analysis[CondensedScene]):
             contacts[pairing.name] = ContactNodes(*places, pairing.areas[chosen])
         return contacts
 
-    def model_datasets(self) -> dict[str, Value]:
-        datasets, bonds = super().model_datasets(), self.built.condensed.bonds
-        for name, own in bonds.spans.items():
-            both = [part[own] for part in np.split(bonds.tractions.matrix, 2)]
+    def model(self) -> tuple[dict[str, Value], Mapping[str, Attribute]]:
+        datasets, condensed = super().model()[0], self.built.condensed
+        for name, own in condensed.bonds.spans.items():
+            both = [part[own] for part in np.split(condensed.bonds.tractions.matrix, 2)]
             datasets[place("maps", "bonds", name)] = np.concatenate(both)
-        return datasets
-
-    @property
-    def attributes(self) -> Mapping[str, str]:
-        condensed = self.built.condensed
         maps = (condensed.gap, condensed.slip, condensed.watched, condensed.balance)
         nodes = sum(len(cloud.points) for cloud in self.nodes.values())
-        return {"cache_hash": digest(maps, condensed.weight), "nodes": str(nodes)}
+        return datasets, {"cache_hash": digest(maps, condensed.weight), "nodes": str(nodes)}
 
     def series_maps(self) -> dict[str, Value]:
         condensed, known = self.built.condensed, self.built.condensed.quantities

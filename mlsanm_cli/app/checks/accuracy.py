@@ -54,12 +54,10 @@ Halved = tuple[FloatArray, FloatArray]
 @dataclass(frozen=True)
 class Accuracy:
     """Estimated errors of ``state``, the exact one at the end of the path; None or empty where not known.
-
     ``displacement`` is the relative root mean square error over all nodes, of which ``deflection`` is known
     from energies; ``pressures`` are relative L2 errors by contact, due to the bodies and to the contact's own
-    spacing; ``largest`` is the largest displacement, ``bodies`` are the corrected ones, ``probes`` errors of
-    displacements, ``forces`` relative ones of contact forces; ``missing`` says why there are no estimates.
-    """
+    spacing; ``largest`` is the largest displacement, ``bodies`` are the corrected ones; ``missing`` says why
+    there are no estimates."""
 
     displacement: float | None
     pressures: Mapping[str, tuple[float | None, float | None]]
@@ -145,8 +143,8 @@ def assess_accuracy(built: CondensedScene) -> Accuracy:
 
 
 def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo: Memo) -> Accuracy:
-    """Estimates of a scene with friction in its last ``state``; those of other scenes are unchanged. As
-    without friction, but with the stick and slip status of that state: the path is not followed again."""
+    """Estimates with friction in the last ``state``, with its stick and slip: the path is not followed
+    again."""
     condensed = built.condensed
     if not len(condensed.friction_nodes) or not state.closed.any():
         return accuracy
@@ -164,9 +162,8 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo:
 
 
 def _halved(built: CondensedScene, state: ContactState) -> Halved | None:
-    """Motions and pressures from every second node, with the tractions of the state as loads and motions
-    along the contacts, which friction resists, as they are; None if there is no contact with nodal pressures,
-    or no solution."""
+    """Motions and pressures from every second node, where what friction resists stays; None without a
+    solution or contacts with nodal pressures."""
     condensed = built.condensed
     if not condensed.nodal:
         return None
@@ -202,8 +199,8 @@ def _estimated(
     moved: Callable[[Changes], Moved],
     halved: Halved | None,
 ) -> Accuracy:
-    """The estimates of a ``state``: from the corrections of ``bodies``, by which contacts have ``moved``, of
-    what these may miss, without smoothing, and from nodal contacts of half as many nodes."""
+    """The estimates of a ``state`` from corrected ``bodies``, by which contacts have ``moved``, and
+    ``halved``."""
     condensed, scene, parts = built.condensed, built.scene, [bodies]
     rough = moved(roughness_of(condensed, scene, bodies))[1]
     if any(one.uncertain.any() for one in bodies.values()):
@@ -243,8 +240,8 @@ def _estimated(
 def _effects(
     built: CondensedScene, bodies: Mapping[str, Corrected], state: ContactState, bonds: Bonds, moved: Moved
 ) -> list[float]:
-    """Effects of the changes of ``bodies``, of ``bonds`` and of what has ``moved``: on all displacements
-    (L2), on that at each probe, and on the force of each contact over the sum of its pressures."""
+    """Effects of changes on all displacements (L2), at each probe, and on contact forces over sums of
+    pressures."""
     condensed, scene = replace(built.condensed, bonds=bonds), built.scene
     unknowns, rests, total = (np.zeros(built.stages.shape[1]), *moved), dict[str, FloatArray](), 0.0
     for name, body in scene.bodies.items():

@@ -1,5 +1,4 @@
-"""Checks of a run: a value and its limit, with the message and hint if it is exceeded, and one loop that
-warns, fails and keeps them for ``summary.json``."""
+"""Checks of a run: a value and its limit, and the loop that warns, fails and keeps them."""
 
 from __future__ import annotations
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -42,8 +41,8 @@ END_DISTANCE = 0.75
 
 @dataclass(frozen=True)
 class End:
-    """A completed path at small strain: its ``first`` state, None if it was resumed, its ``last`` one, and
-    the estimates of that."""
+    """A completed path at small strain, with the estimates of its last state; the first is None if
+    resumed."""
 
     built: CondensedScene
     first: State | None
@@ -60,6 +59,15 @@ class End:
     def imbalance(self) -> Mapping[str, float]:
         """Missing force of every body over the largest force on it."""
         return force_balance(self.built, self.last)
+
+
+def solution(end: End) -> Iterator[Check]:
+    """Coercivity of the contact, and the linear solver."""
+    message, stable = "the discretised contact is not coercive", stability_limit(end.built.ends)
+    yield Check("stability", end.built.stability, message, fails=stable)
+    message = f"linear-solver error {end.linear_residual:.2g} exceeds {level('linear_residual'):g}"
+    hint = "make the spacings more equal, use a lower mls.degree, or a Poisson's ratio less close to 0.5"
+    yield Check("linear_residual", end.linear_residual, message, hint)
 
 
 def pressed_spacings(end: End) -> Iterator[Check]:
@@ -191,17 +199,6 @@ def law_gap(end: End) -> Iterator[Check]:
         yield Check("law_gap", part, message, hint, place)
 
 
-def stability(end: End) -> Iterator[Check]:
-    message = "the discretised contact is not coercive"
-    yield Check("stability", end.built.stability, message, fails=stability_limit(end.built.ends))
-
-
-def linear_residual(end: End) -> Iterator[Check]:
-    message = f"linear-solver error {end.linear_residual:.2g} exceeds {level('linear_residual'):g}"
-    hint = "make the spacings more equal, use a lower mls.degree, or a Poisson's ratio less close to 0.5"
-    yield Check("linear_residual", end.linear_residual, message, hint)
-
-
 def strain(end: End) -> Iterator[Check]:
     """Bodies strained beyond the validity of a linear model."""
     materials = {body.name: body.material for body in end.case.body}
@@ -233,9 +230,7 @@ def held_motion(end: End) -> Iterator[Check]:
     built = end.built
     along = [motion for motion in built.scene.held_motions if not any(way[2] for way in motion.values())]
     held = {body for motion in along for body in motion}
-    if not held or not built.ends:
-        return
-    turned = turns(built.scene, built.condensed, built.ends[-1])
+    turned = turns(built.scene, built.condensed, built.ends[-1]) if held and built.ends else {}
     angles = [
         (abs(turned[pairing.name] - pairing.grid.facing.turn), sorted(held & set(pairing.bodies)))
         for pairing in built.condensed.on_grids
@@ -251,7 +246,9 @@ def held_motion(end: End) -> Iterator[Check]:
         yield Check("held_motion", angle, message, hint)
 
 
-def no_pressure(end: End) -> Iterator[Check]:
+def carried(end: End) -> Iterator[Check]:
+    """Rotation by the loads, and contacts without any pressure."""
+    yield from body_rotation(end.built, end.last)
     none = float(bool(end.case.touching) and end.built.stays_open)
     message = "no contact carries any pressure at the end of any stage"
     yield Check("no_pressure", none, message, "check the direction and size of the loads")
@@ -259,10 +256,8 @@ def no_pressure(end: End) -> Iterator[Check]:
 
 # The strain comes before the checks that fail for inconsistent units, so that the warning names the cause.
 END: Sequence[Callable[[End], Iterator[Check]]] = (
-    *(stability, linear_residual, pressed_spacings, initial_overlap, contact_end, peak_pressure),
-    *(strain, transfer, *COMMON, peak_stress, law_gap, held_motion),
-    lambda end: body_rotation(end.built, end.last),
-    no_pressure,
+    *(solution, pressed_spacings, initial_overlap, contact_end, peak_pressure),
+    *(strain, transfer, *COMMON, peak_stress, law_gap, held_motion, carried),
 )
 """Checks of a completed path at small strain."""
 
@@ -273,11 +268,11 @@ def limit_load(built: CondensedScene, state: State) -> Iterator[Check]:
     if turned is None:
         return
     message = f"{turned.names} turns round and round: a mechanism, which limits no load at small strain"
-    if abs(turned.angle) <= math.pi:
-        angle, share = np.degrees(turned.angle), 100.0 * turned.share
+    if abs(turned.angle) <= np.pi:
         message = (
-            f"{turned.names} has rotated by {angle:.2g} degrees without its contacts moving along its "
-            f"surface: the moment at the limit is up to {share:.2g} % too large"
+            f"{turned.names} has rotated by {np.degrees(turned.angle):.2g} degrees without its contacts "
+            f"moving along its surface: the moment at the limit is up to {100.0 * turned.share:.2g} % "
+            "too large"
         )
     hint = 'use model.strain = "finite", or stiffer materials'
     yield Check("limit_load", turned.share, message, hint, turned.names)
@@ -285,8 +280,8 @@ def limit_load(built: CondensedScene, state: State) -> Iterator[Check]:
 
 def idle_note(built: CondensedScene, state: State) -> str:
     """Note of the bodies held by contact only that no contact loads ("" if there are none)."""
-    least, idle = ROUND_OFF * float(state.pressure.max(initial=0.0)), set[str]()
-    idle |= {one.name for one, _ in built.scene.unknown_motions if one.floats}
+    least = ROUND_OFF * float(state.pressure.max(initial=0.0))
+    idle = {one.name for one, _ in built.scene.unknown_motions if one.floats}
     for pairing in built.condensed.pairings:
         if (state.pressure[built.condensed.spans[pairing.name]] > least).any():
             idle -= set(pairing.bodies)

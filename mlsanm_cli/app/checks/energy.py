@@ -1,5 +1,4 @@
-"""Balances of forces and energies: missing forces over those that act, twice the strain energy of every body
-compared with the work done on it, and the energies of bodies that flow."""
+"""Balances of forces and energies, and the energies of bodies that flow."""
 
 from __future__ import annotations
 
@@ -38,8 +37,7 @@ def force_balance(built: CondensedScene, state: State) -> dict[str, float]:
 
 
 def largest_force(built: CondensedScene, body: str, unknowns: Sequence[FloatArray]) -> float:
-    """Largest force on a body in a state f, q, p, t. The magnitudes of pressures, tractions and body forces
-    are summed, so that press fits and couples, whose resultants vanish, count."""
+    """Largest force on a body; magnitudes are summed, so that press fits and couples count."""
     condensed, (factors, _, pressure, _) = built.condensed, unknowns
     sizes = [
         float(condensed.areas[span] @ np.abs(pressure[span]))
@@ -87,8 +85,8 @@ MIN_BENDING_SHARE = 0.1
 
 
 def energy_error(built: CondensedScene, state: State, fields: Mapping[str, Fields]) -> EnergyErrors:
-    """Compare twice the strain energy of every body with the work done on it in a state with ``fields``; of
-    bodies that flow the work of their stresses on all strains, which is the same by virtual work."""
+    """Twice the strain energy of every body against the work done on it; of bodies that flow the work of
+    their stresses on all strains, which is the same by virtual work."""
     energies, works, least, strains, pointed, thin, rests = {}, {}, {}, {}, {}, {}, {}
     near, squares = _near_work(built, state), _on_single_nodes(built, state)
     for name, body in built.scene.bodies.items():
@@ -186,17 +184,16 @@ def _near_work(built: CondensedScene, state: State) -> dict[str, float]:
 
 
 def strain_of(points: FloatArray, displacement: FloatArray, von_mises: FloatArray, modulus: float) -> float:
-    """Strain of a body: the range of its displacements (n, 2) over its size, or a high quantile of its
-    stresses (n,) over its stiffness, whichever is larger."""
+    """The range of displacements (n, 2) over the size, or a high quantile of stresses (n,) over the
+    stiffness."""
     apart = float(np.ptp(displacement, axis=0).max()) / float(np.ptp(points, axis=0).max())
     # The largest ones are those at corners, where they are unbounded.
     return max(apart, float(np.quantile(von_mises, 0.99)) / modulus)
 
 
 def flow_figures(built: CondensedScene, state: State) -> dict[str, Any]:
-    """The estimated error of the increments up to a state, and of every body that flows its largest plastic
-    strain, the part of its area that has any, and the work of plastic strains, dissipated except for what
-    back stresses store of it, and the stored energy."""
+    """The error of the increments, and of every body that flows its largest plastic strain, the part of its
+    area with any, the work of plastic strains, of which back stresses store a part, and the stored energy."""
     bodies = {}
     for name, law in built.laws.items():
         cloud, history = built.scene.bodies[name].model.cloud, state.history(name)

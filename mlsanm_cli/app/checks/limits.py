@@ -121,9 +121,8 @@ def level(name: str) -> float:
 def summary_limits(
     tolerance: float, fails: Sequence[str], estimate: str, estimates: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """The levels for summary.json: those at which a run fails, the ``tolerance`` of the residual and those of
-    the checks ``fails``; and those at which it warns of an ``estimate``, and of all ``estimates`` if there
-    are any."""
+    """The levels for summary.json: those at which a run fails, among them the ``tolerance`` of the residual,
+    and those at which it warns of an ``estimate`` and of all ``estimates``."""
     return {
         "residual": tolerance,
         **{name: LIMITS[name].fails for name in fails},

@@ -1,14 +1,6 @@
-"""Error estimate of the largest stress on the free boundary of every body.
-
-Least squares satisfies traction conditions at boundary nodes approximately, so that the difference between
-sigma n and the prescribed traction is an error of the stress there, known without another solution. Strains
-along a fibre have errors as large as those across, and stresses accordingly larger ones than tractions.
-
-Omitted are places with unbounded stress or another check: surfaces in contact, ends of held and bonded
-surfaces, single nodes, re-entrant corners, and nodes with tractions larger than the stress. Only local maxima
-along the boundary count. The near field of contact grids is known in closed form: beside them stresses are
-accurate from the next node on. Pressures at nodes spoil stresses of a whole neighbourhood.
-"""
+"""Error estimate of the largest stress on the free boundary of every body: least squares satisfies traction
+conditions there approximately, and the difference is an error of the stress known without another
+solution."""
 
 from __future__ import annotations
 
@@ -48,9 +40,8 @@ Peak = dict[str, Any]
 
 
 def boundary_peaks(built: CondensedScene, state: State, fields: Mapping[str, Fields]) -> dict[str, Peak]:
-    """Largest von Mises ``stress`` on the free boundary of every body that has one, its ``place``, its
-    estimated relative ``error``, and the stress ``at_contact`` where that is larger, from the ``fields`` of a
-    state."""
+    """Largest von Mises ``stress`` on the free boundary of every body, its ``place``, its relative ``error``,
+    and the stress ``at_contact`` where that is larger."""
     peaks, bodies = {}, built.scene.bodies
     largest = max(  # stress scale of the displacements over the sizes of the bodies
         float(body.model.material.modulus * np.abs(fields[name]["displacement"]).max())
@@ -75,9 +66,8 @@ def boundary_peaks(built: CondensedScene, state: State, fields: Mapping[str, Fie
 
 
 def traction_error(body: ElasticBody, displacement: FloatArray, source: FloatArray) -> FloatArray:
-    """Magnitudes (n,) of the traction error of a ``displacement`` (N, 2) for a right-hand side ``source``
-    (r,); 0 inside the body and in held directions. Where a load ends on a side that continues no stress
-    satisfies the tractions of both parts: half of their difference is no error."""
+    """Traction error (n,) of a ``displacement`` (N, 2) for a right-hand side ``source`` (r,); 0 inside and
+    where held. Where a load ends on a side that continues half of the jump is no error."""
     cloud = body.model.cloud
     missing = np.zeros(len(cloud.points))
     stress, given = body.model.stress(displacement), _given(body, displacement, source)
@@ -95,8 +85,7 @@ def traction_error(body: ElasticBody, displacement: FloatArray, source: FloatArr
 
 
 def _given(body: ElasticBody, displacement: FloatArray, source: FloatArray) -> dict[str, FloatArray]:
-    """Prescribed tractions (b, 2) of a right-hand side ``source`` (r,) and springs on all surfaces; 0 where
-    held."""
+    """Prescribed tractions (b, 2) of a right-hand side and springs on all surfaces; 0 where held."""
     tractions = {}
     for name, surface in body.model.cloud.surfaces.items():
         rows = [body.condition_rows(name, axis) for axis in (0, 1)]
@@ -107,8 +96,8 @@ def _given(body: ElasticBody, displacement: FloatArray, source: FloatArray) -> d
 
 
 def along_over_across(body: ElasticBody) -> FloatArray:
-    """How much stiffer a body is along its boundary than across, at least 1 (n,): strains that are off change
-    the stress along it by so many times what they change the traction by."""
+    """Stiffness along the boundary over that across, at least 1 (n,), by which traction errors are stress
+    errors."""
     stiffness = body.model.material.in_plane
     compliance, ratio = np.linalg.inv(stiffness), np.ones(len(body.model.cloud.points))
     for surface in body.model.cloud.surfaces.values():
@@ -127,9 +116,9 @@ def _peak(
     unbounded: FloatArray,
     touching: Mapping[float, FloatArray],
 ) -> Peak | None:
-    """Peak of the von Mises ``stress`` (n,) with traction errors ``missing`` (n,), away from ``loaded`` nodes
-    (n,), from singular places ``unbounded`` (s, 2) and from places in contact (t, 2), ``touching`` by the
-    number of spacings around them; None if there is none."""
+    """Peak of ``stress`` (n,) with traction errors ``missing`` (n,), away from ``loaded`` nodes, from
+    ``unbounded`` places and from those ``touching``, by the number of spacings around them; None if there is
+    none."""
     bounded = np.ones(len(stress), dtype=bool)
     bounded[_near(cloud, unbounded, SINGULAR_DISTANCE * thickness(cloud), NEIGHBORHOOD)] = False
     free, nodes = bounded & ~loaded, cloud.boundary_nodes
@@ -168,8 +157,8 @@ def _near(cloud: Cloud, places: FloatArray, radius: float, spacings: float) -> I
 def _left_out(
     built: CondensedScene, state: State, name: str
 ) -> tuple[FloatArray, Mapping[float, FloatArray]]:
-    """Places of a body with unbounded stress (s, 2), and those clamped, in contact or bonded (t, 2), by the
-    number of spacings around them in which stresses are spoiled."""
+    """Places of a body with unbounded stress (s, 2), and clamped, touching or bonded ones (t, 2) by the
+    spacings around them in which stresses are spoiled."""
     body, none = built.scene.bodies[name], np.zeros((0, 2))
     cloud, surfaces = body.model.cloud, body.model.cloud.surfaces
     nodes = [node for node, _ in single_nodes(built.case, name, cloud)]

@@ -81,9 +81,7 @@ def announce(case: Case, prepared: SceneModel, context: RunContext, verdicts: Ve
 def assess(case: Case, prepared: SceneModel, memo: Memo = NO_CACHE) -> Quality:
     """Measure the clouds of all bodies and the facing spacings of every contact."""
     clouds = {name: model.cloud for name, model in prepared.models.items()}
-    bodies = {
-        name: memo.value("quality", cloud.content, partial(measure, cloud)) for name, cloud in clouds.items()
-    }
+    bodies = {name: memo.value("quality", one.content, partial(measure, one)) for name, one in clouds.items()}
     ratios = {pairing.name: spacing_ratio(pairing, clouds) for pairing in prepared.pairings}
     return Quality(case, prepared, bodies, ratios)
 
@@ -130,13 +128,12 @@ def nodal_contacts(
             ratio = spacing_ratio(one, clouds)
             yield Check("facing_spacings", ratio, *ratio_message(one, ratio), place)
         # Surfaces may touch on both sides of a corner, as a disk in a groove.
-        sides = ((one.slave, one.points), (one.master, one.partner))
-        for (surface, points), name in zip(sides, one.names, strict=False):
-            corners = np.zeros(0) if surface is None else surface.curve.corners
-            if surface is None or not len(corners):
+        for (_, slave, _), name in zip(one.sides, one.names, strict=True):
+            curve, points = one.surface_of(slave).curve, one.points if slave else one.partner
+            if not len(curve.corners):
                 continue
-            arcs = surface.curve.closest(points[one.candidate])
-            inside = surface.curve.points(corners[(corners > arcs.min()) & (corners < arcs.max())])
+            arcs, at = curve.closest(points[one.candidate]), curve.corners
+            inside = curve.points(at[(at > arcs.min()) & (at < arcs.max())])
             for x, y in inside[:1]:
                 message = (
                     f"{place}: {name} has a corner at ({x:.6g}, {y:.6g}), where contact grids end: pressures "
@@ -218,10 +215,8 @@ def load_resolution(model: Quality) -> Iterator[Check]:
                 # The mean over a span from the value at its centre, over the largest value; a peak at a
                 # single node is seen at the nodes only.
                 corners = np.concatenate(spans)
-                middles, (nodes, at) = (
-                    cloud.points[corners].mean(axis=1),
-                    np.unique(corners, return_inverse=True),
-                )
+                nodes, at = np.unique(corners, return_inverse=True)
+                middles = cloud.points[corners].mean(axis=1)
                 known, between = amounts_at(varying, cloud.points[nodes]), amounts_at(varying, middles)
                 scale = max(np.abs(between).max(initial=0.0), np.abs(known).max(initial=0.0))
                 missed = np.abs(known[at.reshape(corners.shape)].mean(axis=1) - between).max(axis=1)
@@ -272,6 +267,7 @@ def corners(model: Quality) -> Iterator[Check]:
 
 
 def materials(model: Quality) -> Iterator[Check]:
+    """Stresses out of the plane that are not known, and moduli whose units may differ."""
     for name, material in model.case.material.items():
         if model.case.model.plane == "strain" and material.form == "stiffness":
             place = f"material {name}"
@@ -281,9 +277,6 @@ def materials(model: Quality) -> Iterator[Check]:
             )
             hint = "give E1, E2, G12, nu12 and the constants of the third axis"
             yield Check("plane_stiffness", 1.0, message, hint, place)
-
-
-def moduli(model: Quality) -> Iterator[Check]:
     for pairing in model.prepared.pairings:
         ratio = stiffness_ratio(pairing, model.prepared.models)
         if ratio > 0.0:
@@ -336,6 +329,6 @@ def friction(model: Quality) -> Iterator[Check]:
 
 MODEL: Sequence[Callable[[Quality], Iterator[Check]]] = (
     *(clouds, facing_surfaces, bonded_curves, degree, initial_gap, loaded_length, load_resolution),
-    *(weak_motions, corners, materials, moduli, pulled_apart, cut_bodies, friction),
+    *(weak_motions, corners, materials, pulled_apart, cut_bodies, friction),
 )
 """Checks of a model."""

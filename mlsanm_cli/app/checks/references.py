@@ -4,7 +4,7 @@ doi:10.1017/CBO9781139171731, chapter 4)."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -26,9 +26,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class HertzLine:
-    """Two cylinders of relative ``radius`` (1/R = 1/R1 + 1/R2) pressed together by ``force`` per unit
-    thickness. ``modulus`` is E* with 1/E* = 1/E1' + 1/E2', E' = E/(1 - nu^2) in plane strain and E in plane
-    stress."""
+    """Two cylinders of relative ``radius`` (1/R = 1/R1 + 1/R2) under a ``force`` per unit thickness;
+    ``modulus`` is E* with 1/E* = 1/E1' + 1/E2', E' = E/(1 - nu^2) in plane strain and E in plane stress."""
 
     force: float
     radius: float
@@ -51,9 +50,8 @@ class HertzLine:
 
 
 class ReferenceProfile(NamedTuple):
-    """Analytical pressure along a contact. ``coordinate`` (m,) of the nodes along the surface from the middle
-    of the contact; ``curve``, the pressure as a function of it; ``error_l2``, the relative L2 error of the
-    linearly interpolated nodal pressures."""
+    """Analytical pressure along a contact over the ``coordinate`` (m,) of its nodes from its middle, and the
+    relative L2 error of the interpolated nodal pressures."""
 
     label: str
     coordinate: FloatArray
@@ -64,8 +62,7 @@ class ReferenceProfile(NamedTuple):
 
 
 def read_case(path: Path, overrides: tuple[str, ...] = ()) -> LoadedCase:
-    """A validated case with checked geometry, also of bodies in files, whose named solution fits the scene.
-    Raises RunError and CaseError."""
+    """A validated case with checked geometry and reference solution. Raises RunError and CaseError."""
     loaded = load_case(path, overrides, geometry_of)
     case = loaded.case
     if case.reference is None:
@@ -78,7 +75,7 @@ def read_case(path: Path, overrides: tuple[str, ...] = ()) -> LoadedCase:
         if unknown:
             problems.append(f"needs radii, and the case gives none for {unknown[0]}")
             continue
-        curved = _relative(case, contact) > 0.0
+        curved = _curvature(contact, _arcs(case, contact)) > 0.0
         if curved != (solution == "hertz-line"):
             problems.append(
                 f"does not fit contact {contact.name}: its surfaces are {'' if curved else 'not '}curved"
@@ -97,26 +94,32 @@ def reference_profile(built: CondensedScene, pairing: Pairing, state: State) -> 
     if case.reference is None or force == 0.0:
         return None
     contact = next(c for c in case.contact if c.name == pairing.name)
-    return profile_on(
-        case,
-        contact,
-        pairing.points[pairing.candidate],
-        pairing.normal[pairing.candidate],
-        built.condensed.contact_values(pairing, state.unknowns)[0],
-        force,
-    )
+    points, normal = pairing.points[pairing.candidate], pairing.normal[pairing.candidate]
+    pressure = built.condensed.contact_values(pairing, state.unknowns)[0]
+    return profile_on(case, contact, points, normal, pressure, force)
 
 
 def profile_on(
     case: Case, contact: Contact, points: FloatArray, normal: FloatArray, pressure: FloatArray, force: float
 ) -> ReferenceProfile:
     """Reference for nodes ``points`` (m, 2) with master normals ``normal`` (m, 2) and ``pressure`` (m,)."""
-    middle, axis = _middle(case, contact, points, normal, pressure)
+    arcs, obstacle = _arcs(case, contact), contact.obstacle
+    centers = [np.array(arc.center) for arc in arcs]
+    centers += [np.array(obstacle.center)] if isinstance(obstacle, DiskObstacle) else []
+    # The normal in the middle: along the line of centres, or else the resultant of the pressures.
+    apart = np.hypot(*np.diff(points, axis=0).T)
+    length = 0.5 * (np.append(apart, 0.0) + np.append(0.0, apart))
+    axis = centers[0] - centers[1] if len(centers) == 2 else (length * pressure) @ normal
+    axis = axis / np.hypot(*axis)
+    middle = centers[0] if centers else 0.5 * (points[0] + points[-1])
     coordinate = (points - middle) @ np.array([axis[1], -axis[0]])
     if coordinate[-1] < coordinate[0]:
         coordinate = -coordinate
-    if _relative(case, contact) > 0.0:
-        hertz = HertzLine(force, 1.0 / _relative(case, contact), _modulus(case, contact, axis))
+    if (curvature := _curvature(contact, arcs)) > 0.0:
+        stiffness, used = materials(case), {body.name: body.material for body in case.body}
+        sides = [stiffness[used[split_boundary(boundary)[0]]] for boundary in contact.boundaries]
+        modulus = 1.0 / sum(float(side.contact_compliance(axis[None, :])[0]) for side in sides)
+        hertz = HertzLine(force, 1.0 / curvature, modulus)
         label, curve, peak, width = "Hertz", hertz.pressure, hertz.peak_pressure, hertz.half_width
     else:
         even = force / float(np.ptp(coordinate))
@@ -132,25 +135,6 @@ def profile_on(
     return ReferenceProfile(label, coordinate, curve, peak, width, error)
 
 
-def _middle(
-    case: Case, contact: Contact, points: FloatArray, normal: FloatArray, pressure: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Middle of the contact and the normal there: along the line of centres of curved surfaces, or else the
-    resultant of the pressures."""
-    curves = [_curve(case, boundary) for boundary in contact.boundaries]
-    centers = [np.array(curve.center) for curve in curves if isinstance(curve, Arc)]
-    if isinstance(contact.obstacle, DiskObstacle):
-        centers.append(np.array(contact.obstacle.center))
-    apart = np.hypot(*np.diff(points, axis=0).T)
-    length = 0.5 * (np.append(apart, 0.0) + np.append(0.0, apart))
-    mean = (length * pressure) @ normal
-    axis = mean / np.hypot(*mean)
-    if len(centers) == 2:
-        line = centers[0] - centers[1]
-        axis = line / np.hypot(*line)
-    return (centers[0] if centers else 0.5 * (points[0] + points[-1])), axis
-
-
 def _curve(case: Case, boundary: str) -> Curve | None:
     """Curve of a boundary of one piece; None for others and for shapes in files."""
     body, edge = split_boundary(boundary)
@@ -162,19 +146,11 @@ def _curve(case: Case, boundary: str) -> Curve | None:
     return outline.curves[numbers[0]] if len(numbers) == 1 else None
 
 
-def _relative(case: Case, contact: Contact) -> float:
+def _arcs(case: Case, contact: Contact) -> list[Arc]:
+    return [curve for one in contact.boundaries if isinstance(curve := _curve(case, one), Arc)]
+
+
+def _curvature(contact: Contact, arcs: Sequence[Arc]) -> float:
     """Sum of the curvatures 1/R of both sides, positive for convex ones."""
     obstacle = contact.obstacle.curvature if contact.obstacle is not None else 0.0
-    arcs = [curve for one in contact.boundaries if isinstance(curve := _curve(case, one), Arc)]
     return obstacle + sum(math.copysign(1.0 / arc.radius, arc.sweep) for arc in arcs)
-
-
-def _modulus(case: Case, contact: Contact, axis: FloatArray) -> float:
-    """E* for pressures along ``axis`` (2,)."""
-    stiffness = materials(case)
-    contact_compliance = 0.0
-    for boundary in contact.boundaries:
-        body, _ = split_boundary(boundary)
-        material = next(b.material for b in case.body if b.name == body)
-        contact_compliance += float(stiffness[material].contact_compliance(axis[None, :])[0])
-    return 1.0 / contact_compliance

@@ -65,8 +65,7 @@ def residual_zones(
     patches: tuple[Patch, ...],
     planned: tuple[Zone, ...],
 ) -> tuple[Zone, ...]:
-    """Zones in addition to the ``planned`` ones; none without corrected ``bodies``. Those of symmetric clouds
-    are symmetric if the requirements of the nodes are."""
+    """Zones where fits are poor, in addition to the ``planned`` ones; symmetric ones in symmetric clouds."""
     if not bodies:
         return ()
     residuals, ruled = {}, {}
@@ -159,8 +158,8 @@ Adapted = tuple[SceneModel, CondensedScene, Accuracy, Refinement]
 def set_up(
     case: Case, prepared: SceneModel, context: RunContext, verdicts: Verdicts, known: Refinement | None = None
 ) -> Adapted:
-    """Condenses the scene ``prepared``, refined as the case requires or as ``known``, and judges its contacts
-    with nodal pressures. Raises NumericalError for a scene that cannot be set up."""
+    """The condensed scene, refined as the case requires or as ``known``; judges contacts with nodal
+    pressures."""
     built, accuracy = _solved(case, prepared, context)
     if known is None:
         prepared, built, accuracy, known = _adapted(case, prepared, context, built, accuracy)
@@ -173,8 +172,7 @@ def set_up(
 def _adapted(
     case: Case, prepared: SceneModel, context: RunContext, built: CondensedScene, accuracy: Accuracy
 ) -> Adapted:
-    """The scene refined for the requested number of passes or until convergence; if a refined scene cannot be
-    solved, the one before it is kept."""
+    """The scene after the requested passes or at convergence; if one cannot be solved, that before it."""
     history = [_figures(built, accuracy, None)]
     # The spacings that contact patches require, and the number of passes.
     touching = {body for pairing in prepared.pairings for body in pairing.bodies}
@@ -239,8 +237,8 @@ def _solved(
 
 
 def found_patches(built: CondensedScene, rule: Rule) -> Iterator[Patch]:
-    """Patches with an edge in the exact states at the ends of all stages, and stick zones. A surface closed
-    from end to end has no edge to refine, but its corners on bodies of revolution."""
+    """Patches with an edge in the states at the ends of all stages, and stick zones; corners count on bodies
+    of revolution only."""
     for state in built.ends:
         for pairing in built.condensed.pairings:
             span = built.condensed.spans[pairing.name]
@@ -265,39 +263,32 @@ def found_patches(built: CondensedScene, rule: Rule) -> Iterator[Patch]:
 
 
 def _patch_zones(patch: Patch, rule: Rule) -> Iterator[Zone]:
-    middle = (float(patch.middle[0]), float(patch.middle[1]))
-    reach = rule.reach * patch.half_width + 2.0 * float(patch.uncertainty.max(initial=0.0))
+    (x, y), unknown = patch.middle.tolist(), float(patch.uncertainty.max(initial=0.0))
     # Finer spacings over all that a patch may cover are wasted until its edges are known.
-    spacing = max(patch.half_width / rule.across, float(patch.uncertainty.max(initial=0.0)) / 2.0)
-    yield Zone.around(middle, spacing, reach, rule.growth)
-    for edge, unsure, apart in zip(patch.edges, patch.uncertainty, patch.apart, strict=True):
-        finest = max(patch.finest * patch.half_width / rule.at_edge, float(unsure) / MAX_EDGE_REFINEMENT)
+    spacing = max(patch.half_width / rule.across, unknown / 2.0)
+    yield Zone.around((x, y), spacing, rule.reach * patch.half_width + 2.0 * unknown, rule.growth)
+    edges = zip(patch.edges.tolist(), patch.uncertainty.tolist(), patch.apart.tolist(), strict=True)
+    for (x, y), unsure, apart in edges:
+        finest = max(patch.finest * patch.half_width / rule.at_edge, unsure / MAX_EDGE_REFINEMENT)
         # The zone must also reach the other surface across the initial gap.
-        radius = max(2.0 * float(unsure), 1.5 * float(apart))
-        yield Zone.around((float(edge[0]), float(edge[1])), finest, radius, rule.growth)
+        yield Zone.around((x, y), finest, max(2.0 * unsure, 1.5 * apart), rule.growth)
 
 
 def _figures(built: CondensedScene, accuracy: Accuracy, before: Mapping[str, Any] | None) -> dict[str, Any]:
-    """Results of a pass, with the largest peak pressure and half-width of all contacts and stages; ``change``
-    is their largest relative change, or that of the largest displacement if there is no contact pressure."""
-    peak = width = 0.0
-    for state in built.ends:
-        peak = max(peak, float(state.pressure.max(initial=0.0)))
-        for pairing in built.condensed.pairings:
-            pressure = state.pressure[built.condensed.spans[pairing.name]]
-            width = max(width, half_width(pairing.arc[pairing.candidate], pressure))
-    nodes = sum(len(body.model.cloud.points) for body in built.scene.bodies.values())
+    """Results of a pass; ``change`` is the largest one of peaks and half-widths, or of displacements without
+    them."""
+    condensed = built.condensed
+    spans = [(one.arc[one.candidate], condensed.spans[one.name]) for one in condensed.pairings]
+    widths = [half_width(arc, state.pressure[span]) for state in built.ends for arc, span in spans]
+    figures: dict[str, Any] = {
+        "nodes": sum(len(body.model.cloud.points) for body in built.scene.bodies.values()),
+        "peak_pressure": max((float(state.pressure.max(initial=0.0)) for state in built.ends), default=0.0),
+        "half_width": max(widths, default=0.0),
+        "largest_displacement": accuracy.largest,
+    }
     change = None
     if before is not None:
-        pairs = [(peak, before["peak_pressure"]), (width, before["half_width"])]
-        if peak == 0.0:
-            pairs = [(accuracy.largest or 0.0, before["largest_displacement"] or 0.0)]
+        keys = ("peak_pressure", "half_width") if figures["peak_pressure"] else ("largest_displacement",)
+        pairs = [(figures[key] or 0.0, before[key] or 0.0) for key in keys]
         change = max(abs(new - old) / old if old else float(new != old) for new, old in pairs)
-    return {
-        "nodes": nodes,
-        "peak_pressure": peak,
-        "half_width": width,
-        "largest_displacement": accuracy.largest,
-        "change": change,
-        "error_estimate": accuracy.figures(built),
-    }
+    return {**figures, "change": change, "error_estimate": accuracy.figures(built)}

@@ -17,19 +17,14 @@ from mlsanm_cli.solve.stage_ends import reach_error
 from mlsanm_cli.solve.state import State
 
 
-def residual(built: CondensedScene, state: State) -> Iterator[Check]:
+def solution(built: CondensedScene, state: State) -> Iterator[Check]:
+    """The residual, numbers that are not finite, and tractions beyond the friction limit, which regularised
+    laws may exceed by mu eta."""
     message = f"the residual {state.residual:.3g} at position {state.position:.6g} is above the tolerance"
     hint = "raise solver.tolerance only if that residual is small enough for your purpose"
     yield Check("residual", state.residual, message, hint, fails=built.case.solver.tolerance)
-
-
-def finite(built: CondensedScene, state: State) -> Iterator[Check]:
     message = f"the state at position {state.position:.6g} is not finite"
     yield Check("finite", float(not state.is_finite), message)
-
-
-def friction_limit(built: CondensedScene, state: State) -> Iterator[Check]:
-    """Tractions beyond the friction limit; regularised laws may exceed it by mu eta."""
     condensed = built.condensed
     if not len(condensed.friction_nodes):
         return
@@ -45,8 +40,7 @@ def friction_limit(built: CondensedScene, state: State) -> Iterator[Check]:
 
 
 def contact_reach(built: CondensedScene, state: State) -> Iterator[Check]:
-    """Nodes outside a contact that touch the other surface, and pressures at an end of a grid although the
-    surface goes on."""
+    """Nodes outside a contact that touch, and pressures at an end of a grid although the surface goes on."""
     reaches = {contact.name: contact.reach for contact in built.case.contact}
     touched, cut = built.condensed.touched(*state.unknowns), built.condensed.cut(state.pressure)
     at, where = f"at position {state.position:.3g}", "at the ends of the stages"
@@ -79,15 +73,12 @@ def body_rotation(built: CondensedScene, state: State) -> Iterator[Check]:
         # Where all nodes slip, as in a disk that settles in a groove, nothing resists a rotation further.
         sets = built.condensed.problem.touching(state.closed)
         turned = turned_by_loads(built.scene, built.condensed, state.unknowns[1:], sets)
-    if turned is not None:
-        farther = "with forces at their displaced positions"
+    if turned is not None and turned.error:
+        yield Check("body_rotation", turned.share, turned.error.message, turned.hint, turned.names)
+    elif turned is not None:
         message = (
-            turned.error.message
-            if turned.error
-            else (
-                f"{turned.names} rotates by {np.degrees(turned.angle):.2g} degrees, and would rotate "
-                f"{1.0 / (1.0 - turned.share):.3g} times as far {farther}"
-            )
+            f"{turned.names} rotates by {np.degrees(turned.angle):.2g} degrees, and would rotate "
+            f"{1.0 / (1.0 - turned.share):.3g} times as far with forces at their displaced positions"
         )
         yield Check("body_rotation", turned.share, message, turned.hint, turned.names)
 
@@ -118,7 +109,5 @@ def uniqueness(built: CondensedScene, state: State) -> Iterator[Check]:
     yield Check("uniqueness", float(motion is not None), message, hint)
 
 
-STATE: Sequence[Callable[[CondensedScene, State], Iterator[Check]]] = (
-    *(residual, finite, friction_limit, contact_reach, uniqueness),
-)
+STATE: Sequence[Callable[[CondensedScene, State], Iterator[Check]]] = (solution, contact_reach, uniqueness)
 """Checks of every state."""

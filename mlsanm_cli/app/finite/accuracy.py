@@ -24,13 +24,16 @@ from mlsanm_cli.contact.finite.exact import ExactContact, FiniteContactState
 from mlsanm_cli.contact.finite.iteration import Iteration
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.defect import DEGREES, next_degree
+from mlsanm_cli.mechanics.energy import extended, least_thermal_energy, over_body
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
-from mlsanm_cli.mechanics.finite.estimate import energy, missing_work, unaccounted
 from mlsanm_cli.mechanics.finite.projector import Projector
+from mlsanm_cli.mechanics.finite.stability import Loaded
 from mlsanm_cli.mechanics.finite.tangent import load_columns
+from mlsanm_cli.mechanics.laws.law import determinant
 from mlsanm_cli.mechanics.near_field import as_complex, as_real
 from mlsanm_cli.records import dataclass
+from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.solve.state import State
 
 PRESSED_MISFIT = 0.1
@@ -77,22 +80,20 @@ def missed_in_contact(
     Raises NumericalError or LinAlgError."""
     left, response = {}, system.response(now.displacement, now.traction)
     surface = response.moved(now.displacement, now.traction)
-    turns = (side.turned(surface[here].reshape(-1, 2))[0] for side, here in system.contacts.sides)
-    turn = np.concatenate([np.zeros(0, dtype=complex), *turns])
-    upright = as_real(as_complex(now.traction.reshape(-1, 2)) / turn).ravel()
+    upright = as_real(as_complex(now.traction.reshape(-1, 2)) / system.contacts.turned(surface)[0]).ravel()
     for name, projector in system.projectors.items():
         body, here, spread = projector.body, system.bodies[name], system.spread[name]
         better, acting = _next(body), np.concatenate([factors, spread @ now.traction])
         left[name] = BodySeries.at(better, now.displacement[here], acting).rows(0)
         # What closed forms replace is not missing: the part along the residual by fits of the next degree of
         # the linear response of the undeformed body to the tractions.
-        traction, first = spread @ upright, body.loads.count - len(spread @ upright)
+        linear, traction = undeformed[name], spread @ upright
+        first = body.loads.count - len(traction)
         still, none = np.zeros(body.unknowns), np.zeros(body.loads.count)
-        linear = undeformed[name]
         columns = load_columns(linear.body, still, none, slice(first, None))
+        moved = -linear.factorised(still, none).solve(linear.scaled(columns @ traction))
         series = BodySeries(better, 1)
         series.put(0, still, none)
-        moved = -linear.factorised(still, none).solve(linear.scaled(columns @ traction))
         series.put(1, moved, np.concatenate([none[:first], traction]))
         known = _rotated(better, series.rows(1), body.turn(now.displacement[here]))
         scaled = projector.scaled(known)
@@ -138,12 +139,31 @@ def _next(body: FiniteBody) -> FiniteBody:
 
 
 def energy_errors(scene: FiniteScene, state: State) -> tuple[dict[str, FloatArray], float]:
-    """Contributions (n,) of the nodes to the estimated error of the energy, by body, and the energy."""
-    near, nodal, total = near_pressed(scene, state.side_traction), {}, 0.0
-    for name, loaded in scene.loaded(state).items():
-        nodal[name] = unaccounted(*loaded)
-        total += energy(*loaded)
-        nodal[name][near[name]] = 0.0
+    """Contributions (n,) of the nodes to the estimated error of the energy, by body, and the energy, the
+    integral of P : (F - F^-T) / 2, which is twice the strain energy at small strain for any rotation. From
+    residuals of equilibrium inside and of tractions on free sides, weighted with the spacing and the
+    uniaxial-strain modulus (Babuska and Rheinboldt 1978, doi:10.1002/nme.1620121010; Ainsworth and Oden 2000,
+    section 2.2): at a crushed corner, which least squares makes smooth, fits of the next degree do not reveal
+    the error. Equation (27) of docs/method.md."""
+    near, nodal, total = near_pressed(scene, state.side_traction), dict[str, FloatArray](), 0.0
+    for name, (body, own, acting) in scene.loaded(state).items():
+        elastic, model, cloud = body.elastic, body.elastic.model, body.elastic.model.cloud
+        areas, modulus, count = cloud.areas, model.material.modulus, len(cloud.points)
+        left = BodySeries.at(body, own, acting).rows(0)
+        found = areas * cloud.spacing**2 * (left[:count] ** 2 + left[count : 2 * count] ** 2)
+        for side, index, _, held in body.conditions:
+            weight = cloud.surfaces[side].weight * cloud.spacing[index]
+            for component in np.flatnonzero(~np.array(held)).tolist():
+                np.add.at(found, index, weight * left[elastic.condition_rows(side, component)] ** 2)
+        nodal[name] = np.where(near[name], 0.0, found / modulus)
+        gradient, degrees, stress = body.gradient(own), body.degrees(acting), body.stress(own, acting)
+        xx, xy, yx, yy = gradient + np.array([1.0, 0.0, 0.0, 1.0])[:, None]
+        turned = np.stack([yy, -yx, -xy, xx]) / (1.0 + determinant(gradient))
+        least = ROUND_OFF**2 * modulus * areas.sum()
+        if degrees is not None:
+            turned = body.law.squared_free_stretch(turned, degrees)
+            least = max(least, least_thermal_energy(model, degrees))
+        total += float(areas @ (stress * 0.5 * (np.stack([xx, xy, yx, yy]) - turned)).sum(axis=0) + least)
     return nodal, total
 
 
@@ -161,9 +181,37 @@ def missing_works(scene: FiniteScene, before: State, now: State) -> dict[str, fl
         cos, sin = np.cos(turn), np.sin(turn)
         ahead = np.array([[cos, sin], [-sin, cos]])
         first, last = nodes + then.reshape(-1, 2), nodes + at.reshape(-1, 2)
-        ways = ((last @ ahead.T - first).ravel(), (last - first @ ahead).ravel())
-        works = [missing_work(*one[name], way, near[name]) for one, way in zip(both, ways, strict=True)]
+        ways = last @ ahead.T - first, last - first @ ahead
+        works = [_missing_work(one[name], way, near[name]) for one, way in zip(both, ways, strict=True)]
         found[name] = 0.5 * sum(works)
+    return found
+
+
+def _missing_work(loaded: Loaded, way: FloatArray, near: BoolArray) -> float:
+    """Virtual work of the stress of a body on a small displacement ``way`` (n, 2), minus that of all forces,
+    per thickness.
+
+    Next to forces that the cloud does not resolve, at nodes ``near`` (n,), the displacement continues
+    smoothly from elsewhere. Reactions are known as stresses next to singular corners, or not at all: a smooth
+    field with the ``way`` of held parts is subtracted, so that they do no work. Equation (28) of
+    docs/method.md.
+    """
+    body, displacement, factors = loaded
+    elastic, cloud, moved = body.elastic, body.elastic.model.cloud, way
+    if near.any():
+        moved = extended(cloud, moved, np.repeat(~near[:, None], 2, axis=1))
+    held = np.zeros(moved.shape, dtype=bool)
+    for name, components in elastic.held.items():
+        held[cloud.surfaces[name].index] |= np.array(components)
+    for node, component in elastic.held_nodes[: len(elastic.held_nodes) - body.pins]:
+        held[node, component] = True
+    if moved[held].any():
+        moved = moved - extended(cloud, moved, held)
+    found = over_body(cloud, body.stress(displacement, factors).T, body.gradient(moved.ravel()).T)
+    force = BodySeries.at(body, displacement, factors).outline_forces()[1]
+    found -= float((force.T * body.applied.points.seen(moved)[:, 0]).sum())
+    if body.loads.force is not None:
+        found -= over_body(cloud, body.loads.force @ factors, moved)
     return found
 
 
@@ -175,19 +223,18 @@ def missing_figures(scene: FiniteScene, state: State, missing: Missing) -> dict[
     found: dict[str, Any] = {"displacement": part}
     if not scene.in_increments:
         return found
-    pressure, force = {}, {}
-    for contact, here, there in scene.contacts.each:
-        weight = contact.slave.weight
-        both = (one[there].reshape(-1, 2)[: len(weight)] for one in (state.side_traction, missing.traction))
+    both = state.side_traction, missing.traction
+    force, change = (np.hypot(*scene.contacts.forces(one).T) for one in both)
+    largest, pressure, contacts = force.max(initial=0.0), dict[str, float](), dict[str, float]()
+    slaves = np.cumsum([0, *(len(one.sides) for one in scene.contacts.pairs)])[:-1]
+    for (contact, here, _), off in zip(scene.contacts.each, change[slaves], strict=True):
         if state.pressure[here].any():
-            square = weight @ missing.pressure[here] ** 2 / (weight @ state.pressure[here] ** 2)
-            pressure[contact.name] = float(np.sqrt(square))
-            force[contact.name] = [float(np.hypot(*(weight @ one))) for one in both]
-    largest = max((whole for whole, _ in force.values()), default=0.0)
-    return found | {
-        "pressure": pressure,
-        "contacts": {name: change / largest for name, (_, change) in force.items() if largest},
-    }
+            weight, values = contact.slave.weight, state.pressure[here]
+            pressure[contact.name] = float(
+                np.sqrt(weight @ missing.pressure[here] ** 2 / (weight @ values**2))
+            )
+            contacts |= {contact.name: float(off / largest)} if largest else {}
+    return found | {"pressure": pressure, "contacts": contacts}
 
 
 def energy_estimate(tally: Mapping[str, Any]) -> float:

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.app.checks.check import Check
-from mlsanm_cli.app.checks.deformed import between_bodies, deepest, outline_of, overlap_check
 from mlsanm_cli.app.checks.ended import (
     COMMON,
     NODE_FORCE_SHIFT,
@@ -21,13 +20,14 @@ from mlsanm_cli.app.checks.ended import (
     thin_part,
 )
 from mlsanm_cli.app.checks.limits import ANY, level
+from mlsanm_cli.app.checks.overlaps import between_bodies, deepest, outline_of, overlap_check
 from mlsanm_cli.app.finite.accuracy import energy_errors, work_error
 from mlsanm_cli.app.finite.fields import SceneForces, fields_of
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.membership import first_crossing
-from mlsanm_cli.contact.finite.rigid import RigidContact
+from mlsanm_cli.contact.finite.pair import RigidContact
 from mlsanm_cli.continuation import Follower
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.laws.law import determinant

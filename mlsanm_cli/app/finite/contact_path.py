@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from mlsanm_cli.app.finite.scene import TOUCH_TOLERANCE, FiniteScene
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.complementarity.problem import OPEN, STICK, ContactStatus
 from mlsanm_cli.contact.finite.exact import ExactContact, FiniteContactState, undeformed
-from mlsanm_cli.contact.finite.rigid import RigidContact
+from mlsanm_cli.contact.finite.pair import RigidContact
 from mlsanm_cli.contact.finite.side_response import beyond_clouds
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.body import far_from, most_stretched
@@ -49,6 +49,9 @@ RENEWAL_ANGLE = 0.5
 """Rotation of a body (radian) relative to the expansion point above which the equations rotate with it."""
 MAX_STRETCH = 1.6
 """Largest stretch of a node in an increment relative to the expansion point."""
+KEPT = {name: name for name in ("place", "normal", "surface", "stability")}
+KEPT |= {"slip": "increment", "traction": "side_traction"}
+"""Names of solutions in contact and of the ``solver``'s arrays of states."""
 
 
 def contact_path(
@@ -95,26 +98,21 @@ class _Path:
         self._scene, self._coarse = scene, coarse
         contacts, self._projectors = scene.contacts, dict(scene.undeformed)
         # Typical displacement: the largest prescribed one, or response of a body to the loads.
-        found = [1e-3 * scene.size]
-        for contact in contacts.pairs:
-            if isinstance(contact, RigidContact):
-                given = contact.motion[:, : scene.stages.shape[1]]
-                found += [float(np.abs(given @ factors).max()) for factors in scene.stages]
+        found, known = [1e-3 * scene.size], scene.stages.shape[1]
+        rigid = [one for one in contacts.pairs if isinstance(one, RigidContact)]
+        found += [float(np.abs(scene.stages @ one.motion[:, :known].T).max()) for one in rigid]
         for name, body in scene.bodies.items():
-            projector, still = self._projectors[name], np.zeros(body.unknowns)
-            more = np.zeros(body.loads.count - scene.stages.shape[1])
-            for factors in scene.stages[1:]:
-                if factors.any():
-                    left = BodySeries.at(body, still, np.append(factors, more)).rows(0)
-                    found.append(float(np.abs(projector.displaced(left)).max()))
+            still, more = np.zeros(body.unknowns), np.zeros(body.loads.count - known)
+            for factors in (one for one in scene.stages[1:] if one.any()):
+                left = BodySeries.at(body, still, np.append(factors, more)).rows(0)
+                found.append(float(np.abs(self._projectors[name].displaced(left)).max()))
         self._length = min(max(found), scene.size)
         modulus = max(body.elastic.model.material.modulus for body in scene.bodies.values())
         self._stiffness = modulus / scene.size
-        self.now = undeformed(scene.unknowns, contacts)
+        self.now, self._settled = undeformed(scene.unknowns, contacts), False
         self._slip = self._work = np.zeros(contacts.count)
         self._before: FloatArray | None = None
         self._fresh: frozenset[str] = frozenset()
-        self._settled = False
         self.bifurcations: tuple[Bifurcation, ...] = ()
         self._earlier: list[FiniteContactState] = []
         self.error, self._largest = 0.0, 0.0
@@ -124,22 +122,11 @@ class _Path:
     def take_up(self, checkpoint: Checkpoint) -> None:
         """Continue from a checkpoint."""
         scene, state, history = self._scene, checkpoint.state, checkpoint.history
-        own, self._slip, self._work, self._settled = state.solver, state.slip, state.work, True
-        self.now = FiniteContactState(
-            displacement=state.displacement,
-            pressure=state.pressure,
-            shear=state.traction,
-            gap=state.gap,
-            place=own["place"],
-            slip=own["increment"],
-            normal=own["normal"],
-            sets=_status(state.status, own["slip_sign"]),
-            traction=own["side_traction"],
-            surface=own["surface"],
-            free=state.motion,
-            residual=state.residual,
-            stability=float(own["stability"]),
-        )
+        self._slip, self._work, self._settled = state.slip, state.work, True
+        sets = _status(state.status, state.solver["slip_sign"])
+        known = state.displacement, state.pressure, state.traction, state.gap, state.motion, sets
+        kept: dict[str, Any] = {name: state.solver[key] for name, key in KEPT.items()}
+        self.now = FiniteContactState(*known, **kept, residual=state.residual)
         self.error, self._largest = history["increment_error"].tolist()
         if len(history["earlier_status"]):
             # Of the state before, the places and statuses are what an increment over both begins with.
@@ -147,10 +134,10 @@ class _Path:
             self._earlier = [replace(self.now, place=history["earlier_place"], sets=sets)]
         counts = [body.loads.count for body in scene.bodies.values()]
         acting = np.split(history["acting"], np.cumsum(counts)[:-1])
-        kept = {name for name, keeps in zip(scene.bodies, history["keeps"], strict=True) if keeps}
-        for (name, base), factors in zip(scene.parts(history["base_state"]).items(), acting, strict=True):
+        bases = scene.parts(history["base_state"]).items()
+        for (name, base), factors, keeps in zip(bases, acting, history["keeps"], strict=True):
             if not np.array_equal(base, self._projectors[name].base_state):
-                self._projectors[name] = scene.projector(name, base, factors, name in kept)
+                self._projectors[name] = scene.projector(name, base, factors, bool(keeps))
         self.spent = 0
 
     def checkpoint(self, state: State, size: float) -> Checkpoint:
@@ -256,14 +243,9 @@ class _Path:
         work = contacts.weight * np.abs(self.now.shear)
         kept = self.now.sets.stuck & first.sets.stuck
         memory = float(work @ kept) / float(work.sum()) if work.any() else 0.0
-        # Forces (contacts, 2) on the slaves.
-        forces = np.zeros((2, len(contacts.pairs), 2))
-        for own, state in zip(forces, (self.now, whole), strict=True):
-            for number, (one, _, there) in enumerate(contacts.each):
-                tractions = state.traction[there].reshape(-1, 2)[: one.slave.count]
-                own[number] = one.slave.weight @ tractions
-        self._largest = max(self._largest, float(np.hypot(*forces[0].T).max()))
-        change = float(np.hypot(*(forces[1] - forces[0]).T).max())
+        force, other = (contacts.forces(one.traction) for one in (self.now, whole))
+        self._largest = max(self._largest, float(np.hypot(*force.T).max()))
+        change = float(np.hypot(*(other - force).T).max())
         self.error = memory * self.error + change
         allowed = self._scene.case.solver.increment_error * self._largest
         return float(np.clip(np.sqrt(allowed / change), 0.5, 1.0)) if change else 1.0
@@ -279,16 +261,12 @@ class _Path:
         if self._coarse:
             tolerance = max(tolerance, COARSE_TOLERANCE)
         args = (start or self.now, factors_at(self._scene.stages, position), tolerance, MAX_ITERATIONS)
-        before = begin.place if self._settled else None
+        before, most = begin.place if self._settled else None, MAX_ITERATIONS
         with np.errstate(all="ignore"), suppress(np.linalg.LinAlgError, NumericalError):
             found = self._system.solved(*args, before, begin.sets.closed)
-        if found is None:
-            self.spent += MAX_ITERATIONS * len(self._projectors)
-            self._iterations += MAX_ITERATIONS
-            return None
-        self.spent += found.factorizations
-        self._iterations += found.iterations
-        self._solves += found.solves
+        self.spent += found.factorizations if found else most * len(self._projectors)
+        self._iterations += found.iterations if found else most
+        self._solves += found.solves if found else 0
         return found
 
     def missed(self, state: State) -> Callable[[], Missing]:
@@ -378,14 +356,8 @@ class _Path:
         """The present solution as a state of the path."""
         factors, now = factors_at(self._scene.stages, position), self.now
         contact = (now.pressure, now.gap, now.free, now.status, now.residual, now.shear)
-        solver = {
-            "place": now.place,
-            "normal": now.normal,
-            "increment": now.slip,
+        solver = {key: np.asarray(getattr(now, name)) for name, key in KEPT.items()} | {
             "slip_sign": now.sets.slip_sign,
-            "side_traction": now.traction,
-            "surface": now.surface,
-            "stability": np.array(now.stability),
             "unstable": np.array(now.soft.unstable),
             "increment_error": np.array(self.error / self._largest if self._largest else 0.0),
         }

@@ -12,8 +12,7 @@ from mlsanm_cli.app.output.parts import contact_figures
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Displacement, ObstacleMotion, Platen
 from mlsanm_cli.cloud.membership import cross
-from mlsanm_cli.contact.finite.pair import NO_GAP
-from mlsanm_cli.contact.finite.rigid import RigidContact
+from mlsanm_cli.contact.finite.pair import NO_GAP, RigidContact
 from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.geometry.profile import unrolled
 from mlsanm_cli.io.columns import Quantities
@@ -89,16 +88,12 @@ def quantities(scene: FiniteScene, state: State) -> Quantities:
 
 def probe_values(scene: FiniteScene, state: State) -> dict[str, dict[str, Any]]:
     """Values at the probes of the case."""
-    values: dict[str, dict[str, Any]] = {}
-    if not scene.probes:
-        return values
-    shown = scene.parts(scene.shown(state))
+    values, shown = dict[str, dict[str, Any]](), scene.parts(scene.shown(state)) if scene.probes else {}
     for probe in scene.probes:
-        body, own, model = scene.bodies[probe.body], shown[probe.body], scene.bodies[probe.body].elastic.model
-        stencils = build_stencils(
-            model.cloud.points, model.cloud.tree, probe.point, 1, model.settings, model.cloud.sight
-        )
-        seen = _fitted((body, own, state.factors), stencils, probe.point)
+        body = scene.bodies[probe.body]
+        cloud, settings = body.elastic.model.cloud, body.elastic.model.settings
+        stencils = build_stencils(cloud.points, cloud.tree, probe.point, 1, settings, cloud.sight)
+        seen = _fitted((body, shown[probe.body], state.factors), stencils, probe.point)
         vectors = {key: seen[key][0] for key in ("displacement", "stress")}
         values[probe.name] = {**vectors, "von_mises": float(seen["von_mises"][0])}
     return values
@@ -109,15 +104,13 @@ class SceneForces:
 
     def __init__(self, scene: FiniteScene, state: State) -> None:
         self.bodies = {name: Forces(*one) for name, one in scene.loaded(state).items()}
-        self.contacts = dict[str, tuple[FloatArray, ...]]()
-        first = dict.fromkeys(scene.bodies, len(scene.case.moved) + scene.contacts.free)
+        forces, self.contacts = (
+            iter(scene.contacts.forces(state.side_traction)),
+            dict[str, list[FloatArray]](),
+        )
         for contact in scene.contacts.pairs:
-            forces = []
-            for side in contact.sides:
-                begin = first[side.body]
-                first[side.body] += 2 * side.nodes.count
-                forces.append(self.bodies[side.body].loads[begin : first[side.body]].sum(axis=0))
-            self.contacts[contact.name] = tuple(forces[::-1] if contact.exchanged else forces)
+            pressed = [next(forces) for _ in contact.sides]
+            self.contacts[contact.name] = pressed[::-1] if contact.exchanged else pressed
 
     @property
     def size(self) -> float:
@@ -138,29 +131,27 @@ def resultants(scene: FiniteScene, forces: SceneForces) -> dict[str, FloatArray]
     """The force (2,) of every load and support on its body, and of every contact on its slave. Of several
     loads on a plate or an obstacle each reports the components that it prescribes, and the first of them also
     what none does."""
-    case, nothing, together = scene.case, np.zeros(2), dict[object, list[Platen | ObstacleMotion]]()
-    held = {
-        label: sum((forces.bodies[body].reactions.get(name, nothing) for body, name in places), nothing)
-        for label, places in scene.supports.items()
-    }
+    case, nothing = scene.case, np.zeros(2)
     pressed = {name: found[0] for name, found in forces.contacts.items()}
-    loads = {
+    found = {
         load.name: pressed[load.obstacle] if isinstance(load, ObstacleMotion) else forces.of_load(number)
         for number, load in enumerate(case.load)
         if not isinstance(load, Displacement | Platen)
     }
+    for label, places in scene.supports.items():
+        found[label] = sum(
+            (forces.bodies[body].reactions.get(name, nothing) for body, name in places), nothing
+        )
+    movers: dict[object, list[Platen | ObstacleMotion]] = {}
     for load in case.load:
         if isinstance(load, Platen | ObstacleMotion):
             moved = load.obstacle if isinstance(load, ObstacleMotion) else (load.boundary, load.ends)
-            together.setdefault(moved, []).append(load)
-    for group in together.values():
+            movers.setdefault(moved, []).append(load)
+    for group in movers.values():
         reporting = [[one for one in group if axis in one.control] or group[:1] for axis in ("x", "y")]
         for load in group:
-            for named in (loads, held):
-                if load.name in named:
-                    share = [load in some for some in reporting]
-                    named[load.name] = np.where(share, named[load.name], 0.0)
-    return loads | held | {f"{CONTACT_PREFIX}{name}": force for name, force in pressed.items()}
+            found[load.name] = np.where([load in some for some in reporting], found[load.name], 0.0)
+    return found | {f"{CONTACT_PREFIX}{name}": force for name, force in pressed.items()}
 
 
 def contact_values(scene: FiniteScene, state: State) -> dict[str, dict[str, Any]]:

@@ -7,7 +7,7 @@ import numpy as np
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.finite.exact import FiniteContactState
-from mlsanm_cli.contact.finite.rigid import RigidContact
+from mlsanm_cli.contact.finite.pair import RigidContact
 from mlsanm_cli.contact.geometry.obstacles import Round
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import factors_at

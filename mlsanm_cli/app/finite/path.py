@@ -45,8 +45,6 @@ BIFURCATION_PRECISION = 1e-3
 BRANCH_STEP, BRANCH_TRIALS = 0.01, 6
 """Distance from a bifurcation to the first state on the other branch, over the extent of the body, which is
 halved if no state is found there, and number of trials."""
-LIMIT_SAMPLES = 65
-"""Points of a step at which the slope of the load factor is evaluated to find limit points."""
 
 Legs = Sequence[tuple[Step, SoftMotion]]
 
@@ -231,7 +229,7 @@ class _Path:
 
     def _finished(self, step: Step, soft: SoftMotion) -> PathStep:
         """A step to a state with its softest motion."""
-        before, self._soft, turns = self._soft, soft, limit_points(step)
+        before, self._soft, turns = self._soft, soft, step.limit_points
         if turns:
             self._folded = soft.unstable
         hidden = 0 if step.lam in self._levels else self._folded
@@ -275,7 +273,7 @@ class _Path:
         """The bifurcation in a ``step`` to a state whose softest motion is ``ahead``: a loss of stability
         that is no limit point. The steps, with the softest motions at their ends, that lead to it and on to a
         stable state of the other branch; there are none without one nearby."""
-        problem, branch, turns = self._problem, step.branch, limit_points(step)
+        problem, branch, turns = self._problem, step.branch, step.limit_points
         if not self._soft.stable or ahead.unstable <= len(turns):
             return None, ()
 
@@ -329,19 +327,3 @@ class _Path:
         x, lam = np.array([point.x, end.x - point.x]), np.array([point.lam, end.lam - point.lam])
         step = Step(Branch(x, lam, 1.0), end.x, end.lam, end.residual, BRANCH_STEP, effort, 0)
         return (step, soft) if soft.stable else None
-
-
-def limit_points(step: Step) -> list[tuple[float, bool]]:
-    """Limit points within a step of power series: its parameter, and whether it is a maximum."""
-    branch, found = step.branch, list[tuple[float, bool]]()
-    if not step.order:
-        return found
-
-    def slope(a: float) -> float:
-        return float(branch.derivative_weights(np.array([a]))[0] @ branch.terms[1])
-
-    a = np.linspace(0.0, branch.length, LIMIT_SAMPLES)
-    slopes = branch.derivative_weights(a) @ branch.terms[1]
-    for k in np.flatnonzero(slopes[:-1] * slopes[1:] < 0.0):
-        found.append((root(slope, a[k], a[k + 1]), bool(slopes[k] > 0.0)))
-    return found

@@ -12,8 +12,8 @@ from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.contact_pairs import shape_of
 from mlsanm_cli.app.scene.corners import ends_of, void_center
 from mlsanm_cli.app.scene.materials import laws_of
-from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.case import Case, Displacement, ObstacleMotion, Place, Platen, Pressure
+from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.case import Case, Displacement, ObstacleMotion, Platen, Pressure
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.finite.contacts import (
@@ -24,8 +24,7 @@ from mlsanm_cli.contact.finite.contacts import (
     Plate,
     ranges,
 )
-from mlsanm_cli.contact.finite.pair import BodyContact, Meeting
-from mlsanm_cli.contact.finite.rigid import RigidContact
+from mlsanm_cli.contact.finite.pair import BodyContact, Meeting, RigidContact
 from mlsanm_cli.contact.finite.side_response import Compliance, rotated
 from mlsanm_cli.contact.finite.sides import ContactSide, SideNodes
 from mlsanm_cli.mechanics.assembly import assemble
@@ -156,7 +155,7 @@ class FiniteScene:
     def upright(self) -> Mapping[str, list[SideNodes]]:
         """Sides of held bodies that initially touch an obstacle with friction up to both corners."""
         found: dict[str, list[SideNodes]] = {}
-        loose = {one.body for one in self.contacts.loose if one.count}
+        loose = {one.body for one in self.contacts.loose if one.components}
         for contact in self.contacts.pairs:
             side = contact.slave.nodes
             if not isinstance(contact, RigidContact) or not contact.friction or side.body in loose:
@@ -191,7 +190,7 @@ def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
         pinned = own.pins if own is not None else ()
         held_nodes = (*prepared.held_nodes[name], *pinned)
         # Pins rotate with bodies that may rotate; those of others prevent the rotation.
-        turning = len(pinned) if own is not None and len(pinned) == own.count else 0
+        turning = len(pinned) if own is not None and len(pinned) == len(own.components) else 0
         springs = prepared.acting.springs[name]
         elastic = assemble(model, prepared.held[name], held_nodes, solver, springs, unloaded=turning)
         loads = _loads(case, prepared, name, elastic, contacts)
@@ -202,11 +201,9 @@ def finite_scene(case: Case, prepared: SceneModel) -> FiniteScene:
             loads.sources[np.ix_(rows, len(case.moved) + own.numbers)] = own.moves
         bodies[name] = FiniteBody(elastic, laws[name], loads, turning)
     # By the label of a support or the name of a load that prescribes displacements.
-    held: dict[str, tuple[Place, ...]] = {
-        s.place.label: (s.place,) for s in case.support if s.place is not None
-    }
-    held |= {load.name: (load.place,) for load in case.load if isinstance(load, Displacement)}
-    held |= {load.name: tuple(load.places) for load in case.load if isinstance(load, Platen)}
+    held = {one.place.label: [one.place] for one in case.support if one.place is not None}
+    for kind in (Displacement, Platen):
+        held |= {load.name: list(load.places) for load in case.load if isinstance(load, kind)}
     supports = {
         label: tuple((place.body, name) for place in places for name in boundaries.names[place])
         for label, places in held.items()
@@ -234,9 +231,8 @@ def _contact(case: Case, prepared: SceneModel, number: int, motions: Contacts) -
         master = _side(prepared, pairing.master_body, pairing.master)
         return BodyContact(pairing.name, slave, master, pairing.friction, pairing.exchanged)
     assert found.obstacle is not None
-    count = len(case.moved)
-    motion, pivot = np.zeros((2, count + motions.free)), (0.0, 0.0)
-    rotation = np.zeros(motion.shape[1])
+    count, pivot = len(case.moved), (0.0, 0.0)
+    motion, rotation = np.zeros((2, count + motions.free)), np.zeros(count + motions.free)
     for place, load in enumerate(case.load):
         if isinstance(load, ObstacleMotion) and load.obstacle == pairing.name and load.rotation:
             rotation[place], pivot = load.rotation, load.pivot_on(found.obstacle) or pivot
@@ -331,27 +327,45 @@ def _loads(case: Case, prepared: SceneModel, name: str, body: ElasticBody, conta
 
 def unknown_motions(case: Case, prepared: SceneModel) -> Contacts:
     """Unknown rigid motions: of loose bodies in the order of all bodies, then obstacles, then plates."""
-    found = {one.name: one for one in prepared.restrained.rigid_constraints if one.floats}
-    loose, number = list[LooseMotions](), 0
-    for name in prepared.models:
-        if name in found:
-            unknown = tuple(one.component for one in found[name].motions if one.prescribed is None)
-            loose.append(_pinned(prepared, name, unknown, number))
-            number += len(unknown)
-    names = [pairing.name for pairing in prepared.pairings]
-    driven: list[DrivenObstacle] = []
-    for constraint in prepared.restrained.rigid_constraints:
-        if not constraint.bodies:
+    known, number = prepared.restrained.rigid_constraints, 0
+    floating = {one.name: one for one in known if one.floats}
+    ordered = [floating[name] for name in prepared.models if name in floating]
+    ordered += [one for one in known if not one.bodies] + [one for one in known if one.held]
+    loads, names = len(case.moved), [pairing.name for pairing in prepared.pairings]
+    count = loads + sum(motion.prescribed is None for one in ordered for motion in one.motions)
+    loose, driven, plates = list[LooseMotions](), list[DrivenObstacle](), list[Plate]()
+    for constraint in ordered:
+        unknown = [one for one in constraint.motions if one.prescribed is None]
+        components, numbers = tuple(one.component for one in unknown), number + np.arange(len(unknown))
+        extents = [np.ptp(prepared.models[body].cloud.points, axis=0).max() for body in constraint.bodies]
+        size = float(max(extents, default=0.0))
+        if constraint.floats:
+            loose.append(_pinned(prepared, constraint.name, components, numbers, size))
+        elif not constraint.bodies:
+            numbered = zip(unknown, numbers.tolist(), strict=True)
+            driven += [
+                DrivenObstacle(names.index(constraint.name), one.component, k, one.force)
+                for one, k in numbered
+            ]
+        else:
+            motion = np.zeros((3, count))
+            for k, one in enumerate(unknown, loads + number):
+                motion[one.component, k] = 1.0 / size if one.component == ROTATION else 1.0
             for one in constraint.motions:
-                if one.prescribed is None:
-                    place = names.index(constraint.name)
-                    driven.append(DrivenObstacle(place, one.component, number, one.force))
-                    number += 1
-    return Contacts((), tuple(loose), tuple(driven), tuple(_plates(case, prepared, number)))
+                if one.prescribed is not None:
+                    motion[one.component, :loads] = one.prescribed
+            surfaces = {body: constraint.surfaces_of(body) for body in constraint.bodies}
+            force = np.array([one.force for one in unknown]).reshape(len(unknown), loads)
+            place = np.array(constraint.center), size, components, numbers
+            plates.append(Plate(constraint.name, surfaces, constraint.loads, *place, force, motion))
+        number += len(unknown)
+    return Contacts((), tuple(loose), tuple(driven), tuple(plates))
 
 
-def _pinned(prepared: SceneModel, name: str, unknown: tuple[int, ...], number: int) -> LooseMotions:
-    """A loose body with ``unknown`` motions from ``number`` on, and its pins."""
+def _pinned(
+    prepared: SceneModel, name: str, unknown: tuple[int, ...], numbers: IntArray, size: float
+) -> LooseMotions:
+    """A loose body of this ``size`` with ``unknown`` motions, its unknowns ``numbers``, and its pins."""
     cloud, anchors = prepared.models[name].cloud, tuple(prepared.held_nodes[name])
     free = free_motions(cloud, prepared.held[name], anchors, prepared.acting.springs[name])
     # Inside: on a side in contact a pin would have no field in closed form.
@@ -359,31 +373,7 @@ def _pinned(prepared: SceneModel, name: str, unknown: tuple[int, ...], number: i
     inner = np.setdiff1d(np.arange(len(cloud.points)), outer)
     pinned = tuple((int(inner[node]), component) for node, component in pins(cloud.points[inner], free))
     places = [2 * node + component for node, component in pinned]
-    size = float(np.ptp(prepared.models[name].cloud.points, axis=0).max())
     scale = np.array([size if one == ROTATION else 1.0 for one in free.components])
     known = [free.components.index(component) for component in unknown]
     moves = (free.patterns(cloud.points)[places] / scale)[:, known]
-    return LooseMotions(name, unknown, number, size, anchors, pinned, moves)
-
-
-def _plates(case: Case, prepared: SceneModel, number: int) -> list[Plate]:
-    """All plates; ``number`` is the index of their first unknown motion."""
-    loads, found = len(case.moved), list[Plate]()
-    platens = [one for one in prepared.restrained.rigid_constraints if one.held]
-    count = loads + number + sum(one.prescribed is None for platen in platens for one in platen.motions)
-    for platen in platens:
-        unknown = [one for one in platen.motions if one.prescribed is None]
-        surfaces = {body: platen.surfaces_of(body) for body in platen.bodies}
-        size = max(float(np.ptp(prepared.models[body].cloud.points, axis=0).max()) for body in surfaces)
-        components = tuple(one.component for one in unknown)
-        force = np.array([one.force for one in unknown]).reshape(len(unknown), loads)
-        motion = np.zeros((3, count))
-        for one in platen.motions:
-            if one.prescribed is not None:
-                motion[one.component, :loads] = one.prescribed
-                continue
-            motion[one.component, loads + number] = 1.0 / size if one.component == ROTATION else 1.0
-            number += 1
-        place = (np.array(platen.center), size, components, number - len(unknown))
-        found.append(Plate(platen.name, surfaces, platen.loads, *place, force, motion))
-    return found
+    return LooseMotions(name, unknown, numbers, size, anchors, pinned, moves)

@@ -21,12 +21,11 @@ from mlsanm_cli.case import Case, Stop
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.errors import NumericalError, RunError
 from mlsanm_cli.io.columns import Quantities, place
-from mlsanm_cli.io.run_file import Value
-from mlsanm_cli.io.schema import INTERFACE_COLUMNS
+from mlsanm_cli.io.run_file import Attribute, Value
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.solve.state import Checkpoint, Fields, PathStep, State
-from mlsanm_cli.solve.stop_events import StoppedPath, measured
+from mlsanm_cli.solve.stop_events import measured, stopped_path
 
 BodyFields = Mapping[str, Fields]
 """Fields of a state by body."""
@@ -127,9 +126,13 @@ class Analysis(ABC, Generic[Built]):
             weights = {name: nodes.weight for name, nodes in self.contacts.items()}
             return measured(stop, self.quantities(state), forces, weights)
 
-        path = StoppedPath(self.case.stop, self.path, value, last, tolerance)
-        yield from path.steps(start)
-        self._reached = path.reached
+        if start is not None and start.ended_by >= 0:
+            self._reached = self.case.stop[start.ended_by]
+            return
+        for step in stopped_path(self.case.stop, self.path, value, start, last, tolerance):
+            yield step
+            if step.checkpoint is not None and step.checkpoint.ended_by >= 0:
+                self._reached = self.case.stop[step.checkpoint.ended_by]
 
     def ending(self, last: State | None) -> Ending:
         """The end of a completed path, also by a stop of the case."""
@@ -147,8 +150,8 @@ class Analysis(ABC, Generic[Built]):
     def refinement(self) -> Mapping[str, Any]:
         """Plain values that reproduce refined clouds; empty if clouds are those of the case."""
 
-    def model_datasets(self) -> dict[str, Value]:
-        """Bodies and contacts before loading."""
+    def model(self) -> tuple[dict[str, Value], Mapping[str, Attribute]]:
+        """Datasets of bodies and contacts before loading, and attributes of the file."""
         datasets: dict[str, Value] = {}
         for name, cloud in self.clouds.items():
             index, normal, names = cloud.boundary
@@ -158,11 +161,7 @@ class Analysis(ABC, Generic[Built]):
             datasets |= {f"{place('bodies', name)}/{key}": value for key, value in members.items()}
         for name, nodes in self.contacts.items():
             datasets |= {place("contacts", name, key): array for key, array in nodes._asdict().items()}
-        return datasets
-
-    @property
-    def attributes(self) -> Mapping[str, str | int | float]:
-        return {}
+        return datasets, {}
 
     def series_maps(self) -> dict[str, Value]:
         """Maps from the unknowns of series to results."""
@@ -206,14 +205,6 @@ class Analysis(ABC, Generic[Built]):
     def diagnosis(self, state: State | None) -> tuple[Sequence[VtuPart], Mapping[str, Any]]:
         """The bodies in the ``state`` of a failed run, the model if there is none, and where it is worst."""
         return model_bodies(self.prepared), {}
-
-    def interfaces(self, state: State) -> Mapping[str, Mapping[str, Any]]:
-        tables = {}
-        for name, values in self.quantities(state)["contacts"].items():
-            x, y = self.contacts[name].points.T
-            columns = {"x": x, "y": y, "arc_length": self.contacts[name].arc_length, **values}
-            tables[name] = {column: columns[column] for column in INTERFACE_COLUMNS}
-        return tables
 
     @property
     def notes(self) -> Iterator[str]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from mlsanm_cli.app.checks.check import Check, Verdicts
 from mlsanm_cli.app.context import RunContext
-from mlsanm_cli.app.output.analysis import Analysis, BodyFields, Ending
+from mlsanm_cli.app.output.analysis import Analysis, Ending
 from mlsanm_cli.app.output.checkpoint import REFINEMENT, EarlierRun, as_text, flattened
 from mlsanm_cli.app.output.parts import vtu_states
 from mlsanm_cli.case import LoadedCase, resolved_mapping
@@ -21,6 +21,7 @@ from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.columns import place, row
 from mlsanm_cli.io.files import EventLog, toml_text, write_csv, write_json_atomic, write_text
 from mlsanm_cli.io.run_file import Attribute, RunFile, Value
+from mlsanm_cli.io.schema import INTERFACE_COLUMNS
 from mlsanm_cli.io.vtu import StateWriter, write_parts
 from mlsanm_cli.records import Closing
 from mlsanm_cli.solve.state import Checkpoint, PathStep, State
@@ -93,10 +94,12 @@ class Recorder(Closing):
     def start(self, analysis: Analysis[Any]) -> Checkpoint | None:
         """Stores the model; returns the checkpoint from which the path continues, None for a new path."""
         with self._clock.phase("output"):
-            self._file.confirm(analysis.model_datasets())
+            datasets, attributes = analysis.model()
+            self._file.confirm(datasets)
             refinement = analysis.refinement
-            datasets: dict[str, Value] = {REFINEMENT: as_text(refinement)} if refinement else {}
-            self._file.add(datasets=datasets, attributes={"": analysis.attributes})
+            self._file.add(
+                datasets={REFINEMENT: as_text(refinement)} if refinement else {}, attributes={"": attributes}
+            )
             self._file.save_if_due()
             before = self._earlier
             if before is None or before.last is None:
@@ -113,7 +116,8 @@ class Recorder(Closing):
 
     def step(self, analysis: Analysis[Any], step: PathStep) -> None:
         """Adds a finished step: its rows, its series, the fields saved within it, and the checkpoint. All of
-        it is written together, some time later."""
+        it is written together, some time later. Raises NumericalError for a saved state that is not
+        admissible."""
         state = step.state
         with self._clock.phase("output"):
             rows, datasets = [], dict[str, Value]()
@@ -147,7 +151,15 @@ class Recorder(Closing):
                 }
                 attributes[place("fields", number)] = figures
                 rows.append({"fields/position": one.position})
-                self._save(analysis, one, fields, figures)
+                self.checked = one
+                for name, figure in figures.items():
+                    # numpy's maximum, unlike max, propagates nan.
+                    self.tally[name] = float(np.maximum(self.tally.get(name, 0.0), figure))
+                self.verdicts.judge(analysis.field_checks(one, fields))
+                if self._case.output.vtu:
+                    parts = vtu_states(analysis.clouds, fields, written)
+                    self._states.write(one.position, parts, *analysis.lines(one, fields))
+                self._saved += 1
             self._count(analysis, step)
             self._rows += count
             # Before the rows: a resumed run drops the events of steps that are not in its file.
@@ -163,20 +175,6 @@ class Recorder(Closing):
             self._file.save_if_due()
         texts = [*analysis.progress(step), *self._progress(state.position)]
         self._console.step(self.tally["steps"], state.position, state.residual, "  ".join(texts).rstrip())
-
-    def _save(
-        self, analysis: Analysis[Any], state: State, fields: BodyFields, figures: Mapping[str, float]
-    ) -> None:
-        """Checks a saved state and writes its VTU files. Raises NumericalError if it is not admissible."""
-        self.checked = state
-        for name, figure in figures.items():
-            # numpy's maximum, unlike max, propagates nan.
-            self.tally[name] = float(np.maximum(self.tally.get(name, 0.0), figure))
-        self.verdicts.judge(analysis.field_checks(state, fields))
-        if self._case.output.vtu:
-            parts = vtu_states(analysis.clouds, fields, analysis.fields_written)
-            self._states.write(state.position, parts, *analysis.lines(state, fields))
-        self._saved += 1
 
     def _count(self, analysis: Analysis[Any], step: PathStep) -> None:
         tally = self.tally
@@ -220,9 +218,12 @@ class Recorder(Closing):
         """Writes the tables of the path and of all contacts, and the status; summary.json is written last, so
         that its presence means that the run is over."""
         if self.last is not None:
-            tables, path = analysis.interfaces(self.last), self._file.path_table()
-            write_csv(self.directory / run_dir.PATH_FILE, path)
-            for name, columns in tables.items():
+            write_csv(self.directory / run_dir.PATH_FILE, self._file.path_table())
+            tables = analysis.quantities(self.last)["contacts"]
+            for name, values in tables.items():
+                nodes = analysis.contacts[name]
+                places = dict(zip("xy", nodes.points.T, strict=True)) | {"arc_length": nodes.arc_length}
+                columns = {column: {**places, **values}[column] for column in INTERFACE_COLUMNS}
                 write_csv(self.directory / run_dir.interface_name(name, len(tables)), columns)
         self._events.write("end", status=summary["status"], reason=summary["stop_reason"])
         self._file.set_status(str(summary["status"]))

@@ -18,7 +18,7 @@ QUANTITIES = tuple(
     entry.name for entry in schema.CONTACT_HISTORY if entry.dimensions[-1] == "contact_node" and entry.unit
 )
 """Quantities of contacts that can be probed: pressure, traction, gap, slip."""
-POINT_FIELDS = tuple(schema.members(schema.PROBES))
+POINT_FIELDS = tuple(entry.name for entry in schema.PROBES)
 """Quantities at points: displacement, stress, von_mises."""
 
 
@@ -47,33 +47,15 @@ class Choice(NamedTuple):
 
     def check(self, runs: int) -> None:
         """Raises RunError for choices that exclude each other or a number of ``runs``."""
-        of_contact = not self.what or bool(set(self.what) & OF_CONTACT)
-        for wrong, message, hint in (
-            (
-                self.contact is not None and not of_contact,
-                f"--contact does not apply to {', '.join(self.what)}",
-                f"it applies to {', '.join(sorted(OF_CONTACT))}",
-            ),
-            (
-                "line" in self.what and self.along is None,
-                "a line is missing",
-                "as in --along block.top or --along 0,0:0,-1",
-            ),
-            (
-                self.along is not None and self.what and "line" not in self.what,
-                "--along applies to --what line only",
-                "omit --what, or write --what line",
-            ),
-            (
-                self.animate and (runs > 1 or self.along is not None),
-                "--animate shows pressures or bodies of one run",
-                "omit the other options",
-            ),
-            (
-                runs > 1 and self.out is None,
-                "several runs are drawn into one picture",
-                "name its file, as in -o both.png",
-            ),
-        ):
-            if wrong:
-                raise RunError(message, hint)
+        line = self.along is not None
+        if self.contact is not None and self.what and OF_CONTACT.isdisjoint(self.what):
+            message = f"--contact does not apply to {', '.join(self.what)}"
+            raise RunError(message, f"it applies to {', '.join(sorted(OF_CONTACT))}")
+        if "line" in self.what and not line:
+            raise RunError("a line is missing", "as in --along block.top or --along 0,0:0,-1")
+        if line and self.what and "line" not in self.what:
+            raise RunError("--along applies to --what line only", "omit --what, or write --what line")
+        if self.animate and (runs > 1 or line):
+            raise RunError("--animate shows pressures or bodies of one run", "omit the other options")
+        if runs > 1 and self.out is None:
+            raise RunError("several runs are drawn into one picture", "name its file, as in -o both.png")

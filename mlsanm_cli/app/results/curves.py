@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mlsanm_cli.app.checks.references import ReferenceProfile, profile_on
+from mlsanm_cli.app.checks.references import profile_on
 from mlsanm_cli.app.results.choice import Choice
 from mlsanm_cli.app.results.path_lookup import (
     along_surface,
@@ -17,7 +17,7 @@ from mlsanm_cli.app.results.path_lookup import (
     pressures_at,
     tangential_force,
 )
-from mlsanm_cli.arrays import FloatArray, runs_of
+from mlsanm_cli.arrays import runs_of
 from mlsanm_cli.case import Case, Platen
 from mlsanm_cli.case.model.motions import ObstacleMotion
 from mlsanm_cli.contact.complementarity.problem import SLIP, STICK
@@ -35,7 +35,7 @@ from mlsanm_cli.io.plots.curves import (
     visible_range,
 )
 from mlsanm_cli.io.plots.figures import COLOURS, REFERENCE_LINE
-from mlsanm_cli.io.run_reader import Dataset, RunData
+from mlsanm_cli.io.run_reader import RunData
 from mlsanm_cli.roundoff import ROUND_OFF
 
 MAX_LEVELS = 6
@@ -64,9 +64,8 @@ def position_words(run: RunData, case: Case, position: float) -> str:
 
 
 def pressure_picture(run: RunData, case: Case, name: str, choice: Choice) -> Picture:
-    """Pressures along a contact at several positions; the last one, at the end of the path, with the closed
-    formula named by the case and the difference from it in percent of its peak. Values far above the largest
-    regular one are cut off."""
+    """Pressures along a contact at several positions; at the end of the path with the closed formula named by
+    the case and the difference from it in percent of its peak."""
     contact, end = run.contacts[name], float(run.path.position[-1])
     levels = list(choice.at)
     if not levels:
@@ -76,7 +75,12 @@ def pressure_picture(run: RunData, case: Case, name: str, choice: Choice) -> Pic
         levels = [*saved, end]
     pressure = np.stack([pressures_at(run, level)[name] for level in levels])
     high = max(regular_peak(contact.arc_length, values) for values in pressure)
-    profile, formula, loaded = reference_profile(run, case, name) if levels[-1] == end else None, None, None
+    profile, formula, loaded = None, None, None
+    # The force of the pressures: Hertz' formula knows no tractions. Finite strain has no reference.
+    force = float(np.hypot(*force_on_slave(contact.weight, contact.normal, contact.pressure[-1])))
+    if case.reference is not None and force > 0.0 and levels[-1] == end:
+        described = next(one for one in case.contact if one.name == name)
+        profile = profile_on(case, described, contact.points, contact.normal, contact.pressure[-1], force)
     if profile is None:
         order, arc = along_surface(contact, pressure.max(axis=0))
         pressure = pressure[:, order]
@@ -113,17 +117,6 @@ def pressure_picture(run: RunData, case: Case, name: str, choice: Choice) -> Pic
     return Picture([panel._replace(curves=[*curves, formula]), below], title, OUTSIDE, (7.2, 4.8))
 
 
-def reference_profile(run: RunData, case: Case, name: str) -> ReferenceProfile | None:
-    """The closed formula at the end of the path, if the case names one and the contact is pressed."""
-    contact, described = run.contacts[name], next(c for c in case.contact if c.name == name)
-    # That of the pressures: Hertz' formula knows no tractions.
-    pressing = force_on_slave(contact.weight, contact.normal, contact.pressure[-1])
-    force = float(np.hypot(*(contact_force(run, name)[-1] if run.is_finite else pressing)))
-    if case.reference is None or force == 0.0:
-        return None
-    return profile_on(case, described, contact.points, contact.normal, contact.pressure[-1], force)
-
-
 def traction_picture(run: RunData, case: Case, name: str, choice: Choice) -> Picture:
     """The traction at the nodes of a contact with its friction limits, and the stick and slip zones."""
     contact = run.contacts[name]
@@ -157,13 +150,14 @@ def traction_picture(run: RunData, case: Case, name: str, choice: Choice) -> Pic
 
 
 def loop_picture(run: RunData, case: Case, name: str, choice: Choice, over_slip: bool = False) -> Picture:
-    """The tangential force on the master over the tangential displacement of the platen that moves most.
-    Without a platen, or with ``over_slip``, over the mean slip."""
+    """The tangential force on the master over the displacement of the platen that moves most, or else the
+    slip."""
     force, tangent = tangential_force(run, name), mean_tangent(run, name)
     if not force.any():
         raise RunError(f"contact {name} transmits no tangential force", "use --what pressure or traction")
     along = {load: moved @ tangent for load, moved in run.path.displacements.items()}
-    moved, label = mean_slip(run.contacts[name]), SLIP_LABEL
+    contact = run.contacts[name]
+    moved, label = contact.slip @ contact.weight / contact.weight.sum(), SLIP_LABEL
     # Of several loads on one plate the one that prescribes most along the tangent.
     prescribed = {
         load.name: abs(sum(value * tangent["xy".index(axis)] for axis, (_, value) in load.control.items()))
@@ -172,8 +166,8 @@ def loop_picture(run: RunData, case: Case, name: str, choice: Choice, over_slip:
     }
     ranges = {load: float(np.ptp(values)) for load, values in along.items()}
     most = max(ranges.values(), default=0.0)
-    equal = [load for load, size in ranges.items() if size >= (1.0 - ROUND_OFF) * most]
-    load = max(equal, key=lambda load: prescribed.get(load, 0.0), default="")
+    equal = [name for name, size in ranges.items() if size >= (1.0 - ROUND_OFF) * most]
+    load = max(equal, key=lambda name: prescribed.get(name, 0.0), default="")
     if load and not over_slip and most > MIN_TANGENTIAL_MOTION * float(np.ptp(moved)):
         moved, label = along[load], f"displacement along the contact, by {load}"
     start = {"color": COLOURS[1], "marker": "s", "linestyle": "none"}
@@ -183,10 +177,6 @@ def loop_picture(run: RunData, case: Case, name: str, choice: Choice, over_slip:
     labels = case.units.label(label, "length"), case.units.label(TANGENTIAL, "force")
     panel = Panel([Curve(moved, force, look=look), *ends], *labels)
     return Picture([panel], f"Tangential force, {name}", "best", (5.2, 4.2))
-
-
-def mean_slip(contact: Dataset) -> FloatArray:
-    return np.asarray(contact.slip @ contact.weight / contact.weight.sum(), dtype=np.float64)
 
 
 def path_picture(runs: Sequence[RunData], cases: Sequence[Case], kind: str, choice: Choice) -> Picture:
@@ -217,7 +207,7 @@ def path_picture(runs: Sequence[RunData], cases: Sequence[Case], kind: str, choi
                 highest = contact.pressure.max(axis=1, initial=0.0)
                 curves.append(Curve(position, highest, label, joined=joined))
             elif not np.isnan(contact.slip).any() and (force := tangential_force(run, own)).any():
-                curves.append(Curve(mean_slip(contact), force, label))
+                curves.append(Curve(contact.slip @ contact.weight / contact.weight.sum(), force, label))
     if not curves:
         hint = "pressures and peaks need a contact, loops need friction"
         raise RunError(f"the runs have no data for {kind}", hint)
@@ -229,12 +219,7 @@ def path_picture(runs: Sequence[RunData], cases: Sequence[Case], kind: str, choi
         "peak": (POSITION, units.label(peak, "stress"), peak.capitalize()),
     }.get(kind, (units.label(SLIP_LABEL, "length"), units.label(TANGENTIAL, "force"), "Tangential force"))
     alone = f", {curves[0].label}" if len(curves) == 1 else ""
-    return curves_picture(curves, x_label, y_label, title + alone)
-
-
-def curves_picture(curves: Sequence[Curve], x_label: str, y_label: str, title: str) -> Picture:
-    """Curves distinguished by colours, then by line styles."""
-    return Picture([Panel(curves, x_label, y_label)], title, "best" if len(curves) > 1 else "")
+    return Picture([Panel(curves, x_label, y_label)], title + alone, "best" if len(curves) > 1 else "")
 
 
 def run_names(runs: Sequence[RunData]) -> list[str]:

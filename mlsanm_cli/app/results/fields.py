@@ -1,5 +1,4 @@
-"""Fields of a stored run at its nodes and at any points of its bodies; pictures of deformed bodies and of
-values along boundaries and straight lines."""
+"""Fields of a stored run at nodes and any points; pictures of bodies and of values along lines."""
 
 from __future__ import annotations
 
@@ -11,7 +10,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.app.results.choice import Choice
-from mlsanm_cli.app.results.curves import curves_picture, position_words, run_names
+from mlsanm_cli.app.results.curves import position_words, run_names
 from mlsanm_cli.app.results.marks import boundary_nodes, marks_at
 from mlsanm_cli.app.results.path_lookup import Level, displacement_at, level_at, pressures_at
 from mlsanm_cli.app.scene.assemble import mls_settings
@@ -27,7 +26,7 @@ from mlsanm_cli.contact.geometry.profile import THRESHOLD
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import schema
 from mlsanm_cli.io.plots.cloud import BodyPicture, CloudBody
-from mlsanm_cli.io.plots.curves import Curve, Picture
+from mlsanm_cli.io.plots.curves import Curve, Panel, Picture
 from mlsanm_cli.io.run_reader import Dataset, RunData, SavedState
 from mlsanm_cli.mechanics.body_model import enough_neighbors, enriched_tips
 from mlsanm_cli.mechanics.elasticity import point_rows, von_mises
@@ -55,8 +54,7 @@ def saved_state(run: RunData, position: float | None) -> SavedState:
 
 
 def nodal(run: RunData, case: Case, state: SavedState, body: str) -> Quantities:
-    """The saved quantities of a body at its nodes, with von Mises stress if it follows from stresses, and a
-    displacement of zero if that was not saved."""
+    """The saved quantities of a body at its nodes, and von Mises stress if it follows from stresses."""
     fields = dict(state.bodies[body])
     heated = any(isinstance(load, Temperature) and load.owner == body for load in case.load)
     if "von_mises" not in fields and "stress" in fields and not (heated or run.is_finite):
@@ -90,12 +88,14 @@ def fields_at(
     polynomials of the run's degree, fitted to the nodal displacements. Raises RunError for points outside."""
     saved = [displacement_at(run, level, body) for level in levels]
     stencils = _stencils_at(run, case, body, points)
+    nodes, material = run.bodies[body].points, _material(case, body)
+    of_nodes = partial(_stencils_at, run, case, body, nodes)
     if run.is_finite:
         from mlsanm_cli.app.finite.fields import fields_at
         from mlsanm_cli.app.scene.materials import laws_of
 
-        law, nodes = laws_of(case)[body], run.bodies[body].points
-        at_nodes = _stencils_at(run, case, body, nodes) if law.nested else None
+        law = laws_of(case)[body]
+        at_nodes = of_nodes() if law.nested else None
         for level, (displacement, how) in zip(levels, saved, strict=True):
             degrees, mean = _degrees(case, body, level, points), None
             if at_nodes is not None:
@@ -104,12 +104,10 @@ def fields_at(
                 mean = stencils.derivatives(nodal[:, None])[:, 0, 0]
             yield fields_at(law, stencils.derivatives(displacement), degrees, mean), how
         return
-    of_nodes = partial(_stencils_at, run, case, body, run.bodies[body].points)
-    rows = point_rows(stencils, _material(case, body), of_nodes)
-    free = _material(case, body).stress_of_expansion
+    rows = point_rows(stencils, material, of_nodes)
     for level, (displacement, how) in zip(levels, saved, strict=True):
         values = (rows @ displacement.ravel()).reshape(-1, len(points)).T
-        stress = values[:, 2:] - _degrees(case, body, level, points)[:, None] * free
+        stress = values[:, 2:] - _degrees(case, body, level, points)[:, None] * material.stress_of_expansion
         yield with_mises(case, body, level, points, values[:, :2], stress), how
 
 
@@ -172,7 +170,7 @@ def _degrees(case: Case, body: str, level: Level, points: FloatArray) -> FloatAr
     total = np.zeros(len(points))
     for load, factor in zip(case.load, level.factors, strict=True):
         if isinstance(load, Temperature) and load.owner == body:
-            total += float(factor) * temperature_of(load).at(points)
+            total += factor * temperature_of(load).at(points)
     return total
 
 
@@ -189,38 +187,32 @@ MAX_DETAIL = 0.5
 def bodies_picture(run: RunData, case: Case, state: SavedState, field: str | None) -> BodyPicture:
     """All bodies in a saved state, coloured by a field, with displacements enlarged to be seen, and the
     contact with the highest pressure as a detail. Raises RunError if the field was not saved."""
-    bodies, label, rest = [], "", 0.0
+    bodies = []
     for name, body in run.bodies.items():
         quantities = nodal(run, case, state, name)
-        chosen = field or ("von_mises" if "von_mises" in quantities else "displacement")
-        label = case.units.label(SCALARS[chosen].label, SCALARS[chosen].unit)
-        rest = SCALARS[chosen].rest
-        values, moved = scalar(quantities, chosen), quantities["displacement"]
+        shown = field or ("von_mises" if "von_mises" in quantities else "displacement")
+        values, moved = scalar(quantities, shown), quantities["displacement"]
         bodies.append(CloudBody(body.points, moved, values, triangles_of(body)))
-    scale = automatic_scale(run, bodies)
+    scale, label = automatic_scale(run, bodies), case.units.label(SCALARS[shown].label, SCALARS[shown].unit)
     title, unit = position_words(run, case, state.position), case.units.length
     marks, detail = marks_at(run, case, state, scale), contact_window(run, state.position, bodies, scale)
-    return BodyPicture(bodies, label, title, scale, marks, unit, detail, rest)
+    return BodyPicture(bodies, label, title, scale, marks, unit, detail, SCALARS[shown].rest)
 
 
 def automatic_scale(run: RunData, bodies: Sequence[CloudBody]) -> float:
-    """1, 2 or 5 times a power of ten by which displacements are multiplied to be seen; never below 1.
-    Surfaces that met after closing a gap overlap in a picture by (scale - 1) times that gap, so scenes with
-    curved contacts are drawn nearly to scale."""
+    """1, 2 or 5 times a power of ten by which displacements are multiplied to be seen. Surfaces that met
+    after closing a gap then overlap by (scale - 1) times that gap, which limits it."""
     largest = max(float(np.hypot(*body.displacement.T).max(initial=0.0)) for body in bodies)
     if run.is_finite or largest == 0.0:
         return 1.0
     limit = MAX_SHOWN_DISPLACEMENT * _size(bodies) / largest
     for contact in run.contacts.values():
         loaded = contact.pressure[-1] > THRESHOLD * contact.pressure[-1].max(initial=0.0)
-        if not loaded.any():
-            continue
-        closed_gap = float(contact.gap[0][loaded].max())
-        detail = DETAIL_HALF_WIDTHS * float(np.ptp(contact.points[loaded], axis=0).max())
+        closed_gap = float(contact.gap[0][loaded].max(initial=0.0))
         if closed_gap > 0.0:
+            detail = DETAIL_HALF_WIDTHS * float(np.ptp(contact.points[loaded], axis=0).max())
             limit = min(limit, 1.0 + MAX_OVERLAP * detail / closed_gap)
-    if limit < 2.0:
-        return 1.0
+    limit = max(limit, 1.0)
     power = 10.0 ** np.floor(np.log10(limit))
     return float(power * max(digit for digit in (1.0, 2.0, 5.0) if digit * power <= limit))
 
@@ -228,8 +220,7 @@ def automatic_scale(run: RunData, bodies: Sequence[CloudBody]) -> float:
 def contact_window(
     run: RunData, position: float, bodies: Sequence[CloudBody], scale: float
 ) -> tuple[float, float, float, float] | None:
-    """The square (x0, x1, y0, y1) around the highest contact pressure; None if it is most of the scene. Its
-    middle has moved as the node nearest to it is drawn, with displacements ``scale`` times as large."""
+    """The square (x0, x1, y0, y1) around the highest pressure as drawn; None if it is most of the scene."""
     if not run.contacts:
         return None
     pressures = pressures_at(run, position)
@@ -255,8 +246,8 @@ def _size(bodies: Sequence[CloudBody]) -> float:
 
 
 def line_picture(runs: Sequence[RunData], cases: Sequence[Case], choice: Choice) -> Picture:
-    """A field along a boundary such as ``block.top``, or along the straight line ``X,Y:X,Y``, at saved
-    positions. Raises RunError for an invalid line, and for one that crosses no body."""
+    """A field along a boundary, ``block.top``, or a straight line, ``X,Y:X,Y``. Raises RunError for
+    others."""
     assert choice.along is not None
     field, straight, curves = choice.field or "von_mises", ":" in choice.along, []
     for run, case, name in zip(runs, cases, run_names(runs), strict=True):
@@ -269,7 +260,8 @@ def line_picture(runs: Sequence[RunData], cases: Sequence[Case], choice: Choice)
     units, label = cases[0].units, SCALARS[field].label
     distance = units.label("distance along the line" if straight else "arc length", "length")
     title = f"{label[0].upper()}{label[1:]} along {choice.along}"
-    return curves_picture(curves, distance, units.label(label, SCALARS[field].unit), title)
+    panel = Panel(curves, distance, units.label(label, SCALARS[field].unit))
+    return Picture([panel], title, "best" if len(curves) > 1 else "")
 
 
 Along = Iterator[tuple[str, FloatArray, FloatArray]]

@@ -1,5 +1,4 @@
-"""``mlsanm info`` and ``mlsanm collect``: summary and provenance of a run, complete or not; one row per run,
-with the parameters that differ and the results."""
+"""``mlsanm info`` and ``mlsanm collect``: summary and provenance of a run; one row per run."""
 
 from __future__ import annotations
 
@@ -18,7 +17,6 @@ from mlsanm_cli.contact.geometry.profile import half_width
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.files import read_summary, write_text
-from mlsanm_cli.io.run_dir import holder
 from mlsanm_cli.io.run_reader import RunData, read_origin, read_run
 
 PROVENANCE = (
@@ -28,9 +26,8 @@ PROVENANCE = (
 
 
 def info(rundir: Path) -> Mapping[str, Any]:
-    """The summary of a run and its provenance. A run without summary.json is still running or was killed,
-    which the lock of the directory distinguishes; its figures are those of the steps in run.h5. Raises
-    RunError for a directory without a readable run."""
+    """The summary of a run, or without one the figures of its steps, and its provenance. Raises RunError for
+    a directory without a readable run."""
     run = read_run(rundir, ("path", "contacts"))
     summary_file = run.directory / run_dir.SUMMARY_FILE
     summary = read_summary(summary_file) if summary_file.is_file() else _unfinished(run)
@@ -40,7 +37,7 @@ def info(rundir: Path) -> Mapping[str, Any]:
 
 def _unfinished(run: RunData) -> dict[str, Any]:
     age = time.time() - (run.directory / run_dir.RUN_FILE).stat().st_mtime
-    writer, path = holder(run.directory), run.path
+    writer, path = run_dir.holder(run.directory), run.path
     known: dict[str, Any] = {"status": run.status}
     if writer:
         known["stop_reason"] = f"no summary: still running, {writer}; last written {age:.0f} s ago"
@@ -50,17 +47,14 @@ def _unfinished(run: RunData) -> dict[str, Any]:
     known |= {"steps": max(run.rows - 1, 0), "nodes": int(run.attributes.get("nodes", 0))}
     if not run.rows:
         return known
-    revolved = stored_case(run.case_resolved).model.revolved
-    contacts = {
-        name: {
-            "peak_pressure": float(contact.pressure[-1].max(initial=0.0)),
-            "half_width": half_width(
-                contact.arc_length, contact.pressure[-1], at_axis(contact.points, revolved)
-            ),
+    revolved, contacts = stored_case(run.case_resolved).model.revolved, {}
+    for name, contact in run.contacts.items():
+        pressure, axis = contact.pressure[-1], at_axis(contact.points, revolved)
+        contacts[name] = {
+            "peak_pressure": float(pressure.max(initial=0.0)),
+            "half_width": half_width(contact.arc_length, pressure, axis),
             "min_gap": float(contact.gap[-1].min()),
         }
-        for name, contact in run.contacts.items()
-    }
     counts = {name: int(path[name].sum()) for name in ("factorizations", "solves")}
     known |= {"position": float(path.position[-1]), **counts, "residual": float(path.residual.max())}
     return {**known, "contacts": contacts}
@@ -79,18 +73,16 @@ Row = dict[str, Any]
 
 
 def collect(rundirs: Sequence[Path]) -> list[Row]:
-    """One row per run: directory, status, the keys that differ between the cases, figures. Failed, stopped
-    and running runs have rows with the figures available, and directories without a readable run rows with
-    status "unreadable". Files among the arguments, as ``sweep.csv``, are ignored."""
-    rundirs = [place for place in rundirs if not place.is_file() or place.name == run_dir.RUN_FILE]
-    heads, cases, results = zip(*map(_run, rundirs), strict=True) if rundirs else ((), (), ())
+    """One row per run: directory, status, the keys that differ between the cases, the figures available;
+    files among the arguments, as ``sweep.csv``, are ignored."""
+    runs = [_run(place) for place in rundirs if not place.is_file() or place.name == run_dir.RUN_FILE]
+    cases = [case for _, case, _ in runs if case]
     keys = dict.fromkeys(key for case in cases for key in case)
-    readable = [case for case in cases if case]
-    varied = [key for key in keys if any(case.get(key) != readable[0].get(key) for case in readable)]
-    columns = dict.fromkeys(name for figures in results for name in figures)
+    varied = [key for key in keys if any(case.get(key) != cases[0].get(key) for case in cases)]
+    columns = dict.fromkeys(name for _, _, figures in runs for name in figures)
     return [
         {**head, **{key: case.get(key) for key in varied}, **{name: figures.get(name) for name in columns}}
-        for head, case, figures in zip(heads, cases, results, strict=True)
+        for head, case, figures in runs
     ]
 
 
@@ -100,13 +92,12 @@ def as_csv(rows: Sequence[Mapping[str, Any]]) -> str:
     if rows:
         writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
         writer.writeheader()
-        writer.writerows({name: _cell(value) for name, value in row.items()} for row in rows)
+        for row in rows:
+            # Text that spreadsheets would compute as a formula begins with an apostrophe.
+            texts = {key: one for key, one in row.items() if isinstance(one, str)}
+            formulas = {key: f"'{one}" for key, one in texts.items() if one.startswith(FORMULA_SIGNS)}
+            writer.writerow({**row, **formulas})
     return stream.getvalue()
-
-
-def _cell(value: Any) -> Any:
-    """A value of a table; text that spreadsheets would compute as a formula begins with an apostrophe."""
-    return f"'{value}" if isinstance(value, str) and value.startswith(FORMULA_SIGNS) else value
 
 
 def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
@@ -117,23 +108,19 @@ def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
 def _run(directory: Path) -> tuple[Row, dict[str, Any], dict[str, Any]]:
     """Directory and status of a run, its case and its figures."""
     row: Row = {"directory": str(directory), "status": "unreadable", "stop_reason": None}
+    case: dict[str, Any] = {}
+    columns: dict[str, Any] = {}
     try:
         head = read_origin(directory)
+        case, row["status"] = flat(tomllib.loads(head.case_resolved)), head.status
+        if not (directory / run_dir.SUMMARY_FILE).is_file():
+            raise RunError("no summary: still running or killed")
+        known = read_summary(directory / run_dir.SUMMARY_FILE)
     except RunError as error:
-        return {**row, "stop_reason": error.message}, {}, {}
-    case = flat(tomllib.loads(head.case_resolved))
-    row["status"] = head.attributes["status"]
-    summary = directory / run_dir.SUMMARY_FILE
-    if not summary.is_file():
-        return {**row, "stop_reason": "no summary: still running or killed"}, case, {}
-    try:
-        known = read_summary(summary)
-    except RunError as error:
-        return {**row, "stop_reason": error.message}, case, {}
+        return {**row, "stop_reason": error.message}, case, columns
     row |= {"status": known.get("status"), "stop_reason": known.get("stop_reason")}
     chosen = flat({name: known[name] for name in FIGURES if name in known})
     chosen["warnings"] = chosen.get("warnings") or None
-    columns: dict[str, Any] = {}
     for name, value in chosen.items():
         # Vectors by component.
         if isinstance(value, list) and len(value) == 2 and not any(isinstance(part, str) for part in value):

@@ -1,5 +1,4 @@
-"""Symbols of supports, loads and obstacles for pictures, from a case and the boundaries of its bodies; and
-the picture of a scene before it is solved."""
+"""Symbols of supports, loads and obstacles in pictures; the picture of a scene before it is solved."""
 
 from __future__ import annotations
 
@@ -30,31 +29,22 @@ from mlsanm_cli.io.plots.cloud import BodyPicture, CloudBody, plot_bodies
 from mlsanm_cli.io.plots.figures import ConditionMarks
 from mlsanm_cli.io.run_reader import Dataset, RunData, SavedState
 
-NO_FACTORS: Mapping[str, float] = {}
-UNMOVED: Mapping[str, FloatArray] = {}
-
 
 def marks_of(
     case: Case,
     bodies: Mapping[str, Dataset],
     touching: Mapping[str, FloatArray],
     moved: Mapping[str, FloatArray],
-    scale: float = 1.0,
-    factors: Mapping[str, float] = NO_FACTORS,
-    displaced: Mapping[str, FloatArray] = UNMOVED,
+    scale: float,
+    factors: Mapping[str, float],
+    displaced: Mapping[str, FloatArray],
 ) -> ConditionMarks:
-    """The symbols of the supports, loads and obstacles of a case.
-
-    Loads of obstacles are drawn at points (m, 2) of contacts, ``touching``. Displacements (2,) of platens and
-    obstacles by load, ``moved``, and of nodes, ``displaced``, are drawn ``scale`` times as large. Loads with
-    a factor of zero are omitted, arrows of negative ones reversed; factors also rotate obstacles.
-    """
+    """The symbols of a case. Loads of obstacles are drawn at points (m, 2) of contacts, ``touching``;
+    displacements of platens and obstacles by load, ``moved``, and of nodes, ``displaced``, ``scale`` times as
+    large; arrows of loads with negative factors are reversed."""
     points = np.concatenate([body.points for body in bodies.values()])
     lines = obstacles(case, points)
-    shown = {
-        name: body.points + scale * displaced[name] if name in displaced else body.points
-        for name, body in bodies.items()
-    }
+    shown = {name: body.points + scale * displaced.get(name, 0.0) for name, body in bodies.items()}
     held, nodes = [], []
     for support in case.support:
         if support.place is not None:
@@ -110,8 +100,8 @@ def _along(body: Dataset, place: Place, most: int) -> tuple[IntArray, FloatArray
     index, normal = boundary_nodes(body, place)
     points = body.points[index]
     if place.ends is not None:
-        first, last = (int(np.hypot(*(points - np.array(end)).T).argmin()) for end in place.ends)
-        part = np.arange(min(first, last), max(first, last) + 1)
+        first, last = sorted(int(np.hypot(*(points - np.array(end)).T).argmin()) for end in place.ends)
+        part = slice(first, last + 1)
         index, points, normal = index[part], points[part], normal[part]
     length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     chosen = np.unique(np.searchsorted(length, np.linspace(0.0, length[-1], most)).clip(0, len(points) - 1))
@@ -125,8 +115,7 @@ def _acting(
     touching: Mapping[str, FloatArray],
     shift: FloatArray,
 ) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
-    """Points (2,) where a load is drawn, its vectors (2,) and outward normals (2,) there; ``shift`` is the
-    displacement of its obstacle."""
+    """Points, vectors and outward normals where a load is drawn; ``shift`` is that of its obstacle."""
     if isinstance(load, Force | BodyForce | Centrifugal):
         place = next(iter(load.places), None)
         middle = shown[load.owner].mean(axis=0)
@@ -173,17 +162,15 @@ def _numbers(given: Sequence[float | str | None], place: FloatArray) -> FloatArr
 def draw_model(path: Path, case: Case, prepared: SceneModel) -> None:
     """Draws the bodies coloured by their spacing, with supports, loads and contacts. Raises RunError."""
     clouds = {name: model.cloud for name, model in prepared.models.items()}
-    bodies = [
-        CloudBody(cloud.points, np.zeros_like(cloud.points), cloud.spacing, cloud.triangles)
-        for cloud in clouds.values()
-    ]
+    still = {name: np.zeros_like(cloud.points) for name, cloud in clouds.items()}
+    bodies = [CloudBody(c.points, still[name], c.spacing, c.triangles) for name, c in clouds.items()]
     touching = {pairing.name: pairing.points[[int(pairing.gap.argmin())]] for pairing in prepared.pairings}
     stored = {}
     for name, cloud in clouds.items():
         boundary = dict(zip(("index", "normal", "name"), cloud.boundary, strict=True))
         stored[name] = Dataset({"points": cloud.points, "boundary": boundary})
-    marks = marks_of(case, stored, touching, {})
     nodes = sum(len(cloud.points) for cloud in clouds.values())
-    title = f"{case.title}, {nodes} nodes" if case.title else f"{nodes} nodes"
+    title = ", ".join(filter(None, (case.title, f"{nodes} nodes")))
+    marks = marks_of(case, stored, touching, {}, 1.0, {}, {})
     label = case.units.label("spacing", "length")
     plot_bodies(path, BodyPicture(bodies, label, title, marks=marks, unit=case.units.length))

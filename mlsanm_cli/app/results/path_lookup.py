@@ -1,5 +1,4 @@
-"""A stored run at any position of its path: a row of its dataset, the origin of the values, and the estimated
-error of interpolated ones."""
+"""A stored run at any position of its path, and the estimated error of interpolated values."""
 
 from __future__ import annotations
 
@@ -27,12 +26,10 @@ from an edge of contact, which moves with the load (Hertz: 0.120 of the peak the
 
 @dataclass(frozen=True)
 class Level:
-    """A position of a path, with the values of the run there by their path in run.h5.
-
-    ``how`` they are known: stored in ``row``; from the power ``series`` of the step that ends there; or as a
-    mean of that row, with the weight ``share``, and the one before: exact without unilateral contact or if
-    the load factors are constant ("linear"), else "interpolated".
-    """
+    """A position of a path, with the values there by their path in run.h5. ``how`` they are known: stored in
+    ``row``; from the power ``series`` of the step that ends there; or as a mean of that row, with the weight
+    ``share``, and the one before: exact without unilateral contact or with constant factors, else
+    "interpolated"."""
 
     run: RunData
     position: float
@@ -42,14 +39,8 @@ class Level:
     series: Mapping[str, FloatArray]
 
     def __getitem__(self, path: str) -> FloatArray:
-        """A quantity from its history (S+1, ...). Raises RunError if a step with series does not give it."""
+        """A quantity from its history (S+1, ...)."""
         if self.how == SERIES and not path.startswith("path/factors/"):
-            if path not in self.series:
-                raise RunError(
-                    f"{self.run.directory} was written by a version that kept {path} at the ends of steps "
-                    f"only",
-                    "run the case again, or ask for a stored position",
-                )
             return self.series[path]
         return self.between(self.run[path])
 
@@ -118,7 +109,8 @@ def _from_series(run: RunData, level: Level, stored: Dataset) -> dict[str, Float
         values |= {f"probes/{name}/displacement": both[:2], f"probes/{name}/stress": both[2:]}
     pressed = pulled = 0
     for name, contact in run["contacts"].items():
-        count, found = len(contact.arc_length), {"status": contact.status[level.row]}
+        count = len(contact.arc_length)
+        found = {"status": contact.status[level.row], "traction": np.zeros(count)}
         if name in maps["bonds"]:
             found |= dict(zip(("pressure", "traction"), np.split(maps["bonds"][name], 2), strict=True))
             found |= dict.fromkeys(("gap", "slip"), np.zeros(count))
@@ -133,9 +125,8 @@ def _from_series(run: RunData, level: Level, stored: Dataset) -> dict[str, Float
 
 
 def displacement_at(run: RunData, level: Level, body: str) -> tuple[FloatArray, str]:
-    """Nodal displacements (n, 2) of a body at a level, and their origin. Without unilateral contact states
-    can be superposed: saved ones give any level whose load factors are a linear combination of theirs. Raises
-    RunError if the displacements are neither saved nor given by that."""
+    """Nodal displacements (n, 2) of a body at a level, and their origin: saved, or without unilateral contact
+    superposed from saved states whose load factors combine to those of the level. Raises RunError."""
     saved = [state for state in run.states if "displacement" in state.bodies[body]]
     if not saved:
         raise RunError(
@@ -160,13 +151,9 @@ def displacement_at(run: RunData, level: Level, body: str) -> tuple[FloatArray, 
 
 
 def checked_error(run: RunData, level: Level, name: str, *histories: FloatArray) -> float | None:
-    """The estimated error of interpolated ``histories`` (S+1, ...), called ``name``, relative to the largest
-    value of the first in the adjacent rows; None if the level is not interpolated. Raises RunError if the
-    error is too large or unknown.
-
-    The error of adjacent rows, interpolated from their neighbours in the same stage, times a power of the
-    ratio of distances; infinite if a stage has fewer than three rows.
-    """
+    """The estimated error of interpolated ``histories`` (S+1, ...) over the largest value of the first; None
+    if the level is not interpolated. Raises RunError if it is too large or unknown. It is that of adjacent
+    rows, interpolated from their neighbours in the same stage, times a power of the ratio of distances."""
     if level.how != INTERPOLATED:
         return None
     position, row, share = run["path/position"], level.row, level.share
@@ -207,9 +194,9 @@ def pressures_at(run: RunData, position: float) -> dict[str, FloatArray]:
 
 
 def along_surface(contact: Dataset, pressure: FloatArray) -> tuple[IntArray, FloatArray]:
-    """The nodes (m,) of a contact in the order in which they are drawn, and their arc lengths: those of a
-    surface that closes around a body begin where pressures (m,) are furthest away. A surface of six nodes or
-    more is closed if the last one is within 1.5 spacings of the first, and far along the surface."""
+    """The nodes (m,) of a contact in drawn order and their arc lengths, on a closed surface from where
+    pressures (m,) are furthest. One of six nodes or more is closed if its last is within 1.5 spacings of the
+    first."""
     arc, step = contact.arc_length, float(np.hypot(*(contact.points[-1] - contact.points[0])))
     if len(arc) < 6 or step > 1.5 * float(np.diff(arc).max()) or 6 * step > arc[-1] - arc[0]:
         return np.arange(len(arc)), arc
@@ -223,13 +210,14 @@ def refuse_unknown(name: str, names: Collection[str], what: str) -> None:
         raise RunError(f'the run has no {what} "{name}"', known)
 
 
-def contact_force(run: RunData, name: str) -> FloatArray:
-    """The force (S+1, 2) of a contact on its slave, as in path.csv."""
-    contact = run.contacts[name]
+def contact_force(run: RunData, name: str, level: Level | None = None) -> FloatArray:
+    """The force (S+1, 2) of a contact on its slave, as in path.csv, or that (2,) at a level."""
+    values, contact = level or run, run.contacts[name]
     if run.is_finite:
         # Normals turn and lengths change: the forces are stored as such.
-        return np.asarray(run.path.resultants[f"contact {name}"])
-    return force_on_slave(contact.weight, contact.normal, contact.pressure, contact.traction)
+        return np.asarray(values[f"path/resultants/contact {name}"])
+    pressure, traction = (values[f"contacts/{name}/{key}"] for key in ("pressure", "traction"))
+    return force_on_slave(contact.weight, contact.normal, pressure, traction)
 
 
 def tangential_force(run: RunData, name: str) -> FloatArray:

@@ -23,22 +23,17 @@ from mlsanm_cli.io.run_reader import RunData, read_run
 
 FRAMES = 40
 """Frames of a path with power series."""
-TOGETHER = ("pressure", "force", "peak", "loop", "hysteresis", "line")
-"""Pictures of several runs."""
+TOGETHER = ("pressure", "force", "peak", "loop", "hysteresis")
+"""Pictures of several runs, besides lines."""
 Make = Callable[[], Picture | BodyPicture]
 
 
 def plot(
     rundir: Path | Sequence[Path], *, formats: tuple[str, ...] = ("png",), choice: Choice | None = None
 ) -> list[Path]:
-    """Draws the run in ``rundir`` and returns the files written.
-
-    Pictures, selected by ``choice``: pressure along every contact; with friction its tractions and the loop
-    of the tangential force over a platen's displacement; contact force and peak pressure along the path
-    (without contact, forces of loads and supports); the deformed bodies at the last saved position. Several
-    runs are drawn in one picture. Failed and stopped runs are drawn up to their last step. Raises RunError
-    for a directory without a readable run or without any state, and for choices not available in the run.
-    """
+    """Draws the pictures of a run selected by ``choice``, or several runs in one picture, and returns the
+    files. Failed and stopped runs are drawn up to their last step. Raises RunError for runs without any state
+    and for choices not available in the run."""
     places = [rundir] if isinstance(rundir, Path) else list(rundir)
     choice = choice or Choice()
     choice.check(len(places))
@@ -51,16 +46,12 @@ def plot(
     cases = [stored_case(run.case_resolved) for run in runs]
     if len(runs) > 1:
         assert choice.out is not None
-        kind = "line" if choice.along is not None else choice.what[0] if len(choice.what) == 1 else ""
-        if kind not in TOGETHER:
-            raise RunError(
-                "several runs need one kind of picture",
-                "add --what pressure, force, peak, loop or hysteresis, or --along",
-            )
-        line = kind == "line"
-        made = line_picture(runs, cases, choice) if line else curves.path_picture(runs, cases, kind, choice)
-        draw(choice.out, made)
-        return [choice.out]
+        if choice.along is not None:
+            return [write(choice.out, line_picture(runs, cases, choice))]
+        if len(choice.what) != 1 or choice.what[0] not in TOGETHER:
+            hint = "add --what pressure, force, peak, loop or hysteresis, or --along"
+            raise RunError("several runs need one kind of picture", hint)
+        return [write(choice.out, curves.path_picture(runs, cases, choice.what[0], choice))]
     run, case = runs[0], cases[0]
     if choice.animate:
         return animate(run, case, choice)
@@ -69,15 +60,15 @@ def plot(
         kinds = ", ".join(choice.what) or "such pictures"
         raise RunError(f"the run has nothing for {kinds}", f"kinds are: {', '.join(KINDS)}")
     if choice.out is not None and len(wanted) > 1:
-        names = ", ".join(" ".join(filter(None, (kind, subject))) for kind, subject, _ in wanted)
-        raise RunError(
-            f"-o names one picture, but there are {len(wanted)}: {names}", "add --what or --contact"
-        )
-    files: dict[Path, Picture | BodyPicture] = {}
+        names = ", ".join(f"{kind} {subject}".rstrip() for kind, subject, _ in wanted)
+        message = f"-o names one picture, but there are {len(wanted)}: {names}"
+        raise RunError(message, "add --what or --contact")
+    files = []
     for kind, subject, make in wanted:
         places = [run.directory / run_dir.picture_name(kind, suffix, subject) for suffix in formats]
-        files |= dict.fromkeys(places if choice.out is None else [choice.out], make())
-    return [write(file, made) for file, made in files.items()]
+        made = make()
+        files += [(file, made) for file in (places if choice.out is None else [choice.out])]
+    return [write(file, made) for file, made in files]
 
 
 def write(file: Path, made: Picture | BodyPicture) -> Path:
@@ -114,10 +105,8 @@ def animate(run: RunData, case: Case, choice: Choice) -> list[Path]:
     """Draws pressures along the path, or bodies at saved positions. Raises RunError for one state only."""
     if "bodies" in choice.what or choice.field is not None or not run.contacts:
         if len(run.states) < 2:
-            raise RunError(
-                "fields are saved at one position only; an animation needs at least two",
-                "list several positions in output.at and run again",
-            )
+            message = "fields are saved at one position only; an animation needs at least two"
+            raise RunError(message, "list several positions in output.at and run again")
         shown = [bodies_picture(run, case, state, choice.field) for state in run.states]
         scale = min(picture.scale for picture in shown)
         frames = [

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,6 @@ from mlsanm_cli.case import Case, stored_case
 from mlsanm_cli.cloud.revolution import at_axis
 from mlsanm_cli.contact.geometry.profile import half_width
 from mlsanm_cli.errors import RunError
-from mlsanm_cli.io.columns import force_on_slave
 from mlsanm_cli.io.run_reader import RunData, read_run
 
 TANGENTIAL = ("traction", "slip")
@@ -67,23 +66,21 @@ def probe_contact(
     """Quantities (m,) of a contact's slave nodes at every position of ``at``; all of them by default."""
     run, case = _read(rundir)
     refuse_unknown(name, run.contacts, "contact")
-    friction, contact = _has_friction(case, name), run.contacts[name]
+    contact = run.contacts[name]
+    friction = any(described.name == name and described.coefficient for described in case.contact)
     for wanted in quantities:
         if wanted in TANGENTIAL and not friction:
             raise RunError(f'contact "{name}" has no friction and so no {wanted}', "use pressure or gap")
     chosen = quantities or [quantity for quantity in QUANTITIES if friction or quantity not in TANGENTIAL]
     place = {"arc_length": contact.arc_length, "x": contact.points[:, 0], "y": contact.points[:, 1]}
-    return [
-        _origin(run, level, "pressures", contact.pressure, contact.traction)
-        | place
-        | {key: level[f"contacts/{name}/{key}"] for key in chosen}
-        for level in _levels(run, at)
-    ]
+    return _rows(
+        *(run, at, lambda level: place | {key: level[f"contacts/{name}/{key}"] for key in chosen}),
+        *("pressures", contact.pressure, contact.traction),
+    )
 
 
 def probe_everything(rundir: Path | RunData, at: Sequence[float]) -> list[Row]:
-    """Largest pressure, half-width and force on the slave of all contacts at every position of ``at``; of a
-    run without contacts the forces of loads and supports."""
+    """Figures of all contacts, or without contacts the forces of loads and supports, at every position."""
     run, case = _read(rundir)
     rows = []
     for level in _levels(run, at):
@@ -101,25 +98,20 @@ def probe_everything(rundir: Path | RunData, at: Sequence[float]) -> list[Row]:
 
 
 def probe_force(rundir: Path | RunData, at: Sequence[float], name: str, contact: bool = False) -> list[Row]:
-    """Force (x, y) that a load or support exerts on its body, or a contact on its slave. With ``contact`` the
-    name is that of a contact, even if a load has it too."""
-    run, case = _read(rundir)
+    """Force (x, y) of a load or support on its body, or a contact, as ``contact`` decides, on its slave."""
+    run, _ = _read(rundir)
     resultants = run.path.resultants
     refuse_unknown(name, [*resultants, *run.contacts], "load, support or contact")
     if name in resultants and name in run.contacts and not contact:
         raise RunError(f'"{name}" is both a load and a contact', "give one of them another name")
+
+    def values(level: Level) -> Row:
+        of_contact = name in run.contacts
+        x, y = contact_force(run, name, level) if of_contact else level[f"path/resultants/{name}"]
+        return {"fx": float(x), "fy": float(y)}
+
     history = resultants[name] if name in resultants else contact_force(run, name)
-    rows = []
-    for level in _levels(run, at):
-        if name in run.contacts and not run.is_finite:
-            one, pressure = run.contacts[name], level[f"contacts/{name}/pressure"]
-            traction = level[f"contacts/{name}/traction"] if _has_friction(case, name) else None
-            force = force_on_slave(one.weight, one.normal, pressure, traction)
-        else:
-            force = level[f"path/resultants/{'contact ' if name in run.contacts else ''}{name}"]
-        row = _origin(run, level, "forces", history)
-        rows.append(row | {"fx": float(force[0]), "fy": float(force[1])})
-    return rows
+    return _rows(run, at, values, "forces", history)
 
 
 def probe_named(
@@ -129,18 +121,16 @@ def probe_named(
     run, case = _read(rundir)
     refuse_unknown(name, run.probes, "[[probe]]")
     body, point = next((p.body, np.array([p.point])) for p in case.probe if p.name == name)
-    rows = []
-    for level in _levels(run, at):
-        seen = {key: level[f"probes/{name}/{key}"][None] for key in ("displacement", "stress")}
-        if run.is_finite:
-            seen["von_mises"] = level[f"probes/{name}/von_mises"][None]
-        else:
-            if case.model.revolved:
-                hoop = level[f"probes/{name}/stress_zz"][None, None]
-                seen["stress"] = np.concatenate([seen["stress"], hoop], axis=1)
-            seen = dict(with_mises(case, body, level, point, **seen))
-        rows.append(_origin(run, level, "displacements", run.probes[name].displacement) | _row(seen, field))
-    return rows
+
+    def values(level: Level) -> Row:
+        keys = ("displacement", "stress", *(("von_mises",) if run.is_finite else ()))
+        seen = {key: level[f"probes/{name}/{key}"][None] for key in keys}
+        if case.model.revolved:
+            hoop = level[f"probes/{name}/stress_zz"][None, None]
+            seen["stress"] = np.concatenate([seen["stress"], hoop], axis=1)
+        return _row(seen if run.is_finite else with_mises(case, body, level, point, **seen), field)
+
+    return _rows(run, at, values, "displacements", run.probes[name].displacement)
 
 
 def probe_point(
@@ -167,20 +157,20 @@ def _read(rundir: Path | RunData) -> tuple[RunData, Case]:
 
 
 def _levels(run: RunData, at: Sequence[float]) -> list[Level]:
-    if not at and run.rows:
-        at = (float(run.path.position[-1]),)
-    return [level_at(run, position) for position in at or (0.0,)]
+    end = (float(run.path.position[-1]),) if run.rows else (0.0,)
+    return [level_at(run, position) for position in at or end]
 
 
-def _origin(run: RunData, level: Level, name: str, *histories: FloatArray) -> Row:
-    """The position of a level, the origin of its values, and the estimated error of interpolated ones."""
-    error = checked_error(run, level, name, *histories)
-    known = {} if error is None else {"error": error}
-    return {"position": level.position, "how": level.how, **known}
-
-
-def _has_friction(case: Case, contact: str) -> bool:
-    return any(described.name == contact and described.coefficient for described in case.contact)
+def _rows(
+    run: RunData, at: Sequence[float], values: Callable[[Level], Row], name: str, *histories: FloatArray
+) -> list[Row]:
+    """The ``values`` at levels, after position, origin, and estimated error."""
+    rows = []
+    for level in _levels(run, at):
+        error = checked_error(run, level, name, *histories)
+        known = {} if error is None else {"error": error}
+        rows.append({"position": level.position, "how": level.how, **known, **values(level)})
+    return rows
 
 
 def _row(seen: Quantities, field: str | None) -> Row:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +24,6 @@ OF_CONTACTS = (*MAIN, "force", "closed_nodes")
 SIZES = ("position", "steps", "nodes", "contact_unknowns", "wall_seconds", "peak_memory_mb")
 OUTCOMES = {"failed": html.BAD + "fails", "warned": html.BAD + "warns", "passed": html.GOOD + "passes"}
 ORIGINS = {"git": "commit", "argv": "command", "cpu": "processor"}
-CHECK = ("name", "place", "value", "limit", "outcome")
 CAPTIONS = {
     "bodies": "The deformed bodies, with supports, loads and obstacles",
     "pressure": "Contact pressure along {subject}",
@@ -38,21 +36,20 @@ CAPTIONS = {
 
 
 def report(rundirs: Sequence[Path], out: Path | None = None) -> Path:
-    """Writes a page about one run or several, by default to ``report.html`` in the run directory or, for
-    several runs, in the current one. Raises RunError for unreadable runs and other files of that name."""
+    """Writes a page about runs, by default to the directory of the only one or to the current one. Raises
+    RunError."""
     runs = [read_run(place) for place in rundirs]
     path = out or (runs[0].directory / run_dir.REPORT_FILE if len(runs) == 1 else Path(run_dir.REPORT_FILE))
     if path.suffix.lower() not in (".html", ".htm"):
         raise RunError(f"{path}: a report ends in .html", "as in -o report.html")
     cases = [stored_case(run.case_resolved) for run in runs]
     titles = [case.title or run.directory.name for run, case in zip(runs, cases, strict=True)]
-    parts = [element("h1", titles[0] if len(runs) == 1 else f"{len(runs)} runs")]
+    parts, anchors = [element("h1", titles[0])], [f"run-{number}" for number in range(1, len(runs) + 1)]
     if len(runs) > 1:
-        names = [(f"run-{number}", title) for number, title in enumerate(titles, start=1)]
-        parts += [html.links("Runs", names), _compared(runs, titles)]
-    for number, (run, case, title) in enumerate(zip(runs, cases, titles, strict=True), start=1):
-        parts += [element("h2", title if len(runs) > 1 else "Result", id=f"run-{number}")]
-        parts += _one(run, case)
+        links = html.links("Runs", list(zip(anchors, titles, strict=True)))
+        parts = [element("h1", f"{len(runs)} runs"), links, _compared(runs, titles)]
+    for run, case, title, anchor in zip(runs, cases, titles, anchors, strict=True):
+        parts += [element("h2", title if len(runs) > 1 else "Result", id=anchor), *_one(run, case)]
     html.write_page(path, html.page("mlsanm: " + ", ".join(titles), "\n".join(parts)))
     return path
 
@@ -64,9 +61,8 @@ def main_figures(run: RunData) -> str:
 
 
 def _status(summary: Mapping[str, Any]) -> str:
-    status, reason = str(summary["status"]), summary.get("stop_reason")
-    kind = "good" if status == "done" else "bad"
-    return element("p", f"{status}: {reason}" if reason else status, kind=kind)
+    words = [str(summary["status"]), *filter(None, [summary.get("stop_reason")])]
+    return element("p", ": ".join(words), kind="good" if words[0] == "done" else "bad")
 
 
 def _one(run: RunData, case: Case) -> Iterator[str]:
@@ -74,19 +70,17 @@ def _one(run: RunData, case: Case) -> Iterator[str]:
     yield _status(summary)
     if summary.get("hint"):
         yield element("p", f"Hint: {summary['hint']}")
-    warnings = [str(text) for text in summary.get("warnings", [])]
-    if warnings:
+    if warnings := [str(text) for text in summary.get("warnings", [])]:
         yield element("h3", f"Warnings ({len(warnings)})")
         yield html.listing(warnings)
     yield element("h3", "Figures")
     yield from _figures(summary, case)
     if summary.get("checks"):
         yield element("h3", "Error estimates and checks")
-        checks = sorted(summary["checks"], key=lambda check: list(OUTCOMES).index(check["outcome"]))
-        rows = [
-            [name.replace("_", " "), place, _number(value), _number(limit), OUTCOMES[outcome]]
-            for name, place, value, limit, outcome in map(itemgetter(*CHECK), checks)
-        ]
+        rows = []
+        for one in sorted(summary["checks"], key=lambda one: list(OUTCOMES).index(one["outcome"])):
+            name, place, *levels = (one[key] for key in ("name", "place", "value", "limit"))
+            rows.append([name.replace("_", " "), place, *map(_number, levels), OUTCOMES[one["outcome"]]])
         yield html.table("Checks", ["check", "of", "value", "limit", "outcome"], rows)
     if run.rows:
         yield element("h3", "Pictures")
@@ -126,17 +120,12 @@ def _figures(summary: Mapping[str, Any], case: Case) -> Iterator[str]:
 
 
 def _table(
-    title: str,
-    first: str,
-    items: Mapping[str, Any],
-    quantities: Sequence[schema.Quantity],
-    case: Case,
+    title: str, first: str, items: Mapping[str, Any], quantities: Sequence[schema.Quantity], case: Case
 ) -> str:
     """A table with a row per item and a column per component; for contacts also errors of closed formulas."""
     columns, rows = [first], {name: [name] for name in items}
     for entry in quantities:
-        axes = [schema.COMPONENTS[axis] for axis in entry.dimensions if axis in schema.COMPONENTS]
-        parts = axes[0] if axes else ("",)
+        parts = schema.COMPONENTS.get(entry.dimensions[-1] if entry.dimensions else "", ("",))
         columns += [case.units.label(f"{entry.description} {part}".rstrip(), entry.unit) for part in parts]
         for name, figures in items.items():
             value = figures.get(entry.name)
@@ -146,11 +135,10 @@ def _table(
     if first == "contact":
         columns.append("closed formula")
         for name, figures in items.items():
-            known = figures.get("reference") or {}
-            error = known.get("pressure_error_l2")
-            rows[name].append(
-                "none" if error is None else f"{known['solution']}: error {100 * float(error):.2g} %"
-            )
+            known = {"pressure_error_l2": None, **(figures.get("reference") or {})}
+            error = known["pressure_error_l2"]
+            shown = "none" if error is None else f"{known['solution']}: error {100 * float(error):.2g} %"
+            rows[name].append(shown)
     return html.table(title, columns, list(rows.values()))
 
 
@@ -161,11 +149,10 @@ def _pictures(run: RunData, case: Case) -> Iterator[str]:
         shown = f"{len(drawn)} of {len(peaks)} contacts are drawn, those with the largest pressures."
         yield element("p", shown)
     order = list(CAPTIONS)
-    wanted = [picture for picture in pictures(run, case, Choice()) if picture[0] in order]
+    wanted = [one for one in pictures(run, case, Choice()) if one[0] in order]
+    wanted = [one for one in wanted if one[0] not in OF_CONTACT or one[1] in drawn]
     with tempfile.TemporaryDirectory() as place, resolution(110):
         for kind, subject, make in sorted(wanted, key=lambda picture: order.index(picture[0])):
-            if kind in OF_CONTACT and subject not in drawn:
-                continue
             try:
                 file = write(Path(place) / f"{kind}.png", make())
             except RunError:
@@ -176,9 +163,8 @@ def _pictures(run: RunData, case: Case) -> Iterator[str]:
                 text = f"{caption}, of bodies {', '.join(run.bodies)}"
             elif kind == "pressure":
                 pressure, arc = run.contacts[subject].pressure[-1], run.contacts[subject].arc_length
-                peak = float(pressure.max(initial=0.0))
-                where = f" at arc length {arc[pressure.argmax()]:.4g}" if peak > 0.0 else ""
-                text = f"{caption}: at most {peak:.5g}{where}, at the end of the path"
+                where = f" at arc length {arc[pressure.argmax()]:.4g}" if peaks[subject] > 0.0 else ""
+                text = f"{caption}: at most {pressure.max(initial=0.0):.5g}{where}, at the end of the path"
             yield html.image(file.read_bytes(), text, caption)
 
 
@@ -194,8 +180,7 @@ def _compared(runs: Sequence[RunData], titles: Sequence[str]) -> str:
     lines = []
     for key in (*varied, *(key for key in COMPARED if key in keys), *figures):
         # contacts.nose.reference.peak_pressure is nose: reference peak pressure.
-        kind, _, named = key.partition(".")
-        name, _, words = named.partition(".")
+        kind, name, words = (*key.split(".", 2), "", "")[:3]
         label = f"{name}: {words.replace('.', ' ').replace('_', ' ')}" if kind == "contacts" else key
         lines.append([label, *(_number(row[key]) for row in rows)])
     return html.table("The runs side by side", ["", *titles], lines)

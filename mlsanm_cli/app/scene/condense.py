@@ -20,7 +20,7 @@ from mlsanm_cli.contact.response.condensation import condense
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
-from mlsanm_cli.solve.coercivity import check_candidates_coercivity, check_coercivity
+from mlsanm_cli.solve.coercivity import check_coercivity, contact_coercivity
 from mlsanm_cli.solve.condensed_scene import CondensedScene, stage_factors
 from mlsanm_cli.solve.contact_grids import find_grids
 from mlsanm_cli.solve.stage_ends import contact_states, reach_error
@@ -70,7 +70,7 @@ def _condensed_scene(
     else:
         condensed, ends = _condense(case, scene, prepared.pairings, stages, context)
     with context.phase("condensation"):
-        stability = check_coercivity(case, scene, condensed, ends, context.memo)
+        stability = check_coercivity(scene, condensed, ends, context.memo)
     return CondensedScene(case, scene, condensed, stages, ends, stability, laws)
 
 
@@ -89,7 +89,7 @@ def _condense(
             try:
                 ends = contact_states(scene, condensed, stages, stages[1:])
             except EndlessError:
-                check_candidates_coercivity(case, scene, condensed, context.memo)
+                contact_coercivity(scene, condensed, np.ones(len(condensed.weight), dtype=bool), context.memo)
                 raise
             masks = [condensed.touched(*state.unknowns) for state in ends]
             touched = {

@@ -104,7 +104,6 @@ class BoundaryPart(Section):
         return None if self.start is None or self.to is None else (self.start, self.to)
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
-        yield from super().faults(scope)
         if (self.start is None) != (self.to is None):
             key, other = ("from", "to") if self.to is None else ("to", "from")
             yield Fault((key,), f'needs "{other}" too', "give both ends of the part of the boundary")
@@ -164,7 +163,6 @@ class Support(BoundaryPart):
                 yield component, "spring"
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
-        yield from super().faults(scope)
         both = 'give "boundary", or "body" and "near"'
         if self.boundary is not None:
             if self.body is not None or self.near is not None:

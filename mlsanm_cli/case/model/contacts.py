@@ -154,7 +154,6 @@ class Contact(BoundaryPart):
         return tuple(side.label for side in self.sides)
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
-        yield from super().faults(scope)
         yield from self.exclusive("master", "obstacle")
         if self.obstacle is not None and self.bonded:
             hint = "fix the boundary with a [[support]], or move it with a platen"

@@ -91,7 +91,6 @@ class Traction(OnBoundary):
                 yield component, "traction"
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
-        yield from super().faults(scope)
         yield from self.exclusive("traction", "table")
 
 
@@ -115,7 +114,6 @@ class Pressure(OnBoundary):
                 yield component, "traction"
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
-        yield from super().faults(scope)
         yield from self.exclusive("pressure", "table")
         yield from scope.finite_only(self.follows, ("follows",), "a follower load")
         thin = self.follows and not scope.confined
@@ -144,7 +142,6 @@ class Displacement(OnBoundary):
                 yield component, "displacement"
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
-        yield from super().faults(scope)
         yield from self.exclusive("displacement", *(self.given("ux", "uy")[:1] or ("ux", "uy")))
 
 
@@ -196,9 +193,8 @@ class Force(BoundaryPart, Load):
         return (self.body,) if self.body is not None else super().owners
 
     def spread(self, size: float, centre: Point, polar: float) -> Traction | BodyForce:
-        """The equivalent body force or traction; ``size`` is the area of the body or the length of the
-        boundary (volume and area in bodies of revolution), ``centre`` its centroid, ``polar`` the integral of
-        the squared distance from it."""
+        """The equivalent load; ``size`` is the area or length loaded (volume or area in bodies of
+        revolution), ``centre`` its centroid, ``polar`` the integral of the squared distance from it."""
         (x, y), (fx, fy), turn = centre, self.total, (self.moment or 0.0) / polar
         density: AmountVector = (fx / size, fy / size)
         if turn:
@@ -212,7 +208,6 @@ class Force(BoundaryPart, Load):
         return Traction.model_validate(content | part)
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
-        yield from super().faults(scope)
         yield from self.exclusive("body", "boundary")
         yield from self.exclusive("force", *(self.given("fx", "fy")[:1]), required=False)
         if not self.given("force", "fx", "fy", "moment"):

@@ -60,7 +60,6 @@ class _RigidMotion(Load):
         return controlled
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
-        yield from super().faults(scope)
         single, both = self.given("ux", "uy", "fx", "fy"), self.given("force", "displacement")
         for pair in (("force", "displacement"), ("ux", "fx"), ("uy", "fy")):
             yield from self.exclusive(*pair, required=False)
@@ -93,8 +92,8 @@ class Platen(OnBoundary, _RigidMotion):
         return {"rotation": "free", **data} if turned else data
 
     def beside(self, platens: Sequence[Self]) -> Self:
-        """The load with the hinge of the other loads on its plate and, unless it sets its own, their kind of
-        rotation."""
+        """The load with the hinge and, unless it sets its own, the kind of rotation of others on its
+        plate."""
         plate = [load for load in platens if (load.boundary, load.ends) == (self.boundary, self.ends)]
         hinges = [load.hinge for load in plate if load.hinge is not None]
         turning = [load.rotation for load in plate if "rotation" in load.model_fields_set]
@@ -116,7 +115,6 @@ class Platen(OnBoundary, _RigidMotion):
             yield "xy".index(direction), "platen force" if control == "force" else "platen displacement"
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
-        yield from super().faults(scope)
         platens = [load for load in scope.case.load if isinstance(load, Platen)]
         plate = [load for load in platens if (load.boundary, load.ends) == (self.boundary, self.ends)]
         controlled = {direction for load in plate for direction in load.control}
@@ -164,7 +162,6 @@ class ObstacleMotion(_RigidMotion):
         return self.pivot or (obstacle.center if isinstance(obstacle, DiskObstacle) else None)
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
-        yield from super().faults(scope)
         if not self.control and not self.rotation:
             hint = "give force, displacement, or ux/uy/fx/fy"
             yield Fault((), "the motion of an obstacle needs a direction", hint)

@@ -41,8 +41,8 @@ Item = TypeVar("Item")
 
 @dataclass(frozen=True)
 class Geometry:
-    """The geometry of a shape: the names of its ``boundaries``, the centre, the larger side and the ``left``
-    end of its bounding box, and the SHA-256 of its file, if any."""
+    """Names of ``boundaries``, centre, larger side and ``left`` end of the bounding box, SHA-256 of the
+    file."""
 
     boundaries: tuple[str, ...]
     centre: Point
@@ -136,11 +136,13 @@ class Section(BaseModel):
 
 
 def all_faults(value: Any, scope: Scope, path: KeyPath = ()) -> Iterator[Fault]:
-    """The faults of a table at a path and of all tables in it, each with its full path."""
+    """The faults of a table at a path, those of its base classes first, and of all tables in it, each with
+    its full path."""
     items: list[tuple[str | int, Any]] = []
     if isinstance(value, Section):
-        for fault in value.faults(scope):
-            yield replace(fault, key=(*path, *fault.key))
+        for owner in reversed(type(value).__mro__):
+            if issubclass(owner, Section) and "faults" in vars(owner):
+                yield from (replace(one, key=(*path, *one.key)) for one in owner.faults(value, scope))
         fields = type(value).model_fields
         items = [(field.alias or name, getattr(value, name)) for name, field in fields.items()]
     elif isinstance(value, dict):
@@ -178,8 +180,8 @@ def _two_items(value: Any) -> Any:
 
 
 def expecting(text: str) -> WrapValidator:
-    """Reports a value that fits no member of a union with one ``text``; nan, inf and faulty expressions with
-    their own."""
+    """Reports a value that fits no member of a union with one ``text``; nan, inf and expressions with their
+    own."""
 
     def check(value: Any, handler: ValidatorFunctionWrapHandler) -> Any:
         try:

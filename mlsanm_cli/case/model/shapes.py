@@ -130,7 +130,6 @@ class Sector(_Ring):
     """First and last angle, counter-clockwise from the x axis; the straight sides are `start` and `end`."""
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
-        yield from super().faults(scope)
         if not 0.0 < self.angles[1] - self.angles[0] < 360.0:
             yield Fault(("angles",), "must increase by less than 360 degrees", "as in [0.0, 90.0]")
 

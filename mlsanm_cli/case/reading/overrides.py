@@ -98,8 +98,7 @@ def _value(key: str, text: str) -> Any:
 
 
 def _assign(table: Any, parts: list[str], value: Any, at: int = 0) -> list[KeyPath]:
-    """Sets a value at the keys below a table that the parts from number ``at`` on match; returns their
-    paths."""
+    """Sets a value at the keys that the parts from number ``at`` on match; returns their paths."""
     part, rest, where = parts[at], parts[at + 1 :], ".".join(parts[:at])
     if part == WILDCARD:
         names = list(table) if isinstance(table, dict) else list(map(str, range(len(table))))
@@ -186,8 +185,8 @@ def parse_vary(text: str) -> Vary:
 
 
 def points(varied: Sequence[Vary]) -> list[tuple[str, ...]]:
-    """Every combination of values as ``KEY=VALUE`` texts, the last key changing fastest. Raises RunError for
-    a key that is varied twice, and for too many points."""
+    """All ``KEY=VALUE`` texts, the last key changing fastest. Raises RunError for repeated keys, too many
+    points."""
     if len({vary.key for vary in varied}) < len(varied):
         raise RunError("a key is varied twice", "give all its values in one --vary")
     count = math.prod(len(vary.values) for vary in varied)

@@ -53,9 +53,8 @@ class LoadedCase:
 
 
 def load_case(path: Path, overrides: Sequence[str] = (), geometry_of: GeometryOf | None = None) -> LoadedCase:
-    """Reads and validates a case file, with ``KEY=VALUE`` overrides applied before validation. Without
-    ``geometry_of`` neither geometry nor names of boundaries are checked. Raises RunError if the file cannot
-    be read, and CaseError with every problem found."""
+    """Reads and validates a case file with overrides; without ``geometry_of`` neither geometry nor names of
+    boundaries are checked. Raises RunError if it cannot be read, and CaseError with every problem."""
     if not is_text(path.absolute()):
         # Files of bodies are stored with their absolute path.
         raise RunError(f"the path {str(path.absolute())!r} is not UTF-8 text", "rename the directories in it")
@@ -89,8 +88,7 @@ def load_case(path: Path, overrides: Sequence[str] = (), geometry_of: GeometryOf
 def parse_case(
     text: str, path: Path, overrides: Sequence[str] = (), geometry_of: GeometryOf | None = None
 ) -> LoadedCase:
-    """Validates a case given as text. Raises CaseError. ``path`` is the source named in messages; other files
-    are relative to its directory."""
+    """Validates the text of the file at ``path``, to which other files are relative. Raises CaseError."""
     source = str(path)
     content = _parse_toml(text, source)
     _refuse_sizes(content, Report(content, text, source))
@@ -165,9 +163,8 @@ def _place(path: KeyPath, removed: Collection[KeyPath]) -> KeyPath:
 def _check_relations(
     case: Case, geometry_of: GeometryOf | None, report: Report, data: Any, faulty: frozenset[KeyPath]
 ) -> Scope:
-    """Adds every relation between keys that does not hold, but for tables of the ``data`` with ``faulty``
-    parts; returns the case with the geometries of its bodies. Without ``geometry_of`` nothing that depends on
-    geometry is checked."""
+    """Adds every relation between keys that does not hold, but for tables with ``faulty`` parts; returns the
+    case with the geometries of its bodies."""
     absent = {path[:2]: "" for path in faulty}
     for path in faulty:
         if len(path) == 2:
@@ -241,8 +238,7 @@ def _name_faults(scope: Scope) -> Iterator[Fault]:
 
 
 def stored_case(text: str) -> Case:
-    """The resolved case of a run; the files that it names need not exist any more. Raises RunError if the
-    text is not a case."""
+    """The resolved case of a run; its files need not exist any more. Raises RunError."""
     try:
         return completed(Case.model_validate(_frozen(tomllib.loads(text))))
     except ValueError as error:

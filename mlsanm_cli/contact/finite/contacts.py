@@ -19,14 +19,14 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.contact.finite.pair import BodyContact, Meeting
-from mlsanm_cli.contact.finite.rigid import RigidContact
+from mlsanm_cli.contact.finite.pair import BodyContact, Meeting, RigidContact, diagonal
 from mlsanm_cli.contact.finite.side_response import SideResponse
 from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.mechanics.finite.body import FiniteBody
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.projector import Projector
 from mlsanm_cli.mechanics.finite.tangent import held_force
+from mlsanm_cli.mechanics.near_field import ComplexArray
 from mlsanm_cli.mechanics.rigid import ROTATION
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
@@ -36,27 +36,17 @@ AnyContact: TypeAlias = RigidContact | BodyContact
 
 @dataclass(frozen=True)
 class LooseMotions:
-    """The free ``components`` of a ``body``: 0 (x), 1 (y), 2 (rotation times its ``size``), the unknowns from
-    ``number`` on. ``anchors`` are the (node, component) pairs held by supports, ``pins`` (p) those that hold
-    the body, ``moves`` (p, d) their displacements per free motion."""
+    """The free ``components`` (d) of a ``body``: 0 (x), 1 (y), 2 (rotation times its ``size``), unknowns
+    ``numbers`` (d,). ``anchors`` are the (node, component) pairs held by supports, ``pins`` (p) those that
+    hold the body, ``moves`` (p, d) their displacements per free motion."""
 
     body: str
     components: tuple[int, ...]
-    number: int
+    numbers: IntArray
     size: float
     anchors: tuple[tuple[int, int], ...]
     pins: tuple[tuple[int, int], ...]
     moves: FloatArray
-
-    @property
-    def count(self) -> int:
-        """Number of free motions (d)."""
-        return len(self.components)
-
-    @property
-    def numbers(self) -> IntArray:
-        """Its unknowns (d,)."""
-        return self.number + np.arange(self.count)
 
     def factors(self, body: FiniteBody, displacement: FloatArray) -> FloatArray:
         """Free motions (d,) for which the pins match the body's ``displacement`` (2N,)."""
@@ -103,9 +93,9 @@ class DrivenObstacle:
 @dataclass(frozen=True)
 class Plate:
     """A rigid plate ``name``, moved by ``loads``, bonded to ``surfaces`` of bodies, with its hinge at
-    ``center`` (2,) as drawn. Its unknown ``components``, as of floating bodies, are the unknowns from
-    ``number`` on, under ``force`` (k, L) per load factor. ``motion`` (3, L + d) is its displacement and
-    rotation per load factor and free motion."""
+    ``center`` (2,) as drawn. Its unknown ``components``, as of floating bodies, are unknowns ``numbers``
+    (k,), under ``force`` (k, L) per load factor. ``motion`` (3, L + d) is its displacement and rotation per
+    load factor and free motion."""
 
     name: str
     surfaces: Mapping[str, tuple[str, ...]]
@@ -113,14 +103,9 @@ class Plate:
     center: FloatArray
     size: float
     components: tuple[int, ...]
-    number: int
+    numbers: IntArray
     force: FloatArray
     motion: FloatArray
-
-    @property
-    def numbers(self) -> IntArray:
-        """Its unknowns (k,)."""
-        return self.number + np.arange(len(self.components))
 
     def pulled(
         self, name: str, body: FiniteBody, displacement: FloatArray, factors: FloatArray
@@ -158,7 +143,7 @@ class Contacts:
     def free(self) -> int:
         """Number of unknown motions (d)."""
         plates = sum(len(one.components) for one in self.plates)
-        return sum(one.count for one in self.loose) + len(self.driven) + plates
+        return sum(len(one.components) for one in self.loose) + len(self.driven) + plates
 
     def moving(self, body: str) -> IntArray:
         """The unknown motions that move a body."""
@@ -208,8 +193,7 @@ class Contacts:
 
     def spread(self, body: str) -> sparse.csr_array:
         """Nodal tractions (t, 2s) of a body's sides by those at all sides' knots."""
-        rows = [side.spread if side.body == body else side.spread[:0] for side, _ in self.sides]
-        return sparse.csr_array(sparse.block_diag([sparse.csr_array((0, 0)), *rows], format="csr"))
+        return diagonal([side.spread if side.body == body else side.spread[:0] for side, _ in self.sides])
 
     def meet(
         self,
@@ -227,11 +211,21 @@ class Contacts:
             found.append(contact.meet(surface[there].reshape(-1, 2), factors, since, kept))
         return Meeting.together(found)
 
+    def forces(self, traction: FloatArray) -> FloatArray:
+        """Forces (n, 2) on the sides of all contacts in turn by their ``traction`` (2s,)."""
+        forces = [side.weight @ traction[here].reshape(-1, 2) for side, here in self.sides]
+        return np.array(forces).reshape(-1, 2)
+
+    def turned(self, surface: FloatArray) -> tuple[ComplexArray, sparse.csr_array]:
+        """:meth:`Points.turned` of all sides for displacements ``surface`` (2s,)."""
+        turns = [side.turned(surface[here].reshape(-1, 2)) for side, here in self.sides]
+        turn = np.concatenate([np.zeros(0, dtype=np.complex128), *(one for one, _ in turns)])
+        return turn, diagonal([rows for _, rows in turns])
+
     @cached_property
     def adjacent(self) -> sparse.csr_array:
         """The knots (c, c) next to each knot and itself, on the slaves."""
-        parts = [sparse.csr_array((0, 0)), *(one.slave.mass for one in self.pairs)]
-        return sparse.csr_array(sparse.block_diag(parts, format="csr"))
+        return diagonal([one.slave.mass for one in self.pairs])
 
 
 @dataclass(frozen=True)
@@ -279,14 +273,7 @@ class ContactSystem:
         """Nodal tractions (t, 2s) of each body's sides by those at all sides' knots."""
         return {name: self.contacts.spread(name) for name in self.projectors}
 
-    @cached_property
-    def columns(self) -> dict[str, IntArray]:
-        """Indices of each body's tractions among those of all sides (2s,)."""
-        found = {name: [np.zeros(0, dtype=np.int64)] for name in self.projectors}
-        for side, here in self.contacts.sides:
-            found[side.body].append(np.arange(here.start, here.stop))
-        return {name: np.concatenate(some) for name, some in found.items()}
-
     def response(self, displacement: FloatArray, traction: FloatArray) -> SideResponse:
         """The response of the sides at ``displacement`` (2N,), with their ``traction`` (2s,)."""
-        return SideResponse(self.contacts.sides, self.missing, self.onto, displacement, traction)
+        angles = self.contacts.turned(self.onto @ displacement)
+        return SideResponse(self.missing, self.onto, *angles, traction)

@@ -46,13 +46,13 @@ class FiniteContactState:
     pressure: FloatArray
     shear: FloatArray
     gap: FloatArray
+    free: FloatArray
+    sets: ContactStatus
     place: FloatArray
     slip: FloatArray
     normal: FloatArray
-    sets: ContactStatus
     traction: FloatArray
     surface: FloatArray
-    free: FloatArray
     residual: float = 0.0
     iterations: int = 0
     factorizations: int = 0
@@ -76,13 +76,12 @@ class ExactContact(ContactSystem):
         factors: FloatArray,
         tolerance: float,
         most: int,
-        before: FloatArray | None = None,
-        earlier: BoolArray | None = None,
+        before: FloatArray | None,
+        closed_before: BoolArray,
     ) -> FiniteContactState | None:
         """The state at load ``factors`` (L,), searched from ``start``, with slips relative to the places
-        ``before`` (c,), where knots were closed ``earlier`` (c,), by default in ``start``. None if ``most``
-        iterations do not converge. Raises LinAlgError or NumericalError for singular derivatives."""
-        closed_before = start.sets.closed if earlier is None else earlier
+        ``before`` (c,), where knots were closed (c,). None if ``most`` iterations do not converge. Raises
+        LinAlgError or NumericalError for singular derivatives."""
         u, p, q, sets, solves = start.displacement, start.pressure, start.shear, start.sets, 0
         free, given = start.free, factors
         traction, updates, spent = start.traction, [np.inf], 0
@@ -136,21 +135,8 @@ class ExactContact(ContactSystem):
         whole = met if since is before else self.contacts.meet(surface, factors, before, closed_before)
         p, q = np.where(sets.closed, p, 0.0), np.where(sets.closed, q, 0.0)
         return FiniteContactState(
-            displacement=u,
-            pressure=p,
-            shear=q,
-            gap=met.gap,
-            place=met.place,
-            slip=met.slip,
-            normal=met.normal,
-            sets=sets,
-            traction=met.tractions(p, q),
-            surface=surface,
-            free=free,
-            residual=left,
-            iterations=count,
-            factorizations=spent,
-            solves=solves,
+            *(u, p, q, met.gap, free, sets, met.place, met.slip, met.normal),
+            *(met.tractions(p, q), surface, left, count, spent, solves),
             stability=step.stability(met),
             soft=step.softest(u, p, q),
             dragged=whole.slip,
@@ -185,8 +171,8 @@ def undeformed(unknowns: int, contacts: Contacts) -> FiniteContactState:
     """The undeformed state of bodies with ``unknowns`` unknowns."""
     none, zero = np.zeros(contacts.count), np.zeros(contacts.size)
     sets = ContactStatus(none > 0.0, none > 0.0, none)
-    args = (np.zeros(unknowns), none, none, none, none, none, np.zeros((len(none), 2)))
-    return FiniteContactState(*args, sets, zero, zero, np.zeros(contacts.free))
+    known = np.zeros(unknowns), none, none, none, np.zeros(contacts.free), sets
+    return FiniteContactState(*known, none, none, np.zeros((len(none), 2)), zero, zero)
 
 
 def touching(

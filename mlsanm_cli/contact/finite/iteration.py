@@ -45,24 +45,22 @@ DAMPING = 1e-9
 @dataclass(frozen=True)
 class Responses:
     """Derivatives of the bodies, by name, which can be reused nearby: their ``factorised`` equations, and
-    their responses to the ``touched`` (t,) tractions and the d free motions. A body is moved (2n, k) by those
-    in its ``columns`` (k,), tractions first; ``pieces`` (3p, k) is the direct imbalance of its pieces.
-    They took a number of ``solves``."""
+    their responses to the ``touched`` (t,) tractions and the d free motions: displacements ``moved`` (2N,
+    t + d), and the direct imbalance of the ``pieces`` (3p, t + d) of each. They took a number of
+    ``solves``."""
 
     factorised: Mapping[str, Factorised]
     touched: IntArray
-    solves: int = 0
-    columns: Mapping[str, IntArray] = field(default_factory=dict)
-    moved: Mapping[str, FloatArray] = field(default_factory=dict)
+    moved: FloatArray
     pieces: Mapping[str, sparse.csr_array] = field(default_factory=dict)
+    solves: int = 0
 
 
 class Iteration:
     """A step from displacements ``u`` (2N,), pressures ``p`` and friction ``q`` (c,) at load ``factors``
-    (L + d,), which correspond to the ``traction`` (2s,) of all sides up to rotations since.
-
-    ``known`` are responses of the bodies to be reused; ``left`` (r,) are the residuals of bodies, by name, if
-    they are not to be those of their equations. ``first`` guesses the status from pressures and gaps.
+    (L + d,), which correspond to the ``traction`` (2s,) of all sides up to rotations since. ``known`` are
+    responses of the bodies to be reused; ``left`` (r,) residuals of bodies, by name, other than those of
+    their equations. ``first`` guesses the status from pressures and gaps.
 
     Results are the updates ``du`` (2N,), ``dp``, ``dq`` (c,), ``free`` (d,) and ``traction`` (2s,), the
     status ``sets`` of all knots (c,), the ``responses`` and the number of ``solves``. Raises NumericalError
@@ -102,116 +100,104 @@ class Iteration:
             state = u[here], np.concatenate([factors, system.spread[name] @ applied])
             self._loaded[name] = (projector.body, *state)
             rest = projector.left(*state) if left is None else left[name]
-            if known is not None:
-                factorised[name] = known.factorised[name]
-            else:
-                factorised[name] = projector.factorised(*state, iterating=True)
-            z[here] = -factorised[name].solve(projector.scaled(rest))
-        self.chosen, touched = self._may_touch(z)
+            one = known.factorised[name] if known else projector.factorised(*state, iterating=True)
+            factorised[name], z[here] = one, -one.solve(projector.scaled(rest))
+        # Nodes that may touch, and the tractions that these affect.
+        gap = met.gap + met.d_gap @ (system.onto @ z)
+        near = met.facing & (
+            (gap <= (REACH_WITH_MOTIONS * system.length if contacts.free else 0.0)) | (p > 0.0)
+        )
+        for _ in range(ADJACENT_NODES):
+            near = met.facing & (contacts.adjacent @ near > 0.0)
+        self.chosen = np.flatnonzero(near)
+        columns = (2 * self.chosen[:, None] + np.arange(2)).ravel()
+        touched = np.unique(met.carried[:, columns].tocoo().coords[0]).astype(np.int64)
         idle = not len(self.chosen) and not contacts.free
         if idle:
-            self.responses = Responses(factorised, touched)
-        elif known is None or not known.moved or not np.array_equal(known.touched, touched):
+            self.responses = Responses(factorised, touched, np.zeros((len(u), 0)))
+        elif known is None or not np.array_equal(known.touched, touched):
             self.responses = self._responses(factorised, touched)
         else:
             self.responses = known
+        self.solves = len(factorised) + self.responses.solves
         self._balance(applied)
         self._linearise()
         if idle:
             none = np.zeros(len(p), dtype=bool)
             self.du, self.dp, self.dq, self.free, self.traction = z, -p, -q, np.zeros(0), -traction
-            self.sets, self.solves = ContactStatus(none, none, np.zeros(len(p))), len(factorised)
+            self.sets = ContactStatus(none, none, np.zeros(len(p)))
         else:
             self._solve(sets, z, applied - traction, first)
 
-    def _may_touch(self, z: FloatArray) -> tuple[IntArray, IntArray]:
-        """Nodes that may touch after the displacements ``z`` (2N,), and the tractions (t,) these affect."""
-        met, contacts = self._met, self.system.contacts
-        gap = met.gap + met.d_gap @ (self.system.onto @ z)
-        reach = REACH_WITH_MOTIONS * self.system.length if contacts.free else 0.0
-        near = met.facing & ((gap <= reach) | (self._p > 0.0))
-        for _ in range(ADJACENT_NODES):
-            near = met.facing & (contacts.adjacent @ near > 0.0)
-        chosen = np.flatnonzero(near)
-        columns = (2 * chosen[:, None] + np.arange(2)).ravel()
-        return chosen, np.unique(met.carried[:, columns].tocoo().coords[0]).astype(np.int64)
-
     def _responses(self, factorised: Mapping[str, Factorised], touched: IntArray) -> Responses:
         """The bodies' responses to the ``touched`` tractions and to their free motions."""
-        system, free = self.system, self.system.contacts.free
-        columns, moved, pieces, solves = {}, {}, {}, 0
+        system, free, count = self.system, self.system.contacts.free, len(touched)
+        moved, pieces, solves = np.zeros((system.unknowns, count + free)), {}, 0
         for name, one in factorised.items():
-            projector, tractions = system.projectors[name], system.columns[name]
-            acting, moves = np.flatnonzero(np.isin(touched, tractions)), system.contacts.moving(name)
-            spread = system.spread[name][:, touched[acting]].toarray()
+            projector, moves = system.projectors[name], system.contacts.moving(name)
+            spread = system.spread[name][:, touched].toarray()
             # Projections decay from node to node.
             nodal = np.flatnonzero((np.abs(spread) > NO_TRACTION).any(axis=1))
             whole = np.append(self.factors, np.zeros(projector.body.loads.count - len(self.factors)))
             known = slice(len(self.factors) - free, None)
             loads = load_columns(projector.body, self._loaded[name][1], whole, known)
             loads = sparse.csr_array(loads[:, np.concatenate([free + nodal, moves])])
-            onto = np.zeros((len(nodal) + len(moves), len(acting) + len(moves)))
-            onto[: len(nodal), : len(acting)] = spread[nodal]
-            onto[len(nodal) :, len(acting) :] = np.eye(len(moves))
-            columns[name] = np.concatenate([acting, len(touched) + moves])
-            moved[name] = -one.solve_unrefined(projector.scaled(loads.toarray())) @ onto
+            onto = np.zeros((len(nodal) + len(moves), count + free))
+            onto[: len(nodal), :count] = spread[nodal]
+            onto[len(nodal) + np.arange(len(moves)), count + moves] = 1.0
+            moved[system.bodies[name]] = -one.solve_unrefined(projector.scaled(loads.toarray())) @ onto
             pieces[name] = sparse.csr_array(loads[loads.shape[0] - 3 * projector.body.count :] @ onto)
-            solves += len(nodal) + len(moves)
-        return Responses(factorised, touched, solves, columns, moved, pieces)
+            solves += len(onto)
+        return Responses(factorised, touched, moved, pieces, solves)
 
     def _balance(self, applied: FloatArray) -> None:
         """The forces missing on unknown motions with ``applied`` (2s,) tractions, and their derivatives."""
         system, contacts, responses = self.system, self.system.contacts, self.responses
         free, count = contacts.free, len(responses.touched)
-        missing, derivative = np.zeros(free), np.zeros((free, count + free))
-        by_displacement = np.zeros((free, system.unknowns))
+        missing, direct, by_displacement = (
+            np.zeros(free),
+            np.zeros((free, count + free)),
+            np.zeros((free, len(responses.moved))),
+        )
         self.sums: dict[str, tuple[IntArray, sparse.csr_array]] = {}
-        for one in (some for some in contacts.loose if some.count):
-            here, rows, columns = system.bodies[one.body], one.numbers, responses.columns[one.body]
-            body, own, acting = self._loaded[one.body]
+        moduli = {name: body.elastic.model.material.modulus for name, (body, *_) in self._loaded.items()}
+        for one in (some for some in contacts.loose if some.components):
+            here, rows, (body, own, acting) = system.bodies[one.body], one.numbers, self._loaded[one.body]
             series = BodySeries.at(body, own, acting)
             sums, moving = one.sums(body, series, own)
-            moved = sums @ tangent_rows(body, own, acting)[1] + moving
             missing[rows] = sums @ series.rows(0)[-3 * body.count :]
-            by_displacement[rows, here] = moved.toarray()
-            direct = (sums @ responses.pieces[one.body]).toarray()
-            derivative[np.ix_(rows, columns)] = direct + moved @ responses.moved[one.body]
-            derivative[rows, count + rows] += DAMPING * body.elastic.model.material.modulus
+            by_displacement[rows, here] = (sums @ tangent_rows(body, own, acting)[1] + moving).toarray()
+            direct[rows] = (sums @ responses.pieces[one.body]).toarray()
+            direct[rows, count + rows] += DAMPING * moduli[one.body]
             self.sums[one.body] = rows, sums
         for plate in (some for some in contacts.plates if some.components):
             rows, known = plate.numbers, plate.force.shape[1]
             missing[rows] -= plate.scale * (plate.force @ self.factors[:known])
             for name in plate.surfaces:
-                here, columns = system.bodies[name], responses.columns[name]
                 pull, by_moving = plate.pulled(name, *self._loaded[name])
-                moved = plate.unknown(by_moving.toarray())
                 missing[rows] += plate.unknown(pull)
-                by_displacement[rows, here] += moved
-                derivative[np.ix_(rows, columns)] += moved @ responses.moved[name]
+                by_displacement[rows, system.bodies[name]] += plate.unknown(by_moving.toarray())
                 # Moments are about the hinge, which moves.
                 arms = np.zeros_like(plate.motion)
                 arms[ROTATION] = plate.motion[1] * pull[0] - plate.motion[0] * pull[1]
-                derivative[rows, count:] += plate.unknown(arms)[:, known:]
-                modulus = self._loaded[name][0].elastic.model.material.modulus
-                derivative[rows, count + rows] += DAMPING * modulus
+                direct[rows, count:] += plate.unknown(arms)[:, known:]
+                direct[rows, count + rows] += DAMPING * moduli[name]
         for driven in contacts.driven:
             number, slave = driven.number, contacts.pairs[driven.contact].slave
             weight = np.zeros(len(applied))
             weight[contacts.pushing(driven)] = slave.weight
             missing[number] = weight @ applied - driven.force @ self.factors[: len(driven.force)]
-            derivative[number, :count] = weight[responses.touched]
-            modulus = self._loaded[slave.body][0].elastic.model.material.modulus
-            derivative[number, count + number] = DAMPING * modulus
-        self.missing, self.by_displacement, self.by_acting = missing, by_displacement, derivative
+            direct[number, :count] = weight[responses.touched]
+            direct[number, count + number] = DAMPING * moduli[slave.body]
+        self.missing, self.by_displacement = missing, by_displacement
+        self.by_acting = by_displacement @ responses.moved + direct
 
     def _linearise(self) -> None:
         """The equations condensed to the chosen knots and the free motions."""
         system, contacts, met, chosen = self.system, self.system.contacts, self._met, self.chosen
         touched, count = self.responses.touched, len(self.responses.touched)
         # Displacements of all sides due to the touched tractions and the free motions.
-        smooth = np.zeros((contacts.size, count + contacts.free))
-        for name, columns in self.responses.columns.items():
-            smooth[:, columns] += system.onto[:, system.bodies[name]] @ self.responses.moved[name]
+        smooth = system.onto @ self.responses.moved
         seen, shifted = np.split(self.response.followed(smooth), [count], axis=1)
         self.seen = seen + self.response.by_traction[:, touched]
         for driven in contacts.driven:
@@ -246,10 +232,7 @@ class Iteration:
         by them, for a ``change`` (2k + d,) of the unknowns."""
         tractions = turned + self.loads @ change
         acting = np.append(tractions, change[2 * len(self.chosen) :])
-        found = np.zeros(self.system.unknowns)
-        for name, columns in self.responses.columns.items():
-            found[self.system.bodies[name]] = self.responses.moved[name] @ acting[columns]
-        return tractions, found
+        return tractions, self.responses.moved @ acting
 
     def _solve(self, sets: ContactStatus, z: FloatArray, jump: FloatArray, first: bool) -> None:
         """The updates that satisfy the conditions of the chosen knots, searched from a status."""
@@ -284,13 +267,13 @@ class Iteration:
         masks[0, chosen], masks[1, chosen[nodes]] = found.status.closed, found.status.stuck
         slip_sign[chosen[nodes]] = found.status.slip_sign
         self.sets = ContactStatus(masks[0], masks[1], slip_sign)
-        self.solves = len(self.responses.columns) + self.responses.solves
 
     def stability(self, met: Meeting) -> float:
         """Least resistance of a contact with closed nodes, at closed nodes between two others, to pressures
         of fixed direction that oscillate from node to node; held nodes are excluded, as are pressures with
         forces on floating bodies."""
-        system, contacts, least = self.system, self.system.contacts, np.inf
+        bodies = {name: body for name, (body, *_) in self._loaded.items()}
+        contacts, least = self.system.contacts, np.inf
         pushed = self.seen @ self.push
         compliance = self.d_gap @ pushed
         held = np.flatnonzero(self.sets.stuck[self.chosen])
@@ -298,7 +281,7 @@ class Iteration:
             # Sticking nodes are fixed along the surface too.
             slips, pulled = self.d_slip[held] @ pushed, self.seen @ self.pull[:, held]
             compliance = compliance - self.d_gap @ pulled @ np.linalg.solve(self.d_slip[held] @ pulled, slips)
-        loose = sum(one.count for one in contacts.loose)
+        loose = sum(len(one.components) for one in contacts.loose)
         unbalanced = self.by_acting[:loose, : len(self.responses.touched)] @ self.push
         number = np.full(len(self.sets.closed), -1, dtype=np.int64)
         number[self.chosen] = np.arange(len(self.chosen))
@@ -306,12 +289,8 @@ class Iteration:
             own = self.sets.closed[here] & ~contact.slave.held
             inner = own[1:-1] & own[:-2] & own[2:]
             some = 1 + np.flatnonzero(inner) if inner.any() else np.flatnonzero(own)
-            soft = sum(
-                system.projectors[side.body].body.elastic.model.material.contact_compliance(
-                    met.normal[here][some]
-                )
-                for side in contact.sides
-            )
+            materials = [bodies[side.body].elastic.model.material for side in contact.sides]
+            soft = sum(one.contact_compliance(met.normal[here][some]) for one in materials)
             place, weight = number[here][some], contact.slave.weight[some]
             part = compliance[np.ix_(place, place)]
             least = min(least, constrained_resistance(weight, np.diag(soft), part, unbalanced[:, place]))
@@ -320,13 +299,8 @@ class Iteration:
     def softest(self, u: FloatArray, p: FloatArray, q: FloatArray) -> SoftMotion:
         """The softest motion, with displacements ``u`` (2N,), pressures and friction (c,): gaps of closed
         knots, and slips of sticking ones, do not change; friction of slipping ones changes with pressure."""
-        system, chosen, count, p, q = (
-            self.system,
-            self.chosen,
-            len(self.chosen),
-            p[self.chosen],
-            q[self.chosen],
-        )
+        system, chosen, count = self.system, self.chosen, len(self.chosen)
+        p, q = p[chosen], q[chosen]
         closed = self.sets.closed[chosen] & (p > system.nothing)
         stuck = closed & self.sets.stuck[chosen]
         kept = np.concatenate([closed, stuck, np.ones(len(self.matrix) - 2 * count, dtype=bool)])
@@ -334,7 +308,7 @@ class Iteration:
         slips = np.flatnonzero(closed & ~self.sets.stuck[chosen])
         whole[count + slips, slips] -= q[slips] / p[slips]
         inverse = np.linalg.inv(whole)
-        bodies = {name: one.body for name, one in system.projectors.items()}
+        bodies = {name: body for name, (body, *_) in self._loaded.items()}
 
         def displaced(force: FloatArray) -> FloatArray:
             z, missing = np.zeros(len(force)), np.zeros(len(self.missing))

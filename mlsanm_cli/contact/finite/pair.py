@@ -1,4 +1,4 @@
-"""Contact of two deformable sides at finite strain: closest points, gaps and directions for any motion.
+"""Contact of a side with another one or an obstacle at finite strain: closest points, gaps and directions.
 
 Slave nodes have their closest point on the curve through the master's deformed nodes, at a reference length
 xi of the master, a material coordinate: slips are measured by it, however both bodies move. A master's nodes
@@ -10,16 +10,17 @@ docs/method.md."""
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cached_property
-from typing import Any
+from functools import cached_property, partial
+from typing import Any, ClassVar
 
 import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.contact.finite.node_curve import integration, wrapped
+from mlsanm_cli.contact.finite.node_curve import integration, on_polyline, wrapped
 from mlsanm_cli.contact.finite.sides import ContactSide, both_components, by_component
 from mlsanm_cli.contact.geometry.facing import turned
+from mlsanm_cli.contact.geometry.obstacles import Chain, Round, Shape
 from mlsanm_cli.contact.geometry.pairing import MAX_FACING_COSINE
 from mlsanm_cli.operators.stencil_weights import nodal_pairs
 from mlsanm_cli.records import dataclass
@@ -58,16 +59,14 @@ class Meeting:
         for name, first in vars(NOWHERE).items():
             values = [getattr(one, name) for one in every]
             if sparse.issparse(first):
-                joined[name] = sparse.csr_array(sparse.block_diag(values, format="csr"))
+                joined[name] = diagonal(values)
             elif name != "carried_moved":
                 joined[name] = np.concatenate(values)
         ends = np.cumsum([len(one.gap) for one in every])[:-1]
 
         def moved(traction: FloatArray) -> sparse.csr_array:
             each = zip(every, np.split(traction, ends), strict=True)
-            return sparse.csr_array(
-                sparse.block_diag([one.carried_moved(own) for one, own in each], format="csr")
-            )
+            return diagonal([one.carried_moved(own) for one, own in each])
 
         return cls(**joined, carried_moved=moved)
 
@@ -97,6 +96,11 @@ class Meeting:
         )
 
 
+def diagonal(blocks: Sequence[sparse.csr_array]) -> sparse.csr_array:
+    """A block diagonal matrix, also of no blocks."""
+    return sparse.csr_array(sparse.block_diag([NOTHING, *blocks], format="csr"))
+
+
 NOTHING = sparse.csr_array((0, 0))
 NOWHERE = Meeting(
     *(np.zeros(0, dtype=bool), np.zeros(0), np.zeros((0, 2)), np.zeros(0), np.zeros(0)),
@@ -107,6 +111,8 @@ NOWHERE = Meeting(
 
 MAX_DEPTH = 3.0
 """Knots deeper inside the master than this many of its spacings are ignored."""
+DIFFERENCE_STEP = 1e-3
+"""Step of differences along polylines, as a fraction of a node's length."""
 END_OVERHANG = 0.5
 """Closed nodes stay candidates until they are farther than this fraction of their length beyond the master's
 end: otherwise a node there would leave under pressure and return without it indefinitely, with half its
@@ -138,11 +144,10 @@ class BodyContact:
     @cached_property
     def _outward(self) -> tuple[float, float]:
         """Signs for which a tangent rotated by -90 degrees points out of the slave and of the master."""
-        found = []
-        for side, curve in ((self.slave, self.slave.curve), (self.master, self.master.curve)):
-            along = curve.rows(side.arc)[1] @ side.places
-            found.append(float(np.sign((turned(along) * side.outward).sum())))
-        return found[0], found[1]
+        along = (side.curve.rows(side.arc)[1] @ side.places for side in self.sides)
+        both = zip(along, self.sides, strict=True)
+        slave, master = (float(np.sign((turned(one) * side.outward).sum())) for one, side in both)
+        return slave, master
 
     def apart(self, displacement: FloatArray, _factors: FloatArray, place: FloatArray) -> FloatArray:
         """Vectors (c, 2) from places (c,) of the master to the nodes, for displacements (c + m, 2)."""
@@ -174,35 +179,27 @@ class BodyContact:
         faced = (own * normal).sum(axis=1) < MAX_FACING_COSINE * np.hypot(*own.T)
         deep = gap < -MAX_DEPTH * master.spacing(place) * length
         facing = inside & faced & ~deep
-        kept, still = _times(facing.astype(float)), sparse.csr_array((count, 2 * count))
-
-        def apart_moved(direction: FloatArray) -> sparse.csr_array:
-            """Rows (c, 2s) of x - y(xi), xi fixed, along ``direction`` (c, 2)."""
-            on_slave = by_component(sparse.eye_array(count, format="csr"), direction)
-            on_master = by_component(values, direction)
-            return sparse.csr_array(sparse.hstack([on_slave, -on_master], format="csr"))
-
-        def slope_moved(direction: FloatArray) -> sparse.csr_array:
-            """Rows (c, 2s) of y'(xi), xi fixed, along ``direction`` (c, 2)."""
-            both = [still, by_component(slopes, direction)]
-            return sparse.csr_array(sparse.hstack(both, format="csr"))
-
+        kept, still = sparse.diags_array(facing.astype(float)), sparse.csr_array((count, count))
+        # Rows (c, s) of x - y(xi) and of y'(xi), xi fixed; the same (c, 2s) along directions (c, 2).
+        difference = sparse.csr_array(sparse.hstack([sparse.eye_array(count), -values], format="csr"))
+        slope = sparse.csr_array(sparse.hstack([still, slopes], format="csr"))
+        apart_moved, slope_moved = partial(by_component, difference), partial(by_component, slope)
         # Rows of xi, from (x - y) . y' = 0.
         size = (first**2).sum(axis=1)
         bent = size - (apart * second).sum(axis=1)
         bent = np.where(np.abs(bent) > COARSE_ROUND_OFF * size, bent, COARSE_ROUND_OFF * size)
-        d_place = kept @ (_times(1.0 / bent) @ (apart_moved(first) + slope_moved(apart)))
+        d_place = kept @ (sparse.diags_array(1.0 / bent) @ (apart_moved(first) + slope_moved(apart)))
 
         def turned_by(direction: FloatArray) -> sparse.csr_array:
             """Rows (c, 2s) of the total derivative of y' along ``direction`` (c, 2)."""
-            bending = _times((second * direction).sum(axis=1)) @ d_place
+            bending = sparse.diags_array((second * direction).sum(axis=1)) @ d_place
             return sparse.csr_array(slope_moved(direction) + bending)
 
-        slip, d_slip = np.zeros(count), -sign * (_times(length) @ d_place)
+        slip, d_slip = np.zeros(count), -sign * (sparse.diags_array(length) @ d_place)
         if before is not None:
             past = wrapped(place - before, master.around)
             slip = -sign * length * past
-            d_slip = d_slip - _times(sign * past) @ turned_by(along)
+            d_slip = d_slip - sparse.diags_array(sign * past) @ turned_by(along)
         return Meeting(
             facing,
             np.where(facing, gap, NO_GAP),
@@ -211,14 +208,9 @@ class BodyContact:
             np.where(facing, slip, 0.0),
             kept @ apart_moved(normal),
             kept @ d_slip,
-            kept @ (_times(sign / length) @ turned_by(normal)),
+            kept @ (sparse.diags_array(sign / length) @ turned_by(normal)),
             *transfer(slave, master, place, facing, d_place),
         )
-
-
-def _times(factors: FloatArray) -> sparse.csr_array:
-    """Multiplies rows (c, ...) by ``factors`` (c,)."""
-    return sparse.csr_array(sparse.diags_array(factors, format="csr"))
 
 
 def transfer(
@@ -241,3 +233,96 @@ def transfer(
 
     carried = sparse.vstack([sparse.eye_array(2 * slave.count), -onto], format="csr")
     return sparse.csr_array(carried), moved
+
+
+@dataclass(frozen=True)
+class RigidContact:
+    """The contact ``name`` of a ``slave`` with an obstacle. Its ``shape`` translates by ``motion`` (2, L) and
+    rotates by ``rotation`` (L,) about ``pivot`` (2,), given as drawn, times the load factors including free
+    motions; ``friction`` is Coulomb's coefficient. Nominal pressures act along the obstacle's normal at the
+    node's current position, so that neither the slave's normal nor its stretch appears in the equations, and
+    pressure times length times change of gap is work."""
+
+    name: str
+    slave: ContactSide
+    shape: Shape
+    motion: FloatArray
+    friction: float
+    rotation: FloatArray
+    pivot: FloatArray
+    exchanged: ClassVar[bool] = False
+
+    @property
+    def sides(self) -> tuple[ContactSide, ...]:
+        """The slave alone."""
+        return (self.slave,)
+
+    @property
+    def around(self) -> float | None:
+        """Length of the obstacle's boundary if it is closed."""
+        return 2.0 * np.pi * self.shape.radius if isinstance(self.shape, Round) else None
+
+    def seen(
+        self, places: FloatArray, outward: FloatArray, factors: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Distances (e,) of ``places`` with ``outward`` normals from the obstacle, and its normals (e, 2)."""
+        turn, at = self.turn(factors), self._drawn(places, factors)
+        partner, normal = self.shape.closest(at, outward @ turn)
+        return ((at - partner) * normal).sum(axis=1), normal @ turn.T
+
+    def turn(self, factors: FloatArray) -> FloatArray:
+        """Rotation matrix (2, 2) of the obstacle."""
+        angle = float(self.rotation @ factors)
+        return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+    def _drawn(self, places: FloatArray, factors: FloatArray) -> FloatArray:
+        """Points (e, 2) in the frame of the obstacle as drawn."""
+        away = places - self.motion @ factors - self.pivot
+        return np.asarray(self.pivot + away @ self.turn(factors))
+
+    def apart(self, displacement: FloatArray, factors: FloatArray, _place: FloatArray) -> FloatArray:
+        """Positions of nodes (c, 2) with ``displacement`` (c, 2) in the frame of the obstacle as drawn."""
+        return self._drawn(self.slave.places + displacement, factors)
+
+    def meet(
+        self,
+        displacement: FloatArray,
+        factors: FloatArray,
+        before: FloatArray | None,
+        _closed: BoolArray | None = None,
+    ) -> Meeting:
+        """The contact for a slave's ``displacement`` (c, 2) and load ``factors`` (L,); slips are relative to
+        the places ``before`` (c,), zero without. Obstacles have no ends."""
+        places, outward, count = self.slave.places + displacement, self.slave.outward, self.slave.count
+        gap, normal = self.seen(places, outward, factors)
+        bent, place, scale = self._along(self._drawn(places, factors), outward @ self.turn(factors))
+        slip = np.zeros(count) if before is None else wrapped(place - before, self.around)
+        tangent, every = turned(normal), np.arange(count)
+        ways = (normal, scale[:, None] * tangent, bent[:, None] * tangent)
+        gaps, slips, turns = (nodal_pairs(every, way, count) for way in ways)
+        carried = sparse.csr_array(sparse.eye_array(2 * count, format="csr"))
+        moved = (gaps, slips, turns, carried, lambda _: sparse.csr_array(carried.shape))
+        return Meeting(every >= 0, gap, normal, place, slip, *moved)
+
+    def _along(self, at: FloatArray, outward: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Rotation (c,) of the normal per motion of a node along the obstacle (1 over the distance from the
+        centre, 0 above straight sides); coordinates along the obstacle and their derivatives (c,)."""
+        shape = self.shape
+        if isinstance(shape, Round):
+            x, y = (at - np.array(shape.center)).T
+            away, sign = np.hypot(x, y), 1.0 if shape.inside else -1.0
+            return -sign / away, sign * shape.radius * np.arctan2(y, x), shape.radius / away
+        tangent = turned(shape.closest(at, outward)[1])
+        if not isinstance(shape, Chain):
+            return np.zeros(len(at)), at @ tangent[0], np.ones(len(at))
+        # By differences over a small fraction of the nodes' lengths, which rounds corners; coordinates run
+        # opposite to the polyline, along its tangents.
+        step = DIFFERENCE_STEP * self.slave.weight[:, None] * tangent
+        ahead, behind = (shape.closest(at + way, outward) for way in (step, -step))
+        twice = 2.0 * DIFFERENCE_STEP * self.slave.weight
+        moved, bent = (
+            ((one - other) * tangent).sum(axis=1) / twice for one, other in zip(ahead, behind, strict=True)
+        )
+        length = np.hypot(*np.diff(shape.points, axis=0).T)
+        side, part = on_polyline(0.5 * (ahead[0] + behind[0]), shape.points)
+        return bent, -(np.cumsum(length)[side] - (1.0 - part) * length[side]), moved

@@ -18,7 +18,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.contact.finite.sides import HALF_WINDOW, ContactSide, Points, SideNodes
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
-from mlsanm_cli.contact.geometry.facing import Facing
+from mlsanm_cli.contact.geometry.facing import Facing, turned
 from mlsanm_cli.contact.geometry.grid import Hats
 from mlsanm_cli.contact.geometry.surface_response import SurfaceResponse
 from mlsanm_cli.mechanics.body import ElasticBody
@@ -28,6 +28,7 @@ from mlsanm_cli.mechanics.finite.tangent import load_columns
 from mlsanm_cli.mechanics.near_field import SURFACE_INSET, ComplexArray, SurfaceForces, as_complex
 from mlsanm_cli.mechanics.remainder import remainder_sources
 from mlsanm_cli.mechanics.rigid import free_motions
+from mlsanm_cli.operators.stencil_weights import nodal_pairs
 from mlsanm_cli.operators.system import BLOCK_COLUMNS
 
 DEEP = 0.5
@@ -174,18 +175,14 @@ class SideResponse:
 
     def __init__(
         self,
-        sides: Sequence[tuple[ContactSide, slice]],
         missing: FloatArray,
         smooth: sparse.csr_array,
-        displacement: FloatArray,
+        turn: ComplexArray,
+        angles: sparse.csr_array,
         traction: FloatArray,
     ) -> None:
-        """From the sides and their ranges, what is ``missing`` (2s, 2s) of their responses, the rows of
-        ``smooth`` displacements, the cloud's ``displacement`` (2N,), and their ``traction`` (2s,)."""
-        surface = smooth @ displacement
-        turns = [side.turned(surface[here].reshape(-1, 2)) for side, here in sides]
-        turn = np.concatenate([np.zeros(0, dtype=complex), *(one for one, _ in turns)])
-        angles = sparse.block_diag([sparse.csr_array((0, 0)), *(rows for _, rows in turns)], format="csr")
+        """From what is ``missing`` (2s, 2s) of the responses of undeformed sides, the rows of ``smooth``
+        displacements, rotations ``turn`` (s,) with rows ``angles`` (s, 2s), and the ``traction`` (2s,)."""
         self.smooth, self.by_traction = smooth, rotated(missing, turn, turn)
         answered, pulled = _across(self.by_traction @ traction), _across(traction)
         self.by_turning = (answered - self.by_traction @ pulled) @ angles
@@ -211,11 +208,8 @@ def rotated(answers: FloatArray, rows: ComplexArray, columns: ComplexArray) -> F
 
 def _across(values: FloatArray) -> sparse.csr_array:
     """Derivative (2c, c) of vectors (2c,) by their rotation angles."""
-    count = len(values) // 2
-    turned = np.stack([-values[1::2], values[::2]], axis=1).ravel()
-    return sparse.csr_array(
-        (turned, (np.arange(2 * count), np.repeat(np.arange(count), 2))), (2 * count, count)
-    )
+    every = np.arange(len(values) // 2)
+    return sparse.csr_array(nodal_pairs(every, -turned(values.reshape(-1, 2)), len(every)).T)
 
 
 def _uneven(side: ContactSide, missing: FloatArray, own: bool) -> FloatArray:

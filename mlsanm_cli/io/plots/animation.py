@@ -36,8 +36,7 @@ def animate_pressure(
     arc_label: str,
     pressure_label: str,
 ) -> None:
-    """Writes a GIF or MP4 of the pressures (frames, m) at the arc lengths ``arc`` (m,) of a contact. Raises
-    RunError if the file cannot be written."""
+    """Writes a GIF or MP4 of pressures (frames, m) at the arc lengths ``arc`` (m,). Raises RunError."""
     left, right = visible_range(arc, pressure)
     highest = float(pressure.max(initial=0.0)) or 1.0
 
@@ -59,8 +58,7 @@ def animate_pressure(
 
 
 def animate_bodies(path: Path, states: Sequence[BodyPicture]) -> None:
-    """Writes a GIF or MP4 of the deformed bodies in several states, with common colours and limits of the
-    axes. Raises RunError if the file cannot be written."""
+    """Writes a GIF or MP4 of deformed bodies, with common colours and axes. Raises RunError."""
     limits = range_of([body for state in states for body in state.bodies], states[0].rest)
     x0, x1, y0, y1 = zip(*(state.window for state in states), strict=True)
     window = (min(x0), max(x1), min(y0), max(y1))

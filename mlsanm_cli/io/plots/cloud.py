@@ -23,8 +23,8 @@ _FRAME_COLOUR = "#D55E00"
 
 
 class CloudBody(NamedTuple):
-    """One body: reference ``points`` (n, 2), ``displacement`` (n, 2), ``scalar`` (n,) for the colour, and the
-    ``triangles`` (t, 3) that fill it."""
+    """A body: reference points (n, 2), displacements (n, 2), a scalar (n,), and triangles (t, 3) that fill
+    it."""
 
     points: FloatArray
     displacement: FloatArray
@@ -56,8 +56,8 @@ class ColourRange(NamedTuple):
 
 class BodyPicture(NamedTuple):
     """Deformed bodies coloured by a scalar called ``label``, which is ``rest`` without loads. ``scale``
-    multiplies the displacements and is shown in the title; ``marks`` are supports, loads and obstacles;
-    ``unit`` is that of lengths; ``detail`` (x0, x1, y0, y1) is shown in a second panel."""
+    multiplies displacements; ``unit`` is that of lengths; ``detail`` (x0, x1, y0, y1) is shown in a second
+    panel."""
 
     bodies: Sequence[CloudBody]
     label: str
@@ -81,8 +81,7 @@ class BodyPicture(NamedTuple):
 
 
 def plot_bodies(path: Path, wanted: BodyPicture) -> None:
-    """Draws deformed bodies, with colours linear between neighbouring nodes; dots are the nodes, grey lines
-    the undeformed outlines. Raises RunError if ``path`` cannot be written."""
+    """Draws deformed bodies, their nodes as dots and undeformed outlines as grey lines. Raises RunError."""
     views = [wanted.window] if wanted.detail is None else [wanted.window, wanted.detail]
     # Panels of equal height.
     total, count = sum(map(_aspect, views)), len(views)
@@ -166,7 +165,7 @@ def range_of(bodies: Sequence[CloudBody], rest: float = 0.0) -> ColourRange:
 
 
 def _usual_peak(values: FloatArray) -> float:
-    """The largest value, or the one that 99 % do not exceed if it is more than twice as high: singular
-    corners and ends of contact would leave everything else in one colour."""
+    """The largest value, or the one that 99 % do not exceed if it is more than twice as high, as at
+    corners."""
     largest, usual = float(values.max()), float(np.quantile(values, 0.99))
     return usual if 0.0 < 2.0 * usual < largest else largest

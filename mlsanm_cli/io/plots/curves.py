@@ -20,8 +20,8 @@ Limits = tuple[float | None, float | None]
 
 
 class Curve(NamedTuple):
-    """Values ``y`` (k,), nan where there are none, at ``x`` (k,), ``joined`` by a line or as points. ``look``
-    are its properties in matplotlib; by default colour and marker follow from its number."""
+    """Values ``y`` (k,) or nan at ``x`` (k,), ``joined`` by a line or as points; ``look`` is in matplotlib's
+    terms."""
 
     x: FloatArray
     y: FloatArray
@@ -31,8 +31,7 @@ class Curve(NamedTuple):
 
 
 class Panel(NamedTuple):
-    """Axes with curves; ``bands`` are start, end, colour and label of shaded parts, ``notes`` texts with the
-    coordinates of their points."""
+    """Axes with curves; ``bands`` are start, end, colour and label, ``notes`` texts with coordinates."""
 
     curves: Sequence[Curve]
     x_label: str
@@ -46,9 +45,7 @@ class Panel(NamedTuple):
 
 
 class Picture(NamedTuple):
-    """Panels below each other with a common x axis, or ``beside`` each other with a common y axis, of
-    ``size`` (inches). ``legend`` is its place in matplotlib's terms, outside the axes or inside, "" for
-    none."""
+    """Panels below or ``beside`` each other; ``legend`` is its place in matplotlib's terms, "" for none."""
 
     panels: Sequence[Panel]
     title: str = ""
@@ -118,8 +115,8 @@ def shades(count: int) -> list[Any]:
 def visible_range(
     arc: FloatArray, values: FloatArray, loaded: FloatArray | None = None
 ) -> tuple[float, float]:
-    """The part of the surface at ``arc`` (m,) to show: that with ``values`` (k, m) above a thousandth of the
-    peak and at the ``loaded`` places, extended by a quarter on both sides."""
+    """The part of a surface with ``values`` (k, m) above a thousandth of the peak or ``loaded``, with
+    margins."""
     peak = float(np.nanmax(values, initial=0.0))
     shown = arc[(values > 1e-3 * peak).any(axis=0)] if peak > 0.0 else arc
     if loaded is not None:

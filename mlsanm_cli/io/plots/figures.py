@@ -81,9 +81,8 @@ def refuse_suffix(file: Path, suffixes: Sequence[str]) -> None:
 
 @contextmanager
 def picture(path: Path, width: float, height: float) -> Iterator[Figure]:
-    """Yields an empty figure of ``width`` x ``height`` inches and saves it at the end of the block. The
-    suffix of ``path`` selects the format: .png, .svg or .pdf. Raises RunError for others, and if the file
-    cannot be written."""
+    """Yields an empty figure (inches), saved at the end of the block in the format of its suffix. Raises
+    RunError."""
     suffix = path.suffix.lower()
     refuse_suffix(path, list(_METADATA))
     # pyplot would need a window system, and keeps figures open.
@@ -104,9 +103,8 @@ _ARROW, _TICK = 0.09, 0.02
 
 
 class ConditionMarks(NamedTuple):
-    """Symbols drawn over the undeformed bodies: ``held`` are points (k, 2) with outward normals (k, 2) of
-    supported boundaries, ``nodes`` supported points (2,); ``arrows`` points (2,) where loads act, unit
-    directions (2,), outward normals (2,) and names; ``obstacles`` lines (k, 2) in their current position."""
+    """Symbols over bodies: points (k, 2) and outward normals of ``held`` boundaries, held ``nodes``, points,
+    unit directions, outward normals and names of ``arrows``, and lines (k, 2) of ``obstacles``."""
 
     held: tuple[tuple[FloatArray, FloatArray], ...] = ()
     nodes: tuple[FloatArray, ...] = ()

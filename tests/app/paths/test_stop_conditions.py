@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mlsanm_cli.continuation import Branch, Effort, Step
 from mlsanm_cli.io.run_reader import read_run
-from mlsanm_cli.solve.state import PathStep, State
-from mlsanm_cli.solve.stop_events import turning
 from tests.app.runs import summary_of
 from tests.app.scenes import ANM, BAR, EXACT_LAW, FAST, NEWTON, NODAL, SMOOTH, hertz, solve
 from tests.case_text import contact, head, item, load, pin, pushed
@@ -129,15 +128,16 @@ def test_a_stop_that_is_never_reached_changes_nothing(series_run: Path, tmp_path
 
 
 def test_a_load_that_turns_back_within_a_step_is_seen() -> None:
-    none = np.zeros(0)
-    state = State(0.9, none, none, none, none, np.zeros(0, np.int8))
-    rising = PathStep(state, (), series={"position": np.array([0.0, 1.0])}, series_attributes={"length": 0.9})
-    assert turning(rising) is None
-    parabola = {"position": np.array([0.0, 2.0, -1.0])}
-    assert turning(PathStep(state, (), series=parabola, series_attributes={"length": 0.9})) is None
-    highest = turning(PathStep(state, (), series=parabola, series_attributes={"length": 1.5}))
-    assert highest == pytest.approx(1.0, abs=1e-12)
-    assert turning(PathStep(state, ())) is None
+    def turns(length: float, *load: float) -> list[tuple[float, bool]]:
+        branch = Branch(np.zeros((len(load), 1)), np.array(load), length)
+        end = branch.evaluate(length)
+        return Step(branch, *end, 0.0, length, Effort(), branch.order).limit_points
+
+    assert not turns(0.9, 0.0, 1.0)
+    assert not turns(0.9, 0.0, 2.0, -1.0)
+    [(place, highest)] = turns(1.5, 0.0, 2.0, -1.0)
+    assert highest
+    assert place == pytest.approx(1.0, abs=1e-12)
 
 
 RUBBER = (
