@@ -14,6 +14,8 @@ from mlsanm_cli.mechanics.pieces import turned_along
 from mlsanm_cli.operators.stencil_weights import nodal_pairs
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 
+FIXED_POINT_STEPS = 8
+"""Steps to a point of the slave, whose errors fall by the product of gap and curvature in each."""
 WINDOW_SHARPNESS = 4.0
 """Squared residuals in the window are weighted by exp(-2 WINDOW_SHARPNESS r^2)."""
 
@@ -96,8 +98,7 @@ def _on_master(body: ElasticBody, pairing: Pairing, master: Surface, tangential:
     middles = 0.5 * (master.arc_length[1:] + master.arc_length[:-1])
     if master.curve.closed:
         middles = np.append(middles, 0.5 * (master.arc_length[-1] + master.curve.length))
-    cuts = slave.curve.closest(master.curve.points(middles))
-    cuts = np.unique(np.clip(np.concatenate([ends, cuts]), ends[0], ends[-1]))
+    cuts = np.unique(np.clip(np.concatenate([ends, _opposite(slave, master, middles)]), ends[0], ends[-1]))
     arc = master.curve.closest(slave.curve.points(0.5 * (cuts[1:] + cuts[:-1])))
     # Beyond the last middle of a closed surface the first node is nearest.
     owner = np.searchsorted(middles, arc) % len(master.index)
@@ -130,14 +131,28 @@ def _on_master(body: ElasticBody, pairing: Pairing, master: Surface, tangential:
         where = numbers[node[on]]
         size = part.weight[where] * around(body.model.cloud.points[part.index[where]])
         for component in (0, 1):
-            entries = (
-                force[on, component] / size,
-                (body.condition_rows(part.name, component)[where], column[on]),
-            )
+            rows = body.condition_rows(part.name, component)[where]
+            entries = force[on, component] / size, (rows, column[on])
             source = source + sparse.csc_array(entries, shape=source.shape)
     missing = loads - body.loads @ source
     nodal = sparse.csc_array((body.rows - missing.shape[0], missing.shape[1]))
     return sparse.csc_array(source + sparse.vstack([nodal, missing], format="csc"))
+
+
+def _opposite(slave: Surface, master: Surface, arc: FloatArray) -> FloatArray:
+    """Arc lengths (b,) on the slave of the points whose closest points on the master are at ``arc`` (b,)."""
+    s = slave.curve.closest(master.curve.points(arc))
+    for _ in range(FIXED_POINT_STEPS):
+        off = master.curve.closest(slave.curve.points(s)) - arc
+        if master.curve.closed:
+            off -= master.curve.length * np.round(off / master.curve.length)
+        # The curves run in opposite directions, each with its material on the left.
+        s = (
+            np.mod(s + off, slave.curve.length)
+            if slave.curve.closed
+            else np.clip(s + off, 0.0, slave.curve.length)
+        )
+    return s
 
 
 def candidates_fit(pairing: Pairing, s: FloatArray, reach: FloatArray) -> sparse.csr_array:
