@@ -3,7 +3,6 @@ console shows its message while those are being imported."""
 
 from __future__ import annotations
 
-import _thread
 import signal
 import sys
 import threading
@@ -31,19 +30,16 @@ class Stopper:
     """Shown on a terminal after a signal that stops the run after its step."""
 
     def __init__(self, max_wall: float | None = None) -> None:
-        self.gentle = False
+        self.gentle, self.reason = False, ""
         self.grace: float | None = GRACE
-        self.reason = ""
         self._max_wall = max_wall
         self._end = time.monotonic() + max_wall if max_wall is not None else None
         self._before: dict[signal.Signals, Any] = {}
-        self._alarm = getattr(signal, "SIGALRM", signal.SIGINT)
-        self._timer: threading.Timer | None = None
 
     def check(self) -> None:
         """Raises KeyboardInterrupt after a signal or when the wall time is over."""
         if self._end is not None and time.monotonic() >= self._end:
-            self.reason = self.reason or self._reason_of(None)
+            self.reason = self.reason or self._over
         if self.reason:
             self._set_alarm(0.0)
             raise KeyboardInterrupt(self.reason)
@@ -53,16 +49,14 @@ class Stopper:
         self.grace = None
         self._set_alarm(0.0)
 
-    def _reason_of(self, number: int | None) -> str:
-        # Without SIGALRM, SIGINT has this meaning once the time is over.
-        timed = number == self._alarm and (self._timer is None or time.monotonic() >= (self._end or 0.0))
-        if self._max_wall is not None and (number is None or timed):
-            return f"the wall time of {self._max_wall:g} s is over"
-        assert number is not None
-        return f"stopped by a signal ({signal.Signals(number).name})"
+    @property
+    def _over(self) -> str:
+        return f"the wall time of {self._max_wall:g} s is over"
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
-        again, self.reason = bool(self.reason), self.reason or self._reason_of(number)
+        again, name = bool(self.reason), signal.Signals(number).name
+        timed = self._max_wall is not None and name == "SIGALRM"
+        self.reason = self.reason or (self._over if timed else f"stopped by a signal ({name})")
         if again or not self.gentle:
             raise KeyboardInterrupt(self.reason)
         # Not written here: a handler may interrupt the writing of another line.
@@ -82,20 +76,10 @@ class Stopper:
         return self
 
     def _set_alarm(self, seconds: float) -> None:
-        """Schedules a signal, instead of one that is due; 0 for none. On Windows by a thread."""
-        if not self._before:
-            return
-        if hasattr(signal, "setitimer"):
+        """Schedules a signal, instead of one that is due; 0 for none. Without timers, as on Windows, a run
+        stops between its steps only."""
+        if self._before and hasattr(signal, "setitimer"):
             signal.setitimer(signal.ITIMER_REAL, seconds)
-            return
-        if self._timer is not None:
-            self._timer.cancel()
-        self._timer = None
-        if not seconds:
-            return
-        self._timer = threading.Timer(seconds, _thread.interrupt_main, (self._alarm,))
-        self._timer.daemon = True
-        self._timer.start()
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None

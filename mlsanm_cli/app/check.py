@@ -16,13 +16,7 @@ from mlsanm_cli.app.output.parts import model_bodies
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.build import build_scene, cpu_seconds, load_kernels, memory_mb, node_counts
 from mlsanm_cli.app.scene.loads import amounts_of, table_of
-from mlsanm_cli.case import (
-    AnyLoad,
-    Case,
-    Force,
-    ObstacleMotion,
-    Platen,
-)
+from mlsanm_cli.case import Case, Force, ObstacleMotion, Platen
 from mlsanm_cli.io.vtu import write_parts
 from mlsanm_cli.kernels.aot.jit import is_warm
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
@@ -116,23 +110,22 @@ def _conditions(case: Case) -> dict[str, dict[str, str]]:
             place = f"obstacle of {load.obstacle}"
         else:
             place = " and ".join(place.label for place in load.places) or load.owner
-        add(place, *(f"{text} ({load.name})" if text else "" for text in _described(load)))
+        if isinstance(load, Platen | ObstacleMotion):
+            moved = {axis: f"{kind} {value:g}" for axis, (kind, value) in load.control.items()}
+            described = [moved.get(axis, "") for axis in "xy"]
+        else:
+            amounts = [part or None for part in load.total] if isinstance(load, Force) else amounts_of(load)
+            amounts = ("table",) if table_of(load) else amounts
+            texts = [
+                "" if part is None else part if isinstance(part, str) else f"{part:g}" for part in amounts
+            ]
+            # One amount acts in both directions.
+            described = [f"{load.kind} {text}" if text else "" for text in (*texts, *texts, "", "")[:2]]
+        add(place, *(f"{text} ({load.name})" if text else "" for text in described))
     for contact in case.contact:
         for role, label in zip(("slave", "master"), contact.names, strict=False):
             add(label, *[f"{role} of {contact.name}"] * 2)
     return {where: {axis: text or "free" for axis, text in row.items()} for where, row in found.items()}
-
-
-def _described(load: AnyLoad) -> tuple[str, str]:
-    if isinstance(load, Platen | ObstacleMotion):
-        moved = {axis: f"{kind} {value:g}" for axis, (kind, value) in load.control.items()}
-        return moved.get("x", ""), moved.get("y", "")
-    amounts = [part or None for part in load.total] if isinstance(load, Force) else amounts_of(load)
-    amounts = ("table",) if table_of(load) else amounts
-    texts = ["" if part is None else part if isinstance(part, str) else f"{part:g}" for part in amounts]
-    # One amount acts in both directions.
-    first, second = (f"{load.kind} {text}" if text else "" for text in (*texts, *texts, "", "")[:2])
-    return first, second
 
 
 def _notes(prepared: SceneModel, quality: Quality, warnings: Collection[str]) -> list[str]:

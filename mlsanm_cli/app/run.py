@@ -1,9 +1,6 @@
-"""``mlsanm run``: a case solved and written, with everything a reader needs to trust it.
-
-``mlsanm resume``: a stopped or killed run continues to the same result within the solver's tolerance. The
-path continues from the checkpoint after the last stored step. Clouds and operators are rebuilt from the
-resolved case and must agree with the stored ones to round-off.
-"""
+"""``mlsanm run``: a case solved and written. ``mlsanm resume``: a stopped or killed run continues from the
+checkpoint after its last stored step; clouds and operators are rebuilt from the resolved case and must agree
+with the stored ones to round-off."""
 
 from __future__ import annotations
 
@@ -44,16 +41,13 @@ def run(
     skip_done: bool = False,
     memo: Memo = NO_CACHE,
 ) -> Mapping[str, Any]:
-    """Solves a case and writes the run directory ``out``.
-
-    ``memo`` keeps results for other runs of the process. With ``skip_done`` a completed run of this case in
-    the directory is not repeated; its summary is returned with ``skipped``.
+    """Solves a case and writes the run directory ``out``; ``memo`` keeps results for other runs of the
+    process. With ``skip_done`` a completed run of this case is not repeated: its summary has ``skipped``.
 
     Returns the mapping of summary.json with the ``directory`` added. The status of a run whose results are
     not reliable is "failed", that of one interrupted, or not finished after ``max_wall`` seconds, "stopped";
     completed steps of both are kept. Raises CaseError or RunError, with nothing written, for a case that
-    cannot be run, UnfinishedError for a run whose disk is full, and KeyboardInterrupt if stopped before the
-    run began.
+    cannot be run, UnfinishedError if the disk is full, KeyboardInterrupt if stopped before the run began.
     """
     with Stopper(max_wall) as stopper:
         context = RunContext(Clock(), console, memo, stopper)
@@ -105,9 +99,8 @@ def carry_out(
             context.stopper.finish()
             if ending.error is not None:
                 recorder.failure(analysis, ending.error)
-            for note in (ending.hint if ending.status == "stopped" else "", *analysis.notes):
-                if note:
-                    context.console.note(note)
+            for note in (*([ending.hint] if ending.status == "stopped" else ()), *analysis.notes):
+                context.console.note(note)
             if ending.error is not None:
                 context.console.error(ending.error.message, ending.error.hint)
             summary = summarise(analysis, ending, recorder)
@@ -127,7 +120,8 @@ def follow(analysis: Analysis[Any], recorder: Recorder) -> Ending:
     # From now on the command stops between steps, where no results are lost, unless one takes long.
     context.stopper.gentle = True
     context.stopper.check()
-    steps = analysis.steps(recorder.start(analysis), recorder.last, recorder.verdicts)
+    checkpoint = recorder.start(analysis)
+    steps = analysis.steps(checkpoint, recorder.last, recorder.verdicts)
     while True:
         context.stopper.check()
         with context.phase("continuation"):
@@ -135,11 +129,15 @@ def follow(analysis: Analysis[Any], recorder: Recorder) -> Ending:
         if step is None:
             assert recorder.last is not None
             recorder.verdicts.judge(analysis.judge(recorder.last, recorder.tally))
-            return analysis.ending(recorder.last)
+            if checkpoint is None or checkpoint.ended_by < 0:
+                return Ending("done", "end of the last stage")
+            stop = analysis.case.stop[checkpoint.ended_by].description
+            return Ending("done", f"{stop}, at position {recorder.last.position:.9g}", stopped_by=stop)
         for state in (*(one for one in step.saved if one is not step.state), step.state):
             recorder.checked = state
             recorder.verdicts.judge(analysis.checks(state))
         recorder.step(analysis, step)
+        checkpoint = step.checkpoint
 
 
 def resume(rundir: Path, *, max_wall: float | None = None, console: Console) -> Mapping[str, Any]:

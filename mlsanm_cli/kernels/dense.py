@@ -1,4 +1,5 @@
-"""BLAS on parts of flat arrays, for kernels: column-major matrices with their leading dimensions."""
+"""Copies by loops, and BLAS on parts of flat arrays, for kernels: column-major matrices with their leading
+dimensions."""
 
 from __future__ import annotations
 
@@ -6,13 +7,21 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import AnyArray, FloatArray
 from mlsanm_cli.kernels.aot.jit import inner
 from mlsanm_cli.kernels.blas import dgemm, dgemv, dtrsm, dtrsv
 
 LOWER, RIGHT, PLAIN, TRANSPOSED, UPPER, LEFT, UNIT = 0, 1, 2, 3, 4, 0, 4
 """Positions of the BLAS option letters in :func:`letters`. They are passed one by one: numba compiles a
 function again for every tuple of constants."""
+
+
+@inner
+def copy_to(target: AnyArray, source: AnyArray) -> None:
+    """Write ``source`` (n,) to the beginning of ``target``. For slice assignment numba would compile the
+    message of a shape mismatch, some seconds per number of dimensions."""
+    for i in range(len(source)):
+        target[i] = source[i]
 
 
 @inner
@@ -57,8 +66,7 @@ def multiply(
     product: FloatArray,
     ldc: int,
 ) -> None:
-    """product = alpha a b + beta product with a (m, k) and b (k, n) or its transpose; ``sizes`` is m, n,
-    k."""
+    """product = alpha a b + beta product, a (m, k), b (k, n) or transposed; ``sizes`` m, n, k."""
     c: Any = letters()
     i: Any = np.array([sizes[0], sizes[1], sizes[2], lda, ldb, ldc], dtype=np.int32)
     factor: Any = np.array([alpha, beta])

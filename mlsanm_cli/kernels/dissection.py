@@ -7,7 +7,7 @@ import numpy as np
 from mlsanm_cli.arrays import IndexArray, IntArray
 from mlsanm_cli.kernels.aot.jit import inner, kernel
 from mlsanm_cli.kernels.aot.signature import Index1, IndexOut2, Int1, IntOut1
-from mlsanm_cli.kernels.copies import copy_to
+from mlsanm_cli.kernels.dense import copy_to
 
 STACK_SIZE = 256
 """Stack size: pending parts, halved by every cut."""

@@ -14,7 +14,7 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.kernels.aot.jit import inner, kernel
 from mlsanm_cli.kernels.aot.signature import Float1, Float2, FloatOut1, FloatOut2, Int1, IntOut1
-from mlsanm_cli.kernels.copies import copy_to
+from mlsanm_cli.kernels.dense import copy_to
 
 EMPTY = -1
 DONE, PAUSED, FULL_POINTS, FULL_TABLE = 0, 1, 2, 3
@@ -56,8 +56,7 @@ def _spacing(far: float, zones: FloatArray, x: float, y: float) -> float:
 
 @kernel
 def spacing_at(far: float, zones: Float2, points: Float2) -> Float1:
-    """Spacing (n,) at ``points`` (n, 2); rows of ``zones`` (z, 9) as in :func:`_distance`,
-    :func:`_spacing`."""
+    """Spacing (n,) at ``points`` (n, 2); rows of ``zones`` (z, 9) as in :func:`_spacing`."""
     h = np.empty(points.shape[0])
     for i in range(points.shape[0]):
         h[i] = _spacing(far, zones, points[i, 0], points[i, 1])

@@ -24,7 +24,6 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.kernels.aot.jit import inner, kernel
 from mlsanm_cli.kernels.aot.signature import Float3, FloatOut1, Index1, IndexOut1, Int1
 from mlsanm_cli.kernels.blas import dgetrf, dpotrf, dsyrk
-from mlsanm_cli.kernels.copies import copy_to
 from mlsanm_cli.kernels.dense import (
     LEFT,
     LOWER,
@@ -33,6 +32,7 @@ from mlsanm_cli.kernels.dense import (
     TRANSPOSED,
     UNIT,
     UPPER,
+    copy_to,
     letters,
     multiply,
     solve_triangle,
@@ -215,8 +215,7 @@ def _subtract_schur(
 
 @inner
 def swap_rows(x: FloatArray, swaps: Any, step: int, columns: int, width: int) -> None:
-    """Exchange the rows of x, entries ``step`` apart, in the order of pivots ``swaps``, in ``columns``
-    entries ``width`` apart."""
+    """Exchange rows of x, ``step`` apart, by pivots ``swaps``, in ``columns`` entries ``width`` apart."""
     for row in range(len(swaps)):
         other = swaps[row] - 1
         if other != row:

@@ -7,7 +7,7 @@ import numpy as np
 
 from mlsanm_cli.kernels.aot.jit import kernel
 from mlsanm_cli.kernels.aot.signature import Float2, FloatOut3, Index1, IndexOut1, Int1, IntOut1
-from mlsanm_cli.kernels.copies import copy_to
+from mlsanm_cli.kernels.dense import copy_to
 
 
 @kernel

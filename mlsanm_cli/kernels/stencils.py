@@ -11,7 +11,7 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.kernels.aot.jit import inner, kernel
 from mlsanm_cli.kernels.aot.signature import Float1, Float2, FloatOut1, FloatOut2, FloatOut3, Int1
-from mlsanm_cli.kernels.copies import copy_to
+from mlsanm_cli.kernels.dense import copy_to
 
 LANES = 32
 """Stencils processed at once."""

@@ -7,7 +7,6 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.kernels.aot.jit import inner, kernel
 from mlsanm_cli.kernels.aot.signature import Float1, Float2, FloatOut1, Index1, Int1
-from mlsanm_cli.kernels.copies import copy_to
 from mlsanm_cli.kernels.dense import (
     LOWER,
     PLAIN,
@@ -16,6 +15,7 @@ from mlsanm_cli.kernels.dense import (
     UNIT,
     UPPER,
     apply,
+    copy_to,
     multiply,
     solve_triangle,
     solve_vector,
@@ -42,8 +42,7 @@ def _forward(panel: FloatArray, diagonal: int, pivots: int, height: int, x: Floa
 
 @inner
 def _backward(panel: FloatArray, general: bool, pivots: int, height: int, x: FloatArray, c: int) -> None:
-    """Solve with the transposed panel, or U of a ``general`` matrix, for the first ``pivots`` rows of ``x``
-    (height, c)."""
+    """Solve with the transposed panel, or U if ``general``, for the first rows of ``x`` (height, c)."""
     edge = height - pivots
     part, plain, turned, sizes, width = LOWER, TRANSPOSED, PLAIN, (edge, pivots), height
     rest = panel[pivots:]

@@ -121,18 +121,26 @@ class PlaneMaterial:
         return self._first * np.outer(direct, direct)
 
     @cached_property
-    def _surface(self) -> FloatArray:
-        return surface_compliance(self.in_plane)
+    def surface_compliance(self) -> FloatArray:
+        """Tensor M (2, 2) of the surface displacement -M f log(r) / pi due to line forces f at distance r.
+
+        It is independent of the orientation of the surface, and 2/E' times the identity for an isotropic
+        material of plane modulus E'. With the characteristic roots p, q and the plane compliance s,
+        M = s_11 [b d; d e], b = Im(p + q), d = Im(p q), e = Im(p q (p + q)*) (Ting, Anisotropic Elasticity,
+        Oxford University Press 1996, ISBN 9780195074475).
+        """
+        sums, product = self.roots.sum(), self.roots.prod()
+        b, d, e = sums.imag, product.imag, (product * np.conj(sums)).imag
+        return np.asarray(np.linalg.inv(self.in_plane)[0, 0] * np.array([[b, d], [d, e]]))
 
     def contact_compliance(self, direction: FloatArray, force: FloatArray | None = None) -> FloatArray:
         """1/E' (m,) of a half-plane's surface along unit vectors ``direction`` (m, 2) due to forces along
-        them, or along ``force`` (m, 2)."""
+        them, or along ``force`` (m, 2): n M n / 2."""
         by = direction if force is None else force
-        return np.asarray(0.5 * np.einsum("mi,ij,mj->m", direction, self._surface, by))
+        return np.asarray(0.5 * np.einsum("mi,ij,mj->m", direction, self.surface_compliance, by))
 
     def out_of_plane_stress(self, stress: FloatArray, temperature: FloatArray | float = 0.0) -> FloatArray:
-        """sigma_zz (n,) for plane ``stress`` (n, 3) and a ``temperature`` change; in bodies of revolution the
-        hoop stress."""
+        """sigma_zz (n,), or the hoop stress, for ``stress`` (n, 3 | 4) and a ``temperature`` change."""
         if self.revolved:
             return stress[:, 3]
         # An unknown (nan) expansion does not matter where nothing is heated.
@@ -215,32 +223,3 @@ def anisotropic(
     across, contraction = (unknown, np.zeros(3)) if confined else (np.zeros(3), unknown)
     free, symmetric = np.append(expansion, 0.0), 0.5 * (stiffness + stiffness.T)
     return PlaneMaterial(symmetric, across, free, np.nan if confined else 0.0, contraction)
-
-
-DIRECTIONS = 720
-"""Points of the trapezoidal rule, which converges exponentially; for E1/E2 = 1000 it has 12 digits."""
-
-
-def surface_compliance(stiffness: FloatArray) -> FloatArray:
-    """Tensor M (2, 2) of the surface displacement -M f log(r) / pi due to line forces f at distance r.
-
-    M is the inverse of the Barnett-Lothe tensor L, with Q, R, T the matrices of the plane ``stiffness`` (3,
-    3) in a rotating frame::
-
-        L = 1/pi int_0^pi (Q - R T^-1 R^T) d theta
-
-    It is independent of the orientation of the surface, and 2/E' times the identity for an isotropic material
-    of plane modulus E' (Ting, Anisotropic Elasticity, Oxford University Press 1996, ISBN 9780195074475).
-    Frictionless contact along the normal n is that of an isotropic half-plane with 1/E' = n M n / 2.
-    """
-    angle = np.pi * np.arange(DIRECTIONS) / DIRECTIONS
-    along = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    # voigt[i, j] is the position of the stress component ij among xx, yy, xy.
-    voigt = np.array([[0, 2], [2, 1]])
-    c = stiffness[voigt[:, :, None, None], voigt[None, None, :, :]]
-    q = np.einsum("ijks,tj,ts->tik", c, along, along)
-    r = np.einsum("ijks,tj,ts->tik", c, along, across)
-    t = np.einsum("ijks,tj,ts->tik", c, across, across)
-    lothe = (q - r @ np.linalg.solve(t, r.transpose(0, 2, 1))).mean(axis=0)
-    return np.asarray(np.linalg.inv(0.5 * (lothe + lothe.T)))

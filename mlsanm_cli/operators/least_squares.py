@@ -7,8 +7,14 @@ so its multiplier z = B u - L b is an additional unknown::
     N u + B^T z = M^T W b           B u - z = L b
 
 which is quasi-definite (Vanderbei 1995, doi:10.1137/0805005) and has a factor without pivoting in any order.
-A few sums of strong rows, forces and moment on the whole body, hold exactly
-(:mod:`mlsanm_cli.operators.conditions`): weights high enough for that would leave no digits for other rows.
+A few sums of strong rows, forces and moment on the whole body, hold exactly, C u = d: weights high enough for
+that would leave no digits for other rows. With multipliers z, N u + C^T z = f (Bjorck 1996,
+doi:10.1137/1.9781611971484, section 5.1)::
+
+    Y = N^-1 C^T (C N^-1 C^T)^-1        u = N^-1 f + Y (d - C N^-1 f)
+
+Strong rows satisfy the conditions nearly, so that this changes the last digits only. Since C Y = 1 to
+round-off however accurate Y is, they hold to round-off.
 
 The factor alone loses half the digits. Residuals of the rows, not of the normal equations, restore them
 (Bjorck 1987, doi:10.1016/0024-3795(87)90101-7), here by conjugate gradients (Bjorck 1996,
@@ -32,11 +38,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.operators.compliance import corrected
-from mlsanm_cli.operators.conditions import Conditions, conditions_of, independent_sums
-from mlsanm_cli.operators.linear.dissection import Fronts
-from mlsanm_cli.operators.linear.factors import factor_definite, mirrored
-from mlsanm_cli.operators.linear.interface import Factor, LinearSolver
+from mlsanm_cli.operators.factors import Factor, Fronts, LinearSolver, factor_definite, mirrored
 from mlsanm_cli.operators.normal import NormalPattern, bordered, normal_equations
 from mlsanm_cli.operators.system import (
     DIRECTIONS,
@@ -46,8 +48,10 @@ from mlsanm_cli.operators.system import (
     TINY,
     LinearSystem,
     Progress,
+    corrected,
 )
 from mlsanm_cli.records import dataclass
+from mlsanm_cli.roundoff import FINE_ROUND_OFF, ROUND_OFF
 
 
 @dataclass(frozen=True)
@@ -67,6 +71,53 @@ class Strong:
         """No strong rows."""
         rows, loads = sparse.csr_array((0, unknowns)), sparse.csr_array((0, sources))
         return cls(rows, loads, np.zeros(0, dtype=np.int64), np.zeros((0, 2)), sparse.csr_array((0, 0)))
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """``rows`` C (s, n), ``lift`` Y (n, s), and ``stiffness`` (s, s), the inverse of C N^-1 C^T."""
+
+    rows: sparse.csr_array
+    lift: FloatArray
+    stiffness: FloatArray
+
+    @classmethod
+    def none(cls, unknowns: int) -> Conditions:
+        """No constraints."""
+        return cls(sparse.csr_array((0, unknowns)), np.zeros((unknowns, 0)), np.zeros((0, 0)))
+
+    def met(self, solution: FloatArray, wanted: FloatArray) -> FloatArray:
+        """The ``solution`` (n, c) of the normal equations, corrected to C u = ``wanted`` (s, c)."""
+        return np.asarray(solution + self.lift @ (wanted - self.rows @ solution))
+
+
+def independent_sums(rows: sparse.csr_array, sums: sparse.csr_array) -> tuple[sparse.csr_array, IntArray]:
+    """Constraints (t, n) that are ``sums`` (s, g) of strong ``rows`` (g, n), without those that cancel, and
+    which sums they are (t,)."""
+    taken = sparse.csr_array(sums @ rows)
+    size = _largest(sparse.csr_array(abs(sums) @ abs(rows)))
+    taken.data[np.abs(taken.data) <= FINE_ROUND_OFF * np.repeat(size, np.diff(taken.indptr))] = 0.0
+    taken.eliminate_zeros()
+    kept = np.flatnonzero(_largest(taken) > ROUND_OFF * size)
+    return sparse.csr_array(taken[kept]), kept
+
+
+def conditions_of(rows: sparse.csr_array, answer: FloatArray) -> Conditions:
+    """Constraints with ``rows`` (s, n) and ``answer`` (n, s), the response of the normal equations to their
+    transpose; rows from the first dependent one on are dropped."""
+    soft = np.asarray(rows @ answer)
+    unit = soft / np.sqrt(np.outer(np.diag(soft), np.diag(soft)))
+    count = len(soft)
+    while count and not np.linalg.eigvalsh(unit[:count, :count])[0] > ROUND_OFF:
+        count -= 1
+    # Not symmetrised, so that constraints hold to round-off for any accuracy of the response.
+    stiffness = np.linalg.inv(soft[:count, :count])
+    return Conditions(sparse.csr_array(rows[:count]), answer[:, :count] @ stiffness, stiffness)
+
+
+def _largest(matrix: sparse.csr_array) -> FloatArray:
+    """Largest modulus in every row (s,)."""
+    return np.asarray(abs(matrix).max(axis=1).toarray()).ravel() if matrix.shape[0] else np.zeros(0)
 
 
 @dataclass(frozen=True)

@@ -1,14 +1,16 @@
-"""The interface for solving a discretised body, whatever its equations, and iterative refinement."""
+"""The interface for solving a discretised body, whatever its equations, and iterative solutions."""
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Callable
+from typing import Protocol, TypeAlias
 
 import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.records import dataclass
+from mlsanm_cli.roundoff import ROUND_OFF
 
 FULL_TOLERANCE = 1e-11
 """Relative tolerance of the predicted next update."""
@@ -32,8 +34,7 @@ class LinearSystem(Protocol):
         """Solutions (n, c) for right-hand sides ``sources`` (r, c), refined to a relative ``tolerance``."""
 
     def correction(self, sources: sparse.csc_array, solutions: FloatArray | None = None) -> FloatArray:
-        """Change (n, c) of ``solutions`` (n, c) for ``sources`` (r, c) by one pass through the factor; from
-        none, the solutions by the factor alone."""
+        """Change (n, c) of ``solutions`` by one pass through the factor; without, the factor's solutions."""
 
     def functionals(
         self, observed: sparse.csr_array, sources: sparse.csc_array, mixture: FloatArray | None = None
@@ -85,3 +86,89 @@ class Progress:
         stalled = (change >= STALL_RATIO * np.maximum(self.before, self.last)) & small_change
         last = np.where(self.done, self.last, change)
         return Progress(self.last, last, self.done | small | stalled, self.tolerance)
+
+
+RANK, CHECK_COLUMNS = 8, 4
+"""Initial numbers of random columns, and of those for the error estimate."""
+NOISE_RATIO = 5.0
+"""Accepted error outside the basis over that inside."""
+
+Apply: TypeAlias = Callable[[FloatArray], FloatArray]
+
+
+def corrected(start: FloatArray, of_columns: Apply, of_rows: Apply) -> FloatArray:
+    """The matrix A (g, c) approximated by ``start``. ``of_columns`` computes A V (g, s) for V (c, s),
+    ``of_rows`` U^T A (s, c) for U (g, s), both accurately.
+
+    An ill-conditioned factor is inaccurate in a few smooth modes, above all motions of the finest part of the
+    cloud. The error matrix of all functionals of all solutions therefore has low rank, and is found from its
+    action on a few random columns (Halko, Martinsson and Tropp 2011, doi:10.1137/090771806).
+    """
+    column = np.linalg.norm(start, axis=0)
+    column[column == 0.0] = 1.0
+    row = np.linalg.norm(start / column, axis=1)[:, None]
+    row[row == 0.0] = 1.0
+    rng = np.random.default_rng(0)
+    rank, tried, found = RANK, np.zeros((start.shape[1], 0)), np.zeros((start.shape[0], 0))
+    while 2 * (rank + CHECK_COLUMNS) < min(start.shape):
+        more = rng.normal(size=(len(tried), rank + CHECK_COLUMNS - tried.shape[1])) / column[:, None]
+        tried, found = np.hstack([tried, more]), np.hstack([found, of_columns(more) / row])
+        basis = np.linalg.qr((found - start @ tried / row)[:, :rank])[0]
+        result = start + row * (basis @ (of_rows(basis / row) - (basis / row).T @ start))
+        left = (found - result @ tried / row)[:, rank:]
+        within = basis.T @ left
+        noise = np.linalg.norm(within)
+        if np.linalg.norm(left - basis @ within) <= max(
+            ROUND_OFF * np.linalg.norm(found[:, rank:]), NOISE_RATIO * noise
+        ):
+            return np.asarray(result)
+        rank *= 2
+    unit = np.eye(start.shape[1])
+    blocks = [
+        of_columns(unit[:, first : first + BLOCK_COLUMNS]) for first in range(0, len(unit), BLOCK_COLUMNS)
+    ]
+    return np.concatenate([start[:, :0], *blocks], axis=1)
+
+
+BASIS = 300
+"""Largest number of vectors kept; no restarts, which stall."""
+
+
+def gmres(product: Apply, rhs: FloatArray, tolerance: float) -> tuple[FloatArray, int]:
+    """An approximate solution (n,) for ``rhs`` (n,) whose residual is ``tolerance`` times as large, or the
+    best in BASIS vectors; and the number of products (Saad and Schultz 1986, doi:10.1137/0907058)."""
+    size = float(np.linalg.norm(rhs))
+    if size == 0.0:
+        return np.zeros_like(rhs), 0
+    vectors, count = [rhs / size], min(BASIS, len(rhs))
+    matrix = np.zeros((count + 1, count))
+    rotations = np.zeros((count, 2))
+    left = np.zeros(count + 1)
+    left[0] = size
+    for k in range(count):
+        new = product(vectors[k])
+        # Twice, against loss of orthogonality.
+        for _ in (0, 1):
+            for row, vector in enumerate(vectors):
+                share = float(vector @ new)
+                matrix[row, k] += share
+                new = new - share * vector
+        length = float(np.linalg.norm(new))
+        matrix[k + 1, k] = length
+        column = matrix[:, k]
+        for row in range(k):
+            c, s = rotations[row]
+            column[row], column[row + 1] = (
+                c * column[row] + s * column[row + 1],
+                c * column[row + 1] - s * column[row],
+            )
+        radius = float(np.hypot(column[k], length))
+        rotations[k] = c, s = column[k] / radius, length / radius
+        column[k], column[k + 1] = radius, 0.0
+        left[k], left[k + 1] = c * left[k], -s * left[k]
+        if abs(left[k + 1]) <= tolerance * size or length <= np.finfo(float).eps * radius:
+            break
+        vectors.append(new / length)
+    used = k + 1
+    shares = np.linalg.solve(np.triu(matrix[:used, :used]), left[:used])
+    return np.asarray(np.stack(vectors[:used], axis=1) @ shares), used

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import field, replace
+from typing import Any
 
 import numpy as np
 
@@ -14,18 +15,15 @@ from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.laws.von_mises import VonMises, plastic_stress
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.records import dataclass
-from mlsanm_cli.solve.state import State
+from mlsanm_cli.solve.state import Checkpoint, PathStep, State
 
 
 @dataclass(frozen=True)
 class CondensedScene:
-    """Condensed scene with all that its load path needs.
-
-    ``stages`` (T + 1, L) are the load factors before the first stage and at the end of each; ``ends`` the
-    exact contact states there, with friction from one increment per stage, as far as loads can be carried;
-    the last one may be that of a part of a stage. ``stability`` is the coercivity estimate, ``laws`` are
-    those of bodies that flow.
-    """
+    """Condensed scene with all that its load path needs: load factors ``stages`` (T + 1, L) before the first
+    stage and at the end of each, and the exact contact states at these ``ends``, with friction from one
+    increment per stage, as far as loads can be carried; the last one may be that of a part of a stage.
+    ``stability`` is the coercivity estimate, ``laws`` are those of bodies that flow."""
 
     case: Case
     scene: Scene
@@ -51,6 +49,11 @@ class CondensedScene:
     def stops(self) -> list[float]:
         """The start, the ends of the stages and the positions with fields, in order."""
         return sorted({*map(float, range(len(self.case.stage) + 1)), *self.outputs})
+
+    def step(self, state: State, **more: Any) -> PathStep:
+        """The step that ends at a ``state``."""
+        saved = (state,) if state.position in self.outputs else ()
+        return PathStep(state, saved, **({"checkpoint": Checkpoint(state)} | more))
 
     @property
     def stays_open(self) -> bool:

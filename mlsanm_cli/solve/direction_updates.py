@@ -23,15 +23,14 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.membership import cross
-from mlsanm_cli.contact.complementarity.basis import SingularError
+from mlsanm_cli.contact.complementarity.basis import Basis, SingularError
 from mlsanm_cli.contact.complementarity.problem import ContactStatus
-from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
-from mlsanm_cli.contact.laws.contact_state import ContactState, Linearised
+from mlsanm_cli.contact.laws.contact_state import ContactState, response
 from mlsanm_cli.contact.laws.failures import UnbalancedError
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.near_field import as_real
 from mlsanm_cli.mechanics.rigid import ROTATION
-from mlsanm_cli.mechanics.scene import RigidConstraint, Scene
+from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 from mlsanm_cli.solve.state import INSTABILITY_RATIO
@@ -46,27 +45,31 @@ SIDE_WIDTHS = 1.0
 
 def turns(scene: Scene, condensed: Condensed, state: ContactState) -> dict[str, float]:
     """Rotation (radian, counter-clockwise) of the directions of contacts that touch in one patch, by name."""
-    found: dict[str, float] = {}
-    solved: dict[str, FloatArray] = {}
-    unknowns = state.unknowns
+    angles, solved = dict[str, float](), dict[str, FloatArray]()
     for pairing in condensed.on_grids:
-        span, grid = condensed.spans[pairing.name], pairing.grid
-        closed = np.flatnonzero(state.closed[span])
-        if not len(closed) or closed[-1] - closed[0] >= len(closed):
-            continue
-        place, share = grid.hats.place, grid.hats.weight * state.pressure[span]
-        if not share.sum() > 0.0:
+        grid, pressure = pairing.grid, state.pressure[condensed.spans[pairing.name]]
+        closed = np.flatnonzero(state.closed[condensed.spans[pairing.name]])
+        place, share = grid.hats.place, grid.hats.weight * pressure
+        if not len(closed) or closed[-1] - closed[0] >= len(closed) or not share.sum() > 0.0:
             continue
         if grid.untracted[closed].any():
-            found[pairing.name] = 0.0
+            angles[pairing.name] = 0.0
             continue
-        middle = float(share @ place / share.sum())
-        drawn, bends = _seen(grid, middle, place[closed], share[closed])
+        # The curvatures of the base and the other surface, and the initial angle from the normal of the
+        # other one to that of the base, on average over the force: at the tip of a wedge it is that of one
+        # side.
+        middle, base = float(share @ place / share.sum()), grid.facing.slave_first
+        offset, bends, normals = CURVATURE_RANGE * (grid.last - grid.first), [], []
+        for side in (base, not base):
+            (one, other), (first, last) = grid.facing.side(np.array([middle - offset, middle + offset]), side)
+            bends.append(float(abs(np.angle(last / first)) / abs(other - one)))
+            normals.append(grid.facing.side(place[closed], side)[1])
+        drawn = float(share[closed] @ np.angle(normals[0] / -normals[1]) / share[closed].sum())
         straight = bends[1] <= COARSE_ROUND_OFF * bends[0]
         if straight and (grid.facing.other is None or not bends[0]):
-            found[pairing.name] = 0.0
+            angles[pairing.name] = 0.0
             continue
-        base = grid.facing.slave_first
+        angles[pairing.name] = drawn
         body = pairing.slave_body if base else pairing.master_body
         moves = any(
             one in constraint.bodies for constraint, _ in scene.unknown_motions for one in pairing.bodies
@@ -74,20 +77,18 @@ def turns(scene: Scene, condensed: Condensed, state: ContactState) -> dict[str, 
         # Obstacles do not rotate. If both surfaces are curved and one may slide, their bending would move it
         # further in every update.
         if body is None or (min(bends) > COARSE_ROUND_OFF * max(bends) and moves):
-            found[pairing.name] = drawn
             continue
-        if body not in solved:
-            rest = condensed.solution(scene, body, unknowns)[0][:, 0]
-            solved[body] = rest + scene.floating_patterns(body) @ state.motion
         aside = SIDE_WIDTHS * float(place[closed[-1]] - place[closed[0]] + grid.hats.weight[closed].max())
         ends = np.clip([middle - aside, middle + aside], grid.first, grid.last)
         points = as_real(grid.facing.side(ends, base)[0])
+        # All around a closed surface there is no chord, and no side to turn to.
         if np.hypot(*(points[1] - points[0])) <= COARSE_ROUND_OFF * (ends[1] - ends[0]):
-            # All around a closed surface there is no chord, and no side to turn to.
-            found[pairing.name] = drawn
             continue
+        if body not in solved:
+            rest = condensed.solution(scene, body, state.unknowns)[0][:, 0]
+            solved[body] = rest + scene.floating_patterns(body) @ state.motion
         # The chord between both points rotates; a pressure in its middle does not rotate it.
-        moved = condensed.contact_fields(scene, body, unknowns, points)[0]
+        moved = condensed.contact_fields(scene, body, state.unknowns, points)[0]
         chord = points[1] - points[0]
         across = np.array([-chord[1], chord[0]])
         rows = scene.bodies[body].model.values_along(points, np.tile(across, (2, 1)))
@@ -97,24 +98,8 @@ def turns(scene: Scene, condensed: Condensed, state: ContactState) -> dict[str, 
             for (constraint, one), value in zip(scene.unknown_motions, state.motion, strict=True)
             if one.component == ROTATION and body in constraint.bodies and bends[0] > bends[1]
         )
-        found[pairing.name] = drawn + float((along[1] - along[0]) / (chord @ chord)) - rolled
-    return found
-
-
-def _seen(
-    grid: ContactGrid, middle: float, pressed: FloatArray, share: FloatArray
-) -> tuple[float, list[float]]:
-    """Initial angle from the normal of the other surface to that of the base, on average over the places
-    ``pressed`` (e,) of a patch that carry a ``share`` (e,) of its force, and the curvatures of the base and
-    the other surface at its ``middle``. At the tip of a wedge the angle itself is that of one side."""
-    offset, base = CURVATURE_RANGE * (grid.last - grid.first), grid.facing.slave_first
-    ends = np.array([middle - offset, middle + offset])
-    bends, normals = [], []
-    for side in (base, not base):
-        (one, other), (first, last) = grid.facing.side(ends, side)
-        bends.append(float(abs(np.angle(last / first)) / abs(other - one)))
-        normals.append(grid.facing.side(pressed, side)[1])
-    return float(share @ np.angle(normals[0] / -normals[1]) / share.sum()), bends
+        angles[pairing.name] += float((along[1] - along[0]) / (chord @ chord)) - rolled
+    return angles
 
 
 def unturned(
@@ -133,23 +118,25 @@ def unturned(
     work, along, sizes, pressed = np.zeros(len(held)), list[FloatArray](), dict[str, float](), 0.0
     for pairing in condensed.on_grids:
         span = condensed.spans[pairing.name]
-        size = float(condensed.weight[span] @ state.pressure[span])
+        pressure, share = state.pressure[span], condensed.weight[span] * state.pressure[span]
+        size = float(share.sum())
         if size <= 0.0:  # round-off where it is open
             continue
-        force = pairing.grid.resultants(True, (0.0, 0.0))[0] @ state.pressure[span]
-        middle = condensed.weight[span] * state.pressure[span] @ pairing.grid.hats.place / size
+        force, middle = (
+            pairing.grid.resultants(True, (0.0, 0.0))[0] @ pressure,
+            share @ pairing.grid.hats.place / size,
+        )
         places = pairing.grid.facing.side(np.array([middle]), True)[0][0]
         more, before = turned.get(pairing.name, 0.0) - pairing.grid.facing.turn, complex(force[0], force[1])
         # The force rotates about the middle of its patch.
         push = before * np.exp(1j * more)
         moment = force[2] + (np.conj(places) * (push - before)).imag
         quarter = 1j * push
-        own = np.zeros(len(held))
-        for number, motion in enumerate(held):
-            ways = [motion.get(str(body), np.zeros(3)) for body in (pairing.slave_body, pairing.master_body)]
-            way = ways[0] - ways[1]
-            work[number] += way @ np.array([push.real, push.imag, moment])
-            own[number] = way @ np.array([quarter.real, quarter.imag, (np.conj(places) * quarter).imag])
+        bodies = [str(body) for body in (pairing.slave_body, pairing.master_body)]
+        ways = [[motion.get(body, np.zeros(3)) for body in bodies] for motion in held]
+        relative = np.array([slave - master for slave, master in ways])
+        work += relative @ np.array([push.real, push.imag, moment])
+        own = relative @ np.array([quarter.real, quarter.imag, (np.conj(places) * quarter).imag])
         if np.abs(own).max(initial=0.0) > CURVATURE_RANGE * size * reach:
             along.append(own / np.sqrt(size))
             sizes[pairing.name] = size
@@ -210,37 +197,37 @@ def turned_by_loads(
     """The body rotated by loads with the largest omitted moment, in a state of motions (k,), pressures (m,)
     and tractions (n,) with its ``sets``; None if there is none."""
     motion, pressure, traction = unknowns
-    turning: list[tuple[int, RigidConstraint, list[tuple[FloatArray, FloatArray]]]] = []
+    turning, moments = list[int](), list[float]()
     for number, (constraint, one) in enumerate(scene.unknown_motions):
         angle = abs(float(motion[number]))
-        if one.component == ROTATION and constraint.bodies and angle > MIN_ROTATION:
-            forces = _forces(condensed, constraint.bodies, pressure, traction)
-            for points, force in forces:
-                # Whether the contact moves along the surface as its body rotates.
-                pressed = np.hypot(*force.T)
-                width = np.hypot(*np.ptp(points[pressed > 0.0], axis=0))
-                arm = np.hypot(*(np.average(points, axis=0, weights=pressed) - constraint.center))
-                if angle * arm > MIN_SHIFT * width:
-                    turning.append((number, constraint, forces))
-                    break
+        if one.component != ROTATION or not constraint.bodies or angle <= MIN_ROTATION:
+            continue
+        forces, center = _forces(condensed, constraint.bodies, pressure, traction), constraint.center
+        for points, force in forces:
+            # Whether the contact moves along the surface as its body rotates.
+            pressed = np.hypot(*force.T)
+            width = np.hypot(*np.ptp(points[pressed > 0.0], axis=0))
+            if angle * np.hypot(*(np.average(points, axis=0, weights=pressed) - center)) > MIN_SHIFT * width:
+                turning.append(number)
+                moments.append(sum(float(((at - center) * push).sum()) for at, push in forces))
+                break
     if not turning:
         return None
     try:
-        system = Linearised(condensed, sets)
+        basis = Basis.near(condensed.problem, sets)
     except SingularError:
         return None
-    if system.holds:
+    if basis.held.size:
         return None
-    numbers, (gap, slip) = [number for number, *_ in turning], map(np.zeros_like, (pressure, traction))
-    rotations = np.zeros((len(numbers), len(numbers)))
-    for column, (number, constraint, forces) in enumerate(turning):
-        moment = np.zeros(len(motion))
-        moment[number] = sum(float(((at - constraint.center) * force).sum()) for at, force in forces)
-        rotations[:, column] = system.response(gap, slip, moment).motion[numbers]
-    shares, ways = np.linalg.eig(rotations)
+    gap, slip, rotations = np.zeros_like(pressure), np.zeros_like(traction), list[FloatArray]()
+    for number, moment in zip(turning, moments, strict=True):
+        change = response(basis, gap, slip, moment * (np.arange(len(motion)) == number))
+        rotations.append(change.motion[turning])
+    shares, ways = np.linalg.eig(np.stack(rotations, axis=1))
     worst = int(np.argmax(shares.real))
-    number, constraint, _ = turning[int(np.argmax(np.abs(ways[:, worst])))]
-    return Turned(constraint.bodies, abs(float(motion[number])), float(shares.real[worst]))
+    number = turning[int(np.argmax(np.abs(ways[:, worst])))]
+    bodies = scene.unknown_motions[number][0].bodies
+    return Turned(bodies, abs(float(motion[number])), float(shares.real[worst]))
 
 
 def moment_error(

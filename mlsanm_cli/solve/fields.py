@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sparse
@@ -13,8 +13,7 @@ from mlsanm_cli.contact.complementarity.problem import STICK
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.io.columns import Quantities
 from mlsanm_cli.mechanics.elasticity import von_mises
-from mlsanm_cli.mechanics.laws.von_mises import ZZ, VonMises, plastic_stress
-from mlsanm_cli.mechanics.material import PlaneMaterial
+from mlsanm_cli.mechanics.laws.von_mises import ZZ, plastic_stress
 from mlsanm_cli.mechanics.rigid import ROTATION
 from mlsanm_cli.mechanics.scene import RigidConstraint, RigidMotion
 from mlsanm_cli.operators.system import residual_of
@@ -38,50 +37,37 @@ def fields_of(
         for number, state in enumerate(some):
             fields = dict[str, Fields]()
             for name, (displacements, _) in bodies.items():
-                rest, model = displacements[number], built.scene.bodies[name].model
+                rest = displacements[number]
                 moved, near = built.condensed.contact_fields(built.scene, name, state.unknowns)
-                sigma, degrees = np.zeros((0, near.shape[1])), np.zeros(0)
-                if stress:
-                    degrees = built.scene.degrees(name, state.factors)
-                    sigma = model.stress(rest) + near
-                    sigma = sigma - degrees[:, None] * model.material.stress_of_expansion
-                flow = flow_of(built, name, state)
-                named = named_fields(model.material, rest + moved, sigma, degrees, flow)
-                fields[name] = {**named, "rest": rest, "near": near if stress else sigma}
+                sigma = built.scene.bodies[name].model.stress(rest) + near if stress else near[:0]
+                named = named_fields(built, name, state, rest + moved, sigma)
+                fields[name] = {**named, "rest": rest, "near": near[: len(sigma)]}
             # Unlike the built-in max, np.max propagates nan.
             found.append((fields, float(np.max([worth[number] for _, worth in bodies.values()]))))
     return found
 
 
-FlowState: TypeAlias = tuple[VonMises, FloatArray]
-"""A law with histories (n, 5) of points."""
-
-
-def flow_of(
-    built: CondensedScene, body: str, state: State, at: sparse.csr_array | None = None
-) -> FlowState | None:
-    """The law and the histories of a body that flows, at its nodes or by values of a nodal field ``at``
-    points; None of an elastic one."""
-    if body not in built.laws:
-        return None
-    history = state.history(body)
-    return built.laws[body], history if at is None else at @ history
-
-
 def named_fields(
-    material: PlaneMaterial,
+    built: CondensedScene,
+    body: str,
+    state: State,
     displacement: FloatArray,
     stress: FloatArray,
-    degrees: FloatArray,
-    flow: FlowState | None = None,
+    points: FloatArray | None = None,
+    values: sparse.csr_array | None = None,
 ) -> dict[str, FloatArray]:
-    """Fields at n points from displacement (n, 2), stress (n, 3 | 4) and temperature (n,), or no stress. The
-    stress of bodies that flow is that of their whole strain."""
-    across, strain = material.out_of_plane_stress(stress, degrees), material.strain(stress, degrees)
+    """Fields of a body from displacement (n, 2) and the stress (n, 3 | 4) of the whole strain, or no stress,
+    at its nodes, or at ``points`` (n, 2) where ``values`` (n, N) of nodal fields give others."""
+    material, degrees = built.scene.bodies[body].model.material, np.zeros(0)
     # Of elastic bodies in scenes with a yield stress.
     amount = limit = ratio = np.zeros(len(stress))
-    if flow is not None and len(stress):
-        law, history = flow
+    if len(stress):
+        degrees = built.scene.degrees(body, state.factors, points)
+        stress = stress - degrees[:, None] * material.stress_of_expansion
+    across, strain = material.out_of_plane_stress(stress, degrees), material.strain(stress, degrees)
+    if body in built.laws and len(stress):
+        law, history = built.laws[body], state.history(body)
+        history = history if values is None else values @ history
         stress = stress - plastic_stress(material, history)
         across = material.out_of_plane_stress(stress, degrees) - material.across_modulus * history[:, ZZ]
         amount = np.maximum(history[:, 4], 0.0)
@@ -106,8 +92,7 @@ def _displacements(
     refinement."""
     condensed = built.condensed
     if not len(states[0].displacement):
-        unknowns = [state.unknowns for state in states]
-        return condensed.checked_displacements(built.scene, name, unknowns)
+        return condensed.checked_displacements(built.scene, name, [state.unknowns for state in states])
     solution = np.stack([state.displacement[built.scene.places[name]] for state in states], axis=1)
     sources = sparse.hstack([condensed.source(name, *state.unknowns) for state in states], format="csc")
     residual = residual_of(built.scene.bodies[name].system, sparse.csc_array(sources), solution)
@@ -150,8 +135,8 @@ def cone_ratio(built: CondensedScene, contact: str, state: State) -> float:
     span, own = built.condensed.spans[contact], built.condensed.tangential[contact]
     pressure = state.pressure[span]
     pressed = state.closed[span] & (pressure > ROUND_OFF * pressure.max(initial=0.0))
-    limit = built.condensed.friction[own][pressed] * pressure[pressed]
-    return float((np.abs(state.traction[own][pressed]) / limit).max(initial=0.0))
+    ratio = np.abs(state.traction[own][pressed]) / (built.condensed.friction[own] * pressure)[pressed]
+    return float(ratio.max(initial=0.0))
 
 
 def slave_arc(pairing: Pairing) -> FloatArray:

@@ -67,7 +67,7 @@ def linear_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[Pat
         factors = factors_at(built.stages, position)
         motion = np.linalg.solve(condensed.balance.motion, -condensed.balance.load @ factors)
         state = State(position, factors, motion=np.asarray(motion, dtype=np.float64))
-        yield replace(_plain(built, state), solves=0 if position else condensed.solves)
+        yield built.step(state, solves=0 if position else condensed.solves)
 
 
 def exact_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[PathStep]:
@@ -89,7 +89,7 @@ def exact_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[Path
         else:
             motion = np.zeros(len(condensed.balance.constant))
             status = np.where(gap <= 0.0, SLIP, OPEN).astype(np.int8)
-            step = _plain(built, State(0.0, factors, np.zeros(len(gap)), gap, motion, status))
+            step = built.step(State(0.0, factors, np.zeros(len(gap)), gap, motion, status))
         yield step
     passed, closed = (0.0, None) if start is None else (start.position, start.state.closed)
     for position in sorted(one for one in wanted if one > passed):
@@ -148,11 +148,6 @@ def _least(built: CondensedScene, position: float) -> float:
 def _step(built: CondensedScene, contacts: ContactState, position: float, systems: int = 0) -> PathStep:
     """Step that ends at a state after so many ``systems``."""
     worst = residual(built.condensed, contacts, _least(built, position))
-    step = _plain(built, State.of(contacts, built.condensed.friction_nodes, position, worst))
+    state = State.of(contacts, built.condensed.friction_nodes, position, worst)
     solves = (4 if len(contacts.traction) else 2) * systems
-    return replace(step, iterations=systems, factorizations=systems, solves=solves)
-
-
-def _plain(built: CondensedScene, state: State) -> PathStep:
-    saved = (state,) if state.position in built.outputs else ()
-    return PathStep(state, saved, checkpoint=Checkpoint(state))
+    return built.step(state, iterations=systems, factorizations=systems, solves=solves)

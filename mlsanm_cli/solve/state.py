@@ -39,13 +39,10 @@ def _none() -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """State of the path, at small or at finite strain.
-
-    Load factors (L,) and residual; at the contact nodes pressures and gaps (m,) and the status OPEN, STICK or
-    SLIP (m,); on contacts with friction tractions, slips and dissipated work per length of surface (n,), at
-    finite strain on all nodes; unknown rigid motions (k,). ``displacement`` (2N,) of all bodies if they are
-    unknowns of the path, else empty. ``solver`` are further arrays of the solution method by name.
-    """
+    """State of the path: load factors (L,) and residual; at the contact nodes pressures and gaps (m,) and the
+    status OPEN, STICK or SLIP (m,); on contacts with friction tractions, slips and dissipated work per length
+    of surface (n,), at finite strain on all nodes; unknown rigid motions (k,). ``displacement`` (2N,) of all
+    bodies if they are unknowns of the path. ``solver`` are further arrays of the solution method by name."""
 
     position: float
     factors: FloatArray
@@ -112,13 +109,11 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Checkpoint:
-    """State from which a path is continued, to the same states within the solver's tolerance.
-
-    ``heading`` (size + 1,) is the direction of the last step of power series and Newton's method in unknowns
-    and load parameter, and ``pace`` its length, or that of the next increment. ``steps`` counts rows.
-    ``armed`` (k,) are the stops that have been off their limits; the one numbered ``ended_by`` has ended the
-    path. ``history`` are further arrays by name: of friction, or the equations of the bodies.
-    """
+    """State from which a path is continued, to the same states within the solver's tolerance. ``heading``
+    (size + 1,) is the direction of the last step of power series and Newton's method in unknowns and load
+    parameter, and ``pace`` its length, or that of the next increment. ``steps`` counts rows. ``armed`` (k,)
+    are the stops that have been off their limits; the one numbered ``ended_by`` has ended the path.
+    ``history`` are further arrays by name."""
 
     state: State
     history: Mapping[str, Any] = field(default_factory=dict)
@@ -157,15 +152,15 @@ class Bifurcation:
 @dataclass(frozen=True)
 class PathStep:
     """A finished step: the state at its end, the requested states within it (including its end), its counts,
-    and the checkpoint at its end.
+    and the checkpoint at its end. ``series`` holds the arrays from which any state of the step can be
+    evaluated (ANM only), ``order`` that of the series or 0; ``iterations`` are updates of the nonlinear
+    solution; ``warning`` is for the user. ``limit_points`` of the load factor are positions, and whether
+    these are maxima.
 
-    ``series`` holds the arrays from which any state of the step can be evaluated (ANM only), ``order`` that
-    of the series or 0; ``iterations`` are updates of the nonlinear solution; ``warning`` is for the user.
-    ``limit_points`` of the load factor are positions, and whether these are maxima. At finite strain:
-    ``bifurcations``; whether the equations were ``renewed`` at its end; the work ``kept`` of contact
-    tractions on the displacements that would remove the residuals which equations keep; intermediate states
-    ``way`` of a power series; ``missed`` computes what fits of the next degree would change.
-    """
+    At finite strain: ``bifurcations``; whether the equations were ``renewed`` at its end; the work ``kept``
+    of contact tractions on the displacements that would remove the residuals which equations keep;
+    intermediate states ``way`` of a power series; ``missed`` computes what fits of the next degree would
+    change."""
 
     state: State
     saved: tuple[State, ...] = ()

@@ -14,7 +14,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.grid import MAX_RATIO, Hats, on_panels
 from mlsanm_cli.contact.geometry.hat_pairs import HatPairs
 from mlsanm_cli.contact.geometry.profile import THRESHOLD, half_width
-from mlsanm_cli.solve.grid_ranges import spaced_apart
+from mlsanm_cli.solve.grid_fitting import spaced_apart
 
 LOG, NONE = np.eye(2), np.zeros((2, 2))
 GRADED = Hats(

@@ -7,14 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.mechanics.elasticity import von_mises
 from mlsanm_cli.mechanics.material import (
     LOCKING_RATIO,
     anisotropic,
     isotropic,
     orthotropic,
-    surface_compliance,
 )
 
 
@@ -88,25 +86,3 @@ def test_a_plane_stiffness_does_not_tell_the_stress_across() -> None:
     stress = np.array([[1.0, 2.0, 3.0]])
     assert np.isnan(anisotropic(np.eye(3), "strain").out_of_plane_stress(stress)).all()
     assert (anisotropic(np.eye(3), "stress").out_of_plane_stress(stress) == 0.0).all()
-
-
-def by_roots(stiffness: FloatArray) -> FloatArray:
-    """The surface compliance in x and y from Lekhnitskii's two roots in the upper half-plane.
-
-    With S the plane compliance, S_xx mu^4 - 2 S_xs mu^3 + (2 S_xy + S_ss) mu^2 - 2 S_ys mu + S_yy = 0.
-    """
-    s = np.linalg.inv(stiffness)
-    roots = np.roots([s[0, 0], -2 * s[0, 2], 2 * s[0, 1] + s[2, 2], -2 * s[1, 2], s[1, 1]])
-    one, two = roots[roots.imag > 0.0]
-    total, product = one + two, one * two
-    off, last = product.imag, total.real * product.imag - total.imag * product.real
-    result: FloatArray = s[0, 0] * np.array([[total.imag, off], [off, last]])
-    return result
-
-
-@given(entries=st.lists(st.floats(-1.0, 1.0), min_size=9, max_size=9))
-def test_any_material_against_its_roots(entries: list[float]) -> None:
-    matrix = np.array(entries).reshape(3, 3)
-    stiffness = matrix @ matrix.T + 0.1 * np.eye(3)
-    expected = by_roots(stiffness)
-    assert surface_compliance(stiffness) == pytest.approx(expected, abs=1e-6 * np.abs(expected).max())

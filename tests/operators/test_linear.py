@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.operators.conditions import independent_sums
-from mlsanm_cli.operators.least_squares import LeastSquares, Strong, factorise
+from mlsanm_cli.operators.least_squares import LeastSquares, Strong, factorise, independent_sums
 from mlsanm_cli.operators.system import residual_of
 
 

@@ -13,27 +13,9 @@ import numpy as np
 from mlsanm_cli.app.checks.check import Check, Verdicts, all_of
 from mlsanm_cli.app.checks.limits import level, summary_limits
 from mlsanm_cli.app.checks.quality import announce
-from mlsanm_cli.app.finite.accuracy import (
-    energy_errors,
-    energy_estimate,
-    missing_figures,
-    missing_works,
-    work_error,
-)
+from mlsanm_cli.app.finite import accuracy, fields
 from mlsanm_cli.app.finite.checks import END, STATE, FiniteEnd
 from mlsanm_cli.app.finite.contact_path import contact_path
-from mlsanm_cli.app.finite.fields import (
-    CONTACT_PREFIX,
-    SceneForces,
-    contact_values,
-    extremes,
-    fields_of,
-    figures_of_contacts,
-    plates_turned,
-    quantities,
-    resultants,
-    stretch_along,
-)
 from mlsanm_cli.app.finite.grids import knots_of, located, with_knots
 from mlsanm_cli.app.finite.path import finite_path
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
@@ -52,14 +34,14 @@ from mlsanm_cli.solve.state import Bifurcation, Checkpoint, PathStep, State
 
 def contact_lines(scene: FiniteScene, state: State) -> dict[str, VtuPart]:
     """Slave sides of all contacts in a state with their pressures; stresses act on the slave of the case."""
-    records, lines = contact_values(scene, state), {}
+    records, lines = fields.contact_values(scene, state), {}
     for contact, _, there in scene.contacts.each:
         record, side = records[contact.name], contact.slave
         moved = state.solver["surface"][there][: 2 * side.count].reshape(-1, 2)
         turn, _ = side.turned(moved)
         sign = -1.0 if contact.exchanged else 1.0
         normal = -sign * as_real(as_complex(side.outward) * turn)
-        stretch = stretch_along(side, moved.ravel())
+        stretch = fields.stretch_along(side, moved.ravel())
         stress = sign * state.side_traction[there].reshape(-1, 2)[: side.count] / stretch[:, None]
         numbers = np.arange(side.count, dtype=np.int64)
         edges = np.stack([numbers, np.roll(numbers, -1)], axis=1)[: None if side.around is not None else -1]
@@ -70,18 +52,6 @@ def contact_lines(scene: FiniteScene, state: State) -> dict[str, VtuPart]:
             normal=normal,
             contact_stress=stress,
         )
-    return lines
-
-
-def obstacle_lines(scene: FiniteScene, state: State) -> dict[str, VtuPart]:
-    points = np.concatenate([body.elastic.model.cloud.points for body in scene.bodies.values()])
-    drawn, lines = obstacles(scene.case, points), {}
-    for contact in scene.contacts.pairs:
-        if isinstance(contact, RigidContact):
-            places, edges = drawn[contact.name]
-            turned = (places - contact.pivot) @ contact.turn(state.driven).T
-            moved = contact.pivot + contact.motion @ state.driven + turned - places
-            lines[contact.name] = VtuPart(places, edges, {"displacement": moved})
     return lines
 
 
@@ -116,8 +86,8 @@ class FiniteStrain(Analysis[FiniteScene]):
         return state.displacement.reshape(-1, 2)
 
     def forces(self, state: State) -> Mapping[str, FloatArray]:
-        forces = resultants(self.built, SceneForces(self.built, state))
-        return forces | {name.removeprefix(CONTACT_PREFIX): force for name, force in forces.items()}
+        forces = fields.resultants(self.built, fields.SceneForces(self.built, state))
+        return forces | {name.removeprefix(fields.CONTACT_PREFIX): force for name, force in forces.items()}
 
     def checks(self, state: State) -> Iterator[Check]:
         return all_of(STATE, self.built, state)
@@ -140,7 +110,7 @@ class FiniteStrain(Analysis[FiniteScene]):
         return contacts
 
     def quantities(self, state: State) -> Quantities:
-        return quantities(self.built, state)
+        return fields.quantities(self.built, state)
 
     def row_states(self, step: PathStep) -> Sequence[State]:
         return (*(state for state in step.saved if state is not step.state), step.state)
@@ -152,14 +122,21 @@ class FiniteStrain(Analysis[FiniteScene]):
 
     def fields(self, states: Sequence[State]) -> Iterator[tuple[BodyFields, Mapping[str, float]]]:
         for state in states:
-            yield fields_of(self.built, state), {}
+            yield fields.fields_of(self.built, state), {}
 
     def lines(self, state: State, fields: BodyFields) -> tuple[Mapping[str, VtuPart], Mapping[str, VtuPart]]:
-        return contact_lines(self.built, state), obstacle_lines(self.built, state)
+        drawn, lines = obstacles(self.case, self.points), {}
+        for contact in self.built.contacts.pairs:
+            if isinstance(contact, RigidContact):
+                places, edges = drawn[contact.name]
+                turned = (places - contact.pivot) @ contact.turn(state.driven).T
+                moved = contact.pivot + contact.motion @ state.driven + turned - places
+                lines[contact.name] = VtuPart(places, edges, {"displacement": moved})
+        return contact_lines(self.built, state), lines
 
     def tallied(self, tally: Mapping[str, Any], before: State | None, step: PathStep) -> dict[str, Any]:
         scene, state = self.built, step.state
-        forces, (nodal, energy) = SceneForces(scene, state), energy_errors(scene, state)
+        forces, (nodal, energy) = fields.SceneForces(scene, state), accuracy.energy_errors(scene, state)
         error = sum(float(each.sum()) for each in nodal.values())
         largest = max(tally.get("largest", 0.0), forces.size)
         # Rigid motion leaves round-off in the forces.
@@ -167,7 +144,7 @@ class FiniteStrain(Analysis[FiniteScene]):
         tiny = ROUND_OFF * stiffest * float(np.abs(state.displacement).max())
         missing = dict(tally.get("missing", {}))
         for ends in pairwise((before, *step.way, state)) if before is not None else ():
-            for name, work in missing_works(scene, *ends).items():
+            for name, work in accuracy.missing_works(scene, *ends).items():
                 missing[name] = missing.get(name, 0.0) + work
         stability = float(state.solver.get("stability", np.inf))
         return {
@@ -206,23 +183,23 @@ class FiniteStrain(Analysis[FiniteScene]):
     def diagnosis(self, state: State | None) -> tuple[Sequence[VtuPart], Mapping[str, Any]]:
         if self._built is None or state is None:
             return super().diagnosis(state)
-        parts = vtu_states(self.clouds, fields_of(self.built, state), self.fields_written)
+        parts = vtu_states(self.clouds, fields.fields_of(self.built, state), self.fields_written)
         return list(parts.values()), {}
 
     def figures(self, state: State, tally: Mapping[str, Any]) -> dict[str, Any]:
         scene = self.built
-        turned, stability = plates_turned(scene, state), tally["stability"]
+        turned, stability = fields.plates_turned(scene, state), tally["stability"]
         return {
             "contact_unknowns": len(state.pressure),
-            "contacts": figures_of_contacts(scene, state),
+            "contacts": fields.figures_of_contacts(scene, state),
             **({"plates": turned} if turned else {}),
             "force_balance": tally["balance"],
             **({"stability": stability} if np.isfinite(stability) else {}),
             "error_estimate": self._errors(state, tally),
-            "energy_error": work_error(tally),
+            "energy_error": accuracy.work_error(tally),
             "finite_strain": {
                 "law": ", ".join(dict.fromkeys(body.law.name for body in scene.bodies.values())),
-                **extremes(scene, state),
+                **fields.extremes(scene, state),
                 "equations_renewed": tally["renewed"],
                 "limit_points": [
                     {"position": position, "kind": "maximum" if highest else "minimum"}
@@ -239,8 +216,8 @@ class FiniteStrain(Analysis[FiniteScene]):
         missing: dict[str, Any] = {"displacement": None}
         if self._missed is not None:
             with self.context.phase("estimate"), suppress(NumericalError, np.linalg.LinAlgError):
-                missing = missing_figures(self.built, last, self._missed())
-        errors = {"energy": energy_estimate(tally)} | missing
+                missing = accuracy.missing_figures(self.built, last, self._missed())
+        errors = {"energy": accuracy.energy_estimate(tally)} | missing
         if any(one.friction for one in self.built.contacts.pairs):
             errors["increments"] = float(last.solver["increment_error"])
         self._estimates = last, errors

@@ -11,8 +11,8 @@ from scipy.spatial import cKDTree
 
 from mlsanm_cli.app.checks.check import Check
 from mlsanm_cli.app.checks.references import reference_profile
-from mlsanm_cli.app.output.parts import contact_figures, contact_part, obstacle_shift, obstacles, vtu_states
-from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.app.output.parts import contact_figures, contact_part, obstacle_shift, vtu_states
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import PlaneObstacle
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.revolution import at_axis
@@ -35,36 +35,21 @@ def contact_lines(
     for pairing in built.condensed.pairings:
         record, chosen, body = contact_values(built, pairing, state), pairing.candidate, pairing.slave_body
         points, normal, tangent = pairing.points[chosen], pairing.normal[chosen], pairing.tangent[chosen]
+        # Candidates that are adjacent along the surface.
+        arc, weight = pairing.arc[chosen], pairing.weight[chosen]
+        numbers = np.arange(len(arc), dtype=np.int64)
+        pairs = np.stack([numbers, np.roll(numbers, -1)], axis=1)
+        apart = np.append(np.diff(arc), np.hypot(*(points[:1] - points[-1:]).T))
+        near = apart <= MAX_NEIGHBOR_DISTANCE * 0.5 * (np.roll(weight, -1) + weight)
+        near[-1:] &= pairing.slave.curve.closed and len(arc) > 2
         lines[pairing.name] = contact_part(
-            *(points, _neighbours(pairing), record, pairing.name in built.condensed.tangential),
+            *(points, pairs[near], record, pairing.name in built.condensed.tangential),
             arc_length=slave_arc(pairing),
             displacement=along_boundary(clouds[body], shown[body]["displacement"], points),
             normal=normal,
             contact_stress=record["pressure"][:, None] * normal + record["traction"][:, None] * tangent,
         )
     return lines
-
-
-def obstacle_lines(built: CondensedScene, state: State) -> dict[str, VtuPart]:
-    moved = platen_displacements(built, state)
-    points = np.concatenate([body.model.cloud.points for body in built.scene.bodies.values()])
-    lines = {}
-    for name, (places, edges) in obstacles(built.case, points).items():
-        shift = obstacle_shift(built.case, name, moved)
-        lines[name] = VtuPart(places, edges, {"displacement": np.tile(shift, (len(places), 1))})
-    return lines
-
-
-def _neighbours(pairing: Pairing) -> IntArray:
-    """Pairs (e, 2) of candidates of a contact that are adjacent along the surface."""
-    chosen = pairing.candidate
-    arc, weight, points = pairing.arc[chosen], pairing.weight[chosen], pairing.points[chosen]
-    numbers = np.arange(len(arc), dtype=np.int64)
-    pairs = np.stack([numbers, np.roll(numbers, -1)], axis=1)
-    apart = np.append(np.diff(arc), np.hypot(*(points[:1] - points[-1:]).T))
-    near = apart <= MAX_NEIGHBOR_DISTANCE * 0.5 * (np.roll(weight, -1) + weight)
-    near[-1:] &= pairing.slave.curve.closed and len(arc) > 2
-    return pairs[near]
 
 
 def along_boundary(cloud: Cloud, values: FloatArray, points: FloatArray) -> FloatArray:

@@ -9,13 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.analysis.small_contacts import (
-    contact_lines,
-    contact_summary,
-    obstacle_lines,
-    sliding_distance,
-    worst_state,
-)
+from mlsanm_cli.app.analysis import small_contacts
 from mlsanm_cli.app.checks import end, states
 from mlsanm_cli.app.checks.accuracy import Accuracy, with_friction
 from mlsanm_cli.app.checks.check import Check, Verdicts, all_of
@@ -28,7 +22,7 @@ from mlsanm_cli.app.checks.peaks import boundary_peaks
 from mlsanm_cli.app.checks.quality import MODEL, announce, assess, factor_notes
 from mlsanm_cli.app.checks.refinement import set_up
 from mlsanm_cli.app.output.analysis import Analysis, BodyFields
-from mlsanm_cli.app.output.parts import ContactNodes
+from mlsanm_cli.app.output.parts import ContactNodes, obstacle_shift, obstacles
 from mlsanm_cli.app.output.views import View, finer_views, shown_fields
 from mlsanm_cli.app.scene.assemble import NOTHING
 from mlsanm_cli.app.scene.refinement import Refinement
@@ -44,7 +38,14 @@ from mlsanm_cli.memo import digest
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.solve.coercivity import stability_limit
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.fields import cone_ratio, fields_of, plates_turned, quantities, slave_arc
+from mlsanm_cli.solve.fields import (
+    cone_ratio,
+    fields_of,
+    platen_displacements,
+    plates_turned,
+    quantities,
+    slave_arc,
+)
 from mlsanm_cli.solve.limit_loads import at_limit
 from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import Checkpoint, Fields, PathStep, State
@@ -229,11 +230,16 @@ class SmallStrain(Analysis[CondensedScene]):
     def field_checks(self, state: State, fields: BodyFields) -> Iterator[Check]:
         moved = displacements(fields)
         yield from overlaps(self._at(state), state, self.clouds, moved)
-        yield from sliding_distance(self._at(state), state, self.clouds, moved)
+        yield from small_contacts.sliding_distance(self._at(state), state, self.clouds, moved)
 
     def lines(self, state: State, fields: BodyFields) -> tuple[Mapping[str, VtuPart], Mapping[str, VtuPart]]:
         built = self._at(state)
-        return contact_lines(built, state, self.clouds, fields), obstacle_lines(built, state)
+        moved = platen_displacements(built, state)
+        lines = {
+            name: VtuPart(*part, {"displacement": obstacle_shift(self.case, name, moved) + 0.0 * part[0]})
+            for name, part in obstacles(self.case, self.points).items()
+        }
+        return small_contacts.contact_lines(built, state, self.clouds, fields), lines
 
     def tallied(self, tally: Mapping[str, Any], before: State | None, step: PathStep) -> dict[str, Any]:
         cone = dict(tally.get("cone", {}))
@@ -249,7 +255,7 @@ class SmallStrain(Analysis[CondensedScene]):
     def diagnosis(self, state: State | None) -> tuple[Sequence[VtuPart], Mapping[str, Any]]:
         if self._built is None or state is None:
             return super().diagnosis(state)
-        return worst_state(self._at(state), state, self.nodes)
+        return small_contacts.worst_state(self._at(state), state, self.nodes)
 
     @property
     def notes(self) -> Iterator[str]:
@@ -279,7 +285,7 @@ class SmallStrain(Analysis[CondensedScene]):
         imbalance, lost, cone = force_balance(built, state), force_mismatch(built, state), tally["cone"]
         energies = dict(self._energies.bodies) if self._energies else {}
         contacts = {
-            one.name: contact_summary(built, one, state)
+            one.name: small_contacts.contact_summary(built, one, state)
             | {"max_cone_ratio": cone.get(one.name), "force_mismatch": lost.get(one.name)}
             for one in built.condensed.reported
         }

@@ -19,7 +19,7 @@ from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.solve.condensed_scene import CondensedScene
-from mlsanm_cli.solve.fields import flow_of, named_fields
+from mlsanm_cli.solve.fields import named_fields
 from mlsanm_cli.solve.state import Fields, State
 
 PER_HALF_WIDTH = 12.0
@@ -82,13 +82,10 @@ def shown_fields(
     """The fields at the points where they are written, with stresses if requested."""
     shown = dict(fields)
     for name, view in views.items():
-        points, material = view.cloud.points, view.model.material
+        points = view.cloud.points
         moved, stressed = built.condensed.contact_fields(built.scene, name, state.unknowns, points)
         seen = (view.rows @ fields[name]["rest"].ravel()).reshape(-1, len(points)).T
-        sigma, degrees = np.zeros((0, len(material.stiffness))), np.zeros(0)
-        if stress:
-            degrees = built.scene.degrees(name, state.factors, points)
-            sigma = seen[:, 2:] + stressed - degrees[:, None] * material.stress_of_expansion
-        flow = flow_of(built, name, state, view.values)
-        shown[name] = named_fields(material, seen[:, :2] + moved, sigma, degrees, flow)
+        sigma = seen[:, 2:] + stressed if stress else stressed[:0]
+        at = seen[:, :2] + moved, sigma, points, view.values
+        shown[name] = named_fields(built, name, state, *at)
     return shown

@@ -6,26 +6,131 @@ in symmetric mode with geometric nested dissection."""
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
 
 import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.kernels.multifrontal import factorise
+from mlsanm_cli.kernels.dissection import dissect, places_between
+from mlsanm_cli.kernels.multifrontal import borders, factorise
 from mlsanm_cli.kernels.substitution import products, solve
-from mlsanm_cli.operators.linear.dissection import Fronts, nested_dissection
-from mlsanm_cli.operators.linear.interface import Factor, LinearSolver, Matrix, backward_error, structure
 from mlsanm_cli.records import dataclass
 
 if TYPE_CHECKING:
     from scipy.sparse.linalg import SuperLU
 
+Matrix: TypeAlias = "sparse.csc_array | sparse.bsr_array"
+"""A symmetric matrix, in CSC or block form."""
+LinearSolver: TypeAlias = Literal["auto", "superlu"]
+"""Direct solver of symmetric systems: own Cholesky factorisation, or SuperLU."""
+
+
+MAX_ENTRIES = np.iinfo(np.int32).max
+"""Largest number of entries with 32-bit indices."""
+
+
+def structure(matrix: sparse.csr_array | sparse.bsr_array) -> tuple[IndexArray, IndexArray]:
+    """Row offsets and column indices of a matrix's entries or blocks. Raises NumericalError for too many."""
+    refuse_too_many(int(matrix.indptr[-1]))
+    indptr, indices = (part.astype(np.int32, copy=False) for part in (matrix.indptr, matrix.indices))
+    return indptr, indices
+
+
+def refuse_too_many(entries: int) -> None:
+    """Raise NumericalError for more ``entries`` than 32-bit indices can count."""
+    if entries > MAX_ENTRIES:
+        raise NumericalError(
+            f"the equations of a body have {entries:.3g} entries, more than the limit of {MAX_ENTRIES:.3g}",
+            "make its spacing larger, or mls.degree lower",
+        )
+
+
+class Factor(Protocol):
+    """A factorised matrix."""
+
+    @property
+    def note(self) -> str:
+        """Remark on the factorisation for users; usually ""."""
+
+    def solve(self, rhs: FloatArray) -> FloatArray:
+        """Solution for right-hand sides (n,) or (n, c)."""
+
+    def products(self, left: sparse.csr_array, right: sparse.csc_array) -> FloatArray:
+        """``left`` (g, n) times the solutions for ``right`` (n, c): (g, c)."""
+
+
 BLOCK = 64
 """Columns solved at once."""
 THRESHOLD = 0.1
 """A diagonal entry is accepted as pivot unless another in its column is 1/THRESHOLD times larger."""
+
+
+LEAF_SIZE = 16
+"""Largest part that is not cut."""
+DIRECTIONS = 8
+
+
+Tree: TypeAlias = tuple[IntArray, IntArray, IntArray]
+"""Elimination order (n,) of the vertices, and the tree of fronts: front k of f eliminates vertices
+``start[k]`` to ``start[k + 1]`` in this order, which are adjacent to later ones of its ancestors only, with
+``parent`` (f,), -1 for the root. Descendants come right before their ancestor."""
+
+
+def nested_dissection(points: FloatArray, graph: sparse.csr_array | sparse.bsr_array) -> Tree:
+    """Nested dissection (George 1973, doi:10.1137/0710032): both halves of the vertices first, the separator
+    between them last. A part of the
+    ``points`` (n, 2) with the symmetric pattern ``graph`` is bisected at its median along the one of
+    DIRECTIONS directions with the smallest separator. Raises ValueError for a graph of another number of
+    vertices."""
+    if graph.shape[0] != graph.shape[1] or len(graph.indptr) != len(points) + 1:
+        raise ValueError(f"a graph of {len(graph.indptr) - 1} vertices for {len(points)} points")
+    angles = np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+    heights = points @ np.stack([np.cos(angles), np.sin(angles)])
+    ranked = np.argsort(heights.T, axis=1, kind="stable").astype(np.int32)
+    order = np.empty(len(points), dtype=np.int64)
+    begins, parents = np.empty((2, 2 * len(points) + 1), dtype=np.int64)
+    count = dissect(*structure(graph), ranked, LEAF_SIZE, order, begins, parents)
+    # The kernel numbers fronts, and parents, from last to first.
+    parent = parents[:count][::-1]
+    start = np.append(begins[:count][::-1], len(points))
+    return order, start, np.where(parent >= 0, count - 1 - parent, -1)
+
+
+class Fronts:
+    """The nested dissection of ``points`` (n, 2) with adjacency ``graph``, of which the last ``negative``
+    vertices, not adjacent to each other, come last in their fronts, in the format of the kernels.
+
+    ``order`` (n,) of the nodes, ``place`` (n,) its inverse, ``unknowns`` (2n,) in this order; ``start`` (f +
+    1,) of the fronts, the number ``negative`` (f,) of their last nodes with negative pivots, their ``parent``
+    (f,); ``begin`` (f + 1,) offsets of their borders in ``border``; ``waiting``, peak size of updates.
+    """
+
+    def __init__(self, points: FloatArray, graph: sparse.bsr_array, negative: int = 0) -> None:
+        count = len(points) - negative
+        if negative:
+            entries = (np.ones(len(graph.indices), dtype=np.int8), graph.indices, graph.indptr)
+            pattern = sparse.csr_array(entries, shape=(len(points), len(points)))[:count, :count]
+            order, start, parent = nested_dissection(points[:count], pattern)
+            # They join the front where their neighbours' fronts meet: in the dissection they would pull all
+            # adjacent vertices into separators.
+            front, found = np.empty(count, dtype=np.int64), np.empty(negative, dtype=np.int64)
+            front[order] = np.repeat(np.arange(len(parent)), np.diff(start))
+            places_between(*structure(graph), count, front, parent, found)
+            of_front = np.bincount(found, minlength=len(parent)).astype(np.int64)
+            own = np.concatenate([front[order], found])
+            order = np.concatenate([order, count + np.arange(negative)])[np.argsort(own, kind="stable")]
+            start = start + np.concatenate([[0], np.cumsum(of_front)])
+        else:
+            order, start, parent = nested_dissection(points, graph)
+            of_front = np.zeros(len(parent), dtype=np.int64)
+        place = np.empty_like(order)
+        place[order] = np.arange(len(points))
+        begin, border, waiting = borders(start, parent, *structure(graph), order, place)
+        self.order, self.place, self.start, self.negative, self.parent = order, place, start, of_front, parent
+        self.begin, self.border, self.waiting = begin, border, waiting
+        self.unknowns = np.stack([2 * order, 2 * order + 1], axis=1).ravel()
 
 
 @dataclass(frozen=True)
@@ -71,8 +176,7 @@ class MultifrontalFactor:
         return solution
 
     def products(self, left: sparse.csr_array, right: sparse.csc_array) -> FloatArray:
-        """``left`` (g, n) times the solutions for ``right`` (n, c) by a symmetric matrix, by forward
-        substitution."""
+        """``left`` (g, n) times the solutions for ``right`` (n, c), by forward substitution; if symmetric."""
         fronts = self.fronts
         both = sparse.csr_array(sparse.hstack([left.T, right], format="csr"))[fronts.unknowns]
         indptr, indices = both.indptr.astype(np.int64), both.indices.astype(np.int64)
@@ -115,19 +219,13 @@ def elimination_order(matrix: sparse.csc_array, points: FloatArray) -> IntArray:
 
 
 def factor_in_order(matrix: sparse.csc_array, order: IntArray, threshold: float = 0.0) -> SuperLUFactor:
-    """Factorise in ``order`` (n,) with the ``threshold`` of pivoting, 0 for quasi-definite matrices. Raises
-    NumericalError if the matrix is singular."""
+    """Factorise in ``order`` (n,) with the ``threshold`` of pivoting. Raises NumericalError if singular."""
     # Imported here: it loads the eigenvalue solvers, not needed when the own Cholesky factor suffices.
     from scipy.sparse.linalg import splu
 
-    if np.array_equal(order, np.arange(len(order))):
-        permuted = sparse.csc_matrix(matrix)
-    else:
-        permuted = sparse.csc_matrix(matrix[order][:, order])
+    permuted, options = sparse.csc_matrix(matrix[order][:, order]), {"SymmetricMode": True}
     try:
-        factor = splu(
-            permuted, permc_spec="NATURAL", diag_pivot_thresh=threshold, options={"SymmetricMode": True}
-        )
+        factor = splu(permuted, permc_spec="NATURAL", diag_pivot_thresh=threshold, options=options)
     except (RuntimeError, MemoryError) as error:
         raise NumericalError(
             f"the elastic system of a body could not be factorised ({error})",
@@ -183,12 +281,18 @@ MAX_UNCORRECTED_ERROR, MAX_CORRECTED_ERROR = 1e-9, 1e-13
 
 
 def verified_or_superlu(factor: Factor | None, matrix: Matrix, points: FloatArray) -> Factor:
-    """The ``factor`` of a ``matrix`` (2n, 2n) if accurate, else SuperLU's, with a note. Raises NumericalError
-    if that is inaccurate too."""
-    if factor is not None and _accurate(matrix, factor):
+    """The ``factor`` of a ``matrix`` if accurate, else SuperLU's, with a note. Raises NumericalError."""
+
+    def accurate(one: Factor) -> bool:
+        error = backward_error(matrix, one)
+        if MAX_BACKWARD_ERROR < error <= MAX_UNCORRECTED_ERROR:
+            return backward_error(matrix, one, corrections=1) <= MAX_CORRECTED_ERROR
+        return error <= MAX_BACKWARD_ERROR
+
+    if factor is not None and accurate(factor):
         return factor
     other = factor_quasi_definite(matrix, points)
-    if not _accurate(matrix, other):
+    if not accurate(other):
         raise NumericalError(
             "the elastic system of a body is singular to working precision",
             "a body may move freely, or its cloud be too coarse for mls.degree or Poisson's ratio: "
@@ -199,12 +303,25 @@ def verified_or_superlu(factor: Factor | None, matrix: Matrix, points: FloatArra
     )
 
 
-def _accurate(matrix: Matrix, factor: Factor) -> bool:
-    """Whether a factor is accurate, with the corrections that solutions get."""
-    error = backward_error(matrix, factor)
-    if error <= MAX_BACKWARD_ERROR:
-        return True
-    return (
-        error <= MAX_UNCORRECTED_ERROR
-        and backward_error(matrix, factor, corrections=1) <= MAX_CORRECTED_ERROR
-    )
+def backward_error(matrix: Matrix, factor: Factor, corrections: int = 0) -> float:
+    """Backward error of a factor of a symmetric ``matrix`` (n, n).
+
+    With D its diagonal: max_i |b - A x|_i / (|b|_i + sqrt(D_i) sum_j sqrt(D_j) |x_j|), independent of the
+    units of the unknowns. For the last, negative ones D_i is at least max_j A_ij^2 / D_j over the positive
+    ones. The right-hand side is random with fixed seed; the solution gets ``corrections`` refinement steps.
+    """
+    rhs = np.random.default_rng(0).normal(size=matrix.shape[0])
+    solution = factor.solve(rhs)
+    for _ in range(corrections):
+        solution = solution + factor.solve(rhs - matrix @ solution)
+    diagonal = matrix.diagonal()
+    scale = np.sqrt(np.abs(diagonal))
+    first = int(np.argmax(diagonal < 0.0)) if (diagonal < 0.0).any() else len(diagonal)
+    if first < len(diagonal):
+        last = sparse.eye_array(len(diagonal), len(diagonal) - first, k=-first, format="csc")
+        coupled = sparse.csc_array(matrix @ last)[:first]
+        share = 1.0 / np.maximum(scale[:first], np.finfo(float).tiny)
+        sizes = abs(sparse.diags_array(share) @ coupled).max(axis=0).toarray().ravel()
+        scale[first:] = np.maximum(scale[first:], sizes)
+    parts = scale * (scale @ np.abs(solution)) + np.abs(rhs)
+    return float((np.abs(rhs - matrix @ solution) / parts).max())
