@@ -1,4 +1,4 @@
-"""The size function h of a body, the spacing of its nodes, by its outline; `condition_sizes` adds what acts
+"""The size function h of a body, the spacing of its nodes, by its outline; `clouds` adds what acts
 on it.
 
 Every source k asks for a spacing h_k within r_k of a curve or point c_k, and h is the least of the body's
