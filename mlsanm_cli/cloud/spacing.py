@@ -160,14 +160,17 @@ class Spacing:
         for place in np.interp(places, s, integral).tolist() if len(places) else ():
             if min(abs(place - end) for end in ends) > MIN_DISTANCE:
                 ends.append(place)
-        # At least two parts, of closed curves eight, those on either side of a middle alike. The small shift
-        # decides ties alike in every system of units.
-        least = (8 if curve.closed else 2) // min(len(ends) - 1, 2)
-        parts = [
-            np.linspace(low, high, max(least, int(high - low + 0.5 - 1e-6)) + 1)
-            for low, high in pairwise(sorted(ends))
-        ]
-        even = np.append(np.concatenate([part[:-1] for part in parts]), total)
+        # The small shift decides ties alike in every system of units.
+        if len(ends) == 2 + halved:
+            part, least = 1 + halved, 8 if curve.closed else 2
+            even = np.linspace(0.0, total, max(least, part * int(total / part + 0.5 - 1e-6)) + 1)
+        else:
+            least = 4 if curve.closed else 1
+            parts = [
+                np.linspace(low, high, max(least, int(high - low + 0.5 - 1e-6)) + 1)
+                for low, high in pairwise(sorted(ends))
+            ]
+            even = np.append(np.concatenate([part[:-1] for part in parts]), total)
         steps: FloatArray = np.interp(even, integral, s)
         steps[0], steps[-1] = 0.0, curve.length
         return steps
