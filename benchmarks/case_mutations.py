@@ -10,6 +10,7 @@ import copy
 import random
 import tomllib
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -25,22 +26,24 @@ are finer."""
 NUMBERS = (0, 0.0, -0.0, 1, -1, 2, 3, 0.5, 1.5, 1e-9, 1e9, 1e-300, 1e300, 5e-324, 2**31, 2**63, -(2**63) - 1)
 NOT_FINITE = (float("nan"), float("inf"), -float("inf"))
 FACTORS = (-1.0, 0.1, 0.5, 0.9, 1.1, 2.0, 10.0, 100.0, 1e-3, 1e6, -1e6)
-WORDS = [
-    "auto",
-    "",
-    " ",
-    "exact",
-    "anm",
-    "top",
-    "x",
-    "0",
-    "../../etc/passwd",
-    "/dev/zero",
-    "ä",
-    "\0",
-    "a\nb",
-    "_",
-]
+WORDS = (
+    *(
+        "auto",
+        "",
+        " ",
+        "exact",
+        "anm",
+        "top",
+        "x",
+        "0",
+        "../../etc/passwd",
+        "/dev/zero",
+        "ä",
+        "\0",
+        "a\nb",
+        "_",
+    ),
+)
 EXPRESSIONS = (
     *("x", "-200*y", "sin(x)**2", "1/x", "x.real", "9**9**9", "y if x > 0 else -y", "x +", "log(-1)", "nan"),
 )
@@ -154,43 +157,28 @@ def _pick(content: Table, chance: random.Random, *kinds: type) -> Place:
     return chance.choice(places or [(content, next(iter(content), "format"))])
 
 
-def _number(content: Table, chance: random.Random) -> None:
-    box, key = chance.choice(_places(content, _is_number) or [({"x": 1}, "x")])
-    if chance.random() < 0.75:
-        box[key] *= chance.choice(FACTORS)
-    else:
-        box[key] = chance.choice(NOT_FINITE if chance.random() < 0.15 else NUMBERS)
-
-
-def _text(content: Table, chance: random.Random) -> None:
-    box, key = _pick(content, chance, str)
-    others = [b[k] for b, k in _places(content, lambda value: isinstance(value, str))]
-    box[key] = chance.choice(others or ["x"]) if chance.random() < 0.6 else chance.choice(WORDS)
-
-
-def _type(content: Table, chance: random.Random) -> None:
-    box, key = _pick(content, chance)
+def _changed(content: Table, chance: random.Random, how: str) -> None:
+    """Another number, text or type at a place, or the place removed, repeated or misspelt."""
+    kind = {"text": (str,), "repeat": (list,)}.get(how, ())
+    numbers = _places(content, _is_number) or [({"x": 1}, "x")]
+    box, key = chance.choice(numbers) if how == "number" else _pick(content, chance, *kind)
     value = box.get(key) if isinstance(box, dict) else box[key]
-    box[key] = copy.deepcopy(chance.choice([*ODD, str(value), [value], {"x": value}]))
-
-
-def _remove(content: Table, chance: random.Random) -> None:
-    box, key = _pick(content, chance)
-    box.pop(key, None) if isinstance(box, dict) else box.pop(key)
-
-
-def _repeat(content: Table, chance: random.Random) -> None:
-    box, key = _pick(content, chance, list)
-    rows = box.get(key) if isinstance(box, dict) else box[key]
-    if isinstance(rows, list) and rows:
-        rows.append(copy.deepcopy(chance.choice(rows)))
+    if how == "number" and chance.random() < 0.75:
+        box[key] *= chance.choice(FACTORS)
+    elif how == "number":
+        box[key] = chance.choice(NOT_FINITE if chance.random() < 0.15 else NUMBERS)
+    elif how == "text":
+        others = [b[k] for b, k in _places(content, lambda value: isinstance(value, str))]
+        box[key] = chance.choice(others or ["x"]) if chance.random() < 0.6 else chance.choice(WORDS)
+    elif how == "type":
+        box[key] = copy.deepcopy(chance.choice([*ODD, str(value), [value], {"x": value}]))
+    elif how == "remove":
+        box.pop(key, None) if isinstance(box, dict) else box.pop(key)
+    elif how == "repeat" and isinstance(value, list) and value:
+        value.append(copy.deepcopy(chance.choice(value)))
         if chance.random() < 0.3:
-            chance.shuffle(rows)
-
-
-def _misspell(content: Table, chance: random.Random) -> None:
-    box, key = _pick(content, chance)
-    if isinstance(box, dict) and key in box and len(key) > 1:
+            chance.shuffle(value)
+    elif how == "misspell" and isinstance(box, dict) and key in box and len(key) > 1:
         place = chance.randrange(len(key) - 1)
         box[key[:place] + key[place + 1] + key[place] + key[place + 2 :]] = box.pop(key)
 
@@ -229,6 +217,9 @@ def _option(content: Table, chance: random.Random) -> None:
         table[key] = tomllib.loads(f"x = {chance.choice(values.split())}")["x"]
 
 
+_number, _text, _type, _remove, _repeat, _misspell = (
+    partial(_changed, how=how) for how in ("number", "text", "type", "remove", "repeat", "misspell")
+)
 TABLE_CHANGES: tuple[Change, ...] = (
     *(_number, _number, _number, _number, _text, _type, _remove, _repeat, _misspell, _move, _move),
     *(_swap, _express, _option, _option, _option),

@@ -24,6 +24,7 @@ import scipy.sparse as sparse
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
+from mlsanm_cli.io.plots.curves import Curve, Panel, Picture, draw  # noqa: E402
 from mlsanm_cli.mechanics.assembly import assemble  # noqa: E402
 from mlsanm_cli.mechanics.body_model import BodyModel  # noqa: E402
 from mlsanm_cli.operators.neighbors import MlsSettings  # noqa: E402
@@ -82,26 +83,17 @@ def manufactured() -> dict[str, list[dict[str, Any]]]:
 
 def draw_manufactured(path: Path, results: dict[str, list[dict[str, Any]]]) -> None:
     """Error against CPU time, and against the node spacing."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(10.5, 4.6), layout="constrained")
-    FigureCanvasAgg(figure)
-    left, right = figure.subplots(1, 2, sharey=True)
-    for number, (name, points) in enumerate(results.items()):
-        error = [point["error"] for point in points]
+    by_time, by_spacing = [], []
+    for name, points in results.items():
+        error = np.array([point["error"] for point in points])
         seconds = [point["stencils"] + point["factorization"] + point["solution"] for point in points]
         spacing = [1.0 / (point["nodes"] ** 0.5 - 1.0) for point in points]
-        style: dict[str, Any] = {"color": f"C{number}", "ms": 4, "lw": 1.2}
-        left.loglog(seconds, error, "-o", label=name, **style)
-        right.loglog(spacing, error, "-o", **style)
-    left.set(xlabel="CPU seconds, one thread", ylabel="displacement error, relative")
-    left.legend(fontsize=7)
-    right.set(xlabel="node spacing")
-    for axes in (left, right):
-        axes.grid(which="both", alpha=0.25)
-    figure.suptitle("Manufactured solution, jittered clouds, traction on three sides")
-    figure.savefig(path, dpi=110)
+        by_time.append(Curve(np.array(seconds), error, name))
+        by_spacing.append(Curve(np.array(spacing), error))
+    left = Panel(by_time, "CPU seconds, one thread", "displacement error, relative", scale="log")
+    right = Panel(by_spacing, "node spacing", "", scale="log")
+    title = "Manufactured solution, jittered clouds, traction on three sides"
+    draw(path, Picture([left, right], title, "best", (10.5, 4.6), beside=True))
 
 
 def main() -> None:

@@ -51,12 +51,6 @@ class Result:
         """Force (2,) on the slave."""
         return np.array(self.summary["contacts"][contact]["force"])
 
-    def fx(self, contact: str) -> float:
-        return float(self.force(contact)[0])
-
-    def fy(self, contact: str) -> float:
-        return float(self.force(contact)[1])
-
     def peak(self, contact: str) -> float:
         return float(self.summary["contacts"][contact]["peak_pressure"])
 
@@ -106,12 +100,6 @@ class Result:
     def moved(self, probe: str) -> Array:
         """Displacement (2,) of a probe."""
         return np.array(self.summary["probes"][probe]["displacement"])
-
-    def ux(self, probe: str) -> float:
-        return float(self.moved(probe)[0])
-
-    def uy(self, probe: str) -> float:
-        return float(self.moved(probe)[1])
 
     def stress(self, probe: str) -> Array:
         return np.array(self.summary["probes"][probe]["stress"])

@@ -9,7 +9,7 @@ from __future__ import annotations
 import copy
 import re
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -198,7 +198,7 @@ class Frame:
                 if key in one:
                     one[key] = self._scalar(one[key], self.length)
             self._obstacle(one.get("obstacle", {}))
-        for one in _tables(made, "support", "load", "contact", "probe"):
+        for one in (one for key in ("support", "load", "contact", "probe") for one in made.get(key, [])):
             self._places(one, "near", "from", "to", "hinge", "pivot", "point")
             for key in ("boundary", "slave", "master"):
                 if key in one:
@@ -209,7 +209,7 @@ class Frame:
     def load(self, one: Table) -> None:
         for key, powers in SCALARS.items():
             sign = self._sign if key in ("moment", "rotation") else 1.0
-            if key in one and not _word(one[key]):
+            if key in one and one[key] not in ("free", "fixed"):
                 one[key] = self._scalar(one[key], sign * self.force * self.unit(powers))
         for key, powers in VECTORS.items():
             if key in one:
@@ -296,13 +296,3 @@ class Frame:
             obstacle["radius"] *= self.length
         if "points" in obstacle and self._sign < 0.0:
             obstacle["points"] = obstacle["points"][::-1]
-
-
-def _tables(given: Table, *keys: str) -> Iterator[Table]:
-    for key in keys:
-        yield from given.get(key, [])
-
-
-def _word(value: object) -> bool:
-    """Whether a value is a word like "free"."""
-    return isinstance(value, str) and value.isalpha() and len(value) > 1

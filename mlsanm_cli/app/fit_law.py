@@ -127,14 +127,12 @@ def fit(tests: Mapping[str, FloatArray], law: str, poisson: float = DEFAULT_NU) 
     modulus = float(one @ other / (one @ one))
     scale = np.array([modulus if constant.modulus else 1.0 for constant in every])
     limits = [constant.least for constant in every], [constant.most for constant in every]
-    size = {test: float(np.abs(stress).max()) for test, (_, stress) in tests.items()}
 
     def lacks(values: FloatArray) -> tuple[Hyperelastic, dict[str, FloatArray]]:
-        made = law_class(law)(plane="strain", nu=poisson, **_keys(law, (values * scale).tolist()))
-        pairs = tests.items()
-        return made, {
-            test: (stress_in(made, test, one) - stress) / size[test] for test, (one, stress) in pairs
-        }
+        made, found = law_class(law)(plane="strain", nu=poisson, **_keys(law, (values * scale).tolist())), {}
+        for test, (stretch, stress) in tests.items():
+            found[test] = (stress_in(made, test, stretch) - stress) / np.abs(stress).max()
+        return made, found
 
     def differences(values: FloatArray) -> FloatArray:
         return np.concatenate([lack / np.sqrt(len(lack)) for lack in lacks(values)[1].values()])

@@ -120,7 +120,8 @@ def follow(analysis: Analysis[Any], recorder: Recorder) -> Ending:
     # From now on the command stops between steps, where no results are lost, unless one takes long.
     context.stopper.gentle = True
     context.stopper.check()
-    steps = analysis.steps(recorder.start(analysis), recorder.last, recorder.verdicts)
+    checkpoint = recorder.start(analysis)
+    steps = analysis.steps(checkpoint, recorder.last, recorder.verdicts)
     while True:
         context.stopper.check()
         with context.phase("continuation"):
@@ -128,11 +129,15 @@ def follow(analysis: Analysis[Any], recorder: Recorder) -> Ending:
         if step is None:
             assert recorder.last is not None
             recorder.verdicts.judge(analysis.judge(recorder.last, recorder.tally))
-            return analysis.ending(recorder.last)
+            if checkpoint is None or checkpoint.ended_by < 0:
+                return Ending("done", "end of the last stage")
+            stop = analysis.case.stop[checkpoint.ended_by].description
+            return Ending("done", f"{stop}, at position {recorder.last.position:.9g}", stopped_by=stop)
         for state in (*(one for one in step.saved if one is not step.state), step.state):
             recorder.checked = state
             recorder.verdicts.judge(analysis.checks(state))
         recorder.step(analysis, step)
+        checkpoint = step.checkpoint
 
 
 def resume(rundir: Path, *, max_wall: float | None = None, console: Console) -> Mapping[str, Any]:

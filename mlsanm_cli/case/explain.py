@@ -84,12 +84,10 @@ def explain(key: str = "") -> tuple[Explanation, ...]:
 
 def _explain(path: tuple[str, ...], table: Node, node: Node) -> Explanation:
     inner, target = tables(node), follow(node)
-    kind = table["properties"].get("kind", {}).get("const")
-    kinds = (kind,) if kind else ()
+    kinds = tuple(filter(None, [table["properties"].get("kind", {}).get("const")]))
     default = toml_value(node["default"]) if "default" in node and not inner else ""
-    keys: dict[str, str] = {}
-    for name, below in (pair for table in inner for pair in table["properties"].items()):
-        keys.setdefault(name, _meaning(below))
+    below = {name: node for one in reversed(inner) for name, node in one["properties"].items()}
+    keys = {name: _meaning(below[name]) for one in inner for name in one["properties"]}
     return Explanation(
         ".".join(path),
         heading(path if inner else path[:-1]),

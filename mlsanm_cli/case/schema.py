@@ -34,10 +34,6 @@ class _Generator(GenerateJsonSchema):
         found = super().default_schema(schema)
         return {key: value for key, value in found.items() if key != "default" or value is not None}
 
-    def tagged_union_schema(self, schema: core_schema.TaggedUnionSchema) -> JsonSchemaValue:
-        found = super().tagged_union_schema(schema)
-        return {key: value for key, value in found.items() if key != "discriminator"}
-
 
 @cache
 def json_schema() -> Node:
@@ -104,14 +100,11 @@ def _plain(value: Any, keys_are_names: bool = False) -> Any:
         return " ".join(value.split()).replace("``", "`")
     if not isinstance(value, dict):
         return value
-    renamed = {"prefixItems": "items"}
-    return {
-        key if keys_are_names else renamed.get(key, key): _plain(
-            item, not keys_are_names and key in ("properties", "definitions", "patternProperties")
-        )
-        for key, item in value.items()
-        if keys_are_names or key != "title"
-    }
+    if keys_are_names:
+        return {key: _plain(item) for key, item in value.items()}
+    renamed, named = {"prefixItems": "items"}, ("properties", "definitions", "patternProperties")
+    kept = {key: item for key, item in value.items() if key not in ("title", "discriminator")}
+    return {renamed.get(key, key): _plain(item, key in named) for key, item in kept.items()}
 
 
 UNKNOWN_KEY = "unknown key"
@@ -149,27 +142,22 @@ _ELSEWHERE = {
 _MISSING = {"format": "write format = 1", "model": 'write [model] with plane = "strain" or "stress"'}
 
 
-def faults_of(data: Mapping[str, Any], error: ValidationError) -> Iterator[Fault]:
+def faults_of(data: Mapping[str, Any], error: ValidationError) -> list[Fault]:
     """The errors of a validation of ``data`` in the words of the case file."""
-    for detail in error.errors(include_url=False):
-        yield _fault(data, _path(data, detail["loc"]), detail)
+    return [_fault(data, detail) for detail in error.errors(include_url=False)]
 
 
-def _path(data: Any, location: tuple[int | str, ...]) -> KeyPath:
-    """The path in the file; pydantic's locations also contain the kinds of tables and marks for keys."""
+def _fault(data: Mapping[str, Any], detail: ErrorDetails) -> Fault:
+    kind, context, value = detail["type"], detail.get("ctx", {}), detail["input"]
+    # Pydantic's locations also contain the kinds of tables and marks for keys.
     path: KeyPath = ()
     tagged = False
-    for step in location:
-        if not tagged and isinstance(data, Mapping) and step == data.get("kind") and _kinds(path):
+    at: Any = data
+    for step in detail["loc"]:
+        if not tagged and isinstance(at, Mapping) and step == at.get("kind") and _kinds(path):
             tagged = True
         elif step != "[key]":
-            path, tagged = (*path, step), False
-            data = child(data, step)
-    return path
-
-
-def _fault(data: Mapping[str, Any], path: KeyPath, detail: ErrorDetails) -> Fault:
-    kind, context, value = detail["type"], detail.get("ctx", {}), detail["input"]
+            path, tagged, at = (*path, step), False, child(at, step)
     message, hint = _WORDS.get(kind, detail["msg"]), ""
     match kind:
         case "extra_forbidden":

@@ -98,12 +98,13 @@ def fit_law(
     fits = fit_law(data, laws or tuple(START), picture, nu)
     rows = [(fit.law, *(f"{100.0 * error:.2g} %" for error in fit.errors.values())) for fit in fits]
     shown = [grid("root mean square errors, of the largest stress", ("law", *fits[0].errors), rows)]
-    result = {}
-    for fit in fits:
-        result[fit.law] = {key: plain(getattr(fit, key)) for key in ("constants", "errors", "falling")}
-        if fit.falling:
-            tests = ", ".join(fit.falling)
-            shown.append(f"warning: {fit.law}: the stress falls with the stretch within the data ({tests})")
+    shown += [
+        f"warning: {one.law}: the stress falls with the stretch within the data ({', '.join(one.falling)})"
+        for one in fits
+        if one.falling
+    ]
+    keys = ("constants", "errors", "falling")
+    result = {fit.law: {key: plain(getattr(fit, key)) for key in keys} for fit in fits}
     print_result(settings, {"laws": result, "best": fits[0].law}, "\n\n".join([*shown, fits[0].toml]))
     return 0
 

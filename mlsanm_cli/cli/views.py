@@ -93,7 +93,7 @@ class PointType(click.ParamType[tuple[float, float]]):
     ) -> tuple[float, float]:
         """The point; usage error for anything else."""
         try:
-            x, y = (float(part) for part in str(value).split(","))
+            x, y = map(float, str(value).split(","))
         except ValueError:
             self.fail(f'"{value}" is not a point; write --point 0.5,1.0', param, ctx)
         if not (math.isfinite(x) and math.isfinite(y)):
@@ -157,14 +157,13 @@ def probe(
     else:
         title = f"force of {name}" if kind == "force" else f"{kind} {name}".rstrip()
     rows = of_app("results.probe.probe")(rundir, at, kind, name, quantities, point, field)
-    if as_csv:
-        for row in rows:
-            if "error" in row:
-                warning = f"position {number(row['position'])}: {_origin(row)}"
-                TerminalConsole(sys.stderr, settings).warning(warning)
-        say(settings, _csv(rows), newline=False)
+    if not as_csv:
+        print_result(settings, {"levels": rows}, _text(title, rows, settings.paints(sys.stdout)))
         return 0
-    print_result(settings, {"levels": rows}, _text(title, rows, settings.paints(sys.stdout)))
+    for row in (row for row in rows if "error" in row):
+        warning = f"position {number(row['position'])}: {_origin(row)}"
+        TerminalConsole(sys.stderr, settings).warning(warning)
+    say(settings, _csv(rows), newline=False)
     return 0
 
 

@@ -138,8 +138,8 @@ class AnmFollower(Follower):
 
     @np.errstate(over="ignore", invalid="ignore", divide="ignore")
     def _valid(self, series: Branch) -> Branch:
-        """Return the longest valid piece of path of a ``series``; its length is 0 if there is none. The piece
-        ends at the latest where it first reaches ``lam_end``."""
+        """Return the longest valid piece of path of a ``series``, at most to ``lam_end``; of length 0 if
+        none."""
         guess = self._first_guess(series)
         rational = self._rational(series, guess) if self._options.pade and guess > 0.0 else None
         if rational is not None and rational.length > _CLEAR_GAIN * guess:

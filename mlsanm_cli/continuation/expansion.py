@@ -45,8 +45,7 @@ class ExpansionPoint:
 
 
 def expansion_point(problem: Problem, x: FloatArray, lam: float) -> ExpansionPoint:
-    """Return a point of the path with its tangent and slope (one factorisation, one solve). Raises
-    SingularTangentError if dR/dx cannot be factorised or its solution is not finite."""
+    """Return a point of the path with its tangent and slope. Raises SingularTangentError."""
     try:
         tangent = problem.tangent(x, lam)
         slope = -tangent.solve(problem.load_derivative(x, lam))

@@ -115,8 +115,7 @@ class Follower(ABC):
         return self.reason is StopReason.TARGET_REACHED
 
     def steps(self) -> Iterator[Step]:
-        """Yield the steps as they are finished. Raises NumericalError if the start point does not satisfy the
-        equations and cannot be corrected; any other failure ends the path, with its :attr:`reason`."""
+        """Yield the steps. Raises NumericalError if the start cannot be corrected to the path."""
         previous = self._previous
         if previous is not None:
             self.residual = residual_norm(self._problem, self.x, self.lam)

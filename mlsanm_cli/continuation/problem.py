@@ -42,8 +42,7 @@ class Problem(Protocol):
         """Return R(x, lam), shape (size,), dimensionless."""
 
     def tangent(self, x: FloatArray, lam: float) -> Tangent:
-        """Return dR/dx at (x, lam), factorised. Raises NumericalError, or numpy's LinAlgError, if the
-        factorisation breaks down."""
+        """Return dR/dx at (x, lam), factorised. Raises NumericalError or LinAlgError."""
 
     def load_derivative(self, x: FloatArray, lam: float) -> FloatArray:
         """Return dR/dlam at (x, lam), shape (size,)."""

@@ -98,8 +98,7 @@ class Branch:
         return _EPS * max(float(np.max(x, initial=0.0)), float(weights @ np.abs(self.terms[1])))
 
     def parameter_at(self, lam: float) -> float:
-        """Return the first ``a`` in [0, length] with lam(a) equal to ``lam`` to round-off. Raises ValueError
-        if the piece does not reach that load factor."""
+        """Return the first ``a`` where lam(a) is ``lam`` to round-off. Raises ValueError without one."""
         found = self.first_crossing(lam)
         if found is None:
             raise ValueError(f"load factor {lam:.17g} is not reached on this piece of path")
@@ -181,8 +180,7 @@ def denominator(coefficients: FloatArray, radius: float) -> FloatArray | None:
 
 
 def nearest_pole(coefficients: FloatArray, limit: float) -> float:
-    """Return the real part of the first real or nearly real pole in (0, limit], or inf. ``coefficients`` are
-    those of the denominator in ascending order, starting with 1."""
+    """Return the first (nearly) real pole in (0, limit] of the denominator ``coefficients``, or inf."""
     scaled = coefficients * limit ** np.arange(float(coefficients.size))
     if not np.all(np.isfinite(scaled)):
         return 0.0

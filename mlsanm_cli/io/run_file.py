@@ -21,6 +21,7 @@ the image follows it, by which a damaged file is recognised: the library may rea
 
 from __future__ import annotations
 
+import copy
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -104,13 +105,9 @@ class RunFile(Closing):
             {name: np.array(one, np.int64 if isinstance(one, int) else None) for name, one in row.items()}
             for row in rows
         ]
-        arrays = {
-            name: value.copy() if isinstance(value, np.ndarray) else value
-            for name, value in (datasets or {}).items()
-        }
         self._unsaved = True
         # One change of one list, which no signal can interrupt.
-        self._changes.append((kept, arrays, attributes or {}, latest))
+        self._changes.append((kept, copy.deepcopy(dict(datasets or {})), attributes or {}, latest))
 
     def confirm(self, datasets: Mapping[str, Value]) -> None:
         """Stores new datasets. Raises RunError if an existing text or, beyond the tolerance, array
@@ -118,15 +115,14 @@ class RunFile(Closing):
         stored, _ = self._content()
         for name, value in datasets.items():
             before = stored.get(name, value)
-            same = before == value if isinstance(value, str | list) else False
             if isinstance(value, np.ndarray) and isinstance(before, np.ndarray):
                 limit = REPRODUCTION_TOLERANCE * np.abs(value).max(initial=0.0)
                 same = before.shape == value.shape and bool((np.abs(before - value) <= limit).all())
+            else:
+                same = type(before) is type(value) and bool(before == value)
             if not same:
-                raise RunError(
-                    f"the run cannot be resumed: /{name} is not reproduced",
-                    "another version or machine made it; run the case again with --force",
-                )
+                hint = "another version or machine made it; run the case again with --force"
+                raise RunError(f"the run cannot be resumed: /{name} is not reproduced", hint)
         self.add(datasets={name: value for name, value in datasets.items() if name not in stored})
 
     def save_if_due(self) -> None:
@@ -138,9 +134,8 @@ class RunFile(Closing):
         began = time.monotonic()
         try:
             datasets, attributes = self._content()
-            with h5py.File(
-                self._path, "w", libver=_LIBRARY_VERSIONS, driver="core", backing_store=False
-            ) as file:
+            made: Any = {"libver": _LIBRARY_VERSIONS, "driver": "core", "backing_store": False}
+            with h5py.File(self._path, "w", **made) as file:
                 for name, value in datasets.items():
                     _put(file, name, value)
                 for name, numbers in attributes.items():
@@ -189,10 +184,8 @@ class RunFile(Closing):
             latest = checkpoint or latest
         if latest is not None:
             # Not merged with the one before.
-            datasets = {
-                name: one for name, one in datasets.items() if not name.startswith("checkpoint/path/")
-            }
-            datasets |= latest()
+            kept = [name for name in datasets if not name.startswith("checkpoint/path/")]
+            datasets = {**{name: datasets[name] for name in kept}, **latest()}
         for name, values in columns.items():
             stored = datasets.get(name)
             new = np.stack(values)

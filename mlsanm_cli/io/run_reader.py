@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -114,12 +114,10 @@ def held_run(directory: Path) -> tuple[str | None, Mapping[str, Any] | None]:
     except RunError:
         return None, None
     held = str(known.get("case_hash", ""))
-    try:
+    with suppress(RunError):
         if known.get("mlsanm") == __version__ and known.get("status") == "done":
             summary = read_summary(directory / SUMMARY_FILE)
             return held, summary if summary.get("status") == "done" else None
-    except RunError:
-        pass
     return held, None
 
 
@@ -140,11 +138,9 @@ def _opened(rundir: Path) -> Iterator[tuple[Any, Path]]:
     file = rundir if rundir.is_file() else rundir / RUN_FILE
     if not file.is_file():
         what = "no such directory" if not rundir.exists() else f"it holds no {RUN_FILE}"
-        inside = sorted(path.parent for path in rundir.glob(f"*/{RUN_FILE}"))
-        hint = "give the directory written by `mlsanm run`"
-        if inside:
-            more = ", ..." if len(inside) > 5 else ""
-            hint = f"there are runs in it: {', '.join(map(str, inside[:5]))}{more}"
+        inside = [str(path.parent) for path in sorted(rundir.glob(f"*/{RUN_FILE}"))]
+        listed = ", ".join([*inside[:5], *(["..."] if len(inside) > 5 else [])])
+        hint = f"there are runs in it: {listed}" if inside else "give the directory written by `mlsanm run`"
         raise RunError(f"{rundir} is not a run: {what}", hint)
     try:
         check_seal(file)

@@ -66,8 +66,7 @@ def multiply(
     product: FloatArray,
     ldc: int,
 ) -> None:
-    """product = alpha a b + beta product with a (m, k) and b (k, n) or its transpose; ``sizes`` is m, n,
-    k."""
+    """product = alpha a b + beta product, a (m, k), b (k, n) or transposed; ``sizes`` m, n, k."""
     c: Any = letters()
     i: Any = np.array([sizes[0], sizes[1], sizes[2], lda, ldb, ldc], dtype=np.int32)
     factor: Any = np.array([alpha, beta])

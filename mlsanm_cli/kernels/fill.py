@@ -56,8 +56,7 @@ def _spacing(far: float, zones: FloatArray, x: float, y: float) -> float:
 
 @kernel
 def spacing_at(far: float, zones: Float2, points: Float2) -> Float1:
-    """Spacing (n,) at ``points`` (n, 2); rows of ``zones`` (z, 9) as in :func:`_distance`,
-    :func:`_spacing`."""
+    """Spacing (n,) at ``points`` (n, 2); rows of ``zones`` (z, 9) as in :func:`_spacing`."""
     h = np.empty(points.shape[0])
     for i in range(points.shape[0]):
         h[i] = _spacing(far, zones, points[i, 0], points[i, 1])

@@ -215,8 +215,7 @@ def _subtract_schur(
 
 @inner
 def swap_rows(x: FloatArray, swaps: Any, step: int, columns: int, width: int) -> None:
-    """Exchange the rows of x, entries ``step`` apart, in the order of pivots ``swaps``, in ``columns``
-    entries ``width`` apart."""
+    """Exchange rows of x, ``step`` apart, by pivots ``swaps``, in ``columns`` entries ``width`` apart."""
     for row in range(len(swaps)):
         other = swaps[row] - 1
         if other != row:

@@ -42,8 +42,7 @@ def _forward(panel: FloatArray, diagonal: int, pivots: int, height: int, x: Floa
 
 @inner
 def _backward(panel: FloatArray, general: bool, pivots: int, height: int, x: FloatArray, c: int) -> None:
-    """Solve with the transposed panel, or U of a ``general`` matrix, for the first ``pivots`` rows of ``x``
-    (height, c)."""
+    """Solve with the transposed panel, or U if ``general``, for the first rows of ``x`` (height, c)."""
     edge = height - pivots
     part, plain, turned, sizes, width = LOWER, TRANSPOSED, PLAIN, (edge, pivots), height
     rest = panel[pivots:]

@@ -40,8 +40,8 @@ from mlsanm_cli.mechanics.rigid import FreeSystem, free_motions, pins
 from mlsanm_cli.mechanics.springs import FREE, NO_SPRING, Held, Springs, restrained
 from mlsanm_cli.memo import digest
 from mlsanm_cli.operators import least_squares
+from mlsanm_cli.operators.factors import LinearSolver, structure
 from mlsanm_cli.operators.least_squares import Strong
-from mlsanm_cli.operators.linear.interface import LinearSolver, structure
 from mlsanm_cli.operators.stencil_weights import nodal_pairs, nodal_rows
 from mlsanm_cli.operators.system import LinearSystem
 
@@ -143,8 +143,7 @@ def _rows(
 def single_rows(
     single: Sequence[tuple[int, int]], nodes: int, turned: int = 0, angle: float = 0.0
 ) -> sparse.csr_array:
-    """Rows (s, 2N) of the displacements of ``single`` nodes in a component, the last ``turned`` along
-    directions rotated by ``angle``."""
+    """Rows (s, 2N) of displacements of ``single`` nodes, the last ``turned`` rotated by ``angle``."""
     directions, last = np.eye(2)[[component for _, component in single]].reshape(-1, 2), len(single) - turned
     cos, sin = np.cos(angle), np.sin(angle)
     directions[last:] = directions[last:] @ np.array([[cos, sin], [-sin, cos]])

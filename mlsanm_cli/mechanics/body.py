@@ -31,29 +31,23 @@ Timed: TypeAlias = Callable[[], AbstractContextManager[None]]
 
 
 class BodyEquations:
-    """A body's equations, factorised by ``factorise`` within ``timed()`` on first use; the callable is then
-    dropped. ``content`` is a digest of all their input."""
+    """A body's equations, factorised by ``factorise`` within ``timed()`` on first use. ``content`` is a
+    digest of all their input."""
 
     def __init__(self, content: str, factorise: Callable[[], LinearSystem]) -> None:
-        self.content = content
+        self.content, self._factorise = content, factorise
         self.timed: Timed = nullcontext
-        self._factorise: Callable[[], LinearSystem] | None = factorise
-        self._system: LinearSystem | None = None
 
-    @property
+    @cached_property
     def system(self) -> LinearSystem:
         """The factorised system. Raises NumericalError if it is singular."""
-        if self._system is None:
-            assert self._factorise is not None
-            with self.timed():
-                self._system = self._factorise()
-            self._factorise = None
-        return self._system
+        with self.timed():
+            return self._factorise()
 
     @property
     def note(self) -> str:
         """Remark on the factorisation for users; "" if there is none."""
-        return "" if self._system is None else self._system.note
+        return self.system.note if "system" in vars(self) else ""
 
 
 def first_rows(cloud: Cloud) -> tuple[dict[str, int], int]:
@@ -151,8 +145,7 @@ class ElasticBody:
         return sparse.csr_array(self.pieces.totals(center) @ self.loads)
 
     def reaction(self, surface: str, center: tuple[float, float], stress: StressAround) -> Any:
-        """Rows or values (3, ...) of force x, y and moment about ``center`` that a held surface exerts on the
-        body by a ``stress``."""
+        """Rows or values (3, ...) of force and moment about ``center`` of a held surface by a ``stress``."""
         where = self.model.cloud.surfaces[surface]
         return reaction(self.model, where, self.restrained[surface], center, stress)
 

@@ -127,13 +127,12 @@ class BodyModel:
         return build_stencils(nodes, tree, points, order, self.settings, sight, tips=self.tips, own=own)
 
     def probe_rows(self, points: FloatArray) -> sparse.csr_array:
-        """Rows (5e | 6e, 2N) of displacement and stress at ``points`` (e, 2) (:func:`point_rows`), by the
-        local polynomial at the point itself, as at nodes."""
+        """Rows (5e | 6e, 2N) of displacement and stress at ``points`` (e, 2), by :func:`point_rows`."""
         return point_rows(self.stencils_at(points, 1), self.material, lambda: self.stencils)
 
     def gradients_around(self, centers: FloatArray, points: FloatArray) -> Stencils:
-        """Stencils at ``centers`` (e, 2) with the weights of d/dx and d/dy at ``points`` (e, t, 2), in bodies
-        of revolution of the value, too."""
+        """Stencils at ``centers`` (e, 2) with weights of d/dx, d/dy (revolved: the value, too) at ``points``
+        (e, t, 2)."""
         (nodes, tree, sight), own, least = self.cloud.fitted, self.cloud.images, 1 - self.cloud.revolved
         return build_stencils(
             nodes, tree, points, 1, self.settings, sight, None, self.tips, own, centers, least
@@ -155,8 +154,8 @@ class BodyModel:
         return self.stencils_at(points, 0).derivatives(displacement)[:, 0]
 
     def stress_around(self, centers: FloatArray, points: FloatArray) -> sparse.csr_array:
-        """Rows (3 e t | 4 e t, 2N) of the stresses at the ``points`` (e, t, 2) of each of the ``centers`` (e,
-        2), by the polynomial of this: xx of all points, yy, xy and hoop."""
+        """Rows (3 e t | 4 e t, 2N) of all stresses at ``points`` (e, t, 2) by polynomials of ``centers`` (e,
+        2)."""
 
         def mean(even: FloatArray) -> sparse.csr_array:
             values = self.field_rows(points.reshape(-1, 2))
@@ -166,8 +165,7 @@ class BodyModel:
         return sparse.csr_array(sparse.vstack(stresses_at(each, self.material, mean), format="csr"))
 
     def equilibrium(self, component: int) -> sparse.csr_array:
-        """Rows (n, 2N) of div sigma in x (0) or y (1) at the nodes: by second derivatives, but for the
-        stresses of the :attr:`nested` stiffness, which are differentiated as nodal fields."""
+        """Rows (n, 2N) of div sigma in x (0) or y (1) at the nodes; see :attr:`nested`."""
         even = self.nested
         rest = self.material.stiffness - even
         if not even.any():

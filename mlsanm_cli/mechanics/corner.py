@@ -34,11 +34,11 @@ class Images:
 
     def displacement(self, z: ComplexArray) -> FloatArray:
         """Displacements (e, 2, c) at ``z`` (e,)."""
-        return summed(self.places.displacements, z, self.force)
+        return summed(self.places.displacement, z, self.force)
 
     def traction(self, z: ComplexArray, normal: ComplexArray, curvature: FloatArray) -> FloatArray:
         """Tractions (e, 2, c) at ``z`` (e,) on outward ``normal`` vectors (e,)."""
-        return traction(summed(self.places.stresses, z, self.force), normal)
+        return traction(summed(self.places.stress, z, self.force), normal)
 
 
 @dataclass(frozen=True)
@@ -107,8 +107,7 @@ class Corner:
         return SurfaceForces(self.wedge.kernel, place, inward), acts[:, None, None] * self.wedge.image
 
     def sources(self, source: FloatArray, force: FloatArray) -> tuple[FaceForces | Images, ...]:
-        """Force densities along the faces, and images behind a frictionless wall, of forces (k, 2, c) at
-        distances ``source`` (k,)."""
+        """Densities along the faces, and images behind a wall, of forces (k, 2, c) at ``source`` (k,)."""
         found = self.mirrored(source)
         images = () if found is None else (Images(found[0], np.einsum("kfd,kdc->kfc", found[1], force)),)
         return (*self.face_forces(source, force), *images)
@@ -138,8 +137,7 @@ class Corner:
     def with_images(
         self, away: FloatArray, force: FloatArray, images: Sequence[Image]
     ) -> tuple[FloatArray, FloatArray]:
-        """Distances (k + i,), and the shares (k + i, 2, c) with densities, of forces (k, 2, c) and their
-        ``images``."""
+        """Distances (k + i,) and shares (k + i, 2, c) with densities of forces (k, 2, c) and ``images``."""
         places = np.concatenate([away, *(self.reflected(away, image) for image in images)])
         forces = [force, *(np.einsum("fd,kdc->kfc", image.matrix, force) for image in images)]
         return places, np.concatenate(forces) * self.share(places)[:, None, None]
@@ -167,8 +165,7 @@ class Corner:
 
 @dataclass(frozen=True)
 class CorneredForces:
-    """Unit forces on one face, with the densities that free the faces of the ``corners`` at its ends of
-    tractions; all of it with its ``images`` at planes of symmetry."""
+    """Unit forces on a face with the densities of the ``corners`` at its ends, and all their ``images``."""
 
     own: SurfaceForces
     corners: tuple[Corner, ...]

@@ -178,8 +178,7 @@ def defect_of(
 
 
 def _near_singular(body: ElasticBody, plates: Collection[str]) -> BoolArray:
-    """Mask (r,) of the rows of nodes within SINGULAR_REACH of ends of clamped sides, but those on ``plates``:
-    what such a plate carries is known."""
+    """Mask (r,) of the rows of nodes near ends of clamped sides, but those on ``plates``, which are known."""
     cloud, found = body.model.cloud, np.zeros(body.rows, dtype=bool)
     fixed = {name: axes for name, axes in body.restrained.items() if name not in plates}
     ends = singular_changes(cloud, fixed, body.springs)
@@ -193,8 +192,7 @@ def _near_singular(body: ElasticBody, plates: Collection[str]) -> BoolArray:
 
 
 class NextDegree:
-    """Fits one degree higher than a body's. The weights of small bodies are ``kept`` for a second
-    evaluation."""
+    """Fits one degree higher than a body's; the weights of small bodies are ``kept``."""
 
     def __init__(self, model: BodyModel) -> None:
         self.model = model

@@ -63,8 +63,7 @@ def fitted_around(model: BodyModel, centers: FloatArray, points: FloatArray) -> 
 
 
 def eigenstress_reaction(body: ElasticBody, surface: str, center: tuple[float, float]) -> sparse.csr_array:
-    """Rows (3, 3n) of force and moment about ``center`` of a held surface due to eigenstresses, to
-    subtract."""
+    """Rows (3, 3n) of force and moment of a held surface due to eigenstresses, to subtract."""
     return sparse.csr_array(body.reaction(surface, center, partial(fitted_around, body.model)))
 
 

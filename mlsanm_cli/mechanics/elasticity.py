@@ -76,8 +76,7 @@ def moduli_of(c: FloatArray, radius: FloatArray | None = None) -> FloatArray:
 
 
 def first_order_rows(stencils: Stencils, coefficients: FloatArray) -> sparse.csr_array:
-    """Rows (e, 2n) with ``coefficients`` (2 | 3, 2, e | 1) of value (if three) and first derivatives, which
-    may be the only ones."""
+    """Rows (e, 2n) with ``coefficients`` (2 | 3, 2, e | 1) of (value and) first derivatives."""
     if coefficients.shape[-1] == 1:
         coefficients = coefficients[..., 0]
     last = min(stencils.weights.shape[1], 3)
@@ -90,7 +89,7 @@ def stress_rows(stencils: Stencils, c: FloatArray, component: int) -> sparse.csr
 
 
 def traction_moduli(moduli: FloatArray, normal: FloatArray, component: int) -> FloatArray:
-    """Coefficients (m, 2, b) of the traction x (0) or y (1) on ``normal`` (b, 2), by ``moduli`` (4, m, 2, b |
+    """Coefficients (m, 2, b) of the traction x (0) or y (1) on ``normal`` (b, 2), ``moduli`` (4, m, 2, b |
     1)."""
     on_x, on_y = moduli[2 * component : 2 * component + 2]
     return np.asarray(on_x * normal[:, 0] + on_y * normal[:, 1])
@@ -133,8 +132,7 @@ def _equilibrium_operator(c: FloatArray, radius: FloatArray) -> FloatArray:
 
 
 def divergence_rows(stencils: Stencils, component: int) -> sparse.csr_array:
-    """Rows (n, 3n | 4n) of div s in x (0) or y (1) at nodes, by nodal stresses s: xx of all nodes, yy, xy and
-    hoop."""
+    """Rows (n, 3n | 4n) of div s in x (0) or y (1) by nodal stresses: xx of all nodes, yy, xy, hoop."""
     # The shear stress is odd about an axis of revolution.
     weights, radius = stencils.weights, stencils.radius
     d_x, d_y = (scalar_rows(stencils, weights[:, 1 + axis], odd=axis != component) for axis in (0, 1))

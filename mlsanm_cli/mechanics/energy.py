@@ -29,8 +29,6 @@ MAX_STEPS, EXTENSION_TOLERANCE = 500, 1e-5
 """Step limit and relative residual of the extension of boundary values."""
 TIP_RADIUS = 3.0
 """Triangles within this many spacings of a reentrant corner are integrated with fitted stresses."""
-
-
 MIN_THERMAL_SHARE = 0.1
 """Energies below this part of that of fully restrained expansion are not checked; free expansion has none."""
 
@@ -45,8 +43,7 @@ def least_thermal_energy(model: BodyModel, degrees: FloatArray) -> float:
 def over_body(
     cloud: Cloud, first: FloatArray, second: FloatArray, triangles: IntArray | None = None
 ) -> float:
-    """Integral over the body, or ``triangles`` (t, 3), of the product of two nodal fields (n, c), summed over
-    components, and of the circumference of circles in bodies of revolution."""
+    """Integral over the body, or ``triangles`` (t, 3), of the product of two nodal fields (n, c)."""
     own = cloud.triangles if triangles is None else triangles
     a, b, around = (one[own] for one in (first, second, cloud.around(cloud.points)))
     products = np.einsum("ijk,ti,tjc,tkc->t", _TRIPLE, around, a, b, optimize=True)
@@ -87,8 +84,7 @@ def gradients(cloud: Cloud) -> tuple[FloatArray, FloatArray]:
 
 
 def inner_work(cloud: Cloud, stress: FloatArray, virtual: FloatArray) -> float:
-    """Integral of nodal ``stress`` (n, 3) times the strain of a ``virtual`` displacement (n, 2), both
-    linear."""
+    """Integral of nodal ``stress`` (n, 3) times the strain of a ``virtual`` displacement (n, 2)."""
     areas, slopes = gradients(cloud)
     by, middle = np.einsum("tki,tkc->tic", slopes, virtual[cloud.triangles]), cloud.points[cloud.triangles]
     derivatives = np.concatenate([virtual[cloud.triangles].mean(axis=1)[:, None], by], axis=1)
@@ -98,8 +94,8 @@ def inner_work(cloud: Cloud, stress: FloatArray, virtual: FloatArray) -> float:
 
 
 def extended(cloud: Cloud, values: FloatArray, known: BoolArray) -> FloatArray:
-    """A nearly harmonic nodal field (n, 2) with the ``values`` (n, 2) where ``known`` (n, 2), by conjugate
-    gradients on the triangles; 0 in a component without known values."""
+    """A nearly harmonic nodal field (n, 2) with the ``values`` (n, 2) where ``known``; 0 if nothing is
+    known."""
     areas, slopes = gradients(cloud)
     entries = areas[:, None, None] * np.einsum("tki,tli->tkl", slopes, slopes)
     rows, columns = np.repeat(cloud.triangles, 3, axis=1).ravel(), np.tile(cloud.triangles, 3).ravel()
@@ -127,7 +123,7 @@ def extended(cloud: Cloud, values: FloatArray, known: BoolArray) -> FloatArray:
 
 
 def twice_strain_energy(cloud: Cloud, material: PlaneMaterial, stress: FloatArray) -> float:
-    """Integral of stress times elastic strain, per unit thickness, for nodal ``stress`` (n, 3)."""
+    """Integral of nodal ``stress`` (n, 3) times elastic strain."""
     return over_body(cloud, stress, stress @ np.linalg.inv(material.stiffness))
 
 
@@ -138,22 +134,21 @@ def energy_at_tips(model: BodyModel, displacement: FloatArray, stress: FloatArra
     Fitted stresses at the Gauss points of triangles collapsed to the corner nearest to the tip: the integrand
     times the distance is nearly constant.
     """
-    if model.tips is None:
-        return 0.0
     around, away = _at_tips(model)
     own = model.cloud.triangles[around]
     own = np.take_along_axis(own, (away[own].argmin(axis=1)[:, None] + np.arange(3)) % 3, axis=1)
-    shares, weights = [], []
-    for (out, weight), (across, other_weight) in product(GAUSS[3], repeat=2):
-        shares.append([1.0 - out, out * (1.0 - across), out * across])
-        weights.append(2.0 * out * weight * other_weight)
-    return _beyond_linear(model, displacement, stress, own, np.array(shares), np.array(weights))
+    rule = [
+        ([1.0 - out, out * (1.0 - across), out * across], 2.0 * out * weight * other_weight)
+        for (out, weight), (across, other_weight) in product(GAUSS[3], repeat=2)
+    ]
+    return _beyond_linear(model, displacement, stress, own, rule)
 
 
 def energy_between_nodes(model: BodyModel, displacement: FloatArray, stress: FloatArray) -> float:
     """The same correction by all other triangles: near the surface fits are better between nodes."""
     own = model.cloud.triangles[~_at_tips(model)[0]]
-    return _beyond_linear(model, displacement, stress, own, TRIANGLE_POINTS, np.full(3, 1.0 / 3.0))
+    rule = [(share, 1.0 / 3.0) for share in TRIANGLE_POINTS.tolist()]
+    return _beyond_linear(model, displacement, stress, own, rule)
 
 
 def _at_tips(model: BodyModel) -> tuple[BoolArray, FloatArray]:
@@ -172,19 +167,19 @@ def _beyond_linear(
     displacement: FloatArray,
     stress: FloatArray,
     own: IntArray,
-    shares: FloatArray,
-    weights: FloatArray,
+    rule: Sequence[tuple[Sequence[float], float]],
 ) -> float:
     """Twice the strain energy of triangles ``own`` (t, 3) with fitted stress, minus that with linear stress,
-    by quadrature points with barycentric ``shares`` (g, 3) and ``weights`` (g,). Stress that is not from
-    fits, such as thermal stress, is linear."""
+    by a ``rule`` of barycentric shares and weights. Stress that is not from fits is linear."""
+    if not len(own):
+        return 0.0
     cloud, c = model.cloud, model.material.stiffness
     if model.material.nearly_incompressible:
         c = c - model.material.bulk_part
     compliance = np.linalg.inv(model.material.stiffness)
     linear = stress - stress_of(model.stencils.derivatives(displacement), c, model.stencils.radius)
     total, areas = 0.0, _areas(cloud.points[own])
-    for share, weight in zip(shares, weights, strict=True):
+    for share, weight in rule:
         points = np.einsum("k,tkc->tc", share, cloud.points[own])
         fitted = stress_of(model.stencils_at(points, 1).derivatives(displacement), c, cloud.radius(points))
         here = fitted + np.einsum("k,tkc->tc", share, linear[own])

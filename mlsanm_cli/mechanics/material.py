@@ -140,8 +140,7 @@ class PlaneMaterial:
         return np.asarray(0.5 * np.einsum("mi,ij,mj->m", direction, self.surface_compliance, by))
 
     def out_of_plane_stress(self, stress: FloatArray, temperature: FloatArray | float = 0.0) -> FloatArray:
-        """sigma_zz (n,) for plane ``stress`` (n, 3) and a ``temperature`` change; in bodies of revolution the
-        hoop stress."""
+        """sigma_zz (n,), or the hoop stress, for ``stress`` (n, 3 | 4) and a ``temperature`` change."""
         if self.revolved:
             return stress[:, 3]
         # An unknown (nan) expansion does not matter where nothing is heated.

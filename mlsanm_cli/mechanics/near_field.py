@@ -21,7 +21,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.kernels.radial import radial_displacement, radial_stress
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.records import dataclass
@@ -31,8 +31,6 @@ ComplexArray = NDArray[np.complex128]
 
 BATCH_SIZE = 20_000
 """Pairs of a point and a force processed at once, which fit into the cache."""
-NO_PAIRS = np.zeros((0, 0), dtype=bool)
-"""Empty mask: no pair of point and force is left out."""
 SURFACE_INSET = 1e-3
 """Points on surfaces and forces at corners are shifted inside by this part of the local length."""
 
@@ -41,8 +39,7 @@ class PointForceField(Protocol):
     """The field of a unit force at the origin on the surface of a body of one material."""
 
     def displacement(self, w: ComplexArray, base: ComplexArray) -> FloatArray:
-        """Displacements (..., 2, 2) at ``w`` (...); angles from ``base`` (...), the branch cut along
-        -base."""
+        """Displacements (..., 2, 2) at ``w``; angles from ``base``, the branch cut along -base."""
 
     def stress(self, w: ComplexArray) -> FloatArray:
         """Stresses (..., 3, 2) at ``w`` (...)."""
@@ -52,8 +49,7 @@ class PointForceField(Protocol):
         subtends less than pi; it has no moment about the origin."""
 
     def along(self, tangent: ComplexArray) -> FloatArray:
-        """Traction (..., 2, 2) next to the force per unit curvature, on surfaces with unit ``tangent``
-        (...)."""
+        """Traction (..., 2, 2) next to the force per unit curvature, by the unit ``tangent`` (...)."""
 
 
 @dataclass(frozen=True)
@@ -166,7 +162,7 @@ def _flat(numbers: ComplexArray) -> FloatArray:
 def by_component(table: FloatArray) -> FloatArray:
     """Displacements (e, k, 2, 2) as a matrix (2e, 2k): rows x of all points, then y; columns likewise."""
     e, k = table.shape[:2]
-    return _by_force(table, NO_PAIRS).reshape(2 * e, 2 * k)
+    return table.transpose(2, 0, 3, 1).reshape(2 * e, 2 * k)
 
 
 def _table(rows: list[list[FloatArray]]) -> FloatArray:
@@ -178,19 +174,10 @@ def _table(rows: list[list[FloatArray]]) -> FloatArray:
     return np.moveaxis(table, (0, 1), (-2, -1))
 
 
-def _by_force(table: FloatArray, left_out: BoolArray) -> FloatArray:
-    """Fields (e, k, r, 2) as (r, e, 2k), forces x first, without pairs in ``left_out`` (e, k)."""
-    if left_out.size:
-        table = np.where(left_out[:, :, None, None], 0.0, table)
-    e, k, rows, _ = table.shape
-    return np.ascontiguousarray(table.transpose(2, 0, 3, 1)).reshape(rows, e, 2 * k)
-
-
 def summed(fields: Callable[[ComplexArray], FloatArray], z: ComplexArray, force: FloatArray) -> FloatArray:
-    """Sums (e, r, c) of the ``fields`` (r, e, 2k) at points ``z`` (e,) by forces (k, 2, c)."""
-    acting = force.transpose(1, 0, 2).reshape(2 * len(force), force.shape[2])
+    """Sums (e, r, c) of the ``fields`` (e, k, r, 2) at points ``z`` (e,) by forces (k, 2, c)."""
     parts = np.array_split(z, 1 + len(z) * len(force) // BATCH_SIZE)
-    return np.concatenate([fields(some) @ acting for some in parts], axis=1).transpose(1, 0, 2)
+    return np.concatenate([np.tensordot(fields(some), force, ((1, 3), (0, 1))) for some in parts])
 
 
 @dataclass(frozen=True)
@@ -212,14 +199,6 @@ class SurfaceForces:
     def stress(self, z: ComplexArray) -> FloatArray:
         """Stresses (e, k, 3, 2) at points ``z`` (e,)."""
         return self.stress_of_each(z[:, None])
-
-    def displacements(self, z: ComplexArray, left_out: BoolArray = NO_PAIRS) -> FloatArray:
-        """Displacements (2, e, 2k) at ``z`` (e,) by forces x, then y, but pairs in ``left_out`` (e, k)."""
-        return _by_force(self.displacement(z), left_out)
-
-    def stresses(self, z: ComplexArray, left_out: BoolArray = NO_PAIRS) -> FloatArray:
-        """Stresses (3, e, 2k) of the same."""
-        return _by_force(self.stress(z), left_out)
 
     def displacement_of_each(self, z: ComplexArray) -> FloatArray:
         """Displacements (..., k, 2, 2) by each force at its own point ``z`` (..., k or 1)."""

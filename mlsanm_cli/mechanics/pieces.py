@@ -21,7 +21,6 @@ Equations (3) and (3a) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping
-from itertools import product
 from types import MappingProxyType
 from typing import Any, TypeAlias
 
@@ -29,7 +28,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.cloud.cells import GAUSS, Halves, Rule, cell_quadrature, corner_moments, measure
+from mlsanm_cli.cloud.cells import FINE, GAUSS, Halves, Rule, cell_quadrature, measure
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.cloud.pieces import divide, pair_up
@@ -119,16 +118,19 @@ class Pieces:
         for surface in cloud.surfaces.values():
             halves = Halves.of(surface, rule)
             own, other = surface.index[halves.own], surface.index[halves.other]
+            step = np.tile(np.diff(surface.ends), len(own) // len(np.diff(surface.ends)))
+            ahead = np.where(np.arange(len(own)) // len(np.diff(surface.ends)) % 2 == 0, 1.0, -1.0)
+            along = (ahead / step)[:, None] * (cloud.points[other] - cloud.points[own])
             chord = cloud.points[other] + halves.share[:, None] * (cloud.points[own] - cloud.points[other])
             bulge = surface.curve.points(halves.arc) - chord
-            ahead = np.where(np.arange(len(own)) // len(np.diff(surface.ends)) % 2 == 0, 1.0, -1.0)
-            along = ahead[:, None] * (cloud.points[other] - cloud.points[own])
-            step = np.diff(surface.ends)
-            share = halves.length / np.tile(step, len(halves.length) // len(step))
-            weight = cross(bulge, along) * share
-            if (np.abs(weight) > ROUND_OFF * cloud.spacing[own] ** 2).any():
-                middle = chord + 0.5 * bulge
-                yield own[:, None], middle, middle[:, None], weight[:, None]
+            turned = surface.curve.normals(halves.arc)[:, ::-1] * np.array([-1.0, 1.0]) - along
+            # At fractions of the way from the chord to the outline.
+            share, part = np.array(rule).T
+            points = chord[:, None] + share[:, None] * bulge[:, None]
+            weight = np.outer(cross(bulge, along), part) + np.outer(cross(bulge, turned), part * share)
+            weight *= halves.length[:, None]
+            if (np.abs(weight) > ROUND_OFF * cloud.spacing[own][:, None] ** 2).any():
+                yield np.tile(own[:, None], len(rule)), points.mean(axis=1), points, weight
 
     def _hoop(self, owner: IntArray, points: FloatArray, weight: FloatArray) -> sparse.csr_array:
         """Matrix (3k, e t) from the hoop stress at ``points`` of areas ``weight`` in the cells of nodes
@@ -162,8 +164,8 @@ class Pieces:
                 yield sparse.csr_array(-spread @ kept), points, points[:, None], normals[:, None]
 
     def _spread(self, owner: IntArray, center: FloatArray) -> sparse.csr_array:
-        """Matrix (3k, 3e) from forces x, y and moments about ``center`` (e, 2) to those on pieces ``owner``
-        (e,), -1 for none."""
+        """Matrix (3k, 3e) from forces and moments about ``center`` (e, 2) to those on pieces ``owner`` (e,)
+        or -1."""
         number = np.flatnonzero(owner >= 0)
         own = owner[number]
         arm = (center[number] - self.middle[own]) / self.size[own][:, None]
@@ -204,59 +206,32 @@ class Pieces:
         count = 2 * len(nodes)
         entries = (force.T.ravel(), (np.arange(count), np.tile(column, 2)))
         nodal = sparse.csr_array(entries, shape=(count, columns))
-        parts = (self._spread(level[nodes], points)[:, :count] @ nodal for level in self.levels)
-        return sparse.csr_array(sum(parts, sparse.csr_array((3 * self.count, columns))))
+        return sparse.csr_array(self._spread_from(nodes, points)[:, :count] @ nodal)
 
     def of_force(self, force: FloatArray) -> FloatArray:
         """Force and moment (3k,) on the pieces by a body force, linear between nodal ``force`` (n, 2)."""
         cloud, total = self.cloud, np.zeros(3 * self.count)
-        if cloud.revolved:
-            node, at, area, share = cell_quadrature(cloud.points, cloud.triangles)
-            parts = [(node[:, 0], at, area, (share[:, :, None] * force[node]).sum(axis=1))]
-            for own, _, middle, weight in list(self._rings(GAUSS[2]))[1:]:
-                parts.append((own[:, 0], middle[:, 0], weight[:, 0], force[own[:, 0]]))
-            for own, at, area, values in parts:
-                total += self.gathered(own, at, (area * cloud.around(at))[:, None] * values)
-            return total
-        mean = np.zeros((self.count + 1, 2))
-        for level in self.levels:
-            nodes = np.bincount(level[level >= 0], minlength=self.count)
-            for axis in (0, 1):
-                sums = np.bincount(level[level >= 0], force[level >= 0, axis], self.count)
-                mean[:-1, axis] += sums / np.maximum(nodes, 1)
         # A uniform force has no moment about the centroid of the piece with its exact outline.
-        total[: 2 * self.count] = (self.size[:, None] ** 2 * mean[:-1]).T.ravel()
-        if not np.ptp(force, axis=0).any():
-            return total
-        # The difference from the mean, cell by cell.
-        points, first, second = cloud.points, *corner_moments()
-        varying = np.zeros_like(total)
-        for level, turn in product(self.levels, range(3)):
-            corners = np.roll(cloud.triangles, -turn, axis=1)
-            corners = corners[level[corners[:, 0]] >= 0]
-            owner = level[corners[:, 0]]
-            a, b, c = np.moveaxis(points[corners], 1, 0)
-            one, other = b - a, c - a
-            area = 0.5 * np.abs(cross(one, other))
-            x, y = np.moveaxis(force[corners] - mean[owner][:, None], 2, 0)
-            arm = (points[corners] - self.middle[owner][:, None]) / self.size[owner][:, None, None]
-            across, along = np.moveaxis(arm, 2, 0)
-            moment = ((across @ second) * y).sum(axis=1) - ((along @ second) * x).sum(axis=1)
-            for row, values in enumerate((x @ first, y @ first, moment)):
-                span = slice(row * self.count, (row + 1) * self.count)
-                varying[span] += np.bincount(owner, area * values, self.count)
-        return total + varying
+        even = force.mean(axis=0) * (not cloud.revolved)
+        total[: 2 * self.count] = np.outer(even, self.size**2).ravel()
+        rest = force - even
+        node, at, area, share = cell_quadrature(cloud.points, cloud.triangles)
+        parts = [(node[:, 0], at, area, (share[:, :, None] * rest[node]).sum(axis=1))]
+        for own, _, places, weight in list(self._rings(FINE))[1:]:
+            parts.append((own.ravel(), places.reshape(-1, 2), weight.ravel(), rest[own.ravel()]))
+        for own, at, area, values in parts:
+            total += self.gathered(own, at, (area * cloud.around(at))[:, None] * values)
+        return total
 
     def gathered(self, nodes: IntArray, points: FloatArray, force: FloatArray) -> FloatArray:
-        """Force and moment (3k, ...) on the pieces of ``nodes`` (e,) by forces (e, 2, ...) at ``points`` (e,
+        """Force and moment (3k, ...) on the pieces of ``nodes`` by forces (e, 2, ...) at ``points`` (e,
         2)."""
         spread = self._spread_from(nodes, points)[:, : 2 * len(nodes)]
         flat = np.concatenate([force[:, 0], force[:, 1]]).reshape(2 * len(nodes), -1)
         return np.asarray(spread @ flat).reshape(3 * self.count, *force.shape[2:])
 
     def totals(self, center: tuple[float, float]) -> sparse.csr_array:
-        """Matrix (3, 3k) from the pieces' forces and moments to force x, force y and moment about ``center``
-        of the body."""
+        """Matrix (3, 3k) from forces and moments on pieces to those of the body, about ``center``."""
         one, none = self.main.astype(float), np.zeros(self.count)
         x, y = one * (self.middle - np.array(center)).T
         lines = [[one, none, none], [none, one, none], [-y, x, one * self.size]]
@@ -272,8 +247,7 @@ class Pieces:
         return sparse.csr_array(self.totals((float(middle[0]), float(middle[1])))[np.flatnonzero(closed)])
 
     def rows_known(self, hidden: list[tuple[int, int]]) -> BoolArray:
-        """Mask of the 3k rows of closed pieces, but where single (node, component) pairs ``hidden`` hold the
-        body."""
+        """Mask (3k,) of the rows of closed pieces, without those of (node, component) pairs ``hidden``."""
         known = np.tile(self.closed, 3)
         for node, component in hidden:
             for level in self.levels:
@@ -322,8 +296,7 @@ def reaction(
     center: tuple[float, float],
     stress: StressAround,
 ) -> Any:
-    """Rows or values (3, ...) of force and moment about ``center`` of a held surface on its body by a
-    ``stress``, in ``held`` components."""
+    """Rows or values (3, ...) of force and moment of a surface on its body by ``stress``, if ``held``."""
     points, normals = _along(model.cloud, surface, Halves.of(surface, rule_of(model)))
     forces = force_sums(np.zeros((len(points), 1, 2)), normals[:, None])[: 2 * len(points)]
     along, one, none = np.array(held, dtype=float), np.ones(len(points)), np.zeros(len(points))

@@ -177,8 +177,8 @@ def _parts(surface: Surface) -> tuple[ComplexArray, ComplexArray, IntArray]:
 
 
 def _along_lines(body: ElasticBody, nodes: IntArray, force: FloatArray, at: FloatArray) -> FloatArray:
-    """Force and moment (3p, k, 2) on the pieces of ``nodes`` (e,) by ``force`` (e, k, 2, 2) with lines of
-    action through ``at`` (k or 1, 2)."""
+    """Force and moment (3p, k, 2) on pieces of ``nodes`` by ``force`` (e, k, 2, 2) along lines through
+    ``at``."""
     pieces = body.pieces
     sums = pieces.gathered(nodes, body.model.cloud.points[nodes], np.moveaxis(force, 2, 1))
     x, y, _ = sums.reshape(3, pieces.count, *sums.shape[1:])
@@ -187,8 +187,7 @@ def _along_lines(body: ElasticBody, nodes: IntArray, force: FloatArray, at: Floa
 
 
 def reaction_of(body: ElasticBody, name: str, center: tuple[float, float], forces: Forces) -> FloatArray:
-    """Force and moment about ``center`` (3, 2k) of a held surface on the body, from the near fields of unit
-    forces."""
+    """Force and moment about ``center`` (3, 2k) of a held surface, from the near fields of unit forces."""
     surface, held = body.model.cloud.surfaces[name], np.array(body.restrained[name])
     halves = _halves(surface, forces)
     points = surface.curve.points(halves.arc)
@@ -208,8 +207,7 @@ def reaction_of(body: ElasticBody, name: str, center: tuple[float, float], force
 
 
 def spring_pull_of(body: ElasticBody, name: str, forces: Forces) -> FloatArray:
-    """Force and moment about the origin (3, 2k) of a surface's soft springs, from the near fields of unit
-    forces."""
+    """Force and moment (3, 2k) of a surface's soft springs, from the near fields of unit forces."""
     surface, springs = body.model.cloud.surfaces[name], np.array(body.soft_springs[name])
     halves = Halves.of(surface, FINE)
     points = surface.curve.points(halves.arc)

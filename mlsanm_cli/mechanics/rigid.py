@@ -33,8 +33,7 @@ PIN_DIGITS = 9
 
 
 def rigid_pattern(points: FloatArray, center: tuple[float, float], component: int) -> FloatArray:
-    """Displacements (n, 2) of ``points`` (n, 2) under a unit motion: 0 (x), 1 (y), 2 (rotation about
-    ``center``)."""
+    """Displacements (n, 2) of ``points`` under a unit motion: x, y, or rotation about ``center``."""
     if component == ROTATION:
         arm = points - np.array(center)
         return np.stack([-arm[:, 1], arm[:, 0]], axis=1)
@@ -103,8 +102,7 @@ def free_motions(
 
 
 def independent_rows(columns: FloatArray) -> list[int]:
-    """Indices of d well-conditioned rows of ``columns`` (n, d): QR pivots of its transpose (Golub and Van
-    Loan, Matrix Computations, section 5.4.2)."""
+    """Indices of d well-conditioned rows of ``columns`` (n, d): QR pivots of its transpose."""
     if not columns.size:
         return []
     _, pivots, _, _, _ = dgeqp3(columns.T)

@@ -24,8 +24,7 @@ FREE = (False, False)
 
 
 def stiffest_soft(cloud: Cloud, material: PlaneMaterial, surface: str | None = None) -> float:
-    """Largest stiffness k, traction per displacement, of a soft spring along a ``surface`` or the whole
-    body."""
+    """Largest stiffness k of a soft spring along a ``surface`` or the whole body."""
     size = float(np.ptp(cloud.points, axis=0).max())
     if surface is not None:
         size = min(size, cloud.surfaces[surface].curve.length)

@@ -94,8 +94,7 @@ def copies_around(first: SymmetryPlane, last: SymmetryPlane) -> int | None:
 
 
 def images_of(planes: Sequence[SymmetryPlane]) -> tuple[Image, ...]:
-    """The images of a part between up to two planes of symmetry: all that make a whole, or those behind
-    either of parallel planes."""
+    """The images of a part between up to two planes: all of a whole, or those behind parallel planes."""
     if len(planes) < 2:
         return tuple(plane.image for plane in planes)
     first, last = planes

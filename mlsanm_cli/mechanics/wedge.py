@@ -143,8 +143,7 @@ class Wedge:
 
     @cached_property
     def moved(self) -> FloatArray:
-        """Displacements (n, 2, 2) of the first face due to densities and image of a unit force at distance
-        1."""
+        """Displacements (n, 2, 2) of the first face by densities and image of a unit force at distance 1."""
         kept = np.abs(self.grid) <= TRUNCATION
         total = np.zeros((COUNT, 2, 2))
         # Half a step off the grid of densities, to avoid the singular point.
@@ -167,8 +166,7 @@ class Wedge:
         return total
 
     def compliance(self, x: FloatArray, source: FloatArray, which: int, by: int) -> FloatArray:
-        """These displacements in component ``which`` (e, k) at ``x`` (e,) by forces in ``by`` at ``source``
-        (k,)."""
+        """These displacements ``which`` (e, k) at ``x`` (e,) by forces in ``by`` at ``source`` (k,)."""
         own = interpolated(self.moved[:, which, by], np.log(x)[:, None] - (np.log(source) + 0.5 * STEP))
         whole = STEP * (self.densities[0] + self.densities[1]).sum(axis=0) + self.image
         return np.asarray(own + np.log(source) * (self.logarithm @ whole)[which, by])

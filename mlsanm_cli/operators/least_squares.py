@@ -38,8 +38,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.operators.linear.factors import Fronts, factor_definite, mirrored
-from mlsanm_cli.operators.linear.interface import Factor, LinearSolver
+from mlsanm_cli.operators.factors import Factor, Fronts, LinearSolver, factor_definite, mirrored
 from mlsanm_cli.operators.normal import NormalPattern, bordered, normal_equations
 from mlsanm_cli.operators.system import (
     DIRECTIONS,

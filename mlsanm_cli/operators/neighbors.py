@@ -111,8 +111,7 @@ def neighbors_of(
 def _nearest(
     points: FloatArray, tree: cKDTree, targets: FloatArray, size: int, known: IndexArray
 ) -> tuple[FloatArray, IntArray]:
-    """Radii (e,) and numbers (e, size) of the nearest of the ``known`` nodes (e, k), ties broken by number:
-    round-off must not decide."""
+    """Radii (e,) and numbers (e, size) of the nearest of ``known`` nodes (e, k), ties broken by number."""
     indices = known[:, :size].astype(np.int64)
     radius = distances(points, targets, known[:, size - 1 : size])[:, 0]
     if known.shape[1] > size:

@@ -7,7 +7,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import IntArray
 from mlsanm_cli.kernels.normal import add_blocks, count_neighbours, group_rows, rows_of_nodes
-from mlsanm_cli.operators.linear.interface import refuse_too_many, structure
+from mlsanm_cli.operators.factors import refuse_too_many, structure
 
 
 def normal_equations(rows: sparse.csr_array) -> sparse.bsr_array:

@@ -10,7 +10,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from mlsanm_cli.kernels.stencils import apply_weights
-from mlsanm_cli.operators.linear.interface import MAX_ENTRIES
+from mlsanm_cli.operators.factors import MAX_ENTRIES
 from mlsanm_cli.records import dataclass
 
 PARITY = {1: (1.0,), 2: (-1.0, 1.0), 3: (1.0, 1.0, -1.0), 4: (1.0, 1.0, -1.0, 1.0)}
@@ -50,8 +50,7 @@ class Stencils:
         return replace(found, radius=self.radius[rows], image=self.image[entry])
 
     def of_revolution(self, own: IntArray, radius: FloatArray) -> Stencils:
-        """The stencils in a body of revolution (``radius``), whose last nodes are images of nodes ``own``
-        (g,)."""
+        """The stencils in a body of revolution, whose last nodes are images of nodes ``own`` (g,)."""
         count = self.nodes - len(own)
         image = self.indices >= count
         numbers = np.concatenate([np.arange(count), own])
@@ -114,16 +113,14 @@ def pair_rows(stencils: Stencils, values: FloatArray) -> sparse.csr_array:
 
 
 def _entries(stencils: Stencils) -> tuple[IndexArray | IntArray, IndexArray | IntArray]:
-    """Offsets and nodes of the stencils, with 32-bit indices if these suffice for rows: sparse products are
-    limited by memory bandwidth."""
+    """Offsets and nodes of the stencils, with 32-bit indices if these suffice: less memory traffic."""
     if 2 * len(stencils.indices) > MAX_ENTRIES:
         return stencils.indptr, stencils.indices
     return stencils.indptr.astype(np.int32), stencils.indices.astype(np.int32)
 
 
 def scalar_rows(stencils: Stencils, weights: FloatArray, odd: bool = False) -> sparse.csr_array:
-    """One row per stencil (e, n) for a scalar nodal field; ``weights`` (nnz,) follow the stencils' entries.
-    An ``odd`` field changes its sign behind an axis of revolution."""
+    """One row (e, n) per stencil with ``weights`` (nnz,); ``odd`` fields change sign behind an axis."""
     if odd:
         weights = stencils.signed(np.stack([weights, weights], axis=1))[:, 0]
     shape = (len(stencils.indptr) - 1, stencils.nodes)

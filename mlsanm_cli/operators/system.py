@@ -34,8 +34,7 @@ class LinearSystem(Protocol):
         """Solutions (n, c) for right-hand sides ``sources`` (r, c), refined to a relative ``tolerance``."""
 
     def correction(self, sources: sparse.csc_array, solutions: FloatArray | None = None) -> FloatArray:
-        """Change (n, c) of ``solutions`` (n, c) for ``sources`` (r, c) by one pass through the factor; from
-        none, the solutions by the factor alone."""
+        """Change (n, c) of ``solutions`` by one pass through the factor; without, the factor's solutions."""
 
     def functionals(
         self, observed: sparse.csr_array, sources: sparse.csc_array, mixture: FloatArray | None = None

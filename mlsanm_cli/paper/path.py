@@ -58,8 +58,7 @@ def paper_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterat
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """A point of the path: unknowns, fraction of the stage, and the work (n,) dissipated until the stick
-    references moved last."""
+    """A point of the path: unknowns, fraction of the stage, and the work (n,) dissipated before."""
 
     system: System
     x: FloatArray

@@ -15,8 +15,8 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.assembly import node_rows
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.springs import FREE, NO_SPRING
+from mlsanm_cli.operators.factors import THRESHOLD, elimination_order, factor_in_order
 from mlsanm_cli.operators.least_squares import LeastSquares
-from mlsanm_cli.operators.linear.factors import THRESHOLD, elimination_order, factor_in_order
 from mlsanm_cli.operators.system import FULL_TOLERANCE, MAX_UPDATES, Progress
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 
@@ -32,8 +32,8 @@ class Law:
     ``elastic`` (of displacements) and ``slip`` are scales."""
 
     def __init__(self, built: CondensedScene) -> None:
-        """The law of a case, relative to the exact states at the ends of its stages: units and sizes of loads
-        do not matter. Raises NumericalError if no state has any pressure."""
+        """The law of a case, relative to the exact states at the ends of its stages. Raises
+        NumericalError."""
         c, law = built.condensed, {contact.name: contact.regularization for contact in built.case.touching}
         nodes, pressures = c.friction_nodes, [state.pressure for state in built.ends]
         largest = np.max(pressures, axis=0)

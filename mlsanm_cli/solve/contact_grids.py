@@ -17,7 +17,6 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.contact.complementarity.problem import ContactStatus
-from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.contact_range import ContactRange
 from mlsanm_cli.contact.geometry.pairing import Pairing, on_grid
 from mlsanm_cli.contact.laws.contact_state import ContactState
@@ -34,13 +33,12 @@ from mlsanm_cli.solve.direction_updates import rolling, turns, unturned
 from mlsanm_cli.solve.grid_fitting import (
     COMPRESSED_LIMITS,
     DENSE_LIMITS,
+    GridFit,
     begun_open,
-    first_grid,
     passed_beyond,
     ranged,
     refined,
     sampled,
-    touching_first,
 )
 from mlsanm_cli.solve.stage_ends import contact_states
 
@@ -129,18 +127,17 @@ class _GridSearch:
         ranges: Mapping[str, ContactRange],
         memo: Memo,
     ) -> None:
-        self._scene, self._memo, self._nodal, self._ranges = scene, memo, pairings, dict(ranges)
-        self._grids, self._passed = {n: first_grid(one) for n, one in ranges.items()}, touching_first(ranges)
-        self._pairings = _on_grids(pairings, self._grids, pairings)
+        self._scene, self._memo, self._nodal = scene, memo, pairings
+        self._fits = {name: GridFit.of(name, room) for name, room in ranges.items()}
+        self._pairings = pairings
         self._responses: BodyResponses | None = None
         self._sampled: BodyResponses | None = None
         self.starts: list[ContactStatus] = []
         self.states: States = ()
-        self._turns = MAX_TURNS * (2 if scene.held_motions else 1)
+        self._turns, self._extended = MAX_TURNS * (2 if scene.held_motions else 1), False
         # Directions of pressures: their angles with the bodies, and those common to held motions.
-        self._angles = {name: grid.facing.turn for name, grid in self._grids.items()}
-        self._common = dict.fromkeys(self._grids, 0.0)
-        self._extended = False
+        self._angles = {name: room.facing.turn for name, room in ranges.items()}
+        self._common = dict.fromkeys(ranges, 0.0)
         places = len(case.contact) + sum(one.places - 1 for one in ranges.values())
         few = places <= MAX_PATCHES and len({*range(1, len(case.stage) + 1), *case.output.at}) <= MAX_ENDS
         effort = EXACT_FACTOR if few else 1.0
@@ -158,46 +155,56 @@ class _GridSearch:
         and the states are those before."""
         for _ in range(MAX_ROUNDS):
             self.states = search(self.condensed, self.starts)
-            begun = begun_open(self.condensed, self._grids, self._ranges, self.states)
-            if begun:
-                self._ranges |= begun
-                self._passed |= touching_first(begun)
-                self._take(self._grids | {name: first_grid(one) for name, one in begun.items()})
-                self.starts = []
-                continue
-            grids = ranged(self.condensed, self._grids, self._ranges, self.states, self._passed)
-            if grids is None:
-                return False
-            if _same(grids, self._grids) and self._responses is not self._sampled:
+            # States with pressures above round-off of the largest of all.
+            peaks = [float(state.pressure.max(initial=0.0)) for state in self.states]
+            least = ROUND_OFF * max(peaks, default=0.0)
+            loaded = [state for state, peak in zip(self.states, peaks, strict=True) if peak > least]
+            scene, condensed, fits = self._scene, self.condensed, self._fits.values()
+            new = [begun_open(condensed, fit, self.states) for fit in fits]
+            if not self._changed(new):
+                within = [ranged(condensed, fit, self.states) for fit in fits]
+                new = [fit for fit in within if fit is not None]
+                if len(new) < len(fits):
+                    return False
+            if not self._changed(new) and self._responses is not self._sampled:
                 assert self._responses is not None
                 self._sampled = self._responses
-                grids = sampled(self._scene, self._responses, self._grids)
-            if _same(grids, self._grids):
-                # States with pressures above round-off of the largest of all.
-                peaks = [float(state.pressure.max(initial=0.0)) for state in self.states]
-                least = ROUND_OFF * max(peaks, default=0.0)
-                loaded = [state for state, peak in zip(self.states, peaks, strict=True) if peak > least]
-                args = self._ranges, loaded, self._accuracy, tractions, self._limits
-                grids = refined(self.condensed, self._grids, *args)
-                if not repeats:
-                    self._take(grids)
+                new = [sampled(scene, self._responses, fit) for fit in new]
+            if not self._changed(new):
+                new = [
+                    refined(condensed, fit, loaded, self._accuracy[fit.name], tractions, self._limits)
+                    for fit in new
+                ]
+                if not repeats or not self._changed(new):
+                    self._take(new)
                     return True
-            if _same(grids, self._grids):
-                return True
-            self._take(grids)
+            self._take(new)
         return False
 
-    def _take(self, grids: dict[str, ContactGrid]) -> None:
-        """Condense on other ``grids``."""
-        if any(grids[name].samples_differ(grid) for name, grid in self._grids.items()):
+    def _changed(self, fits: Sequence[GridFit]) -> bool:
+        return any(fit.grid is not self._fits[fit.name].grid for fit in fits)
+
+    def _take(self, fits: Sequence[GridFit]) -> None:
+        """Condense on other grids, if they have changed."""
+        before, changed = self._fits, self._changed(fits)
+        self._fits = {fit.name: fit for fit in fits}
+        if not changed:
+            return
+        if any(fit.grid.samples_differ(before[fit.name].grid) for fit in fits):
             self._responses = None
-        before, self._grids = self.condensed, grids
-        self._pairings = _on_grids(self._nodal, grids, self._pairings)
-        later = [pairing for pairing in self._pairings if not pairing.bonded]
-        self.starts = [_moved(before, later, state) for state in self.states]
+        begun = any(fit.room.first != before[fit.name].room.first for fit in fits)
+        old = self.condensed
         self._condense()
+        moved = [pairing for pairing in self._pairings if not pairing.bonded]
+        self.starts = [] if begun else [_moved(old, moved, state) for state in self.states]
 
     def _condense(self) -> None:
+        grids = {name: fit.grid for name, fit in self._fits.items()}
+        # Those whose grid has not changed are kept.
+        self._pairings = tuple(
+            old if old.contact_grid is grids.get(new.name) else on_grid(new, grids[new.name])
+            for new, old in zip(self._nodal, self._pairings, strict=True)
+        )
         if self._responses is None:
             self._responses = BodyResponses.of(self._scene, self._pairings, self._memo)
         self.condensed = condense(self._scene, self._pairings, self._memo, self._responses)
@@ -205,17 +212,16 @@ class _GridSearch:
     def extend(self, stages: FloatArray) -> bool:
         """Whether contacts between the levels looked at, which are without friction, pass beyond their
         ranges, which are then extended. To be asked once."""
-        whole = all(
-            self._grids[name].first <= room.first and room.last <= self._grids[name].last
-            for name, room in self._ranges.items()
-        )
-        if self._extended or whole or len(self.condensed.friction_nodes):
+        inside = any(fit.inside for fit in self._fits.values())
+        if self._extended or not inside or len(self.condensed.friction_nodes):
             return False
         self._extended = True
         count = max(2, min(LEVELS_BETWEEN, MAX_LEVELS // (len(stages) - 1)))
         between = [factors_at(stages, k / count) for k in range(count * (len(stages) - 1)) if k % count]
         states = contact_states(self._scene, self.condensed, stages, np.stack(between), skips=True)
-        return passed_beyond(self.condensed, self._ranges, states, self._passed)
+        before = self._fits
+        self._fits = {name: passed_beyond(self.condensed, fit, states) for name, fit in before.items()}
+        return any(fit is not before[name] for name, fit in self._fits.items())
 
     def turn(self) -> bool:
         """Whether the directions of pressures rotate with the bodies in the last states with contact, less
@@ -227,12 +233,12 @@ class _GridSearch:
         for state in reversed(self.states):
             if not rolling(scene, condensed, state):
                 now = turns(scene, condensed, state) | now
-            if len(now) == len(self._grids):
+            if len(now) == len(self._fits):
                 break
         for name, angle in now.items():
             if abs(angle - self._angles[name]) > (TURN_TOLERANCE if self._angles[name] else TURN_ABOVE):
                 self._angles[name] = angle
-        before = {name: grid.facing.turn for name, grid in self._grids.items()}
+        before = {name: fit.grid.facing.turn for name, fit in self._fits.items()}
         after = {name: angle + self._common[name] for name, angle in self._angles.items()}
         if held:
             for name, angle in unturned(condensed, self.states[-1], after, held).items():
@@ -244,13 +250,7 @@ class _GridSearch:
         if after == before:
             return False
         self._turns -= 1
-        grids = dict(self._grids)
-        for name, angle in after.items():
-            facing = replace(grids[name].facing, turn=angle)
-            self._ranges[name] = replace(self._ranges[name], facing=facing)
-            if angle != before[name]:
-                grids[name] = replace(grids[name], facing=facing)
-        self._take(grids)
+        self._take([fit.turned(after[name]) for name, fit in self._fits.items()])
         return True
 
 
@@ -268,20 +268,6 @@ def _flowing(built: CondensedScene) -> States:
             if condensed.cut(state.pressure):
                 break
     return tuple(states)
-
-
-def _same(one: Mapping[str, ContactGrid], other: Mapping[str, ContactGrid]) -> bool:
-    return all(one[name] is other[name] for name in one)
-
-
-def _on_grids(
-    pairings: Sequence[Pairing], grids: Mapping[str, ContactGrid], before: Sequence[Pairing]
-) -> tuple[Pairing, ...]:
-    """Contacts ``pairings`` with pressures on their ``grids``; those on grids ``before`` are kept."""
-    return tuple(
-        old if old.contact_grid is grids.get(new.name) else on_grid(new, grids[new.name])
-        for new, old in zip(pairings, before, strict=True)
-    )
 
 
 def _moved(condensed: Condensed, after: Sequence[Pairing], state: ContactState) -> ContactStatus:

@@ -23,9 +23,9 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.membership import cross
-from mlsanm_cli.contact.complementarity.basis import SingularError
+from mlsanm_cli.contact.complementarity.basis import Basis, SingularError
 from mlsanm_cli.contact.complementarity.problem import ContactStatus
-from mlsanm_cli.contact.laws.contact_state import ContactState, Linearised
+from mlsanm_cli.contact.laws.contact_state import ContactState, response
 from mlsanm_cli.contact.laws.failures import UnbalancedError
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.near_field import as_real
@@ -214,14 +214,14 @@ def turned_by_loads(
     if not turning:
         return None
     try:
-        system = Linearised(condensed, sets)
+        basis = Basis.near(condensed.problem, sets)
     except SingularError:
         return None
-    if system.holds:
+    if basis.held.size:
         return None
     gap, slip, rotations = np.zeros_like(pressure), np.zeros_like(traction), list[FloatArray]()
     for number, moment in zip(turning, moments, strict=True):
-        change = system.response(gap, slip, moment * (np.arange(len(motion)) == number))
+        change = response(basis, gap, slip, moment * (np.arange(len(motion)) == number))
         rotations.append(change.motion[turning])
     shares, ways = np.linalg.eig(np.stack(rotations, axis=1))
     worst = int(np.argmax(shares.real))

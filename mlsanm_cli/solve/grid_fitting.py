@@ -3,8 +3,9 @@ and halving of intervals."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -43,8 +44,6 @@ MAX_OPEN_SHARE = 0.1
 """Open part of a closed surface above which it is not in contact all around."""
 MIN_OVERLAP = 1e-3
 """Overlap between grid nodes, relative to the largest approach, above which it is examined."""
-
-
 MAX_SAMPLES = 96
 SAMPLE_TOLERANCE = 1e-4
 """Samples are doubled until the last coefficients of the response are below this part of the factor of its
@@ -69,6 +68,37 @@ WORST_SHARE_WITHOUT_FRICTION, QUARTER_RATIO = 0.05, 4.0
 with more than this multiple of the least error of halved ones are quartered, but not for tractions."""
 
 
+class GridFit(NamedTuple):
+    """The ``grid`` of a contact within its ``room``, and places (e,) that the contact has ``passed``."""
+
+    name: str
+    room: ContactRange
+    grid: ContactGrid
+    passed: FloatArray
+
+    @classmethod
+    def of(cls, name: str, room: ContactRange) -> GridFit:
+        """The first grid. Passed are places where surfaces overlap before any load, as curves through points
+        of an arc do slightly, and where curved ones are nearest if they touch as drawn: contacts move on from
+        there."""
+        (places, gaps), long = (values[1:-1] for values in room.drawn_gaps), room.last - room.first
+        nearest = np.array([room.nearest])
+        touches = np.ptp(gaps) > TOUCHING * long and room.facing.gap(nearest)[0] < TOUCHING * long
+        passed = np.append(places[gaps < -ROUND_OFF * long], nearest if touches else [])
+        return cls(name, room, first_grid(room), passed)
+
+    @property
+    def inside(self) -> bool:
+        """Whether the room goes on beyond the grid."""
+        return self.room.first < self.grid.first or self.grid.last < self.room.last
+
+    def turned(self, angle: float) -> GridFit:
+        """The same with directions of pressures at an ``angle``."""
+        facing = replace(self.grid.facing, turn=angle)
+        grid = self.grid if angle == self.grid.facing.turn else replace(self.grid, facing=facing)
+        return self._replace(room=replace(self.room, facing=facing), grid=grid)
+
+
 def first_grid(limits: ContactRange) -> ContactGrid:
     """Coarse grid over all facing places, finer towards the closest approach; uniform for parallel
     surfaces."""
@@ -86,18 +116,6 @@ def first_grid(limits: ContactRange) -> ContactGrid:
     grid = ContactGrid(limits.facing, limits.first, limits.last, FIRST_SAMPLES, limits.hats(places))
     grid = replace(grid, centers=limits.centers, corners=limits.corners, provisional=not parallel)
     return replace(grid, planes=limits.planes, pins=limits.pins)
-
-
-def touching_first(ranges: Mapping[str, ContactRange]) -> dict[str, FloatArray]:
-    """Places where surfaces overlap before any load, as curves through points of an arc do slightly, and
-    where curved ones are nearest if they touch as drawn: contacts move on from there."""
-    found = {}
-    for name, room in ranges.items():
-        (places, gaps), long = (values[1:-1] for values in room.drawn_gaps), room.last - room.first
-        nearest = np.array([room.nearest])
-        touches = np.ptp(gaps) > TOUCHING * long and room.facing.gap(nearest)[0] < TOUCHING * long
-        found[name] = np.append(places[gaps < -ROUND_OFF * long], nearest if touches else [])
-    return found
 
 
 def _growing(room: float, step: float, widest: float) -> FloatArray:
@@ -121,96 +139,89 @@ def spaced_apart(nodes: FloatArray, least: float) -> FloatArray:
     return np.asarray(nodes[kept])
 
 
-def ranged(
-    condensed: Condensed,
-    grids: Mapping[str, ContactGrid],
-    ranges: Mapping[str, ContactRange],
-    states: Sequence[ContactState],
-    passed: dict[str, FloatArray],
-) -> dict[str, ContactGrid] | None:
-    """Grids with ranges fitted to the contact, and where it ``passed`` on its way; None if it comes to the
-    end of the available range. Nodes beyond a grid that touch are included in its range from then on: they
-    are paired in directions other than those of the grid, and may be open on it."""
-    result = dict(grids)
-    for name, grid in grids.items():
-        room, nodes, steps = ranges[name], grid.hats.nodes, grid.hats.steps
-        places = np.flatnonzero(_pressed(condensed, name, states))
-        touched, seen = _overlapping(condensed, name, room, states)
-        beyond = np.append(touched, seen[(seen < grid.first) | (seen > grid.last)])
-        if not grid.provisional:
-            passed[name] = np.append(passed[name], beyond)
-        if not len(places):
-            if len(beyond):
-                result[name] = first_grid(room)
-            continue
-        low, high = nodes[places[0]], nodes[places[-1] + 2]
-        width = high - low
-        reached = np.concatenate([[low, high], beyond, seen, passed[name]])
-        low, high = float(reached.min()), float(reached.max())
-        if (low <= room.first and not room.whole[0]) or (high >= room.last and not room.whole[1]):
-            # Intervals at a closed end that are too long to tell whether the contact reaches it.
-            ends = np.zeros(len(steps), dtype=bool)
-            ends[:2] |= places[0] == 0
-            ends[-2:] |= places[-1] == len(steps) - 2
-            ends &= steps > MIN_END_INTERVAL * (grid.last - grid.first)
-            if not ends.any():
-                return None
-            result[name] = replace(grid, hats=grid.hats.halved(ends))
-            continue
-        first, last = room.extended(low - RANGE_MARGIN * width, high + RANGE_MARGIN * width)
-        if room.around and (first == room.first or last == room.last):
-            first, last = room.first, room.last
-        long, count = room.last - room.first, INTERVALS_PER_MINIMUM * room.places
-        if room.first < grid.first >= low or room.last > grid.last <= high or len(beyond):
-            first, last = min(first, grid.first), max(last, grid.last)
-            # Coarser than at the final contact: the contact may have moved far.
-            step = max(float(np.median(steps)), width / FIRST_INTERVALS)
-            widest = max(step, long / max(FIRST_INTERVALS, count))
-            before = grid.first - _growing(grid.first - first, step, widest)
-            after = grid.last + _growing(last - grid.last, step, widest)
-            inner = nodes[(nodes > grid.first) & (nodes < grid.last)]
-            nodes = np.concatenate([[first], before, after, inner, [last]])
-            wider = room.hats(spaced_apart(nodes, 0.5 * float(steps[steps > 0.0].min())))
-            result[name] = replace(grid, first=first, last=last, hats=wider)
-        elif len(places) < MIN_CLOSED:
-            # Intervals within two of closed places; those between contacts are not refined.
-            near = np.zeros(len(steps), dtype=bool)
-            near[np.clip(places[:, None] + np.arange(-1, 3), 0, len(steps) - 1)] = True
-            result[name] = replace(grid, hats=grid.hats.halved(near))
-        elif grid.provisional or last - first < MIN_NARROWING * (grid.last - grid.first):
-            intervals = max(FIRST_INTERVALS, round(count * (last - first) / long))
-            even = room.hats(np.linspace(first, last, intervals + 1))
-            result[name] = replace(
-                grid, first=first, last=last, count=FIRST_SAMPLES, hats=even, provisional=False
-            )
-    return result
+def begun_open(condensed: Condensed, fit: GridFit, states: Sequence[ContactState]) -> GridFit:
+    """The fit of a closed curve whose grid begins inside a contact begun anew in the middle of the part open
+    in all states, if it is not in contact all around."""
+    name, room, grid, _ = fit
+    if not room.around or fit.inside:
+        return fit
+    places = np.flatnonzero(_pressed(condensed, name, states))
+    if not len(places) or (places[0] > 0 and places[-1] < len(grid.hats.place) - 1):
+        return fit
+    long, at = room.last - room.first, grid.hats.place[places]
+    after = np.append(at[1:], at[0] + long)
+    widest = int(np.argmax(after - at))
+    if after[widest] - at[widest] <= MAX_OPEN_SHARE * long:
+        return fit
+    middle = 0.5 * float(at[widest] + after[widest])
+    first = middle if widest < len(at) - 1 else middle - long
+    nearest = float(first + np.mod(room.nearest - first, long))
+    return GridFit.of(name, replace(room, first=first, last=first + long, nearest=nearest))
 
 
-def begun_open(
-    condensed: Condensed,
-    grids: Mapping[str, ContactGrid],
-    ranges: Mapping[str, ContactRange],
-    states: Sequence[ContactState],
-) -> dict[str, ContactRange]:
-    """Grids of closed curves that begin inside a contact, with ranges that begin in the middle of the part
-    open in all states; none of those in contact all around."""
-    found = {}
-    for name, grid in grids.items():
-        room = ranges[name]
-        if not room.around or (grid.first, grid.last) != (room.first, room.last):
-            continue
-        places = np.flatnonzero(_pressed(condensed, name, states))
-        if not len(places) or (places[0] > 0 and places[-1] < len(grid.hats.place) - 1):
-            continue
-        long, at = room.last - room.first, grid.hats.place[places]
-        after = np.append(at[1:], at[0] + long)
-        widest = int(np.argmax(after - at))
-        if after[widest] - at[widest] > MAX_OPEN_SHARE * long:
-            middle = 0.5 * float(at[widest] + after[widest])
-            first = middle if widest < len(at) - 1 else middle - long
-            nearest = first + np.mod(room.nearest - first, long)
-            found[name] = replace(room, first=first, last=first + long, nearest=float(nearest))
-    return found
+def ranged(condensed: Condensed, fit: GridFit, states: Sequence[ContactState]) -> GridFit | None:
+    """The fit with a range that contains the contact, and where it passed on its way; None if it comes to the
+    end of the room. Nodes beyond a grid that touch are included in its range from then on: they are paired in
+    directions other than those of the grid, and may be open on it."""
+    name, room, grid, _ = fit
+    nodes, steps = grid.hats.nodes, grid.hats.steps
+    places = np.flatnonzero(_pressed(condensed, name, states))
+    touched, seen = _overlapping(condensed, fit, states)
+    beyond = np.append(touched, seen[(seen < grid.first) | (seen > grid.last)])
+    if not grid.provisional:
+        fit = fit._replace(passed=np.append(fit.passed, beyond))
+    if not len(places):
+        if len(beyond):
+            fit = fit._replace(grid=first_grid(room))
+        return fit
+    low, high = nodes[places[0]], nodes[places[-1] + 2]
+    width = high - low
+    reached = np.concatenate([[low, high], beyond, seen, fit.passed])
+    low, high = float(reached.min()), float(reached.max())
+    if (low <= room.first and not room.whole[0]) or (high >= room.last and not room.whole[1]):
+        # Intervals at a closed end that are too long to tell whether the contact reaches it.
+        ends = np.zeros(len(steps), dtype=bool)
+        ends[:2] |= places[0] == 0
+        ends[-2:] |= places[-1] == len(steps) - 2
+        ends &= steps > MIN_END_INTERVAL * (grid.last - grid.first)
+        if not ends.any():
+            return None
+        return fit._replace(grid=replace(grid, hats=grid.hats.halved(ends)))
+    first, last = room.extended(low - RANGE_MARGIN * width, high + RANGE_MARGIN * width)
+    if room.around and (first == room.first or last == room.last):
+        first, last = room.first, room.last
+    long, count = room.last - room.first, INTERVALS_PER_MINIMUM * room.places
+    if room.first < grid.first >= low or room.last > grid.last <= high or len(beyond):
+        first, last = min(first, grid.first), max(last, grid.last)
+        # Coarser than at the final contact: the contact may have moved far.
+        step = max(float(np.median(steps)), width / FIRST_INTERVALS)
+        widest = max(step, long / max(FIRST_INTERVALS, count))
+        before = grid.first - _growing(grid.first - first, step, widest)
+        after = grid.last + _growing(last - grid.last, step, widest)
+        inner = nodes[(nodes > grid.first) & (nodes < grid.last)]
+        nodes = np.concatenate([[first], before, after, inner, [last]])
+        wider = room.hats(spaced_apart(nodes, 0.5 * float(steps[steps > 0.0].min())))
+        grid = replace(grid, first=first, last=last, hats=wider)
+    elif len(places) < MIN_CLOSED:
+        # Intervals within two of closed places; those between contacts are not refined.
+        near = np.zeros(len(steps), dtype=bool)
+        near[np.clip(places[:, None] + np.arange(-1, 3), 0, len(steps) - 1)] = True
+        grid = replace(grid, hats=grid.hats.halved(near))
+    elif grid.provisional or last - first < MIN_NARROWING * (grid.last - grid.first):
+        intervals = max(FIRST_INTERVALS, round(count * (last - first) / long))
+        even = room.hats(np.linspace(first, last, intervals + 1))
+        grid = replace(grid, first=first, last=last, count=FIRST_SAMPLES, hats=even, provisional=False)
+
+    return fit._replace(grid=grid)
+
+
+def passed_beyond(condensed: Condensed, fit: GridFit, states: Sequence[ContactState]) -> GridFit:
+    """The fit of a contact that has passed places where its surfaces touch in some states beyond its grid."""
+    closed = np.any([one.closed[condensed.spans[fit.name]] for one in states], axis=0)
+    places = np.concatenate([fit.grid.hats.place[closed], *_overlapping(condensed, fit, states)])
+    if not len(places) or (places.min() >= fit.grid.first and places.max() <= fit.grid.last):
+        return fit
+    return fit._replace(passed=np.append(fit.passed, places))
 
 
 def _pressed(condensed: Condensed, name: str, states: Sequence[ContactState]) -> BoolArray:
@@ -225,33 +236,13 @@ def _pressed(condensed: Condensed, name: str, states: Sequence[ContactState]) ->
     return np.asarray(np.any(some, axis=0))
 
 
-def passed_beyond(
-    condensed: Condensed,
-    ranges: Mapping[str, ContactRange],
-    states: Sequence[ContactState],
-    passed: dict[str, FloatArray],
-) -> bool:
-    """Whether surfaces touch in some states beyond the ranges of their grids, which then have ``passed``
-    these places."""
-    beyond = False
-    for pairing in condensed.on_grids:
-        name, grid = pairing.name, pairing.grid
-        closed = np.any([one.closed[condensed.spans[name]] for one in states], axis=0)
-        overlaps = _overlapping(condensed, name, ranges[name], states)
-        places = np.concatenate([grid.hats.place[closed], *overlaps])
-        if len(places) and (places.min() < grid.first or places.max() > grid.last):
-            passed[name], beyond = np.append(passed[name], places), True
-    return beyond
-
-
 def _overlapping(
-    condensed: Condensed, name: str, room: ContactRange, states: Sequence[ContactState]
+    condensed: Condensed, fit: GridFit, states: Sequence[ContactState]
 ) -> tuple[FloatArray, FloatArray]:
     """Places of overlaps in a state away from its contact: paired nodes beyond a grid, and summits of a
     profile between its nodes; within the grid, where halving decides, also possible ones."""
-    pairing = condensed.pairing_of(name)
-    hats, span, watched = pairing.grid.hats, condensed.spans[name], condensed.watched_of(name)
-    places, drawn = room.drawn_gaps
+    pairing, (places, drawn) = condensed.pairing_of(fit.name), fit.room.drawn_gaps
+    hats, span, watched = pairing.grid.hats, condensed.spans[fit.name], condensed.watched_of(fit.name)
     own = pairing.grid.gap
     beyond_grid = pairing.arc[~pairing.candidate]
     # Nodal gaps are measured to the closest place instead of along the directions of pressures, which differs
@@ -282,75 +273,67 @@ def _overlapping(
     return beyond_grid[touched], places[chosen]
 
 
-def sampled(scene: Scene, answers: BodyResponses, grids: Mapping[str, ContactGrid]) -> dict[str, ContactGrid]:
-    """Grids with as many samples as the responses of the bodies require."""
-    result = dict(grids)
-    for pairing in answers.drivers.on_grids:
-        grid = pairing.grid
-        if grid.count >= MAX_SAMPLES:
-            continue
-        log = sum(
-            np.abs(SurfaceResponse.of(grid, scene.bodies[body].model.kernel, slave).tensors[0]).max()
-            for body, slave, _ in pairing.sides
-        )
-        kernel = answers.smooth(pairing)
-        size = grid.coefficients(kernel)
-        aim, last = SAMPLE_TOLERANCE * float(log), float(size[-2:].max())
-        # Coefficients of smooth functions decay geometrically; few tell how fast, so that more are looked at.
-        half = max(float(size[grid.count // 2 - 2 : grid.count // 2].max()), last)
-        decay, count = last / (half or 1.0), grid.count
-        while last > aim and count < min(MAX_SAMPLES, 4 * grid.count):
-            last, decay, count = last * decay**2, decay**2, 2 * count
-        if count > grid.count:
-            result[pairing.name] = replace(grids[pairing.name], count=count)
-    return result
+def sampled(scene: Scene, answers: BodyResponses, fit: GridFit) -> GridFit:
+    """The fit with as many samples as the responses of the bodies require."""
+    pairing = next(one for one in answers.drivers.on_grids if one.name == fit.name)
+    grid, count = pairing.grid, pairing.grid.count
+    if count >= MAX_SAMPLES:
+        return fit
+    log = sum(
+        np.abs(SurfaceResponse.of(grid, scene.bodies[body].model.kernel, slave).tensors[0]).max()
+        for body, slave, _ in pairing.sides
+    )
+    size = grid.coefficients(answers.smooth(pairing))
+    aim, last = SAMPLE_TOLERANCE * float(log), float(size[-2:].max())
+    # Coefficients of smooth functions decay geometrically; few tell how fast, so that more are looked at.
+    half = max(float(size[count // 2 - 2 : count // 2].max()), last)
+    decay = last / (half or 1.0)
+    while last > aim and count < min(MAX_SAMPLES, 4 * grid.count):
+        last, decay, count = last * decay**2, decay**2, 2 * count
+    return fit if count == grid.count else fit._replace(grid=replace(fit.grid, count=count))
 
 
 def refined(
     condensed: Condensed,
-    grids: Mapping[str, ContactGrid],
-    ranges: Mapping[str, ContactRange],
+    fit: GridFit,
     states: Sequence[ContactState],
-    accuracy: Mapping[str, float],
+    accuracy: float,
     tractions: bool,
-    limits: tuple[int, int] = DENSE_LIMITS,
-) -> dict[str, ContactGrid]:
-    """Grids halved where the pressures of the states require it, up to ``limits``, and ``tractions`` if they
-    count. Intervals at the ends of a grid with the largest errors are halved once more towards the end, where
-    errors of unbounded pressures decrease slowly."""
-    result = dict(grids)
-    for name, grid in grids.items():
-        each = [grid_errors(condensed, name, [state], tractions) for state in states]
-        steps = grid.hats.steps
-        if len(steps) >= limits[1]:
-            continue
-        places = _overlapping(condensed, name, ranges[name], states)[1]
-        chosen = np.isin(np.arange(len(steps)), np.searchsorted(grid.hats.nodes, places) - 1)
-        quartered, free = np.zeros_like(chosen), condensed.pairing_of(name).friction == 0.0
-        many = len(steps) > COMPRESSED_CONTACT
-        aim = accuracy[name] * max(1.0, len(steps) / limits[0]) ** 3
-        part = WORST_SHARE_OF_MANY if many else WORST_SHARE_WITHOUT_FRICTION if free else WORST_SHARE
-        # Ends of other states are no part of a state's error, and its share is one of the intervals that
-        # contribute; many patches end everywhere, and rounds take long.
-        for errors in each:
-            if float(np.linalg.norm(errors)) > aim:
-                count = len(errors) if many else float(errors.sum()) ** 2 / float((errors**2).sum())
-                least = max(EQUAL_SHARE * aim / np.sqrt(count), part * float(errors.max()))
-                chosen |= errors > least
-                quartered |= (free or not tractions) & (errors > QUARTER_RATIO * least)
-        chosen &= steps > _shortest(grid)
-        if not chosen.any():
-            continue
-        errors, ends = np.max(each, axis=0, initial=0.0), np.flatnonzero(steps > 0.0)[[0, -1]]
-        large = chosen & (errors >= END_ERROR_SHARE * errors.max())
-        once = replace(grid, hats=grid.hats.halved(chosen))
-        hats = once.hats
-        within = np.searchsorted(grid.hats.nodes, 0.5 * (hats.nodes[1:] + hats.nodes[:-1])) - 1
-        again = (chosen & quartered)[np.clip(within, 0, len(chosen) - 1)]
-        again[np.flatnonzero(hats.steps > 0.0)[[0, -1]]] |= large[ends]
-        again &= hats.steps > _shortest(once)
-        result[name] = replace(once, hats=hats.halved(again))
-    return result
+    limits: tuple[int, int],
+) -> GridFit:
+    """The fit with intervals halved where the pressures of the states require it, up to ``limits``, and
+    ``tractions`` if they count. Those at the ends of a grid with the largest errors are halved once more
+    towards the end, where errors of unbounded pressures decrease slowly."""
+    grid, steps = fit.grid, fit.grid.hats.steps
+    if len(steps) >= limits[1]:
+        return fit
+    each = [grid_errors(condensed, fit.name, [state], tractions) for state in states]
+    places = _overlapping(condensed, fit, states)[1]
+    chosen = np.isin(np.arange(len(steps)), np.searchsorted(grid.hats.nodes, places) - 1)
+    quartered, free = np.zeros_like(chosen), condensed.pairing_of(fit.name).friction == 0.0
+    many = len(steps) > COMPRESSED_CONTACT
+    aim = accuracy * max(1.0, len(steps) / limits[0]) ** 3
+    part = WORST_SHARE_OF_MANY if many else WORST_SHARE_WITHOUT_FRICTION if free else WORST_SHARE
+    # Ends of other states are no part of a state's error, and its share is one of the intervals that
+    # contribute; many patches end everywhere, and rounds take long.
+    for errors in each:
+        if float(np.linalg.norm(errors)) > aim:
+            count = len(errors) if many else float(errors.sum()) ** 2 / float((errors**2).sum())
+            least = max(EQUAL_SHARE * aim / np.sqrt(count), part * float(errors.max()))
+            chosen |= errors > least
+            quartered |= (free or not tractions) & (errors > QUARTER_RATIO * least)
+    chosen &= steps > _shortest(grid)
+    if not chosen.any():
+        return fit
+    errors, ends = np.max(each, axis=0, initial=0.0), np.flatnonzero(steps > 0.0)[[0, -1]]
+    large = chosen & (errors >= END_ERROR_SHARE * errors.max())
+    once = replace(grid, hats=grid.hats.halved(chosen))
+    hats = once.hats
+    within = np.searchsorted(grid.hats.nodes, 0.5 * (hats.nodes[1:] + hats.nodes[:-1])) - 1
+    again = (chosen & quartered)[np.clip(within, 0, len(chosen) - 1)]
+    again[np.flatnonzero(hats.steps > 0.0)[[0, -1]]] |= large[ends]
+    again &= hats.steps > _shortest(once)
+    return fit._replace(grid=replace(once, hats=hats.halved(again)))
 
 
 def grid_errors(

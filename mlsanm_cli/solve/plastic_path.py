@@ -27,8 +27,8 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import finer_nodes
-from mlsanm_cli.contact.complementarity.basis import Ray
-from mlsanm_cli.contact.laws.contact_state import ContactState, Linearised, residual
+from mlsanm_cli.contact.complementarity.basis import Basis, Ray
+from mlsanm_cli.contact.laws.contact_state import ContactState, residual, response
 from mlsanm_cli.contact.laws.coulomb import increment, unloaded
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.contact.response.contact_fields import NearFields
@@ -178,7 +178,7 @@ class PlasticScene:
             if now.error <= tolerance:
                 return replace(now, updates=updates, products=products)
             try:
-                linear = Linearised(self.built.condensed, now.contact.status)
+                linear = Basis(self.built.condensed.problem, now.contact.status)
             except Ray as error:
                 raise FlowError("the contact slides as a whole while bodies flow") from error
             change, count = self._settled(now, linear, now.misfit, forcing)
@@ -232,7 +232,7 @@ class PlasticScene:
 
     def growth(self, now: Flow, change: FloatArray) -> float:
         """Strains per change of load factors (L,) over those of elastic bodies; unbounded at a limit load."""
-        linear, none = Linearised(self.built.condensed, now.contact.status), np.zeros(len(now.unknowns))
+        linear, none = Basis(self.built.condensed.problem, now.contact.status), np.zeros(len(now.unknowns))
         elastic, flowed, *_ = self._response(now, linear, none, change)
         unknowns = self._settled(now, linear, self._root * flowed, LARGEST_FORCING)[0]
         plastic = self._response(now, linear, unknowns, change)[0]
@@ -259,7 +259,7 @@ class PlasticScene:
             lost = model.stress_divergence(stress) - divergence_of_stress(better.at_nodes(stress))
             more[name] = np.zeros(body.rows)
             more[name][: lost.size] = lost.T.ravel()
-        linear = Linearised(self.built.condensed, now.contact.status)
+        linear = Basis(self.built.condensed.problem, now.contact.status)
         flowed = self._response(now, linear, defect, more=more)[1]
         change = self._settled(now, linear, self._root * flowed, LARGEST_FORCING)[0]
         *_, condensed, unknowns = self._response(now, linear, defect + change, more=more)
@@ -271,7 +271,7 @@ class PlasticScene:
         return {name: NextDegree(body.model) for name, body in self.bodies.items()}
 
     def _settled(
-        self, now: Flow, linear: Linearised, weighted: FloatArray, tolerance: float
+        self, now: Flow, linear: Basis, weighted: FloatArray, tolerance: float
     ) -> tuple[FloatArray, int]:
         """The eigenstresses (u,) after which the return map adds nothing, if it has added some, ``weighted``
         (u,) by the areas; and the number of products."""
@@ -285,7 +285,7 @@ class PlasticScene:
     def _response(
         self,
         now: Flow,
-        linear: Linearised,
+        linear: Basis,
         unknowns: FloatArray,
         factors: FloatArray | None = None,
         more: Mapping[str, FloatArray] = NOTHING,
@@ -297,7 +297,7 @@ class PlasticScene:
         factors = np.zeros(len(self.built.stages[0])) if factors is None else factors
         m, n = len(condensed.gap.constant), len(condensed.slip.constant)
         rows = np.split(condensed.unscaled_rows(factors), [m, m + n])
-        state = replace(linear.response(*rows), factors=factors).unknowns
+        state = replace(response(linear, *rows), factors=factors).unknowns
         strains, parts = dict[str, FloatArray](), list[FloatArray]()
         for name, body in self.bodies.items():
             tangent = now.tangent[name][:, PLANE][:, :, PLANE]

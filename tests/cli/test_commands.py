@@ -15,7 +15,7 @@ import pytest
 
 from mlsanm_cli import __version__
 from mlsanm_cli.cli import main
-from mlsanm_cli.cli.results import run_text
+from mlsanm_cli.cli.text import run_text
 from mlsanm_cli.errors import CaseError, CaseProblem, Interrupted, MlsanmError, NumericalError, RunError
 from mlsanm_cli.system import THREAD_VARIABLES
 

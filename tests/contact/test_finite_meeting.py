@@ -20,9 +20,22 @@ def side(body: str, arc: FloatArray, places: FloatArray, outward: FloatArray) ->
     weight = 0.5 * (np.append(steps, 0.0) + np.append(0.0, steps))
     free = np.zeros(len(arc), dtype=bool)
     straight = Segment(tuple(places[0].tolist()), tuple(places[-1].tolist()))
-    points = (body, places, outward, weight, arc, None, free, (0, len(arc) - 1), NO_PLANE, NO_PLANE, straight)
+    points = (
+        body,
+        places,
+        outward,
+        weight,
+        arc,
+        None,
+        free,
+        (0, len(arc) - 1),
+        NO_PLANE,
+        NO_PLANE,
+        straight,
+        (None,),
+    )
     numbers = np.arange(len(arc))
-    return ContactSide(*points, SideNodes(*points, numbers, (("side", numbers),), (None,)))
+    return ContactSide(*points, SideNodes(*points, numbers, (("side", numbers),)))
 
 
 def test_a_curve_with_corners_is_exact_for_parabolas_between_them() -> None:

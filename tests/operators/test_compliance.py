@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.operators.linear import interface
-from mlsanm_cli.operators.linear.factors import nested_dissection
+from mlsanm_cli.operators import factors
+from mlsanm_cli.operators.factors import nested_dissection
 from mlsanm_cli.operators.normal import bordered, normal_equations
 from mlsanm_cli.operators.system import CHECK_COLUMNS, RANK, corrected
 from mlsanm_cli.roundoff import ROUND_OFF
@@ -120,7 +120,7 @@ def test_more_entries_than_can_be_counted_are_refused(most: int, monkeypatch: py
     """Two rows on all of 20 nodes: 40 entries, and a block for each of 400 pairs."""
     matrix = sparse.csr_array(np.ones((2, 40)))
     whole = normal_equations(matrix)
-    monkeypatch.setattr(interface, "MAX_ENTRIES", most)
+    monkeypatch.setattr(factors, "MAX_ENTRIES", most)
     if most < 400:
         with pytest.raises(NumericalError, match=f"have {40 if most < 40 else 400} entries"):
             normal_equations(matrix)

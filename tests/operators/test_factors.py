@@ -15,17 +15,18 @@ from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.operators.linear.factors import (
+from mlsanm_cli.operators.factors import (
     MAX_BACKWARD_ERROR,
+    Factor,
     Fronts,
     MultifrontalFactor,
     SuperLUFactor,
+    backward_error,
     factor_definite,
     factor_general,
     mirrored,
     verified_or_superlu,
 )
-from mlsanm_cli.operators.linear.interface import Factor, backward_error
 from mlsanm_cli.operators.normal import bordered
 
 

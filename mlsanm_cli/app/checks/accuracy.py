@@ -80,21 +80,19 @@ class Accuracy:
             try:
                 exact = solve_exact(condensed, state.factors)
             except NumericalError:  # the exact laws have no solution at the end of the path
-                return {
-                    "displacement": self.displacement,
-                    "pressure": pressure | dict.fromkeys(self.pressures),
-                }
+                unknown = pressure | dict.fromkeys(self.pressures)
+                return {"displacement": self.displacement, "pressure": unknown}
         for one in condensed.pairings:
             away = distance(built, one, exact, state.pressure) if state is not None else 0.0
             pressure[one.name] = together(*self.pressures[one.name], away)
-        probes = {}
+        found: dict[str, Any] = {"displacement": self.displacement, "pressure": pressure}
+        found |= {"force": dict(self.forces)} if self.forces else {}
         for name, error in self.probes.items():
             moved = float(np.hypot(*condensed.quantities["probe"][name](*self.state.unknowns)[:2]))
             size = max(moved, LEAST_MOVED * (self.largest or 0.0))
-            probes[name] = float(np.hypot(error / size, self.deflection)) if size > 0.0 else 0.0
-        more = {"force": dict(self.forces), "probes": probes}
-        known = {name: figures for name, figures in more.items() if figures}
-        return {"displacement": self.displacement, "pressure": pressure} | known
+            relative = float(np.hypot(error / size, self.deflection)) if size > 0.0 else 0.0
+            found.setdefault("probes", {})[name] = relative
+        return found
 
     def with_energies(self, energies: EnergyErrors | None) -> Accuracy:
         """Estimates that include the errors of displacements known from energies."""
@@ -219,22 +217,17 @@ def _estimated(
     for one in condensed.pairings:
         others = (*corrected, state.pressure + ROUGH_SHARE * rough)
         bulk = together(*(distance(built, one, state, pressure) for pressure in others))
+        own = None if halved is None or not one.nodal else distance(built, one, state, halved[1])
         if not one.nodal:
-            own: float | None = float(np.linalg.norm(grid_errors(condensed, one.name, [state])))
-        else:
-            own = None if halved is None else distance(built, one, state, halved[1])
+            own = float(np.linalg.norm(grid_errors(condensed, one.name, [state])))
         pressures[one.name] = (bulk, own)
     away, *rest = np.linalg.norm(effects, axis=0).tolist()
     size = float(sum((one.displacement**2).sum() for one in bodies.values()))
-    return Accuracy(
-        away / float(np.sqrt(size)) if size > 0.0 else None,
-        pressures,
-        state,
-        _largest_of([one.displacement for one in bodies.values()]),
-        bodies,
-        probes=dict(zip((one.name for one in scene.probes), rest, strict=False)),
-        forces=dict(zip((one.name for one in condensed.pairings), rest[len(scene.probes) :], strict=True)),
-    )
+    displacement = away / float(np.sqrt(size)) if size > 0.0 else None
+    largest = _largest_of([one.displacement for one in bodies.values()])
+    probes = dict(zip((one.name for one in scene.probes), rest, strict=False))
+    forces = dict(zip((one.name for one in condensed.pairings), rest[len(probes) :], strict=True))
+    return Accuracy(displacement, pressures, state, largest, bodies, probes=probes, forces=forces)
 
 
 def _effects(

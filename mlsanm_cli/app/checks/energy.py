@@ -30,9 +30,8 @@ def force_balance(built: CondensedScene, state: State) -> dict[str, float]:
     """Resultant of all forces on each body over the largest force on it, in a state."""
     errors = {}
     for name, missing in built.condensed.quantities["imbalance"].items():
-        size = float(np.hypot(*missing(*state.unknowns)))
         largest = max(largest_force(built, name, state.unknowns), least_force(built, name))
-        errors[name] = 0.0 if largest == 0.0 else size / largest
+        errors[name] = float(np.hypot(*missing(*state.unknowns))) / largest if largest else 0.0
     return errors
 
 
@@ -97,7 +96,11 @@ def energy_error(built: CondensedScene, state: State, fields: Mapping[str, Field
             stress = np.column_stack([stress, found["stress_zz"]])
         rests[name] = rest = found["rest"][: len(cloud.points)], stress - found["near"]
         moved = found["displacement"] - rest[0]
-        strains[name] = strain_of(cloud.points, found["displacement"], found["von_mises"], material.modulus)
+        # The range of displacements over the size, or a high quantile of stresses over the stiffness: the
+        # largest stresses are those at corners, where they are unbounded.
+        size = float(np.ptp(cloud.points, axis=0).max())
+        apart = float(np.ptp(found["displacement"], axis=0).max()) / size
+        strains[name] = max(apart, float(np.quantile(found["von_mises"], 0.99)) / material.modulus)
         turnover = 0.0
         if name in built.laws:
             strain = (rest[1] + plastic_stress(material, state.history(name))) @ np.linalg.inv(
@@ -112,7 +115,7 @@ def energy_error(built: CondensedScene, state: State, fields: Mapping[str, Field
             energies[name] += energy_at_tips(body.model, rest[0], rest[1])
         works[name] = work_on(built.scene, built.condensed, name, state.unknowns, *rest, moved, single)
         thin[name] = thin_part(cloud)
-        strained = COARSE_ROUND_OFF * np.abs(found["displacement"]).max() / np.ptp(cloud.points, axis=0).max()
+        strained = COARSE_ROUND_OFF * np.abs(found["displacement"]).max() / size
         least[name] = max(turnover, near[name] + cloud.volumes.sum() * material.modulus * strained**2)
         least[name] += least_thermal_energy(body.model, built.scene.degrees(name, state.factors))
     # An energy that is nan must not affect other bodies.
@@ -156,10 +159,9 @@ def _on_single_nodes(built: CondensedScene, state: State) -> dict[str, float]:
     for name, body in built.scene.bodies.items():
         force = built.condensed.quantities["sum"][name](*state.unknowns)
         contact_compliance = body.model.material.contact_compliance(np.eye(2))
-        held = single_nodes(built.case, name, body.model.cloud)
-        counts = [max(1, sum(component == axis for _, component in held)) for axis in (0, 1)]
-        known = np.array([any(component == axis for _, component in held) for axis in (0, 1)])
-        found[name] = float((known * contact_compliance * force**2 / counts).sum())
+        held = [component for _, component in single_nodes(built.case, name, body.model.cloud)]
+        counts = np.array([held.count(0), held.count(1)])
+        found[name] = float(((counts > 0) * contact_compliance * force**2 / np.maximum(counts, 1)).sum())
     return found
 
 
@@ -181,14 +183,6 @@ def _near_work(built: CondensedScene, state: State) -> dict[str, float]:
         for body, part in zip(pairing.bodies, soft, strict=True):
             found[body] += abs(work) * part / sum(soft)
     return found
-
-
-def strain_of(points: FloatArray, displacement: FloatArray, von_mises: FloatArray, modulus: float) -> float:
-    """The range of displacements (n, 2) over the size, or a high quantile of stresses (n,) over the
-    stiffness."""
-    apart = float(np.ptp(displacement, axis=0).max()) / float(np.ptp(points, axis=0).max())
-    # The largest ones are those at corners, where they are unbounded.
-    return max(apart, float(np.quantile(von_mises, 0.99)) / modulus)
 
 
 def flow_figures(built: CondensedScene, state: State) -> dict[str, Any]:

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.app.scene.assemble import single_nodes
-from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray, runs_of
+from mlsanm_cli.arrays import FloatArray, IntArray, runs_of
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.corners import reentrant_corners, thickness
@@ -58,10 +58,33 @@ def boundary_peaks(built: CondensedScene, state: State, fields: Mapping[str, Fie
         for surface, traction in _given(body, fields[name]["displacement"], alone).items():
             np.maximum.at(applied, body.model.cloud.surfaces[surface].index, np.hypot(*traction.T))
         unbounded, touching = _left_out(built, state, name)
-        stress = fields[name]["von_mises"]
-        peak = _peak(body.model.cloud, stress, missing, applied > stress, unbounded, touching)
-        if peak is not None and peak["stress"] > FINE_ROUND_OFF * largest:
-            peaks[name] = peak
+        stress, cloud, nodes = fields[name]["von_mises"], body.model.cloud, body.model.cloud.boundary_nodes
+        bounded = np.ones(len(stress), dtype=bool)
+        bounded[_near(cloud, unbounded, SINGULAR_DISTANCE * thickness(cloud), NEIGHBORHOOD)] = False
+        free = bounded & ~(applied > stress)
+        near = {reach: _near(cloud, places, 0.0, reach) for reach, places in touching.items()}
+        for spoiled in near.values():
+            free[spoiled] = False
+        reach = NEIGHBORHOOD * cloud.spacing[nodes]
+        around = cKDTree(cloud.points[nodes]).query_ball_point(cloud.points[nodes], reach)
+        least = MIN_PEAK_SHARE * float(stress[bounded].max(initial=0.0))
+        tops = {
+            node: float(stress[node] + missing[nodes[place]].max())
+            for node, place in zip(nodes.tolist(), around, strict=True)
+            if free[node] and stress[node] > least and stress[node] >= stress[nodes[place]].max()
+        }
+        # Of equal peaks the first.
+        highest = (1.0 - ROUND_OFF) * max(tops.values(), default=0.0)
+        worst = next((node for node, top in tops.items() if top >= highest), None)
+        if worst is None or not stress[worst] > FINE_ROUND_OFF * largest:
+            continue
+        least = FINE_ROUND_OFF * thickness(cloud)
+        x, y = (value if abs(value) > least else 0.0 for value in cloud.points[worst].tolist())
+        error = tops[worst] / float(stress[list(tops)].max()) - 1.0
+        peaks[name] = {"stress": float(stress[worst]), "place": (x, y), "error": error}
+        at_contact = np.intersect1d(near[BESIDE_GRID], nodes[bounded[nodes]])
+        if (highest := float(stress[at_contact].max(initial=0.0))) > stress[worst]:
+            peaks[name]["at_contact"] = highest
     return peaks
 
 
@@ -106,44 +129,6 @@ def along_over_across(body: ElasticBody) -> FloatArray:
         stiffer = np.einsum("in,ij,jn,kn,kl,ln->n", across, stiffness, across, along, compliance, along)
         np.maximum.at(ratio, surface.index, 1.0 / stiffer)
     return ratio
-
-
-def _peak(
-    cloud: Cloud,
-    stress: FloatArray,
-    missing: FloatArray,
-    loaded: BoolArray,
-    unbounded: FloatArray,
-    touching: Mapping[float, FloatArray],
-) -> Peak | None:
-    """Peak of ``stress`` (n,) with traction errors ``missing`` (n,), away from ``loaded`` nodes, from
-    ``unbounded`` places and from those ``touching``, by the number of spacings around them; None if there is
-    none."""
-    bounded = np.ones(len(stress), dtype=bool)
-    bounded[_near(cloud, unbounded, SINGULAR_DISTANCE * thickness(cloud), NEIGHBORHOOD)] = False
-    free, nodes = bounded & ~loaded, cloud.boundary_nodes
-    near = {reach: _near(cloud, places, 0.0, reach) for reach, places in touching.items()}
-    for spoiled in near.values():
-        free[spoiled] = False
-    around = cKDTree(cloud.points[nodes]).query_ball_point(
-        cloud.points[nodes], NEIGHBORHOOD * cloud.spacing[nodes]
-    )
-    least = MIN_PEAK_SHARE * float(stress[bounded].max(initial=0.0))
-    tops = {}
-    for node, place in zip(nodes.tolist(), around, strict=True):
-        if free[node] and stress[node] > least and stress[node] >= stress[nodes[place]].max():
-            tops[node] = float(stress[node] + missing[nodes[place]].max())
-    if not tops:
-        return None
-    # Of equal peaks the first.
-    worst = next(node for node, top in tops.items() if top >= (1.0 - ROUND_OFF) * max(tops.values()))
-    least = FINE_ROUND_OFF * thickness(cloud)
-    x, y = (value if abs(value) > least else 0.0 for value in cloud.points[worst].tolist())
-    error = tops[worst] / float(stress[list(tops)].max()) - 1.0
-    at_contact = np.intersect1d(near[BESIDE_GRID], nodes[bounded[nodes]])
-    largest = float(stress[at_contact].max(initial=0.0))
-    more = {"at_contact": largest} if largest > stress[worst] else {}
-    return {"stress": float(stress[worst]), "place": (x, y), "error": error, **more}
 
 
 def _near(cloud: Cloud, places: FloatArray, radius: float, spacings: float) -> IntArray:

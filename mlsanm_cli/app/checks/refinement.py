@@ -158,21 +158,10 @@ Adapted = tuple[SceneModel, CondensedScene, Accuracy, Refinement]
 def set_up(
     case: Case, prepared: SceneModel, context: RunContext, verdicts: Verdicts, known: Refinement | None = None
 ) -> Adapted:
-    """The condensed scene, refined as the case requires or as ``known``; judges contacts with nodal
+    """The condensed scene, refined as ``known`` already, or for the requested number of passes or until
+    convergence; if a refined scene cannot be solved, the one before it is kept. Judges contacts with nodal
     pressures."""
     built, accuracy = _solved(case, prepared, context)
-    if known is None:
-        prepared, built, accuracy, known = _adapted(case, prepared, context, built, accuracy)
-        if known.failed:
-            verdicts.judge([Check("refinement_pass", 1.0, known.failed)])
-    verdicts.judge(nodal_contacts(prepared, built.condensed.nodal, prepared.models))
-    return prepared, built, accuracy, known
-
-
-def _adapted(
-    case: Case, prepared: SceneModel, context: RunContext, built: CondensedScene, accuracy: Accuracy
-) -> Adapted:
-    """The scene after the requested passes or at convergence; if one cannot be solved, that before it."""
     history = [_figures(built, accuracy, None)]
     # The spacings that contact patches require, and the number of passes.
     touching = {body for pairing in prepared.pairings for body in pairing.bodies}
@@ -190,7 +179,7 @@ def _adapted(
         degree = min(model.settings.degree for model in prepared.models.values())
         rule = LOW_DEGREE_RULE if degree < 4 else HIGH_DEGREE_RULE
     bulk, placed, failed = tuple[Zone, ...](), tuple[Zone, ...](), ""
-    for number in range(1, passes + 1):
+    for number in range(1, passes + 1) if known is None else ():
         patches = tuple(found_patches(built, rule))
         zones = tuple(zone for patch in patches for zone in _patch_zones(patch, rule))
         # The bulk is refined only once the zones of the contacts no longer limit the accuracy.
@@ -224,7 +213,10 @@ def _adapted(
         )
         if now["change"] <= CHANGE_TOLERANCE:
             break
-    return prepared, built, accuracy, Refinement(placed, tuple(history), failed)
+    if failed:
+        verdicts.judge([Check("refinement_pass", 1.0, failed)])
+    verdicts.judge(nodal_contacts(prepared, built.condensed.nodal, prepared.models))
+    return prepared, built, accuracy, known or Refinement(placed, tuple(history), failed)
 
 
 def _solved(

@@ -41,27 +41,20 @@ _LAWS = 'use law = "neo-hookean", which admits any compression, or smaller loads
 
 def deformation(scene: FiniteScene, state: State) -> Iterator[Check]:
     """Volume ratio and ellipticity of every body."""
+    when = f"at position {state.position:.6g}"
     for name, own in scene.parts(state.displacement).items():
         volume, place = _least_volume(scene, name, own)
-        yield Check(
-            "volume_ratio",
-            volume,
-            f"{place}: the deformation is not invertible at position {state.position:.6g} "
-            f"(det F = {volume:.3g})",
-            "use smaller loads, or finer nodes there",
-            f"body {name}",
-        )
+        message = f"{place}: the deformation is not invertible {when} (det F = {volume:.3g})"
+        hint = "use smaller loads, or finer nodes there"
+        yield Check("volume_ratio", volume, message, hint, f"body {name}")
         waves, law = scene.bodies[name].ellipticity(own, state.factors), scene.bodies[name].law.name
         node = int(np.argmin(waves))
         lost = "has lost ellipticity" if waves[node] <= 0.0 else "is close to losing ellipticity"
-        yield Check(
-            "ellipticity",
-            float(waves[node]),
-            f"{place_of(scene, name, node)}: {law} {lost} at position {state.position:.6g} (acoustic tensor "
-            f"{waves[node]:.3g} of the shear modulus), where states are not unique",
-            _LAWS,
-            f"body {name}",
+        message = (
+            f"{place_of(scene, name, node)}: {law} {lost} {when} (acoustic tensor {waves[node]:.3g} of the "
+            f"shear modulus), where states are not unique"
         )
+        yield Check("ellipticity", float(waves[node]), message, _LAWS, f"body {name}")
 
 
 def overlap(scene: FiniteScene, state: State) -> Iterator[Check]:
@@ -73,15 +66,12 @@ def overlap(scene: FiniteScene, state: State) -> Iterator[Check]:
         outline = outline_of(scene.bodies[name].elastic.model.cloud, own.reshape(-1, 2), exact=True)
         outlines[name], place = outline, first_crossing(outline.edges)
         near = "" if place is None else f"near ({place[0]:.6g}, {place[1]:.6g}) "
-        yield Check(
-            "self_overlap",
-            float(place is not None),
-            f"body {name} touches itself {near}at position {state.position:.6g}: self-contact is not "
-            f"supported",
+        when = f"at position {state.position:.6g}: self-contact is not supported"
+        message, hint = (
+            f"body {name} touches itself {near}{when}",
             "use smaller loads, or model it as two bodies",
-            f"body {name}",
-            fails=ANY,
         )
+        yield Check("self_overlap", float(place is not None), message, hint, f"body {name}", fails=ANY)
     found = list(between_bodies(outlines))
     rigid = [one for one in scene.contacts.pairs if isinstance(one, RigidContact)]
     taken = {(one.slave.body, name) for one in rigid for name, _ in one.slave.nodes.members}
@@ -101,25 +91,20 @@ def stability(scene: FiniteScene, state: State) -> Iterator[Check]:
     """Stiffness of contacts against pressures that alternate from node to node."""
     value = float(state.solver.get("stability", np.inf))
     if value != np.inf:
-        yield Check(
-            "stability",
-            value,
+        message = (
             f"the contact has almost no stiffness against pressures that alternate from node to node at "
-            f"position {state.position:.6g} (stability {value:.2g}, below {CONTACT_LIMIT:g})",
-            "choose the softer body, or the one with larger spacings, as the slave; or use a more even cloud "
-            "(lower growth)",
+            f"position {state.position:.6g} (stability {value:.2g}, below {CONTACT_LIMIT:g})"
         )
+        hint = "choose the softer body, or the one with larger spacings, as the slave"
+        yield Check("stability", value, message, f"{hint}; or use a more even cloud (lower growth)")
 
 
 def equilibrium(scene: FiniteScene, state: State) -> Iterator[Check]:
     """Motions that nothing resists in a state."""
-    yield Check(
-        "equilibrium",
-        float(state.solver.get("unstable", 0)),
-        f"the equilibrium at position {state.position:.6g} is not stable: under these loads the bodies would "
-        f"buckle or snap into another state",
-        "prescribe displacements instead of forces, or add a small asymmetry that decides where bodies go",
-    )
+    message = f"the equilibrium at position {state.position:.6g} is not stable: under these loads the bodies "
+    message += "would buckle or snap into another state"
+    hint = "prescribe displacements instead of forces, or add a small asymmetry that decides where bodies go"
+    yield Check("equilibrium", float(state.solver.get("unstable", 0)), message, hint)
 
 
 STATE: Sequence[Callable[[FiniteScene, State], Iterator[Check]]] = (
@@ -165,8 +150,8 @@ def place_of(scene: FiniteScene, name: str, node: int) -> str:
 
 @dataclass(frozen=True)
 class FiniteEnd:
-    """A completed path: its ``last`` state with the estimated ``errors`` of ``summary.error_estimate``,
-    and the totals of the path (``tally``)."""
+    """A completed path: its ``last`` state with the estimated ``errors`` of ``summary.error_estimate``, and
+    totals of the path (``tally``)."""
 
     scene: FiniteScene
     last: State
@@ -195,55 +180,48 @@ class FiniteEnd:
         thin = {name: thin_part(body.elastic.model.cloud) for name, body in bodies.items()}
         series = not self.scene.in_increments and self.case.solver.method != "newton"
         name, what = "series_energy_error" if series else "energy_error", "the work of stresses in"
-        return EnergyErrors({worst: error}, {}, self._pointed, thin, name=name, what=what)
-
-    @property
-    def _pointed(self) -> dict[str, float]:
-        """Increase of the displacements of bodies held at single nodes when the spacing is halved, relative
-        to the deformation."""
-        found, forces = {}, SceneForces(self.scene, self.last).bodies
-        parts = self.scene.parts(self.last.displacement)
-        for name, body in self.scene.bodies.items():
+        # Increase of the displacements of bodies held at single nodes when the spacing is halved, relative to
+        # the deformation.
+        pointed, forces = {}, SceneForces(self.scene, self.last).bodies
+        for body_name, own in self.scene.parts(self.last.displacement).items():
+            body = bodies[body_name]
             nodes = body.elastic.held_nodes[: len(body.elastic.held_nodes) - body.pins]
             counts = np.array([sum(axis == one for _, one in nodes) for axis in (0, 1)])
             if not counts.any():
                 continue
-            cloud, own = body.elastic.model.cloud, parts[name]
-            force = np.where(counts, forces[name].total / np.maximum(counts, 1), 0.0)
+            cloud, angle = body.elastic.model.cloud, body.turn(own)
+            force = np.where(counts, forces[body_name].total / np.maximum(counts, 1), 0.0)
             soft = body.elastic.model.material.contact_compliance(np.eye(2))
-            angle = body.turn(own)
             turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
             bent = cloud.points + own.reshape(-1, 2) - cloud.points @ turn.T
-            bent = np.abs(bent - cloud.areas @ bent / cloud.areas.sum()).max()
-            found[name] = float((NODE_FORCE_SHIFT * soft * np.abs(force)).max() / bent) if bent else 0.0
-        return found
+            most = np.abs(bent - cloud.areas @ bent / cloud.areas.sum()).max()
+            pointed[body_name] = (
+                float((NODE_FORCE_SHIFT * soft * np.abs(force)).max() / most) if most else 0.0
+            )
+        return EnergyErrors({worst: error}, {}, pointed, thin, name=name, what=what)
 
 
 def energy_estimate(end: FiniteEnd) -> Iterator[Check]:
     """Estimated error of the energy by residuals: where it is largest, or that equations keep most of it."""
-    estimate = end.errors["energy"]
-    if estimate <= level("energy_estimate"):
-        yield Check("energy_estimate", estimate, "")
-        return
-    message = f"estimated error of the energy: {100.0 * estimate:.2g} % (forces may be as far off), "
-    kept = end.tally["kept"] / end.tally["energy"]
-    if kept > 0.5 * estimate:
-        message += f"{100.0 * kept:.2g} % of it due to residuals that renewed equations keep next to crushed "
-        hint = "make the loads smaller, or round these corners"
-        yield Check("energy_estimate", estimate, f"{message}corners", hint)
-        return
-    nodal, size = energy_errors(end.scene, end.last)[0], end.scene.size
-    body = max(nodal, key=lambda name: float(nodal[name].max()))
-    cloud, node = end.scene.bodies[body].elastic.model.cloud, int(np.argmax(nodal[body]))
-    x, y = np.round(cloud.points[node] / size, 9) * size + 0.0
-    yield Check(
-        "energy_estimate",
-        estimate,
-        f"{message}most of it at ({x:.6g}, {y:.6g}) of body {body}",
-        f"refine there and at similar places, with slow growth, as in [[body.refine]] at = "
-        f"[{x:.6g}, {y:.6g}], spacing = {cloud.spacing[node] / RECOMMENDED_REFINEMENT:.2g}, radius = 0, "
-        f"growth = 0.1",
-    )
+    estimate, message, hint = end.errors["energy"], "", ""
+    if estimate > level("energy_estimate"):
+        message = f"estimated error of the energy: {100.0 * estimate:.2g} % (forces may be as far off), "
+        kept = end.tally["kept"] / end.tally["energy"]
+        if kept > 0.5 * estimate:
+            message += f"{100.0 * kept:.2g} % of it due to residuals that renewed equations keep next to "
+            message, hint = f"{message}crushed corners", "make the loads smaller, or round these corners"
+        else:
+            nodal, size = energy_errors(end.scene, end.last)[0], end.scene.size
+            body = max(nodal, key=lambda name: float(nodal[name].max()))
+            cloud, node = end.scene.bodies[body].elastic.model.cloud, int(np.argmax(nodal[body]))
+            x, y = np.round(cloud.points[node] / size, 9) * size + 0.0
+            message += f"most of it at ({x:.6g}, {y:.6g}) of body {body}"
+            hint = (
+                f"refine there and at similar places, with slow growth, as in [[body.refine]] at = [{x:.6g}, "
+                f"{y:.6g}], spacing = {cloud.spacing[node] / RECOMMENDED_REFINEMENT:.2g}, radius = 0, "
+                f"growth = 0.1"
+            )
+    yield Check("energy_estimate", estimate, message, hint)
 
 
 def estimates(end: FiniteEnd) -> Iterator[Check]:
@@ -262,30 +240,29 @@ def increments(end: FiniteEnd) -> Iterator[Check]:
     if "increments" in end.errors:
         error = end.errors["increments"]
         message = f"forces are estimated to be off by {100 * error:.2g} % by the increments of friction"
-        yield Check(
-            "increment_error", error, message, "use a smaller solver.increment_error or max_increment"
-        )
+        hint = "use a smaller solver.increment_error or max_increment"
+        yield Check("increment_error", error, message, hint)
 
 
 def bifurcations(end: FiniteEnd) -> Iterator[Check]:
     """Bifurcations of the path: the first one, and where it leads."""
     found = [one for one in end.tally["bifurcations"] if not (one["followed"] and one["decided"])]
-    if not found:
-        yield Check("bifurcation", 0.0, "")
-        return
-    first = found[0]
-    (x, y), (u, v) = first["point"], first["direction"]
-    how = f"in which body {first['body']} moves most at ({x:.6g}, {y:.6g}), along ({u:.3g}, {v:.3g})"
-    where = f"stability is lost at position {first['position']:.6g}"
-    if first["followed"]:
-        message = (
-            f"{where}, where the path bifurcates: it goes on along the branch {how}; its mirror image may "
-        )
-        message += "be as likely"
-        hint = "a small asymmetry of shapes or loads decides on the branch"
-    else:
-        message = f"{where} in a motion {how}: no stable state is near, and the bodies jump"
-        hint = "prescribe displacements instead of forces, or end the path there"
+    message = hint = ""
+    for first in found[:1]:
+        (x, y), (u, v) = first["point"], first["direction"]
+        how = f"in which body {first['body']} moves most at ({x:.6g}, {y:.6g}), along ({u:.3g}, {v:.3g})"
+        message = f"stability is lost at position {first['position']:.6g}"
+        if first["followed"]:
+            message += (
+                f", where the path bifurcates: it goes on along the branch {how}; its mirror image may "
+            )
+            message, hint = (
+                f"{message}be as likely",
+                "a small asymmetry of shapes or loads decides on the branch",
+            )
+        else:
+            message += f" in a motion {how}: no stable state is near, and the bodies jump"
+            hint = "prescribe displacements instead of forces, or end the path there"
     yield Check("bifurcation", float(len(found)), message, hint)
 
 
@@ -293,13 +270,12 @@ def located(end: FiniteEnd) -> Iterator[Check]:
     """Whether knots were placed for the whole path."""
     beyond = end.last.position - end.scene.located
     if beyond > 0.0:
-        yield Check(
-            "located_contacts",
-            beyond,
+        message = (
             f"contacts were located up to position {end.scene.located:.6g} only, where a path with coarse "
-            "pressures stopped: patches of contact that come later are as coarse as the nodes",
-            "use finer nodes where bodies touch, which are the first knots of pressures",
+            "pressures stopped: patches of contact that come later are as coarse as the nodes"
         )
+        hint = "use finer nodes where bodies touch, which are the first knots of pressures"
+        yield Check("located_contacts", beyond, message, hint)
 
 
 def folded(end: FiniteEnd) -> Iterator[Check]:

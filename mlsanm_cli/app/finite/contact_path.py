@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from mlsanm_cli.app.finite.accuracy import Missing, missed_in_contact
+from mlsanm_cli.app.finite.accuracy import missed_in_contact
 from mlsanm_cli.app.finite.checks import place_of
 from mlsanm_cli.app.finite.limits import dissipated, excess, slides
 from mlsanm_cli.app.finite.scene import TOUCH_TOLERANCE, FiniteScene
@@ -19,7 +19,6 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.complementarity.problem import OPEN, STICK, ContactStatus
 from mlsanm_cli.contact.finite.exact import ExactContact, FiniteContactState, undeformed
 from mlsanm_cli.contact.finite.pair import RigidContact
-from mlsanm_cli.contact.finite.side_response import beyond_clouds
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.body import far_from, most_stretched
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
@@ -85,10 +84,9 @@ def contact_path(
                 )
             size = min(size, most) * path.measured(position, reached)
             state = path.state(reached)
-            missed = path.missed(state)
             done = path.finished(state, reached - position, (state,) if reached in wanted else ())
             position = reached
-            yield replace(done, checkpoint=path.checkpoint(state, size), missed=missed)
+            yield replace(done, checkpoint=path.checkpoint(state, size))
 
 
 class _Path:
@@ -116,7 +114,9 @@ class _Path:
         self.bifurcations: tuple[Bifurcation, ...] = ()
         self._earlier: list[FiniteContactState] = []
         self.error, self._largest = 0.0, 0.0
-        self._missing = beyond_clouds(scene.compliances, contacts.sides)
+        self._missing = np.zeros((contacts.size, contacts.size))
+        for compliance, (side, here) in zip(scene.compliances, contacts.sides, strict=True):
+            self._missing[here, here] = compliance.beyond_cloud(side)
         self.spent, self._iterations, self._solves = len(scene.bodies), 0, 0
 
     def take_up(self, checkpoint: Checkpoint) -> None:
@@ -269,11 +269,6 @@ class _Path:
         self._solves += found.solves if found else 0
         return found
 
-    def missed(self, state: State) -> Callable[[], Missing]:
-        """What the fits of the bodies miss of the present ``state``, to be evaluated later."""
-        args = (self._system, self._scene.undeformed, self.now, self._before, state.driven)
-        return partial(missed_in_contact, *args)
-
     @property
     def _system(self) -> ExactContact:
         args = (self._scene.contacts, self._length, self._stiffness, self._missing)
@@ -309,7 +304,14 @@ class _Path:
 
     def finished(self, state: State, length: float, saved: tuple[State, ...]) -> PathStep:
         """The step that ends in a state. Equations far from their expansion point are renewed."""
-        renewed, kept, self._fresh = False, self._kept(state.side_traction), frozenset()
+        ends = (self._system, self._scene.undeformed, self.now, self._before, state.driven)
+        renewed, kept, self._fresh = False, 0.0, frozenset()
+        # Work of the tractions on the displacements that would remove the kept residuals.
+        moved = {name: one.displaced(one.rest) for name, one in self._projectors.items() if one.rest.any()}
+        for side, here in self._scene.contacts.sides:
+            if side.body in moved:
+                along = (side.onto @ moved[side.body][side.nodes.unknowns]) * state.side_traction[here]
+                kept += float(np.repeat(side.weight, 2) @ along)
         for name, (body, own, acting) in self._scene.loaded(state).items():
             base_state = self._projectors[name].base_state
             angle = body.turn(own) - body.turn(base_state)
@@ -337,20 +339,11 @@ class _Path:
                     free[one.numbers] = one.factors(body, parts[one.body])
             self.now = replace(self.now, free=free)
         counts = (length, 0, self._iterations, self.spent, self._solves)
-        step = PathStep(state, saved, *counts, renewed=renewed, kept=kept, bifurcations=self.bifurcations)
+        more: dict[str, Any] = {"renewed": renewed, "kept": kept, "bifurcations": self.bifurcations}
+        step = PathStep(state, saved, *counts, **more, missed=partial(missed_in_contact, *ends))
         self.bifurcations = ()
         self.spent = self._iterations = self._solves = 0
         return step
-
-    def _kept(self, traction: FloatArray) -> float:
-        """Work of the ``traction`` (2s,) on the displacements that would remove the kept residuals."""
-        moved = {name: one.displaced(one.rest) for name, one in self._projectors.items() if one.rest.any()}
-        total = 0.0
-        for side, here in self._scene.contacts.sides:
-            if side.body in moved:
-                along = (side.onto @ moved[side.body][side.nodes.unknowns]) * traction[here]
-                total += float(np.repeat(side.weight, 2) @ along)
-        return total
 
     def state(self, position: float) -> State:
         """The present solution as a state of the path."""

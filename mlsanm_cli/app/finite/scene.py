@@ -36,7 +36,7 @@ from mlsanm_cli.mechanics.finite.stability import Loaded
 from mlsanm_cli.mechanics.near_field import as_complex
 from mlsanm_cli.mechanics.rigid import ROTATION, free_motions, pins
 from mlsanm_cli.mechanics.scene import Probe
-from mlsanm_cli.operators.linear.interface import LinearSolver
+from mlsanm_cli.operators.factors import LinearSolver
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.solve.condensed_scene import stage_factors
 from mlsanm_cli.solve.state import State

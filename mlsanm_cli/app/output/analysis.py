@@ -58,7 +58,6 @@ class Analysis(ABC, Generic[Built]):
         self.case, self.prepared, self.context, self.known = case, prepared, context, known
         self.quality = Quality(case, prepared, {}, {})
         self._built: Built | None = None
-        self._reached: Stop | None = None
 
     @property
     def built(self) -> Built:
@@ -131,20 +130,8 @@ class Analysis(ABC, Generic[Built]):
             weights = {name: nodes.weight for name, nodes in self.contacts.items()}
             return measured(stop, self.quantities(state), forces, weights)
 
-        if start is not None and start.ended_by >= 0:
-            self._reached = self.case.stop[start.ended_by]
-            return
-        for step in stopped_path(self.case.stop, self.path, value, start, last, tolerance):
-            yield step
-            if step.checkpoint is not None and step.checkpoint.ended_by >= 0:
-                self._reached = self.case.stop[step.checkpoint.ended_by]
-
-    def ending(self, last: State | None) -> Ending:
-        """The end of a completed path, also by a stop of the case."""
-        if self._reached is None or last is None:
-            return Ending("done", "end of the last stage")
-        stop = self._reached.description
-        return Ending("done", f"{stop}, at position {last.position:.9g}", stopped_by=stop)
+        if start is None or start.ended_by < 0:
+            yield from stopped_path(self.case.stop, self.path, value, start, last, tolerance)
 
     @abstractmethod
     def judge(self, last: State, tally: dict[str, Any]) -> Iterator[Check]:

@@ -32,7 +32,7 @@ from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.scene import Probe
 from mlsanm_cli.mechanics.springs import restrained, restraining
 from mlsanm_cli.memo import NO_CACHE, Memo
-from mlsanm_cli.operators.linear.interface import LinearSolver
+from mlsanm_cli.operators.factors import LinearSolver
 from mlsanm_cli.operators.neighbors import MlsSettings
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF

@@ -29,8 +29,7 @@ from pydantic import (
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError, core_schema
 
-from mlsanm_cli.case.limits import MAX_ITEMS, magnitude_problem
-from mlsanm_cli.case.report import suggestion
+from mlsanm_cli.case.report import MAX_ITEMS, magnitude_problem, suggestion
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.inputs import MAX_TEXT_BYTES, read_input
 

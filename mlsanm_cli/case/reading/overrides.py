@@ -11,8 +11,7 @@ from collections.abc import Mapping, Sequence
 from itertools import product
 from typing import Any, NamedTuple
 
-from mlsanm_cli.case.limits import text_problem
-from mlsanm_cli.case.report import MAX_KEY_PARTS, KeyPath, suggestion
+from mlsanm_cli.case.report import MAX_KEY_PARTS, KeyPath, suggestion, text_problem
 from mlsanm_cli.errors import CaseProblem, RunError
 from mlsanm_cli.toml import toml_value
 

@@ -16,13 +16,22 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from mlsanm_cli.case.limits import items_of, number_faults, size_faults, text_problem
 from mlsanm_cli.case.model.case import Case, completed
 from mlsanm_cli.case.model.conditions import listed
 from mlsanm_cli.case.model.section import Geometry, Scope, all_faults, split_boundary
 from mlsanm_cli.case.model.shapes import AnyShape
 from mlsanm_cli.case.reading.overrides import apply_overrides, key_path
-from mlsanm_cli.case.report import KeyPath, Report, child, nearest, suggestion
+from mlsanm_cli.case.report import (
+    KeyPath,
+    Report,
+    child,
+    items_of,
+    nearest,
+    number_faults,
+    size_faults,
+    suggestion,
+    text_problem,
+)
 from mlsanm_cli.errors import CaseError, CaseProblem, Fault, GeometryError, OutlineError, RunError
 from mlsanm_cli.inputs import MAX_TEXT_BYTES, STDIN, is_text, read_input
 from mlsanm_cli.records import dataclass
@@ -91,10 +100,12 @@ def parse_case(
     """Validates the text of the file at ``path``, to which other files are relative. Raises CaseError."""
     source = str(path)
     content = _parse_toml(text, source)
-    _refuse_sizes(content, Report(content, text, source))
+    report = Report(content, text, source)
+    report.refuse(size_faults(content))
     content, changed, bad_overrides = apply_overrides(content, overrides)
     if changed:
-        _refuse_sizes(content, Report(content, text, source, changed))
+        report = Report(content, text, source, changed)
+        report.refuse(size_faults(content))
     data = _frozen(content)
     report = Report(data, text, source, changed)
     report.add(number_faults(data))
@@ -172,15 +183,14 @@ def _check_relations(
     scope = Scope(case, absent=tuple((str(path[0]), name) for path, name in absent.items()))
     geometries: dict[str, Geometry] = {}
     for index, body in enumerate(case.body):
-        key: KeyPath = ("body", index, "shape")
         if geometry_of is None or any(all_faults(body.shape, scope)):
             continue
         try:
             geometries.setdefault(body.name, geometry_of(body.shape))
-        except OutlineError as error:
-            report.add(replace(fault, key=_place((*key, *fault.key), faulty)) for fault in error.faults)
-        except GeometryError as error:
-            report.add([Fault(_place((*key, "file"), faulty), error.message, error.hint)])
+        except (OutlineError, GeometryError) as error:
+            own = [Fault(("file",), error.message, error.hint)]
+            own = list(error.faults) if isinstance(error, OutlineError) else own
+            report.add(replace(f, key=_place(("body", index, "shape", *f.key), faulty)) for f in own)
     scope = replace(scope, geometries=geometries)
     tables = {path[:-1] for path in faulty if len(path) > 2 or path[0] not in (*LISTS, "material")}
     for fault in (*_name_faults(scope), *all_faults(case, scope)):
@@ -268,12 +278,6 @@ NESTED = {"shape": "body.shape", "refine": "body.refine", "regularization": "con
 """Tables that belong to a list item, by the last part of their names."""
 
 
-def _refuse_sizes(content: dict[str, Any], report: Report) -> None:
-    report.add(size_faults(content))
-    if report.problems:
-        raise CaseError(report.problems)
-
-
 def _parse_toml(text: str, source: str) -> dict[str, Any]:
     line, problem = text_problem(text)
     if line:
@@ -283,16 +287,14 @@ def _parse_toml(text: str, source: str) -> dict[str, Any]:
     except RecursionError as error:
         raise CaseError((CaseProblem("(file)", "lists are nested too deeply", 1, source),)) from error
     except ValueError as error:
-        message = str(error)
-        place = re.search(r" \(at (?:line (\d+), column (\d+)|end of document)\)$", message)
+        message, lines = str(error), text.splitlines() or [""]
         line = 1
-        if place is not None:
+        if place := re.search(r" \(at (?:line (\d+), column \d+|end of document)\)$", message):
             message = message[: place.start()]
-            line = int(place.group(1)) if place.group(1) else max(len(text.splitlines()), 1)
-        names = re.fullmatch(r"Cannot declare \((.*)\) twice", message)
-        if names is not None:
+            line = int(place[1] or len(lines))
+        if names := re.fullmatch(r"Cannot declare \((.*)\) twice", message):
             message = f"[{'.'.join(re.findall('[^(), ]+', names[1]))}] is declared twice".replace("'", "")
-        hint = _syntax_hint(message, (text.splitlines() or [""])[line - 1])
+        hint = _syntax_hint(message, lines[line - 1])
         raise CaseError((CaseProblem("(syntax)", message, line, source, hint),)) from error
 
 
@@ -323,8 +325,6 @@ def _syntax_hint(message: str, line: str) -> str:
 
 
 def _frozen(value: Any) -> Any:
-    if isinstance(value, list):
-        return tuple(_frozen(item) for item in value)
     if isinstance(value, dict):
         return {key: _frozen(item) for key, item in value.items()}
-    return value
+    return tuple(map(_frozen, value)) if isinstance(value, list) else value

@@ -6,18 +6,13 @@ from __future__ import annotations
 import tomllib
 from importlib import resources
 
-SUFFIX = ".toml"
-
 
 def kinds() -> dict[str, str]:
     """Titles of the starters by kind, in alphabetical order."""
-    names = sorted(entry.name for entry in resources.files(__name__).iterdir() if entry.name.endswith(SUFFIX))
-    return {name.removesuffix(SUFFIX): tomllib.loads(_read(name))["title"] for name in names}
+    files = sorted(entry.name for entry in resources.files(__name__).iterdir())
+    names = [name.removesuffix(".toml") for name in files if name.endswith(".toml")]
+    return {name: tomllib.loads(starter(name))["title"] for name in names}
 
 
 def starter(kind: str) -> str:
-    return _read(f"{kind}{SUFFIX}")
-
-
-def _read(name: str) -> str:
-    return resources.files(__name__).joinpath(name).read_text(encoding="utf-8")
+    return resources.files(__name__).joinpath(f"{kind}.toml").read_text(encoding="utf-8")

@@ -16,6 +16,7 @@ from __future__ import annotations
 from typing import TypeAlias
 
 import numpy as np
+from scipy import linalg
 from scipy.linalg.lapack import dgecon, dgesv, dgetrf, dgetrs
 
 from mlsanm_cli.arrays import FloatArray
@@ -26,6 +27,7 @@ from mlsanm_cli.contact.complementarity.problem import (
     SINGULAR,
     ContactStatus,
     Problem,
+    inverse_of,
 )
 
 MAX_BORDERS, BORDER_SHARE = 64, 1 / 16
@@ -33,8 +35,6 @@ MAX_BORDERS, BORDER_SHARE = 64, 1 / 16
 MIN_RCOND, NULL = 1e-12, 1e-7
 """Reciprocal condition number of a singular equilibrated matrix, and relative singular values of motions that
 nothing resists: its root, as both motions and balances are small there."""
-EXACT = 1e-14
-"""Relative residual above which a solution is refined."""
 ENTERS, LEAVES, TURNS = range(3)
 """Kinds of borders: an unknown enters or leaves; a node slips to the other side."""
 
@@ -63,17 +63,18 @@ class SingularError(Ray):
 
 class Basis:
     """The equations of a ``status``: factors of this or an earlier one, with borders. Motions that no active
-    row resists and no load drives are held. ``missed`` is the residual of the last solution over ``grain``.
-    Raises SingularError."""
+    row resists and no load drives are held, or all motions resisted by ``springs`` (k, k). ``missed`` is the
+    residual of the last solution over ``grain``. Raises SingularError."""
 
-    def __init__(self, problem: Problem, status: ContactStatus) -> None:
-        self.problem, self.missed = problem, 0.0
+    def __init__(self, problem: Problem, status: ContactStatus, springs: FloatArray | None = None) -> None:
+        self.problem, self.missed, self._springs = problem, 0.0, springs
         self._factorise(status)
 
-    @property
-    def updates(self) -> int:
-        """Number of borders."""
-        return len(self._borders)
+    @classmethod
+    def near(cls, problem: Problem, status: ContactStatus) -> Basis:
+        """The last basis of the problem that is in use, or a new one, taken to a status."""
+        last: Basis | None = problem.kept.get("basis")
+        return cls(problem, status) if last is None else last.to(status)
 
     def to(self, status: ContactStatus) -> Basis:
         """The basis of another status, by borders if these are few."""
@@ -92,41 +93,54 @@ class Basis:
 
     def pivot(self, status: ContactStatus) -> bool:
         """Go to a status that differs by one change, unless that is singular; whether that was done."""
-        if self._bordered(status, self._keys(status), DOUBTFUL):
+        keys = self._keys(status)
+        if len(keys) <= MAX_BORDERS and self._bordered(status, keys, DOUBTFUL):
             return True
         self.anew()
         return self._bordered(status, self._keys(status), SINGULAR)
 
     def anew(self) -> bool:
         """Factorise the same status if there are borders; whether that was done."""
-        if not self.updates:
+        if not self._borders:
             return False
         self._factorise(self.status)
         return True
 
     def _factorise(self, status: ContactStatus) -> None:
         p = self.problem
+        if self._springs is None:
+            p.kept["basis"] = self
         self.status, self._side, self._active = status, status.slip_sign, status.active(p.k)
         self._based, self._base = self._active, np.flatnonzero(self._active)
-        self._borders = dict[Key, Border]()
+        self._unbordered()
         self.held = self.left = np.zeros((p.k, 0))
+        self._resists = np.zeros((p.k, p.k)) if self._springs is None else self._springs
         matrix, own = p.matrix[np.ix_(self._base, self._base)], p.owner[self._base]
         slides = np.flatnonzero((own >= 0) & (self._side[own] != 0.0)) if p.n else own[:0]
         own = own[slides]
         matrix[:, slides] += self._side[own] * p.friction[own] * p.matrix[np.ix_(self._base, p.m + own)]
-        self._factor = _Factor(matrix)
+        last = len(matrix) - p.k
+        matrix[last:, last:] += self._resists
+        self._matrix, self._factor = matrix, _Factor(matrix)
         if self._factor.rcond >= MIN_RCOND:
             return
         # Motions that no active row resists are held; left are the balances that nothing changes.
-        last = len(matrix) - p.k
         right, left = null_space(matrix[:, last:]), null_space(matrix[last:].T)
         if not right.shape[1] or right.shape != left.shape:
             raise SingularError
-        self.held, self.left = right, left
-        matrix[last:, last:] += left @ right.T
+        self.held, self.left, self._resists = right, left, left @ right.T
+        matrix[last:, last:] += self._resists
         self._factor = _Factor(matrix)
         if self._factor.rcond < MIN_RCOND:
             raise SingularError
+
+    def _unbordered(self) -> None:
+        count = len(self._base)
+        self._borders = dict[Key, Border]()
+        self._rows, self._inverse = np.zeros((0, count)), np.zeros((0, 0))
+        self._columns = self._responses = np.zeros((count, 0))
+        self._corner, self._enter = self._inverse, np.zeros(0, dtype=int)
+        self._entered = self._enter
 
     def _keys(self, status: ContactStatus) -> list[Key]:
         """Borders of a status."""
@@ -146,7 +160,9 @@ class Basis:
         """Make the borders those with ``keys`` if all their pivots exceed the part ``least`` of the terms
         that cancel in them."""
         borders = {key: self._borders.get(key) or self._border(key) for key in keys}
-        if keys:
+        if not keys:
+            self._unbordered()
+        else:
             index = np.array([key[1] for key in keys])
             kind = np.array([key[0] for key in keys])
             rows, columns, responses, scales, size = zip(*borders.values(), strict=True)
@@ -158,12 +174,14 @@ class Basis:
             *_, inverse, singular = dgesv(schur, np.eye(len(keys)))
             if singular:
                 return False
-            pivots = 1.0 / _positive(np.abs(inverse.diagonal()))
+            pivots = inverse_of(np.abs(inverse.diagonal()))
             terms[kind == ENTERS] += pivots[kind == ENTERS]
             if not (pivots > least * terms).all():
                 return False
             self._rows, self._responses = row, response
             self._inverse = along[:, None] * inverse * across
+            self._columns = np.stack([column[self._base] for column in columns], axis=1)
+            self._corner = corner
             self._enter = np.flatnonzero(kind == ENTERS)
             self._entered = index[self._enter]
         self.status, self._active = status, status.active(self.problem.k)
@@ -195,27 +213,22 @@ class Basis:
         return row[self._base], column, response, scales, size
 
     def _response(self, values: FloatArray) -> FloatArray:
-        """Unknowns (N,) for ``values`` (N,) of the active rows."""
-        p, x, solution = self.problem, np.zeros(len(values)), self._factor.solve(values[self._base])
-        if self._borders:
-            right = -self._rows @ solution
-            right[self._enter] += values[self._entered]
-            more = self._inverse @ right
-            solution -= self._responses @ more
-            x[self._entered] = more[self._enter]
-        x[self._base] = solution
+        """Unknowns (N,) for ``values`` (N,) of the active rows, refined once."""
+        p, x, kept = self.problem, np.zeros(len(values)), values[self._base]
+        right = np.zeros(len(self._borders))
+        right[self._enter] = values[self._entered]
+        solution, more = np.zeros(len(kept)), np.zeros(len(right))
+        for _ in range(2):
+            change = self._factor.solve(kept - self._matrix @ solution - self._columns @ more)
+            further = self._inverse @ (right - self._corner @ more - self._rows @ (solution + change))
+            more = more + further
+            solution = solution + change - self._responses @ further
+        x[self._base], x[self._entered] = solution, more[self._enter]
         x[: p.m][~self._active[: p.m]] = 0.0
         pressed, slips = p.friction * x[p.nodes], slice(p.m, p.contacts)
         sticks = self._active[slips]
         x[slips] = np.where(sticks, x[slips] + self._side * pressed, self.status.slip_sign * pressed)
         return x
-
-    def _residual(self, values: FloatArray, x: FloatArray, w: FloatArray) -> FloatArray:
-        """What active rows (N,) miss of their ``values``, including those of held motions."""
-        count = self.problem.contacts
-        missed = np.where(self._active, values - w, 0.0)
-        missed[count:] -= self.left @ (self.held.T @ x[count:])
-        return missed
 
     def mechanism(self, status: ContactStatus) -> tuple[FloatArray, FloatArray]:
         """Unknowns and rows (N,) that change, while no other active row does, with the one change to a
@@ -231,44 +244,38 @@ class Basis:
                 unit[p.m + own] = status.slip_sign[own] * p.friction[own]
             values = np.where(self._active, -p.product(unit), 0.0)
         x = self._response(values)
-        x += self._response(self._residual(values, x, p.product(x)))
         if active[index]:
             x, values = x + unit, np.zeros(len(unit))
         return x, np.where(self._active, values, p.product(x))
 
     def solve(
-        self, free: FloatArray, aim: FloatArray, near: FloatArray | None = None
+        self, free: FloatArray, reference: FloatArray, near: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        """Unknowns and rows (N,) for ``free`` rows with active ones at their ``aim``; held motions are those
-        of the unknowns ``near``."""
-        p, count = self.problem, self.problem.contacts
+        """Unknowns and rows (N,) for ``free`` rows with nodes sticking at slips ``reference`` (n,); motions
+        are held, or springs unloaded, at those of the unknowns ``near``."""
+        p, count, aim = self.problem, self.problem.contacts, np.zeros(len(free))
+        aim[p.m : count] = reference
         values = np.where(self._active, aim - free, 0.0)
         size = np.abs(values).max(initial=0.0)
-        if self.held.shape[1]:
-            if np.abs(self.left.T @ values[count:]).max() > GRAZING * size:
-                raise SingularError
-            if near is not None:
-                values[count:] += self.left @ (self.held.T @ near[count:])
-                size = np.abs(values).max()
+        if np.abs(self.left.T @ values[count:]).max(initial=0.0) > GRAZING * size:
+            raise SingularError
+        if near is not None:
+            values[count:] += self._resists @ near[count:]
+            size = np.abs(values).max(initial=0.0)
         x = self._response(values)
         # Equilibrated factors do not show motions that only round-off resists; a response to borders of an
         # exactly singular matrix is nan.
-        accurate = bool(MIN_RCOND * np.abs(x).max(initial=0.0) <= size)
-        if accurate:
+        largest = np.abs(x).max(initial=0.0)
+        if MIN_RCOND * largest <= size:
             w = p.product(x)
-            missed = self._residual(values, x, w)
-            if np.abs(missed).max(initial=0.0) > EXACT * size:
-                x += self._response(missed)
-                w = p.product(x)
-                missed = self._residual(values, x, w)
-                limit = 100.0 * FEASIBLE * max(size, np.abs(x).max())
-                accurate = not (np.abs(missed) > limit * p.grain).any()
-        if not accurate:
-            if not self.anew():
-                raise SingularError
-            return self.solve(free, aim, near)
-        self.missed = float((np.abs(missed) / p.grain).max(initial=0.0))
-        return x, np.where(self._active, aim, free + w)
+            missed = np.where(self._active, values - w, 0.0)
+            missed[count:] -= self._resists @ x[count:]
+            self.missed = float((np.abs(missed) / p.grain).max(initial=0.0))
+            if self.missed <= 100.0 * FEASIBLE * max(size, largest):
+                return x, np.where(self._active, aim, free + w)
+        if not self.anew():
+            raise SingularError
+        return self.solve(free, reference, near)
 
     def undriven(self, rows: FloatArray) -> FloatArray:
         """Rows (N,) without loads on held motions."""
@@ -285,8 +292,8 @@ class _Factor:
         self.rcond = 1.0
         if not len(matrix):
             return
-        self._rows = 1.0 / _positive(np.abs(matrix).max(axis=1))
-        self._columns = 1.0 / _positive((self._rows[:, None] * np.abs(matrix)).max(axis=0))
+        self._rows = inverse_of(np.abs(matrix).max(axis=1))
+        self._columns = inverse_of((self._rows[:, None] * np.abs(matrix)).max(axis=0))
         scaled = np.asfortranarray(self._rows[:, None] * matrix * self._columns)
         norm = float(np.abs(scaled).sum(axis=0).max())
         self._lu, self._pivots, info = dgetrf(scaled, overwrite_a=1)
@@ -304,14 +311,5 @@ def null_space(rows: FloatArray) -> FloatArray:
     """Orthonormal null space (k, d) of ``rows`` (r, k)."""
     if not rows.size:
         return np.eye(rows.shape[1])
-    _, values, right = (
-        np.linalg.svd(rows, full_matrices=True)
-        if len(rows) < 2 * rows.shape[1]
-        else (np.linalg.svd(np.linalg.qr(rows, mode="r")))
-    )
-    values = np.append(values, np.zeros(len(right) - len(values)))
-    return np.asarray(right[values <= NULL * max(float(values[0]), np.finfo(float).tiny)].T)
-
-
-def _positive(values: FloatArray) -> FloatArray:
-    return np.where(values > 0.0, values, 1.0)
+    # The R factor has the same singular values and is smaller.
+    return np.asarray(linalg.null_space(np.linalg.qr(rows, mode="r"), rcond=NULL))

@@ -13,9 +13,17 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.complementarity.basis import null_space
-from mlsanm_cli.contact.complementarity.problem import GRAZING, Changes, ContactStatus, Problem
+from mlsanm_cli.contact.complementarity.problem import (
+    BACKWARD,
+    CLOSES,
+    FORWARD,
+    GRAZING,
+    OPENS,
+    ContactStatus,
+    Problem,
+)
 
 BALANCED = 1e-8
 """Part of a load up to which it counts as balanced: the accuracy of the linear program."""
@@ -28,7 +36,7 @@ def equilibrium(
     constant: FloatArray,
     load: FloatArray,
     status: ContactStatus | None = None,
-    allowed: Changes | None = None,
+    allowed: BoolArray | None = None,
 ) -> tuple[float, FloatArray, FloatArray] | None:
     """Largest part up to 1 of a ``load`` (k,) that pressures and tractions (m + n,) balance beside the rows
     ``constant`` (k,), these, and the mechanism (k,) of the ``balances`` (k, N) that stops a larger one.
@@ -43,8 +51,8 @@ def equilibrium(
     held = apart = np.zeros(m, dtype=bool)
     may = np.ones(2 * n, dtype=bool)
     if status is not None and allowed is not None:
-        held, apart = status.closed & ~allowed.opens, ~status.closed & ~allowed.closes
-        may = np.concatenate([allowed.forward, allowed.backward])
+        held, apart = status.closed & ~allowed[OPENS], ~status.closed & ~allowed[CLOSES]
+        may = allowed[FORWARD : BACKWARD + 1, nodes].ravel()
     unit = np.abs(balances).max(axis=0, initial=0.0)
     unit = size / np.where(unit > 0.0, unit, 1.0)
     unit[m:count] = unit[:m][nodes]
@@ -73,7 +81,7 @@ def equilibrium(
 
 
 def collapse(
-    problem: Problem, free: FloatArray, status: ContactStatus | None = None, allowed: Changes | None = None
+    problem: Problem, free: FloatArray, status: ContactStatus | None = None, allowed: BoolArray | None = None
 ) -> FloatArray | None:
     """The direction (N,) of the mechanism that shows that no pressures and tractions balance the ``free``
     rows (N,); None if some do."""

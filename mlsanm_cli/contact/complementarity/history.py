@@ -13,10 +13,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.complementarity.basis import Basis, Ray
 from mlsanm_cli.contact.complementarity.equilibrium import collapse
-from mlsanm_cli.contact.complementarity.problem import FEASIBLE, GRAZING, Changes, ContactStatus, Problem
+from mlsanm_cli.contact.complementarity.problem import (
+    BACKWARD,
+    CLOSES,
+    FEASIBLE,
+    FORWARD,
+    GRAZING,
+    OPENS,
+    ContactStatus,
+    Problem,
+)
 from mlsanm_cli.contact.complementarity.solution import Search, State
 from mlsanm_cli.contact.complementarity.tracing import trace
 
@@ -71,10 +80,10 @@ def follow(
                 halts.pop(0)
             yield state
             continue
-        jumps, unset = 0, np.full(p.n, np.nan)
+        jumps = 0
         # To the next limit of a condition that is not at it.
-        left = p.distances(rate.status, allowed.complement(), state.x, state.w, unset)
-        falls = -p.distances(rate.status, allowed.complement(), rate.x, rate.w, unset)
+        left = p.distances(rate.status, ~allowed, state.x, state.w, state.reference)
+        falls = -p.distances(rate.status, ~allowed, rate.x, rate.w, state.reference)
         falling = np.isfinite(left) & (falls > 1e-3 * FEASIBLE * p.size(rate.x))
         step = float((np.maximum(left[falling], 0.0) / falls[falling]).min(initial=np.inf))
         lam = min(state.lam + step, halts[0])
@@ -85,24 +94,32 @@ def follow(
         yield state
 
 
-def _admissible(problem: Problem, state: State, typical: float) -> Changes:
-    """Changes that a state admits to its rates: of nodes at their limits, relative to its own or ``typical``
-    pressures."""
+def _admissible(problem: Problem, state: State, typical: float) -> BoolArray:
+    """Changes (5, m) that a state admits to its rates: of nodes at their limits, relative to its own or
+    ``typical`` pressures."""
     p, x, w = problem, state.x, state.w
     limit = GRAZING * max(p.size(x), typical) * p.grain[: p.m]
     bare, touches = x[: p.m] <= limit, w[: p.m] <= limit
-    grazes, sign, traction = bare[p.nodes], state.status.slip_sign, x[p.m : p.contacts]
+    found, grazes, sign, traction = (
+        p.everything.copy(),
+        bare[p.nodes],
+        state.status.slip_sign,
+        x[p.m : p.contacts],
+    )
     left, slack = limit[p.nodes], p.friction * x[p.nodes]
     forward = np.where(sign != 0.0, sign > 0.0, slack - traction <= left)
     backward = np.where(sign != 0.0, sign < 0.0, slack + traction <= left)
-    return Changes(bare, touches, grazes | forward, grazes | backward)
+    found = p.everything.copy()
+    found[OPENS], found[CLOSES] = bare, touches
+    found[FORWARD, p.nodes], found[BACKWARD, p.nodes] = grazes | forward, grazes | backward
+    return found
 
 
-def _rates(problem: Problem, state: State, load: FloatArray, allowed: Changes) -> State:
+def _rates(problem: Problem, state: State, load: FloatArray, allowed: BoolArray) -> State:
     """Status and rates of a state per lam. Raises Ray."""
     search, last = Search(problem, load, np.zeros(problem.n), allowed), state.rates
     if not state.status.closed.any():
-        return search.solved(problem.touching(allowed.closes))
+        return search.solved(problem.touching(allowed[CLOSES]))
     if last is None:
         return search.solved(state.status)
     return search.solved(search.projected(last.status, last.x, last.w), state.status, basis=last.basis)
@@ -129,7 +146,7 @@ def _moved(problem: Problem, state: State, rate: State, free: FloatArray, lam: f
         basis, tries, errors = rate.basis.to(status), [(x, w)], [search.error(status, x, w)]
         while errors[-1] > 1.0 and (len(tries) < 2 or basis.anew()):
             try:
-                tries.append(basis.solve(free, p.aim(reference), x))
+                tries.append(basis.solve(free, reference, x))
             except Ray:
                 break
             errors.append(search.error(status, *tries[-1]))
@@ -180,6 +197,8 @@ def increments(problem: Problem, state: State, free: FloatArray, *starts: Contac
         for part in range(1, parts + 1):
             rows, first = begun + part / parts * (free - begun), starts if part == parts else ()
             found = increment(problem, now, rows, state.lam, *first, pivoting=False)
+            if found is None and parts == 1 and problem.k and collapse(problem, free) is not None:
+                return None
             if found is None:
                 break
             now, systems = found, systems + found.systems

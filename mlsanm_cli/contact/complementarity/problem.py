@@ -15,7 +15,8 @@ cause, balances by their largest coefficient: all conditions are pressures, comp
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Protocol
+from typing import Any, Protocol
+from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +40,8 @@ WEAK = 1e-6
 OPEN, STICK, SLIP = 0, 1, 2
 """Contact status of a node."""
 OPENS, CLOSES, FORWARD, BACKWARD, RESTS = range(5)
-"""Changes of status of a node: it opens, closes, slips with traction mu p or -mu p, comes to rest."""
+"""Changes of status of a node: it opens, closes, slips with traction mu p or -mu p, comes to rest. Those
+``allowed`` are a mask (5, m); conditions of others do not hold."""
 
 
 class Multiplier(Protocol):
@@ -81,20 +83,6 @@ class ContactStatus:
 
 
 @dataclass(frozen=True, eq=False)
-class Changes:
-    """Admissible changes of status: closed nodes that may open (m,), open ones that may close (m,), sticking
-    ones that may slip ``forward`` (traction mu p) or ``backward`` (n,). Conditions of others do not hold."""
-
-    opens: BoolArray
-    closes: BoolArray
-    forward: BoolArray
-    backward: BoolArray
-
-    def complement(self) -> Changes:
-        return Changes(~self.opens, ~self.closes, ~self.forward, ~self.backward)
-
-
-@dataclass(frozen=True, eq=False)
 class Problem:
     """The scaled ``matrix`` (N, N) of the problem, N = m + n + k. Friction acts at ``nodes`` (n,) of the m
     with coefficients ``friction`` (n,). Scaled quantities are ``rows`` (N,) times gaps, slips and balances,
@@ -126,8 +114,8 @@ class Problem:
         largest = float(elastic) or float(moving.max(initial=0.0)) or 1.0
         rows, columns = np.ones(len(matrix)), np.ones(len(matrix))
         rows[:count] = 1.0 / np.where(own > WEAK * largest, own, largest)
-        columns[count:] = _inverse((rows[:count, None] * moving).max(axis=0, initial=0.0))
-        rows[count:] = _inverse(np.abs(matrix[count:] * columns).max(axis=1, initial=0.0))
+        columns[count:] = inverse_of((rows[:count, None] * moving).max(axis=0, initial=0.0))
+        rows[count:] = inverse_of(np.abs(matrix[count:] * columns).max(axis=1, initial=0.0))
         scaled = rows[:, None] * matrix
         scaled *= columns
         return cls(scaled, nodes, friction, m, rows, columns, matrix if unscaled is None else unscaled)
@@ -146,6 +134,11 @@ class Problem:
         return len(self.rows) - self.contacts
 
     @cached_property
+    def kept(self) -> WeakValueDictionary[str, Any]:
+        """The last basis, as long as it is in use."""
+        return WeakValueDictionary()
+
+    @cached_property
     def owner(self) -> IntArray:
         """Index (N,) among the nodes with friction of each pressure, -1 of other unknowns."""
         found = np.full(len(self.rows), -1)
@@ -161,7 +154,7 @@ class Problem:
         """Pressure per gap and traction per slip (m + n,) in semismooth Newton steps: by the largest response
         of a row, as other nodes resist too."""
         count = self.contacts
-        return _inverse(_largest(self.matrix[:count, :count]))
+        return inverse_of(_largest(self.matrix[:count, :count]))
 
     @cached_property
     def largest(self) -> FloatArray:
@@ -182,15 +175,14 @@ class Problem:
     @cached_property
     def levels(self) -> tuple[FloatArray, FloatArray]:
         """Factors (N,) of rows and columns after which their largest coefficients are 1."""
-        rows = _inverse(self.largest)
+        rows = inverse_of(self.largest)
         scaled = rows[:, None] * self.matrix
-        return rows, _inverse(np.abs(scaled, out=scaled).max(axis=0, initial=0.0))
+        return rows, inverse_of(np.abs(scaled, out=scaled).max(axis=0, initial=0.0))
 
     @cached_property
-    def everything(self) -> Changes:
-        """All changes are admissible: the problem of a state."""
-        nodes, rubbing = np.ones(self.m, dtype=bool), np.ones(self.n, dtype=bool)
-        return Changes(nodes, nodes, rubbing, rubbing)
+    def everything(self) -> BoolArray:
+        """All changes (5, m) are admissible: the problem of a state."""
+        return np.ones((5, self.m), dtype=bool)
 
     @property
     def opened(self) -> ContactStatus:
@@ -212,14 +204,8 @@ class Problem:
         pressed = float(np.abs(x[: self.contacts]).max(initial=0.0))
         return max(pressed, LAST_DIGITS / FEASIBLE * float(np.abs(x[self.contacts :]).max(initial=0.0)))
 
-    def aim(self, reference: FloatArray) -> FloatArray:
-        """Values (N,) of active rows with nodes sticking at slips ``reference`` (n,)."""
-        found = np.zeros(len(self.rows))
-        found[self.m : self.contacts] = reference
-        return found
-
     def distances(
-        self, status: ContactStatus, allowed: Changes, x: FloatArray, w: FloatArray, reference: FloatArray
+        self, status: ContactStatus, allowed: BoolArray, x: FloatArray, w: FloatArray, reference: FloatArray
     ) -> FloatArray:
         """Distance from the limit of each condition (5, m), by change and node; infinite where there is none.
         Given rates and a zero ``reference`` (n,), their rates."""
@@ -228,16 +214,16 @@ class Problem:
         holds = np.zeros(self.m, dtype=bool)
         holds[self.nodes] = stuck
         # A sticking node that loses its pressure slips before it opens.
-        opens, closes = status.closed & allowed.opens & ~holds, ~status.closed & allowed.closes
+        opens, closes = status.closed & ~holds, ~status.closed
         found[OPENS, opens] = pressure[opens]
         found[CLOSES, closes] = w[: self.m][closes]
         limit = self.friction * pressure[self.nodes]
-        for change, side, may in ((FORWARD, 1.0, allowed.forward), (BACKWARD, -1.0, allowed.backward)):
-            own = stuck & may
-            found[change, self.nodes[own]] = (limit - side * traction)[own]
+        found[FORWARD, self.nodes[stuck]] = (limit - traction)[stuck]
+        found[BACKWARD, self.nodes[stuck]] = (limit + traction)[stuck]
         slides = (status.slip_sign != 0.0) & self.rubs
         opposed = -status.slip_sign * (w[self.m : self.contacts] - reference)
         found[RESTS, self.nodes[slides]] = opposed[slides]
+        found[~allowed] = np.inf
         return found
 
     def changed(self, status: ContactStatus, change: int, node: int, slipped: FloatArray) -> ContactStatus:
@@ -257,6 +243,6 @@ def _largest(matrix: FloatArray) -> FloatArray:
     return np.asarray(np.maximum(matrix.max(axis=1, initial=0.0), -matrix.min(axis=1, initial=0.0)))
 
 
-def _inverse(values: FloatArray) -> FloatArray:
+def inverse_of(values: FloatArray) -> FloatArray:
     """Reciprocals of positive values, else 1."""
     return np.asarray(1.0 / np.where(values > 0.0, values, 1.0))

@@ -16,7 +16,15 @@ import numpy as np
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.complementarity.basis import NULL, Basis, Ray, SingularError, null_space
 from mlsanm_cli.contact.complementarity.equilibrium import collapse
-from mlsanm_cli.contact.complementarity.problem import FEASIBLE, Changes, ContactStatus, Problem
+from mlsanm_cli.contact.complementarity.problem import (
+    BACKWARD,
+    CLOSES,
+    FEASIBLE,
+    FORWARD,
+    OPENS,
+    ContactStatus,
+    Problem,
+)
 from mlsanm_cli.contact.complementarity.tracing import trace
 from mlsanm_cli.records import dataclass
 
@@ -59,13 +67,15 @@ class State:
 @dataclass(frozen=True, eq=False)
 class Search:
     """A search for the state with ``free`` rows (N,), slips opposed from their ``reference`` (n,), and the
-    ``allowed`` changes; motions that nothing resists or drives stay as in the unknowns ``near`` (N,)."""
+    ``allowed`` changes (5, m); motions that nothing resists or drives stay as in the unknowns ``near`` (N,),
+    or all are held there by ``springs`` (k, k)."""
 
     problem: Problem
     free: FloatArray
     reference: FloatArray
-    allowed: Changes
+    allowed: BoolArray
     near: FloatArray | None = None
+    springs: FloatArray | None = None
 
     def solved(
         self,
@@ -74,8 +84,8 @@ class Search:
         thorough: bool = False,
         pivoting: bool = True,
     ) -> State:
-        """The state by Newton steps from the statuses ``starts`` and one that holds all bodies, or by
-        ``pivoting`` from the best statuses met; if ``thorough`` from more. Raises Ray."""
+        """The state by Newton steps from the statuses ``starts`` and one that holds all bodies, or, if there
+        is equilibrium, by ``pivoting`` from the best statuses met; if ``thorough`` from more. Raises Ray."""
         p, seen, near, systems = self.problem, set[bytes](), list[ContactStatus](), 0
         for first in starts:
             found, best, count = self._newton(first, basis, seen)
@@ -86,7 +96,7 @@ class Search:
             found, _ = self._pivoted_from(near, thorough, systems)
             if found is not None:
                 return found
-        direction = collapse(p, self.free, starts[0], self.allowed) if p.k else None
+        direction = collapse(p, self.free, starts[0], self.allowed) if p.k and pivoting else None
         if direction is not None:  # no pressures and tractions balance the loads
             raise Ray(direction)
         found, best, count = self._newton(self._softly_held(starts[-1]), basis, seen)
@@ -125,13 +135,12 @@ class Search:
     ) -> tuple[State | None, list[ContactStatus], int]:
         """The state, or statuses with the fewest violations; and the number of systems solved."""
         p, tried, systems, least = self.problem, list[tuple[int, ContactStatus]](), 0, (np.inf, 0)
-        aim = p.aim(self.reference)
         while status.key not in seen and systems < least[1] + passes:
             seen.add(status.key)
             systems += 1
             try:
-                basis = Basis(p, status) if basis is None else basis.to(status)
-                x, w = basis.solve(self.free, aim, self.near)
+                basis = Basis(p, status, self.springs) if basis is None else basis.to(status)
+                x, w = basis.solve(self.free, self.reference, self.near)
             except SingularError:
                 # Contacts that slide as a whole may come to rest.
                 basis, status = None, p.touching(status.closed)
@@ -152,11 +161,7 @@ class Search:
         u, _, v = np.linalg.svd(-p.matrix[count:, :count] @ p.matrix[:count, count:])
         near = np.zeros(len(self.free)) if self.near is None else self.near
         for stiffness in SPRINGS if p.k else ():
-            springs, ones = np.zeros(p.matrix.shape), np.ones(len(p.rows))
-            springs[count:, count:] = stiffness * (u @ v)
-            stiff = p.matrix + springs
-            held = Problem(stiff, p.nodes, p.friction, p.m, ones, ones, stiff)
-            search = replace(self, problem=held, free=self.free - springs @ near)
+            search = replace(self, springs=stiffness * (u @ v), near=near)
             found, best, _ = search._newton(status, None, set(), HELD_PASSES)
             if found is None:
                 return best[0] if best else status
@@ -182,10 +187,11 @@ class Search:
         p, allowed, slip = self.problem, self.allowed, w[self.problem.m : self.problem.contacts]
         wrong: BoolArray = np.asarray(self.violated(status, x, w).any(axis=0))
         push = x[: p.m] - p.exchange[: p.m] * w[: p.m]
-        closed = np.where(status.closed, ~allowed.opens | (push > 0.0), allowed.closes & (push > 0.0))
+        closed = np.where(status.closed, ~allowed[OPENS] | (push > 0.0), allowed[CLOSES] & (push > 0.0))
         pull = x[p.m : p.contacts] - p.exchange[p.m :] * (slip - self.reference)
         limit = p.friction * push[p.nodes]
-        forward, backward = allowed.forward & (pull > limit), allowed.backward & (-pull > limit)
+        may = allowed[:, p.nodes]
+        forward, backward = may[FORWARD] & (pull > limit), may[BACKWARD] & (-pull > limit)
         slides = ~p.rubs | forward | backward
         side = np.where(backward & ~(forward & (pull > 0.0)), -1.0, 1.0)
         closed = np.where(wrong, closed, status.closed)
@@ -199,7 +205,7 @@ class Search:
         """The status ``start`` with the fewest and closest further nodes closed, and stuck, that determine
         all motions; or these nodes ``alone``, so that rigid bodies are not held twice."""
         p, allowed, count = self.problem, self.allowed, self.problem.contacts
-        kept = ~allowed.opens | (not alone)
+        kept = ~allowed[OPENS] | (not alone)
         closed, stuck = start.closed & kept, start.stuck & kept[p.nodes]
         moved = p.matrix[:, count:]
         left = null_space(np.vstack([moved[count:], moved[: p.m][closed], moved[p.m : count][stuck]]))
@@ -211,7 +217,7 @@ class Search:
                 if (
                     at < 0
                     or marks[at]
-                    or not (closed[node] or allowed.closes[node])
+                    or not (closed[node] or allowed[CLOSES, node])
                     or (marks is stuck and not p.rubs[own])
                 ):
                     continue
@@ -229,7 +235,7 @@ class Search:
         if basis.held.shape[1]:  # the added load would drive loose bodies
             status = self.supported(status)
             basis = Basis(p, status)
-        x, w = basis.solve(self.free, p.aim(self.reference), self.near)
+        x, w = basis.solve(self.free, self.reference, self.near)
         if not self.violated(status, x, w).any():
             return State(status, x, w, basis, systems + 1, missed=basis.missed)
         # Unknowns y and rows v nearby that satisfy the conditions by irregular amounts, so that no two change
@@ -237,11 +243,11 @@ class Search:
         uneven = 1.0 + np.mod(GOLDEN * np.arange(1, p.m + 1), 1.0)
         size = max(np.abs(x[:count]).max(initial=0.0), np.abs(w[:count]).max(initial=0.0)) or 1.0
         y, v, least = x.copy(), w.copy(), COVER * size * uneven
-        closed, apart = status.closed & allowed.opens, ~status.closed & allowed.closes
+        closed, apart = status.closed & allowed[OPENS], ~status.closed & allowed[CLOSES]
         y[: p.m][closed] = np.maximum(np.abs(y[: p.m]), least)[closed]
         v[: p.m][apart] = np.maximum(np.abs(v[: p.m]), least)[apart]
         t, slides = y[p.m : count], status.slip_sign != 0.0
-        may = np.where(t > 0.0, allowed.forward, allowed.backward)
+        may = np.where(t > 0.0, allowed[FORWARD, p.nodes], allowed[BACKWARD, p.nodes])
         inside = p.friction * np.maximum(y[p.nodes], 0.0) / uneven[p.nodes]
         t = np.where(may & status.stuck & (np.abs(t) > inside), np.sign(t) * inside, t)
         limit = status.slip_sign * p.friction * y[p.nodes]

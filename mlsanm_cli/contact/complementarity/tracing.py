@@ -13,8 +13,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.complementarity.basis import MAX_BORDERS, Basis, Ray, SingularError
+from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.contact.complementarity.basis import Basis, Ray, SingularError
 from mlsanm_cli.contact.complementarity.problem import (
     BACKWARD,
     CLOSES,
@@ -23,7 +23,6 @@ from mlsanm_cli.contact.complementarity.problem import (
     OPENS,
     RESTS,
     WEAK,
-    Changes,
     ContactStatus,
     Problem,
 )
@@ -33,10 +32,10 @@ PIVOTS = 10
 TIED = 1e-13
 """Relative distance between changes of status that occur at once."""
 BACK = {OPENS: CLOSES, CLOSES: OPENS, FORWARD: RESTS, BACKWARD: RESTS}
-"""The opposite of a change."""
+"""The opposite of a change; of coming to rest it is slipping as before."""
 
-Change: TypeAlias = tuple[int, int, ContactStatus]
-"""Kind and node of a change, and the status before it."""
+Condition: TypeAlias = tuple[int, int]
+"""Kind and node of a change of status."""
 Pair: TypeAlias = tuple[FloatArray, FloatArray]
 """Unknowns and rows (N,), or their rates."""
 
@@ -47,7 +46,7 @@ def trace(
     lam: float,
     load: FloatArray,
     reference: FloatArray,
-    allowed: Changes,
+    allowed: BoolArray,
     target: float,
 ) -> tuple[Basis, FloatArray, int]:
     """The basis and unknowns (N,) with which the path first passes lam = ``target`` in the direction from a
@@ -55,13 +54,13 @@ def trace(
     ``reference`` (n,). Raises Ray."""
     p, status, way = basis.problem, basis.status, 1.0 if target > lam else -1.0
     x, w = point
-    last: Change | None = None
-    still = p.aim(np.zeros(p.n))
+    last, still = None, np.zeros(p.n)
     for pivots in range(PIVOTS * (p.m + 2 * p.n + 5)):
         dx, dw = basis.solve(load, still)
         sense = way
         if last is not None:
-            sense = 1.0 if _departure(p, last, status, dx, dw) > 0.0 else -1.0
+            # The node that has changed departs from its limit.
+            sense = 1.0 if p.distances(status, p.everything, dx, dw, still)[last] > 0.0 else -1.0
         dx, dw, dlam = sense * dx, sense * dw, sense
         for mechanism in (False, True):
             step, change = _next(p, status, allowed, (x, w), (dx, dw), reference, last)
@@ -70,8 +69,11 @@ def trace(
                 return basis, x + left * dx, pivots
             if change is None:
                 raise Ray(dx, lam)
-            x, w, lam, last = x + step * dx, w + step * dw, lam + step * dlam, change
-            status = p.changed(status, change[0], change[1], w[p.m : p.contacts] - reference)
+            x, w, lam = x + step * dx, w + step * dw, lam + step * dlam
+            kind, node = change
+            slid = FORWARD if kind == RESTS and status.slip_sign[p.owner[node]] > 0.0 else BACKWARD
+            last = BACK.get(kind, slid), node
+            status = p.changed(status, kind, node, w[p.m : p.contacts] - reference)
             if mechanism:
                 basis = basis.to(status)
             elif basis.pivot(status):
@@ -89,45 +91,25 @@ def trace(
                     continue
                 basis = loose
                 break
-        if basis.updates > MAX_BORDERS:
-            basis.anew()
     raise Ray(dx, lam)
-
-
-def _departure(
-    problem: Problem, change: Change, status: ContactStatus, dx: FloatArray, dw: FloatArray
-) -> float:
-    """Rate, with lam, at which a node leaves the limit of its last condition: its gap if it has opened, its
-    pressure if it has closed, its slip if it slips, its remaining friction if it has come to rest."""
-    kind, node, before = change
-    own = int(problem.owner[node])
-    if kind == OPENS:
-        return float(dw[node])
-    if kind == CLOSES:
-        return float(dx[node])
-    if kind == RESTS:
-        return float(problem.friction[own] * dx[node] - before.slip_sign[own] * dx[problem.m + own])
-    return float(-status.slip_sign[own] * dw[problem.m + own])
 
 
 def _next(
     problem: Problem,
     status: ContactStatus,
-    allowed: Changes,
+    allowed: BoolArray,
     now: Pair,
     rates: Pair,
     reference: FloatArray,
-    last: Change | None,
-) -> tuple[float, Change | None]:
-    """Distance along ``rates`` to the next limit of a condition, and the change there, of simultaneous ones
-    the fastest; None if there is none."""
+    last: Condition | None,
+) -> tuple[float, Condition | None]:
+    """Distance along ``rates`` to the next limit of a condition but the ``last``, and the change there, of
+    simultaneous ones the fastest; None if there is none."""
     p, (dx, dw) = problem, rates
     left = p.distances(status, allowed, *now, reference)
     falls = -p.distances(status, allowed, dx, dw, np.zeros(p.n))
     if last is not None:
-        kind, node, before = last
-        slid = FORWARD if kind == RESTS and before.slip_sign[p.owner[node]] > 0.0 else BACKWARD
-        left[BACK.get(kind, slid), node] = np.inf
+        left[last] = np.inf
     moved = float(np.abs(dw[: p.contacts]).max(initial=0.0))
     falling = np.isfinite(left) & (falls > FEASIBLE * max(p.size(dx), WEAK * moved))
     if not falling.any():
@@ -137,4 +119,4 @@ def _next(
     step = float(steps.min())
     tied = falling & (steps <= step + TIED * abs(step))
     change, at = np.unravel_index(int(np.argmax(np.where(tied, falls, -1.0))), steps.shape)
-    return step, (int(change), int(at), status)
+    return step, (int(change), int(at))

@@ -32,6 +32,7 @@ from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 
 AnyContact: TypeAlias = RigidContact | BodyContact
+NO_UNKNOWNS: IntArray = np.zeros(0, dtype=np.int64)
 
 
 @dataclass(frozen=True)
@@ -149,7 +150,7 @@ class Contacts:
         """The unknown motions that move a body."""
         found = [one.numbers for one in self.loose if one.body == body]
         found += [one.numbers for one in self.plates if body in one.surfaces]
-        return np.concatenate([*found, np.zeros(0, dtype=np.int64)])
+        return np.concatenate([*found, NO_UNKNOWNS])
 
     @cached_property
     def each(self) -> list[tuple[AnyContact, slice, slice]]:
@@ -260,13 +261,11 @@ class ContactSystem:
     @cached_property
     def onto(self) -> sparse.csr_array:
         """Smooth displacements (2s, 2N) of all sides' knots by those of all bodies' nodes."""
-        parts = []
-        for side, _ in self.contacts.sides:
-            rows = side.onto.tocoo()
-            line, column = rows.coords
-            at = (line, self.bodies[side.body].start + side.nodes.unknowns[column])
-            parts.append(sparse.csr_array((rows.data, at), shape=(rows.shape[0], self.unknowns)))
-        return sparse.csr_array(sparse.vstack([sparse.csr_array((0, self.unknowns)), *parts], format="csr"))
+        sides = [side for side, _ in self.contacts.sides]
+        nodes = [self.bodies[side.body].start + side.nodes.unknowns for side in sides]
+        columns, rows = np.concatenate([*nodes, NO_UNKNOWNS]), diagonal([side.onto for side in sides])
+        entries = rows.data, columns[rows.indices], rows.indptr
+        return sparse.csr_array(entries, shape=(rows.shape[0], self.unknowns))
 
     @cached_property
     def spread(self) -> dict[str, sparse.csr_array]:

@@ -8,7 +8,7 @@ from dataclasses import field
 import numpy as np
 from numpy.typing import NDArray
 
-from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
+from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray, runs_of
 from mlsanm_cli.contact.complementarity.problem import ContactStatus
 from mlsanm_cli.contact.finite.contacts import Contacts, ContactSystem
 from mlsanm_cli.contact.finite.iteration import Iteration, Responses
@@ -191,8 +191,7 @@ def touching(
     closed, known = now[order], (before & now)[order]
     ends = np.concatenate([[0.0], np.cumsum(length[order])])
     middle = 0.5 * (ends[1:] + ends[:-1])
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], closed, [False]]).astype(np.int8)))
-    for first, last in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+    for first, last in runs_of(closed).tolist():
         old = first + np.flatnonzero(known[first:last])
         if not len(old):
             continue

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sparse
@@ -92,58 +93,28 @@ class NodeCurve:
         found = np.searchsorted(self.knots, place, side="right") - 1
         return np.asarray(np.clip(found, 0, len(self.knots) - 2))
 
-    def hats(self, place: FloatArray, low: IntArray) -> tuple[sparse.csr_array, sparse.csr_array]:
-        """Hat functions of the nodes (e, m) at ``place`` (e,) above the knots ``low`` (e,), and their
-        derivatives. Beyond the ends the last node receives everything."""
-        step, count = self.knots[low + 1] - self.knots[low], len(self.arc)
-        whole = (place - self.knots[low]) / step
-        part = np.clip(whole, 0.0, 1.0)
-        rise = (np.abs(whole - part) <= ROUND_OFF) / step
-        at = (np.tile(np.arange(len(place)), 2), np.concatenate([low, (low + 1) % count]))
-        values, slopes = (
-            sparse.csr_array((np.concatenate(both), at), shape=(len(place), count))
-            for both in ((1.0 - part, part), (-rise, rise))
-        )
-        return values, slopes
-
     def rows(self, place: FloatArray) -> tuple[sparse.csr_array, sparse.csr_array, sparse.csr_array]:
         """Rows (c, m) of value, first and second derivative at ``place`` (c,)."""
-        low, step, values = self._shapes(place)
-        number, count = np.arange(len(place)), len(self.arc)
-        columns = np.concatenate([low, (low + 1) % count])
-        found = []
-        shape, (behind, ahead) = (len(place), count), self.slopes
-        for order, (one, slope, other, other_slope) in enumerate(values):
-            scale = step**-order
-            at = (np.tile(number, 2), columns)
-            direct = sparse.csr_array((np.concatenate([one, other]) * np.tile(scale, 2), at), shape=shape)
-            low_rows, high_rows = (
-                sparse.csr_array((part * scale * step, (number, nodes)), shape=shape)
-                for part, nodes in zip((slope, other_slope), np.split(columns, 2), strict=True)
-            )
-            found.append(sparse.csr_array(direct + low_rows @ ahead + high_rows @ behind))
-        return found[0], found[1], found[2]
+        nodes = sparse.csr_array(sparse.eye_array(len(self.arc), format="csr"))
+        value, slope, bend = (sparse.csr_array(one) for one in self._seen(place, nodes, self.slopes))
+        return value, slope, bend
 
-    def _shapes(self, place: FloatArray) -> tuple[IntArray, FloatArray, tuple[tuple[FloatArray, ...], ...]]:
-        """Lower knots, lengths, and by order Hermite coefficients of both nodes and their slopes in turn."""
+    def _seen(self, place: FloatArray, nodes: Any, slopes: tuple[Any, Any]) -> list[Any]:
+        """Value and derivatives (c, k) at places (c,), for ``nodes`` and left and right ``slopes`` (m, k)."""
         low = self.interval(place)
         step = self.knots[low + 1] - self.knots[low]
         t = (place - self.knots[low]) / step
+        # Hermite polynomials of both nodes and their slopes in turn, by order of the derivative.
         values = (1 - 3 * t**2 + 2 * t**3, t - 2 * t**2 + t**3, 3 * t**2 - 2 * t**3, t**3 - t**2)
-        slopes = (6 * t**2 - 6 * t, 1 - 4 * t + 3 * t**2, 6 * t - 6 * t**2, 3 * t**2 - 2 * t)
-        return low, step, (values, slopes, (12 * t - 6, 6 * t - 4, 6 - 12 * t, 6 * t - 2))
-
-    def _seen(
-        self, place: FloatArray, nodes: FloatArray, slopes: tuple[FloatArray, FloatArray]
-    ) -> list[FloatArray]:
-        """Value and derivatives (c, 2) at places (c,), for ``nodes`` and left and right ``slopes`` (m, 2)."""
-        low, step, values = self._shapes(place)
+        rises = (6 * t**2 - 6 * t, 1 - 4 * t + 3 * t**2, 6 * t - 6 * t**2, 3 * t**2 - 2 * t)
+        bends = (12 * t - 6, 6 * t - 4, 6 - 12 * t, 6 * t - 2)
         high, (behind, ahead) = (low + 1) % len(self.arc), slopes
-        ends = nodes[low], step[:, None] * ahead[low], nodes[high], step[:, None] * behind[high]
-        return [
-            sum(part[:, None] * end for part, end in zip(parts, ends, strict=True)) / step[:, None] ** order
-            for order, parts in enumerate(values)
+        ends = nodes[low], ahead[low] * step[:, None], nodes[high], behind[high] * step[:, None]
+        each = [
+            [end * (part / step**order)[:, None] for part, end in zip(parts, ends, strict=True)]
+            for order, parts in enumerate((values, rises, bends))
         ]
+        return [sum(one[1:], one[0]) for one in each]
 
     def closest(
         self, nodes: FloatArray, points: FloatArray, beyond: FloatArray
@@ -204,11 +175,23 @@ def integration(
     at = start[owner, None] + share * way[owner, None]
     if around is not None:
         at -= around * np.floor((at[:, 1:2] - other.arc[0]) / around)
-    columns = np.repeat(np.concatenate([first[owner], second[owner]]), 3)
-    entries = np.stack([1.0 - share, share]).ravel(), (np.tile(np.arange(share.size), 2), columns)
-    own = sparse.csr_array(entries, shape=(share.size, len(curve.arc)))
-    length = ((high - low) * step[owner])[:, None] * SIMPSON
-    return own, *other.hats(at.ravel(), np.repeat(other.interval(at[:, 1]), 3)), length.ravel()
+    under = np.repeat(other.interval(at[:, 1]), 3)
+    width, above = np.diff(other.knots)[under], (under + 1) % len(other.arc)
+    whole = (at.ravel() - other.knots[under]) / width
+    # Beyond the ends the last node receives everything.
+    inside = np.clip(whole, 0.0, 1.0)
+    rise = (np.abs(whole - inside) <= ROUND_OFF) / width
+    number, columns = np.tile(np.arange(share.size), 2), np.concatenate([first[owner], second[owner]])
+    length, below = ((high - low) * step[owner])[:, None] * SIMPSON, 1.0 - share
+    own, hats, slopes = (
+        sparse.csr_array((np.concatenate(values, axis=None), (number, nodes)), shape=(share.size, size))
+        for values, nodes, size in (
+            ((below, share), np.repeat(columns, 3), len(curve.arc)),
+            ((1.0 - inside, inside), np.concatenate([under, above]), len(other.arc)),
+            ((-rise, rise), np.concatenate([under, above]), len(other.arc)),
+        )
+    )
+    return own, hats, slopes, length.ravel()
 
 
 def _slope_weights(place: FloatArray, own: IntArray) -> FloatArray:

@@ -7,7 +7,6 @@ small loads give the small-strain response. Equation (25) of docs/method.md."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -36,11 +35,12 @@ DEEP = 0.5
 
 
 class NearField:
-    """Closed-form near fields of tractions at points of a ``side``, linear between them: those of contact
-    grids, observed at the points. In hollows they end at a ``center``."""
+    """Closed-form near fields of tractions at points of a ``side`` of a ``body``, linear between them: those
+    of contact grids, observed at the points."""
 
-    def __init__(self, side: Points, body: ElasticBody, center: complex | None) -> None:
-        self.side, self._body, self._center = side, body, center
+    def __init__(self, side: Points, body: ElasticBody) -> None:
+        self.side, self._kernel = side, body.model.kernel
+        self._center = center = side.centers[0]
         ends, corners = side.ends, tuple(replace(one, fades=True) for one in side.wedges if one)
         hats = Hats.on(ends, (True, True), side.around)
         around = (center, None), (corners, ()), side.planes
@@ -54,7 +54,7 @@ class NearField:
     def forces(self, chosen: IntArray | slice = slice(None)) -> CorneredForces:
         """Unit forces at all or the ``chosen`` points (k,)."""
         place, inward = self._grid.facing.side(self._arc[chosen], True)
-        own = SurfaceForces(self._body.model.kernel, place, inward, self._center)
+        own = SurfaceForces(self._kernel, place, inward, self._center)
         return CorneredForces(own, self._grid.corners_of(True), self._grid.images_of(True))
 
     def displaced(self, places: FloatArray) -> FloatArray:
@@ -65,7 +65,7 @@ class NearField:
     @property
     def field(self) -> FloatArray:
         """Displacements (2c, 2c) of the points due to unit tractions."""
-        response = SurfaceResponse(self._grid, self._body.model.kernel, True)
+        response = SurfaceResponse(self._grid, self._kernel, True)
         sharp = response.singular(self.side.arc)
         if self.side.around is not None:
             sharp[:, 0] += sharp[:, -1]
@@ -108,7 +108,7 @@ class Compliance:
         chosen = np.flatnonzero(nodes.share)
         if not len(chosen):
             return
-        near, moved = NearField(nodes, elastic, nodes.centers[0]), []
+        near, moved = NearField(nodes, elastic), []
         for begin in range(0, len(chosen), BLOCK_COLUMNS):
             sources = remainder_sources(elastic, near.forces(chosen[begin : begin + BLOCK_COLUMNS]))
             sources = sources.reshape(elastic.rows, 2, -1).transpose(0, 2, 1)
@@ -120,53 +120,33 @@ class Compliance:
 
     def beyond_cloud(self, side: ContactSide) -> FloatArray:
         """K - E C P (2g, 2g) for unit tractions at the knots of a side with these nodes."""
-        near, both, seen = self._near(side), np.repeat(side.share, 2), side.nodes.unknowns
-        moved = near.field + side.rows @ self.remainder[seen] @ self._forces(side)
-        moved -= side.onto @ self.cloud[seen] @ side.spread + self._offset(near, side.places)
+        if not side.share.any():
+            return np.zeros((2 * side.count, 2 * side.count))
+        near, both, seen = NearField(side, self.body), np.repeat(side.share, 2), side.nodes.unknowns
+        moved = near.field + side.rows @ self.remainder[seen] @ side.forces
+        moved -= side.onto @ self.cloud[seen] @ side.spread + self._offset(near, side, side.places)
         return _uneven(side, both[:, None] * moved * both, own=True)
 
     def inside(self, side: ContactSide) -> FloatArray:
         """The same (2N, 2g) at all nodes of the body but those of the side, where it is 0."""
-        points, shape = self.body.model.cloud.points, (self.body.model.unknowns, 2 * side.count)
+        points, found = self.body.model.cloud.points, np.zeros((self.body.model.unknowns, 2 * side.count))
         if not side.share.any():
-            return np.zeros(shape)
-        near = self._near(side)
-        moved = self.remainder @ self._forces(side) - self.cloud @ side.spread - self._offset(near, points)
+            return found
+        near = NearField(side, self.body)
+        moved = self.remainder @ side.forces - self.cloud @ side.spread - self._offset(near, side, points)
         others = np.setdiff1d(np.arange(len(points)), side.nodes.index)
-        found = np.zeros_like(moved)
         rows = (2 * others[:, None] + np.arange(2)).ravel()
         found[rows] = moved[rows] + near.displaced(points[others])
         return _uneven(side, found * np.repeat(side.share, 2), own=False)
 
-    def _near(self, side: ContactSide) -> NearField:
-        return NearField(side, self.body, side.nodes.centers[0])
-
-    def _forces(self, side: ContactSide) -> FloatArray:
-        """Forces (2c, 2g) at the nodes for unit tractions at the knots."""
-        return np.asarray(side.rows.T.toarray() * np.repeat(side.weight, 2))
-
-    def _offset(self, near: NearField, places: FloatArray) -> FloatArray | float:
+    def _offset(self, near: NearField, side: ContactSide, places: FloatArray) -> FloatArray | float:
         """Motion (2n, 2g) of a loose body on the whole, which is that of the cloud, at ``places`` (n, 2)."""
         if not len(self.deep):
             return 0.0
         points, seen = self.body.model.cloud.points[self.deep], 2 * self.deep[:, None] + np.arange(2)
-        side = near.side
-        assert isinstance(side, ContactSide)
-        moved = self.remainder[seen.ravel()] @ self._forces(side) - self.cloud[seen.ravel()] @ side.spread
+        moved = self.remainder[seen.ravel()] @ side.forces - self.cloud[seen.ravel()] @ side.spread
         apart = moved + near.displaced(points)
         return np.asarray(self.patterns(places) @ np.linalg.lstsq(self.patterns(points), apart)[0])
-
-
-def beyond_clouds(
-    compliances: Sequence[Compliance], sides: Sequence[tuple[ContactSide, slice]]
-) -> FloatArray:
-    """Displacements (2s, 2s) of all sides for their own unit tractions, beyond those of the clouds."""
-    size = max((here.stop for _, here in sides), default=0)
-    found = np.zeros((size, size))
-    for compliance, (side, here) in zip(compliances, sides, strict=True):
-        if side.share.any():
-            found[here, here] = compliance.beyond_cloud(side)
-    return found
 
 
 class SideResponse:

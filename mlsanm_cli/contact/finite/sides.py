@@ -42,7 +42,7 @@ class Points:
     ``outward`` normals (c, 2), arc lengths ``arc`` and lengths ``weight`` (c,); ``around`` is the length of a
     closed side. ``held`` (c,) marks points with a prescribed displacement component, ``corners`` are indices
     of corners and ends; an end may be at a plane of symmetry (``planes``) or a corner with known near field
-    (``wedges``)."""
+    (``wedges``). Near fields end at the one of ``centers``, None for infinity; there are none without one."""
 
     body: str
     places: FloatArray
@@ -55,6 +55,7 @@ class Points:
     planes: Planes
     wedges: Wedges
     geometry: Curve
+    centers: Sequence[complex | None]
 
     @property
     def count(self) -> int:
@@ -99,12 +100,10 @@ def _ends(side: Points, given: Sequence[object]) -> set[int]:
 @dataclass(frozen=True)
 class SideNodes(Points):
     """The nodes of a side, with the numbers ``index`` (c,). ``members`` are the names of the surfaces with
-    the indices of their nodes among these. Near fields end at the one of ``centers``, None for infinity;
-    there are none without one."""
+    the indices of their nodes among these."""
 
     index: IntArray
     members: tuple[tuple[str, IntArray], ...]
-    centers: Sequence[complex | None]
 
     @property
     def unknowns(self) -> IntArray:
@@ -208,7 +207,7 @@ class ContactSide(Points):
         outward[list(corners)] = nodes.outward[list(nodes.corners)]
         held = nodes.at(arc, nodes.held) > 1.0 - COARSE_ROUND_OFF
         kept = (nodes.body, geometry.points(arc), outward, weight, arc, nodes.around, held, corners)
-        return cls(*kept, nodes.planes, nodes.wedges, geometry, nodes)
+        return cls(*kept, nodes.planes, nodes.wedges, geometry, nodes.centers, nodes)
 
     def spacing(self, place: FloatArray) -> FloatArray:
         """Distances (e,) of the nodes at arc lengths (e,)."""
@@ -218,6 +217,11 @@ class ContactSide(Points):
     def rows(self) -> sparse.csr_array:
         """Rows (2g, 2c) of the values at the knots of functions with nodal vectors."""
         return both_components(self.nodes.curve.rows(self.arc)[0])
+
+    @cached_property
+    def forces(self) -> FloatArray:
+        """Forces (2c, 2g) at the nodes for unit tractions at the knots."""
+        return np.asarray(self.rows.T.toarray() * np.repeat(self.weight, 2))
 
     @cached_property
     def onto(self) -> sparse.csr_array:

@@ -10,10 +10,10 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.complementarity.basis import SingularError
+from mlsanm_cli.contact.complementarity.basis import Basis, SingularError
 from mlsanm_cli.contact.complementarity.problem import ContactStatus
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.laws.contact_state import ContactState, Linearised
+from mlsanm_cli.contact.laws.contact_state import ContactState, response
 from mlsanm_cli.contact.laws.frictionless import solve_exact
 from mlsanm_cli.contact.response.basis import changes
 from mlsanm_cli.contact.response.bonds import Bonds
@@ -151,8 +151,8 @@ def frozen_change(condensed: Condensed, state: ContactState, by: Changes) -> Con
         gap, slip, imbalance = np.split(condensed.blocks @ lost, [m, m + n])
         status = ContactStatus.with_tractions(closed, state.status.stuck, traction, nodes)
         try:
-            system = Linearised(condensed, status)
-            more = system.response(gaps + gap, by.slips + slip, by.imbalance + imbalance)
+            basis = Basis(condensed.problem, status)
+            more = response(basis, gaps + gap, by.slips + slip, by.imbalance + imbalance)
         except SingularError as error:
             raise NumericalError(
                 "the contact state is singular", "hold the bodies with a [[support]]"

@@ -62,23 +62,12 @@ class ContactState:
         return self.factors, self.motion, self.pressure, self.traction
 
 
-class Linearised:
-    """The linear equations of a ``status``. Motions that it does not resist are held. Raises
-    SingularError."""
-
-    def __init__(self, condensed: Condensed, status: ContactStatus) -> None:
-        self._basis = Basis(condensed.problem, status)
-
-    @property
-    def holds(self) -> bool:
-        """Whether some motions are not resisted."""
-        return bool(self._basis.held.size)
-
-    def response(self, gap: FloatArray, slip: FloatArray, imbalance: FloatArray) -> ContactState:
-        """Response to imposed gaps (m,), slips (n,) and force imbalance (k,) without that on held motions."""
-        basis, p = self._basis, self._basis.problem
-        free = basis.undriven(p.rows * np.concatenate([gap, slip, imbalance]))
-        return ContactState.unscaled(p, basis.status, *basis.solve(free, np.zeros(len(free))))
+def response(basis: Basis, gap: FloatArray, slip: FloatArray, imbalance: FloatArray) -> ContactState:
+    """Linear response, at the status of a ``basis``, to imposed gaps (m,), slips (n,) and force imbalance
+    (k,) without that on held motions."""
+    p = basis.problem
+    free = basis.undriven(p.rows * np.concatenate([gap, slip, imbalance]))
+    return ContactState.unscaled(p, basis.status, *basis.solve(free, np.zeros(p.n)))
 
 
 def residual(

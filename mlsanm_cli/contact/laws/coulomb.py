@@ -150,14 +150,14 @@ def _slides(condensed: Condensed, before: State, after: State, begin: FloatArray
     driven by loads, not of bodies that others graze."""
     assert after.rates is not None
     p, status = condensed.problem, after.status
-    pressed = after.x[: p.m] > GRAZING * p.size(after.x)
-    loaded = replace(status, slip_sign=np.where(pressed[p.nodes], status.slip_sign, 0.0))
-    if not slides_freely(condensed, ContactState.unscaled(p, loaded, after.rates.x, after.rates.w)):
-        return False
     moved = np.abs(after.rates.x[p.contacts :])
     size = np.abs(begin + before.lam * change) + np.abs(change)
     load = np.abs(condensed.balance.load) @ size
-    return bool(load[moved > MIN_SPEED * moved.max()].any())
+    if not load[moved > MIN_SPEED * moved.max(initial=0.0)].any():
+        return False
+    pressed = after.x[: p.m] > GRAZING * p.size(after.x)
+    loaded = replace(status, slip_sign=np.where(pressed[p.nodes], status.slip_sign, 0.0))
+    return slides_freely(condensed, ContactState.unscaled(p, loaded, after.rates.x, after.rates.w))
 
 
 def _unscaled(condensed: Condensed, state: State, factors: FloatArray) -> ContactState:

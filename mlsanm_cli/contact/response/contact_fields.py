@@ -9,7 +9,6 @@ which a path leaves as they are.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import field
 from functools import cached_property
 
 import numpy as np
@@ -22,7 +21,6 @@ from mlsanm_cli.contact.geometry.grid import RULE, chebyshev, lagrange
 from mlsanm_cli.mechanics.corner import Corner
 from mlsanm_cli.mechanics.near_field import (
     BATCH_SIZE,
-    NO_PAIRS,
     SURFACE_INSET,
     ComplexArray,
     PointForceField,
@@ -147,7 +145,7 @@ class _Group:
     sources: SurfaceForces
     shares: FloatArray | None = None
     image: FloatArray | None = None
-    left_out: BoolArray = field(default_factory=lambda: NO_PAIRS)
+    left_out: BoolArray | None = None
 
     @cached_property
     def kept(self) -> FloatArray:
@@ -156,8 +154,11 @@ class _Group:
 
     def fields(self, part: slice) -> FloatArray:
         """Displacements and stresses (5, e, 2k) at some points by unit forces x, then y."""
-        both = (self.sources.displacements, self.sources.stresses)
-        return np.concatenate([one(self.z[part], self.left_out[part]) for one in both])
+        z = self.z[part]
+        both = np.concatenate([self.sources.displacement(z), self.sources.stress(z)], axis=2)
+        if self.left_out is not None:
+            both[self.left_out[part]] = 0.0
+        return both.transpose(2, 0, 3, 1).reshape(5, len(z), -1)
 
     def add(self, forces: FloatArray, total: FloatArray, keep: bool) -> None:
         """Add displacements and stresses due to ``forces`` (q, i, 2, c) to the ``total`` (5, ., c)."""

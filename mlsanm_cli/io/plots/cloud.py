@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -12,8 +12,6 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.io.plots.figures import ConditionMarks, draw_marks, ends, picture
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
 
 Window = tuple[float, float, float, float]
@@ -39,19 +37,6 @@ class ColourRange(NamedTuple):
     high: float
     least: float
     largest: float
-
-    @property
-    def extend(self) -> Literal["neither", "min", "max", "both"]:
-        """The ends of a colour bar beyond which there are values."""
-        if self.least < self.low:
-            return "both" if self.largest > self.high else "min"
-        return "max" if self.largest > self.high else "neither"
-
-    @property
-    def beyond(self) -> str:
-        """Words with the values beyond the ends."""
-        words = [f"down to {self.least:.3g}"] * (self.least < self.low)
-        return "\n".join(words + [f"up to {self.largest:.3g}"] * (self.largest > self.high))
 
 
 class BodyPicture(NamedTuple):
@@ -92,7 +77,9 @@ def plot_bodies(path: Path, wanted: BodyPicture) -> None:
 
 def draw_bodies(figure: Figure, wanted: BodyPicture, views: Sequence[Window], limits: ColourRange) -> None:
     """Draws the bodies into a figure with a panel for each view and colours between the ``limits``."""
+    from matplotlib.collections import EllipseCollection, LineCollection
     from matplotlib.patches import Rectangle
+    from matplotlib.tri import Triangulation
 
     bodies, scale = wanted.bodies, wanted.scale
     shapes = [spacing_and_outline(body) for body in bodies]
@@ -101,8 +88,17 @@ def draw_bodies(figure: Figure, wanted: BodyPicture, views: Sequence[Window], li
     unit = f" [{wanted.unit}]" if wanted.unit else ""
     for axes, view in zip(panels, views, strict=True):
         for body, (spacing, outline) in zip(bodies, shapes, strict=True):
-            colours = _draw_body(axes, body, spacing, outline, scale)
+            deformed = body.points + scale * body.displacement
+            mesh = Triangulation(deformed[:, 0], deformed[:, 1], body.triangles)
+            colours = axes.tripcolor(mesh, body.scalar, shading="gouraud", cmap="viridis", rasterized=True)
             colours.set_clim(limits.low, limits.high)
+            for points, colour, width in ((body.points, _OUTLINE_COLOUR, 0.8), (deformed, "black", 0.5)):
+                axes.add_collection(LineCollection(list(points[outline]), colors=colour, linewidths=width))
+            # Dots with a size proportional to the spacing darken fine and coarse regions equally.
+            size_of = (0.25 * spacing).tolist()
+            look: Any = {"facecolors": "black", "linewidths": 0.0, "alpha": 0.6, "rasterized": True}
+            look |= {"units": "xy", "offsets": deformed, "offset_transform": axes.transData}
+            axes.add_collection(EllipseCollection(size_of, size_of, [0.0] * len(size_of), **look))
         # Arrows have a length relative to the scene, too long for a detail.
         shown = wanted.marks if view is views[0] else ConditionMarks(obstacles=wanted.marks.obstacles)
         draw_marks(axes, shown, size)
@@ -116,10 +112,17 @@ def draw_bodies(figure: Figure, wanted: BodyPicture, views: Sequence[Window], li
         frame = Rectangle((x0, y0), x1 - x0, y1 - y0, fill=False, edgecolor=_FRAME_COLOUR, linewidth=1.0)
         panels[0].add_patch(frame)
         panels[1].set_title("detail in the frame")
-    look: Any = {"pad": 0.02, "shrink": 0.9, "extend": limits.extend}
-    bar = figure.colorbar(colours, ax=list(panels), label=wanted.label, **look)
-    if limits.beyond:
-        bar.ax.set_title(limits.beyond, fontsize=7, color="#555555")
+    # The values beyond the ends of the colour bar, in words.
+    beyond = {}
+    if limits.least < limits.low:
+        beyond["min"] = f"down to {limits.least:.3g}"
+    if limits.largest > limits.high:
+        beyond["max"] = f"up to {limits.largest:.3g}"
+    extend = "both" if len(beyond) == 2 else next(iter(beyond), "neither")
+    shape: Any = {"pad": 0.02, "shrink": 0.9, "extend": extend}
+    bar = figure.colorbar(colours, ax=list(panels), label=wanted.label, **shape)
+    if beyond:
+        bar.ax.set_title("\n".join(beyond.values()), fontsize=7, color="#555555")
 
 
 def _aspect(view: Window) -> float:
@@ -136,25 +139,6 @@ def spacing_and_outline(body: CloudBody) -> tuple[FloatArray, IntArray]:
         np.minimum.at(spacing, sides[..., end].ravel(), lengths.ravel())
     unique, counts = np.unique(np.sort(sides.reshape(-1, 2), axis=1), axis=0, return_counts=True)
     return spacing, unique[counts == 1]
-
-
-def _draw_body(
-    axes: Axes, body: CloudBody, spacing: FloatArray, outline: IntArray, scale: float
-) -> ScalarMappable:
-    from matplotlib.collections import EllipseCollection, LineCollection
-    from matplotlib.tri import Triangulation
-
-    deformed = body.points + scale * body.displacement
-    mesh = Triangulation(deformed[:, 0], deformed[:, 1], body.triangles)
-    colours = axes.tripcolor(mesh, body.scalar, shading="gouraud", cmap="viridis", rasterized=True)
-    axes.add_collection(LineCollection(list(body.points[outline]), colors=_OUTLINE_COLOUR, linewidths=0.8))
-    axes.add_collection(LineCollection(list(deformed[outline]), colors="black", linewidths=0.5))
-    # Dots with a size proportional to the spacing darken fine and coarse regions equally.
-    width = (0.25 * spacing).tolist()
-    look: Any = {"facecolors": "black", "linewidths": 0.0, "alpha": 0.6, "rasterized": True}
-    where: Any = {"units": "xy", "offsets": deformed, "offset_transform": axes.transData}
-    axes.add_collection(EllipseCollection(width, width, [0.0] * len(width), **where, **look))
-    return colours
 
 
 def range_of(bodies: Sequence[CloudBody], rest: float = 0.0) -> ColourRange:

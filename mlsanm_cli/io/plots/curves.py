@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.io.plots.figures import COLOURS, MARKERS, picture
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 OUTSIDE = "outside right upper"
 _STYLES = ("-", "--", ":", "-.")
@@ -62,7 +59,32 @@ def draw(path: Path, wanted: Picture) -> None:
         shape, shared = ((1, count), {"sharey": True}) if wanted.beside else ((count, 1), shared)
         panels = figure.subplots(*shape, squeeze=False, **shared).ravel()
         for axes, panel in zip(panels, wanted.panels, strict=True):
-            _draw_panel(axes, panel)
+            for number, curve in enumerate(panel.curves):
+                colour, marker = COLOURS[number % len(COLOURS)], MARKERS[number % len(MARKERS)]
+                line = _STYLES[number // len(COLOURS) % len(_STYLES)]
+                numbered = {"color": colour, "linestyle": line, "marker": marker, **node_marks(len(curve.x))}
+                look = dict(numbered if curve.look is None else curve.look)
+                look |= {} if curve.joined else {"linestyle": "none", "markersize": 5.0}
+                axes.plot(curve.x, curve.y, label=curve.label or None, **look)
+            for begin, end, colour, label in panel.bands:
+                axes.axvspan(begin, end, color=colour, alpha=0.15, linewidth=0.0, label=label or None)
+            for text, x, y in panel.notes:
+                axes.annotate(text, (x, y), (5, 3), textcoords="offset points", fontsize=7.5)
+            if panel.cut_off:
+                look = {
+                    "transform": axes.transAxes,
+                    "ha": "center",
+                    "va": "top",
+                    "fontsize": 8,
+                    "color": "#555555",
+                }
+                axes.text(0.5, 0.98, panel.cut_off, **look)
+            axes.set(xscale=panel.scale, yscale=panel.scale)
+            if panel.scale == "linear":
+                # Labels of small numbers, as 0.00025, would overlap: a power of ten stands at the axis.
+                axes.ticklabel_format(scilimits=(-2, 4))
+                axes.locator_params(axis="x", nbins=7)
+            axes.set(xlim=panel.x_limits, ylim=panel.y_limits, xlabel=panel.x_label, ylabel=panel.y_label)
         panels[0].set_title(wanted.title)
         for axes in panels[1:] if wanted.beside else panels[:-1]:
             axes.set_ylabel("") if wanted.beside else axes.set_xlabel("")
@@ -72,29 +94,6 @@ def draw(path: Path, wanted: Picture) -> None:
         elif place:
             panels[0].legend(loc=place)
         figure.align_ylabels()
-
-
-def _draw_panel(axes: Axes, panel: Panel) -> None:
-    for number, curve in enumerate(panel.curves):
-        colour, marker = COLOURS[number % len(COLOURS)], MARKERS[number % len(MARKERS)]
-        line = _STYLES[number // len(COLOURS) % len(_STYLES)]
-        numbered = {"color": colour, "linestyle": line, "marker": marker, **node_marks(len(curve.x))}
-        look = dict(numbered if curve.look is None else curve.look)
-        look |= {} if curve.joined else {"linestyle": "none", "markersize": 5.0}
-        axes.plot(curve.x, curve.y, label=curve.label or None, **look)
-    for begin, end, colour, label in panel.bands:
-        axes.axvspan(begin, end, color=colour, alpha=0.15, linewidth=0.0, label=label or None)
-    for text, x, y in panel.notes:
-        axes.annotate(text, (x, y), (5, 3), textcoords="offset points", fontsize=7.5)
-    if panel.cut_off:
-        look = {"transform": axes.transAxes, "ha": "center", "va": "top", "fontsize": 8, "color": "#555555"}
-        axes.text(0.5, 0.98, panel.cut_off, **look)
-    axes.set(xscale=panel.scale, yscale=panel.scale)
-    if panel.scale == "linear":
-        # Labels of small numbers, as 0.00025, would overlap: a common power of ten stands at the axis.
-        axes.ticklabel_format(scilimits=(-2, 4))
-        axes.locator_params(axis="x", nbins=7)
-    axes.set(xlim=panel.x_limits, ylim=panel.y_limits, xlabel=panel.x_label, ylabel=panel.y_label)
 
 
 def node_marks(count: int) -> dict[str, Any]:
@@ -119,8 +118,7 @@ def visible_range(
     margins."""
     peak = float(np.nanmax(values, initial=0.0))
     shown = arc[(values > 1e-3 * peak).any(axis=0)] if peak > 0.0 else arc
-    if loaded is not None:
-        shown = np.concatenate([shown, loaded])
+    shown = shown if loaded is None else np.concatenate([shown, loaded])
     first, last = float(arc.min(initial=np.inf)), float(arc.max(initial=-np.inf))
     if not first < last:
         return (first - 0.5, first + 0.5) if len(arc) else (0.0, 1.0)

@@ -26,8 +26,7 @@ OPTIONS: dict[str, Any] = {
 
 @functools.cache
 def _dispatcher(function: Callable[..., Any]) -> Any:
-    """Numba dispatcher of a function without Python wrapper, and without specialisation for literal
-    arguments."""
+    """Numba dispatcher of a function without wrapper and specialisation for literal arguments."""
     made: Any = numba.njit(**OPTIONS)(function)
     specialised = made.get_call_template
 

@@ -25,8 +25,7 @@ PRIVATE = 0o022
 
 
 def directory() -> Path:
-    """Directory of this installation's machine code, in ``MLSANM_CACHE_DIR`` or the user's cache directory.
-    Raises RuntimeError if the user has no home directory."""
+    """Directory of this installation's machine code. Raises RuntimeError without a home directory."""
     import llvmlite
     import llvmlite.binding as llvm
 
@@ -49,8 +48,7 @@ def encoded(code: Code) -> bytes:
 
 
 def read(place: Path) -> Code | None:
-    """Machine code of a directory; None if it is missing or damaged, or if another user may have written
-    it."""
+    """Machine code of a directory; None if it is missing, damaged or may be another user's."""
     try:
         if who_else_may_write(place / FILE_NAME):
             return None
@@ -64,8 +62,7 @@ def read(place: Path) -> Code | None:
 
 
 def write(place: Path, code: Code) -> None:
-    """Store machine code atomically, writable by its owner only. Raises OSError, also if they would not be
-    read."""
+    """Store machine code atomically, writable by its owner only. Raises OSError."""
     previous = os.umask(PRIVATE)
     try:
         place.mkdir(parents=True, exist_ok=True)

@@ -37,8 +37,8 @@ class BodySeries:
         self.force, self.place = np.zeros((2, orders + 1, 2, total))
         self._moved = np.zeros((orders + 1, 2, loaded))
         self.middle = np.zeros((orders + 1, 2, body.count))
-        self._displacement = np.zeros((orders + 1, body.unknowns))
-        self._factors = np.zeros((orders + 1, body.loads.count))
+        self.displacement = np.zeros((orders + 1, body.unknowns))
+        self.factors = np.zeros((orders + 1, body.loads.count))
         self._loaded_gradient = np.zeros((orders + 1, 4, loaded))
         self._normals = np.concatenate([one.normals.reshape(-1, 2) for one in body.points])
         kept = [np.repeat(one.kept, one.places.shape[1], axis=0) for one in body.points]
@@ -55,10 +55,10 @@ class BodySeries:
     def put(self, order: int, displacement: FloatArray | None, factors: FloatArray) -> None:
         """Set ``order`` of displacement (2N,) and load factors (L,)."""
         body, stressed = self.body, self._held.stop
-        self._factors[order] = factors
+        self.factors[order] = factors
         for plate, turn in zip(body.loads.turning, self._turns, strict=True):
             # Cosine and sine of the plate's rotation.
-            angle = self._factors[: order + 1] @ plate.rate
+            angle = self.factors[: order + 1] @ plate.rate
             if not order:
                 turn[:, 0] = np.cos(angle[0]), np.sin(angle[0])
                 continue
@@ -69,7 +69,7 @@ class BodySeries:
         gradient: FloatArray | None = None
         jets: FloatArray | None = None
         if displacement is not None:
-            self._displacement[order] = displacement
+            self.displacement[order] = displacement
             seen = np.concatenate([one.seen(displacement) for one in body.points])
             self.place[order] = seen[:, 0].T
             self._moved[order] = seen[self._loaded, 0].T
@@ -97,10 +97,7 @@ class BodySeries:
             self.place[0] += np.concatenate([one.places.reshape(-1, 2) for one in body.points]).T
             self.middle[0] += body.elastic.pieces.middle.T
             self._loaded_gradient[0, [0, 3]] += 1.0
-        self._forces(order)
-
-    def _forces(self, order: int) -> None:
-        """Forces at all points, in the components that count."""
+        # Forces at all points, in the components that count.
         applied, end = self.body.applied, self._held.stop
         stress, normal = self._faces.stress[:, order, 0], self._normals[:end].T
         self.force[order, 0, :end] = stress[0] * normal[0] + stress[1] * normal[1]
@@ -109,12 +106,10 @@ class BodySeries:
             for low in range(order + 1):
                 turned = cofactor_normal(self._faces.gradient[:, order - low, 0], self._normals[:end])
                 self.force[order, :, :end] += self._face_mean[low] * turned
-        self.force[order, :, end:] = (
-            applied.dead @ self._factors[order] - applied.pulling * self._moved[order]
-        )
+        self.force[order, :, end:] = applied.dead @ self.factors[order] - applied.pulling * self._moved[order]
         if applied.follows:
             for low in range(order + 1):
-                pressure = applied.pressure @ self._factors[low]
+                pressure = applied.pressure @ self.factors[low]
                 turned = cofactor_normal(self._loaded_gradient[order - low], self._normals[end:])
                 self.force[order, :, end:] -= pressure * turned
         self.force[order] *= self._kept
@@ -122,7 +117,7 @@ class BodySeries:
     def rows(self, order: int) -> FloatArray:
         """Coefficient (r,) of ``order`` of the residual of all rows: of the nodes, then of the pieces."""
         body, elastic, applied = self.body, self.body.elastic, self.body.applied
-        left = -(body.loads.sources @ self._factors[order])
+        left = -(body.loads.sources @ self.factors[order])
         for plate, turn in zip(body.loads.turning, self._turns, strict=True):
             cos, sin = turn[:, order]
             left[plate.rows] -= plate.moved(cos - (not order), sin)
@@ -135,7 +130,7 @@ class BodySeries:
                 slope = self._mean[low, 1:].T
                 turned = cofactor_normal(self._nodes.gradient[:, order - low, 0], slope)
                 left[: 2 * count] += turned.ravel()
-        u = self._displacement[order].reshape(-1, 2)
+        u = self.displacement[order].reshape(-1, 2)
         gradient = self._nodes.gradient
         for name, index, normal, held in body.conditions:
             mean, nodal = None, self._volumes.mean
@@ -156,33 +151,27 @@ class BodySeries:
                 left[at] += row[0] * normal[:, 0] + row[1] * normal[:, 1]
                 if applied.follows:
                     for low in range(order + 1):
-                        pressure = applied.pressed[at] @ self._factors[low]
+                        pressure = applied.pressed[at] @ self.factors[low]
                         turned = cofactor_normal(gradient[:, order - low, 0, index], normal)
                         left[at] += pressure * turned[component]
         last = body.node_rows
         if elastic.springs:
-            left[:last] += body.pulls @ self._displacement[order]
-        left[last - len(elastic.held_nodes) : last] += body.single @ self._displacement[order]
-        left[last:] = self._pieces(order)
-        return np.asarray(left)
-
-    def _pieces(self, order: int) -> FloatArray:
-        """Force x, y and moment imbalance (3k,) of the pieces."""
-        count, (point, owner, sign) = self.body.count, self.body.on_pieces
+            left[:last] += body.pulls @ self.displacement[order]
+        left[last - len(elastic.held_nodes) : last] += body.single @ self.displacement[order]
+        # Force x, y and moment imbalance of the pieces.
+        count, (point, owner, sign) = body.count, body.on_pieces
         force = sign * self.force[: order + 1][:, :, point]
         arm = self.place[: order + 1][:, :, point] - self.middle[: order + 1][:, :, owner]
         back = force[::-1]
         moment = np.einsum("km,km->m", arm[:, 0], back[:, 1]) - np.einsum("km,km->m", arm[:, 1], back[:, 0])
-        x, y, turn = (np.bincount(owner, one, count) for one in (*force[order], moment))
-        imbalance = np.concatenate([x, y, turn / self.body.elastic.pieces.size])
-        imbalance -= self.body.of_force @ self._factors[order]
-        for number, turning in self.body.turning.items():
+        x, y, moments = (np.bincount(owner, one, count) for one in (*force[order], moment))
+        left[last:] = np.concatenate([x, y, moments / elastic.pieces.size])
+        left[last:] -= body.of_force @ self.factors[order]
+        for number, turning in body.turning.items():
             for low in range(order + 1):
-                if self._factors[low, number]:
-                    imbalance[2 * count :] -= self._factors[low, number] * (
-                        turning @ self._displacement[order - low]
-                    )
-        return imbalance
+                moved = turning @ self.displacement[order - low]
+                left[last + 2 * count :] -= self.factors[low, number] * moved
+        return np.asarray(left)
 
     def outline_forces(self) -> tuple[FloatArray, FloatArray]:
         """Forces (2, g), at order 0, at the points of held sides and of those with prescribed tractions."""

@@ -21,14 +21,14 @@ from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.stability import SoftMotion, rows_of_force, softest_motion
 from mlsanm_cli.mechanics.finite.tangent import MeanStress, tangent_rows
 from mlsanm_cli.operators import least_squares
-from mlsanm_cli.operators.least_squares import Strong
-from mlsanm_cli.operators.linear.factors import (
+from mlsanm_cli.operators.factors import (
+    LinearSolver,
     MultifrontalFactor,
     SuperLUFactor,
     factor_general,
     factor_in_order,
 )
-from mlsanm_cli.operators.linear.interface import LinearSolver
+from mlsanm_cli.operators.least_squares import Strong
 from mlsanm_cli.records import dataclass
 
 PIVOT_THRESHOLD = 1e-3

@@ -32,14 +32,10 @@ def tangent_rows(
     values = np.zeros((len(pattern.direct.nodes), 2 if mean is None else 3))
     coefficients = _coefficients(body, displacement, factors, mean)
     add_rows(stencils.indptr, stencils.weights, pattern.stencil, coefficients, pattern.at, values)
-    state = BodySeries.at(body, displacement, factors)
-    force, place, middle = state.force[0], state.place[0], state.middle[0]
-    first, size = 0, body.elastic.pieces.size
+    state, first, size = BodySeries.at(body, displacement, factors), 0, body.elastic.pieces.size
     for points, at in zip(body.points, pattern.on_pieces, strict=True):
-        here = slice(first, first + points.count)
-        first = here.stop
-        moduli = _moduli(body, points, here, displacement, factors, mean)
-        _add_forces(points, moduli, (force[:, here], place[:, here]), (middle, size), at, values)
+        _add_forces(points, first, state, mean, (state.middle[0], size), at, values)
+        first += points.count
     if mean is not None:
         values = mean.nested(values)
     flat = values.reshape(-1)
@@ -159,56 +155,46 @@ def _cofactor(normal: FloatArray) -> FloatArray:
     return found
 
 
-def _moduli(
-    body: FiniteBody,
-    points: FacePoints,
-    here: slice,
-    displacement: FloatArray,
-    factors: FloatArray,
-    mean: MeanStress | None,
-) -> FloatArray:
-    """Derivatives (q, 6, c) of the forces at ``points``, which are ``here`` among all, in the kept
-    components, force x and then y, by value, d/dX and d/dY of both displacements and of the mean stress if
-    that is a field of its own."""
-    degrees, normals = body.face_degrees(factors), points.normals.reshape(-1, 2)
-    found = np.zeros((points.count, 2, 3, 2 if mean is None else 3))
-    applied = body.applied
-    if points is not applied.points:
-        warmth = None if degrees is None else degrees[here]
-        gradient = gradient_of(points.seen(displacement))
-        whole = body.law.moduli(gradient, warmth, mean is not None).reshape(2, 2, 2, 2, -1)
-        found[:, :, 1:, :2] = np.einsum("iJkLq,qJ->qiLk", whole, normals)
-        if mean is not None:
-            fitted = points.stencils.derivatives(mean.values[:, None])[:, ::3].ravel()
-            found[:, :, 1:, :2] += (fitted * _cofactor(normals)).transpose(3, 0, 1, 2)
-            found[:, :, 0, 2] = cofactor_normal(gradient + UNDEFORMED, normals).T
-    else:
-        found[:, 0, 0, 0], found[:, 1, 0, 1] = -applied.pulling
-        if applied.follows:
-            pressure = applied.pressure @ factors
-            found[:, :, 1:, :2] = (-pressure * _cofactor(normals)).transpose(3, 0, 1, 2)
-    found *= np.repeat(points.kept, points.places.shape[1], axis=0)[:, :, None, None]
-    return found.reshape(points.count, 6, found.shape[-1])
-
-
 UNDEFORMED = np.array([1.0, 0.0, 0.0, 1.0])[:, None]
 """F at rest."""
 
 
 def _add_forces(
     points: FacePoints,
-    moduli: FloatArray,
-    state: tuple[FloatArray, FloatArray],
+    first: int,
+    state: BodySeries,
+    mean: MeanStress | None,
     pieces: tuple[FloatArray, FloatArray],
     at: IntArray,
     values: FloatArray,
 ) -> None:
-    """Add the derivatives of forces and moments to ``values``, at places ``at`` (3, e). ``state``: forces and
-    positions (2, q); ``pieces``: centres (2, k) and sizes (k,)."""
-    force, place = (np.ascontiguousarray(one) for one in state)
-    fitted = (points.stencils.indptr, np.ascontiguousarray(points.stencils.weights))
+    """Add the derivatives of the forces at ``points``, the ``first`` of which has that number among all, and
+    of their moments to ``values``, at places ``at`` (3, e). ``pieces``: centres (2, k) and sizes (k,)."""
+    body, here = state.body, slice(first, first + points.count)
+    normals, applied, factors = points.normals.reshape(-1, 2), body.applied, state.factors[0]
+    # By value, d/dX and d/dY of both displacements and of the mean stress if that is a field of its own.
+    moduli = np.zeros((points.count, 2, 3, 2 if mean is None else 3))
+    if points is not applied.points:
+        degrees = body.face_degrees(factors)
+        gradient = gradient_of(points.seen(state.displacement[0]))
+        warmth = None if degrees is None else degrees[here]
+        whole = body.law.moduli(gradient, warmth, mean is not None).reshape(2, 2, 2, 2, -1)
+        moduli[:, :, 1:, :2] = np.einsum("iJkLq,qJ->qiLk", whole, normals)
+        if mean is not None:
+            fitted = points.stencils.derivatives(mean.values[:, None])[:, ::3].ravel()
+            moduli[:, :, 1:, :2] += (fitted * _cofactor(normals)).transpose(3, 0, 1, 2)
+            moduli[:, :, 0, 2] = cofactor_normal(gradient + UNDEFORMED, normals).T
+    else:
+        moduli[:, 0, 0, 0], moduli[:, 1, 0, 1] = -applied.pulling
+        if applied.follows:
+            pressure = applied.pressure @ factors
+            moduli[:, :, 1:, :2] = (-pressure * _cofactor(normals)).transpose(3, 0, 1, 2)
+    moduli *= np.repeat(points.kept, points.places.shape[1], axis=0)[:, :, None, None]
+    by_force = moduli.reshape(points.count, 6, moduli.shape[-1])
+    force, place = (np.ascontiguousarray(one[0][:, here]) for one in (state.force, state.place))
+    fitted_to = (points.stencils.indptr, np.ascontiguousarray(points.stencils.weights))
     fit, owner, sign = points.fit, points.owner, points.sign
-    add_force_rows(*fitted, moduli, force, place, fit, owner, sign, *pieces, at, values)
+    add_force_rows(*fitted_to, by_force, force, place, fit, owner, sign, *pieces, at, values)
 
 
 def held_force(
@@ -217,21 +203,19 @@ def held_force(
     """Force x, y and moment (3,) about a point (2,) of some held sides, and rows (3, 2N) of their
     derivatives."""
     inner, held, _ = body.points
-    here, some = slice(inner.count, inner.count + held.count), np.zeros(held.count)
+    some, nodes = np.zeros(held.count), body.unknowns // 2
     for name in names:
         some[held.along[name]] = 1.0
-    series = BodySeries.at(body, displacement, factors)
-    force, place = series.force[0][:, here], series.place[0][:, here]
+    state = BodySeries.at(body, displacement, factors)
     mean = MeanStress(body, displacement, factors) if body.law.nested else None
-    moduli = _moduli(body, held, here, displacement, factors, mean)
-    nodes = body.unknowns // 2
     values = np.zeros((3 * nodes, 2 if mean is None else 3))
     points = replace(held, owner=np.zeros_like(held.fit), sign=some)
     at = points.reached[1] + nodes * np.arange(3)[:, None]
-    _add_forces(points, moduli, (force, place), (about[:, None], np.ones(1)), at, values)
+    _add_forces(points, inner.count, state, mean, (about[:, None], np.ones(1)), at, values)
     rows = sparse.csr_array(values[:, :2].reshape(3, -1))
     if mean is not None:
         rows = rows + sparse.csr_array(values[:, 2].reshape(3, -1)) @ mean.rows
+    force, place = (one[0][:, inner.count : inner.count + held.count] for one in (state.force, state.place))
     arm = place - about[:, None]
     moment = arm[0] * force[1] - arm[1] * force[0]
     return np.array([*force, moment]) @ some, sparse.csr_array(rows)

@@ -115,8 +115,7 @@ class Hyperelastic(Law):
         return isotropic(2.0 * self.shear * (1.0 + self.nu), self.nu, self.plane, self.alpha)
 
     def incompressible_stress(self, stretches: FloatArray) -> FloatArray:
-        """Nominal stress (n,) along the first of principal ``stretches`` (3, n) of product 1, if there is
-        none along the third."""
+        """Nominal stress (n,) along the first of ``stretches`` (3, n) of product 1, none along the third."""
         tape = Tape(0, 1, stretches.shape[1])
         f11, f12, f21, f22, across = (tape.input() for _ in range(5))
         for component, values in zip((f11, f22, across), stretches, strict=True):

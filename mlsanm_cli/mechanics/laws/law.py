@@ -58,7 +58,7 @@ class Law(ABC):
     def series(
         self, orders: int, jets: int, points: int, warm: bool = False, apart: bool = False
     ) -> Response:
-        """Empty series of ``orders`` beyond the state, with ``jets`` of 1 (values) or 3 (with spatial
+        """Empty series of ``orders`` beyond the state, ``jets`` 1 (values) or 3 (with spatial
         derivatives)."""
         # The stretch across a sheet is the solution of an equation.
         orders = max(orders, 1) if self.plane == "stress" else orders
@@ -108,8 +108,7 @@ class Law(ABC):
         return False
 
     def ellipticity(self, gradient: FloatArray, degrees: FloatArray | None = None) -> FloatArray:
-        """Smallest eigenvalue (n,) of the acoustic tensors A_iJkL N_J N_L of all directions N, over the shear
-        modulus; where it is not positive the material loses ellipticity."""
+        """Smallest eigenvalue (n,) of the acoustic tensors of all directions N, over the shear modulus."""
         moduli = self.moduli(gradient, degrees).reshape(2, 2, 2, 2, -1)
         least = np.full(gradient.shape[1], np.inf)
         for angle in np.linspace(0.0, np.pi, WAVE_DIRECTIONS, endpoint=False):
@@ -199,8 +198,8 @@ class Response:
         return Stress(plane, lambda: cold.across() * area, lambda: cold.stretch() * g33, cold.mean)
 
     def put(self, order: int, gradient: FloatArray | None, degrees: FloatArray | None = None) -> None:
-        """Set ``order`` of the displacement gradient (4, j, n) and the temperature change (j, n), zero if
-        None, and compute P."""
+        """Set ``order`` of displacement gradient (4, j, n) and temperature (j, n), zero if None; compute
+        P."""
         self.gradient[:, order] = 0.0 if gradient is None else gradient
         if not order:
             self.gradient[[0, 3], 0, 0] += 1.0

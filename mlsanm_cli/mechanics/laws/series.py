@@ -131,8 +131,7 @@ def dot(*pairs: tuple[Term, Series]) -> Series:
 
 
 class Tape:
-    """Series of ``orders`` at ``points`` (n) points, with ``jets`` of 1 or 3 numbers each. Solutions of
-    equations need at least one order."""
+    """Series of ``orders`` at ``points`` (n) points, with ``jets`` of 1 or 3 numbers each."""
 
     def __init__(self, orders: int, jets: int, points: int) -> None:
         self._shape = (orders + 1, jets, points)

@@ -82,8 +82,7 @@ class VonMises(SaintVenantKirchhoff):
         return float(self.hardening.flow(np.zeros(1))[0][0])
 
     def hardens(self, history: FloatArray) -> bool:
-        """Whether the flow stress, or the back stress, increases at all points of a ``history`` (n, 5) that
-        have flowed."""
+        """Whether flow or back stress increases at all points of a ``history`` (n, 5) that have flowed."""
         amount = history[:, 4]
         return bool(self.hardening.kinematic or (self.hardening.flow(amount[amount > 0.0])[1] > 0.0).all())
 

@@ -6,7 +6,7 @@ in symmetric mode with geometric nested dissection."""
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Literal, Protocol, TypeAlias
 
 import numpy as np
 import scipy.sparse as sparse
@@ -16,11 +16,50 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.kernels.dissection import dissect, places_between
 from mlsanm_cli.kernels.multifrontal import borders, factorise
 from mlsanm_cli.kernels.substitution import products, solve
-from mlsanm_cli.operators.linear.interface import Factor, LinearSolver, Matrix, backward_error, structure
 from mlsanm_cli.records import dataclass
 
 if TYPE_CHECKING:
     from scipy.sparse.linalg import SuperLU
+
+Matrix: TypeAlias = "sparse.csc_array | sparse.bsr_array"
+"""A symmetric matrix, in CSC or block form."""
+LinearSolver: TypeAlias = Literal["auto", "superlu"]
+"""Direct solver of symmetric systems: own Cholesky factorisation, or SuperLU."""
+
+
+MAX_ENTRIES = np.iinfo(np.int32).max
+"""Largest number of entries with 32-bit indices."""
+
+
+def structure(matrix: sparse.csr_array | sparse.bsr_array) -> tuple[IndexArray, IndexArray]:
+    """Row offsets and column indices of a matrix's entries or blocks. Raises NumericalError for too many."""
+    refuse_too_many(int(matrix.indptr[-1]))
+    indptr, indices = (part.astype(np.int32, copy=False) for part in (matrix.indptr, matrix.indices))
+    return indptr, indices
+
+
+def refuse_too_many(entries: int) -> None:
+    """Raise NumericalError for more ``entries`` than 32-bit indices can count."""
+    if entries > MAX_ENTRIES:
+        raise NumericalError(
+            f"the equations of a body have {entries:.3g} entries, more than the limit of {MAX_ENTRIES:.3g}",
+            "make its spacing larger, or mls.degree lower",
+        )
+
+
+class Factor(Protocol):
+    """A factorised matrix."""
+
+    @property
+    def note(self) -> str:
+        """Remark on the factorisation for users; usually ""."""
+
+    def solve(self, rhs: FloatArray) -> FloatArray:
+        """Solution for right-hand sides (n,) or (n, c)."""
+
+    def products(self, left: sparse.csr_array, right: sparse.csc_array) -> FloatArray:
+        """``left`` (g, n) times the solutions for ``right`` (n, c): (g, c)."""
+
 
 BLOCK = 64
 """Columns solved at once."""
@@ -137,8 +176,7 @@ class MultifrontalFactor:
         return solution
 
     def products(self, left: sparse.csr_array, right: sparse.csc_array) -> FloatArray:
-        """``left`` (g, n) times the solutions for ``right`` (n, c) by a symmetric matrix, by forward
-        substitution."""
+        """``left`` (g, n) times the solutions for ``right`` (n, c), by forward substitution; if symmetric."""
         fronts = self.fronts
         both = sparse.csr_array(sparse.hstack([left.T, right], format="csr"))[fronts.unknowns]
         indptr, indices = both.indptr.astype(np.int64), both.indices.astype(np.int64)
@@ -181,19 +219,13 @@ def elimination_order(matrix: sparse.csc_array, points: FloatArray) -> IntArray:
 
 
 def factor_in_order(matrix: sparse.csc_array, order: IntArray, threshold: float = 0.0) -> SuperLUFactor:
-    """Factorise in ``order`` (n,) with the ``threshold`` of pivoting, 0 for quasi-definite matrices. Raises
-    NumericalError if the matrix is singular."""
+    """Factorise in ``order`` (n,) with the ``threshold`` of pivoting. Raises NumericalError if singular."""
     # Imported here: it loads the eigenvalue solvers, not needed when the own Cholesky factor suffices.
     from scipy.sparse.linalg import splu
 
-    if np.array_equal(order, np.arange(len(order))):
-        permuted = sparse.csc_matrix(matrix)
-    else:
-        permuted = sparse.csc_matrix(matrix[order][:, order])
+    permuted, options = sparse.csc_matrix(matrix[order][:, order]), {"SymmetricMode": True}
     try:
-        factor = splu(
-            permuted, permc_spec="NATURAL", diag_pivot_thresh=threshold, options={"SymmetricMode": True}
-        )
+        factor = splu(permuted, permc_spec="NATURAL", diag_pivot_thresh=threshold, options=options)
     except (RuntimeError, MemoryError) as error:
         raise NumericalError(
             f"the elastic system of a body could not be factorised ({error})",
@@ -249,12 +281,18 @@ MAX_UNCORRECTED_ERROR, MAX_CORRECTED_ERROR = 1e-9, 1e-13
 
 
 def verified_or_superlu(factor: Factor | None, matrix: Matrix, points: FloatArray) -> Factor:
-    """The ``factor`` of a ``matrix`` (2n, 2n) if accurate, else SuperLU's, with a note. Raises NumericalError
-    if that is inaccurate too."""
-    if factor is not None and _accurate(matrix, factor):
+    """The ``factor`` of a ``matrix`` if accurate, else SuperLU's, with a note. Raises NumericalError."""
+
+    def accurate(one: Factor) -> bool:
+        error = backward_error(matrix, one)
+        if MAX_BACKWARD_ERROR < error <= MAX_UNCORRECTED_ERROR:
+            return backward_error(matrix, one, corrections=1) <= MAX_CORRECTED_ERROR
+        return error <= MAX_BACKWARD_ERROR
+
+    if factor is not None and accurate(factor):
         return factor
     other = factor_quasi_definite(matrix, points)
-    if not _accurate(matrix, other):
+    if not accurate(other):
         raise NumericalError(
             "the elastic system of a body is singular to working precision",
             "a body may move freely, or its cloud be too coarse for mls.degree or Poisson's ratio: "
@@ -265,12 +303,25 @@ def verified_or_superlu(factor: Factor | None, matrix: Matrix, points: FloatArra
     )
 
 
-def _accurate(matrix: Matrix, factor: Factor) -> bool:
-    """Whether a factor is accurate, with the corrections that solutions get."""
-    error = backward_error(matrix, factor)
-    if error <= MAX_BACKWARD_ERROR:
-        return True
-    return (
-        error <= MAX_UNCORRECTED_ERROR
-        and backward_error(matrix, factor, corrections=1) <= MAX_CORRECTED_ERROR
-    )
+def backward_error(matrix: Matrix, factor: Factor, corrections: int = 0) -> float:
+    """Backward error of a factor of a symmetric ``matrix`` (n, n).
+
+    With D its diagonal: max_i |b - A x|_i / (|b|_i + sqrt(D_i) sum_j sqrt(D_j) |x_j|), independent of the
+    units of the unknowns. For the last, negative ones D_i is at least max_j A_ij^2 / D_j over the positive
+    ones. The right-hand side is random with fixed seed; the solution gets ``corrections`` refinement steps.
+    """
+    rhs = np.random.default_rng(0).normal(size=matrix.shape[0])
+    solution = factor.solve(rhs)
+    for _ in range(corrections):
+        solution = solution + factor.solve(rhs - matrix @ solution)
+    diagonal = matrix.diagonal()
+    scale = np.sqrt(np.abs(diagonal))
+    first = int(np.argmax(diagonal < 0.0)) if (diagonal < 0.0).any() else len(diagonal)
+    if first < len(diagonal):
+        last = sparse.eye_array(len(diagonal), len(diagonal) - first, k=-first, format="csc")
+        coupled = sparse.csc_array(matrix @ last)[:first]
+        share = 1.0 / np.maximum(scale[:first], np.finfo(float).tiny)
+        sizes = abs(sparse.diags_array(share) @ coupled).max(axis=0).toarray().ravel()
+        scale[first:] = np.maximum(scale[first:], sizes)
+    parts = scale * (scale @ np.abs(solution)) + np.abs(rhs)
+    return float((np.abs(rhs - matrix @ solution) / parts).max())

@@ -1,1 +1,0 @@
-"""Direct solvers for sparse symmetric definite systems behind one interface."""
