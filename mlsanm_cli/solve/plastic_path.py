@@ -72,18 +72,18 @@ class FlowError(NumericalError):
 
 @dataclass(frozen=True, eq=False)
 class Flow:
-    """A state for given eigenstresses ``unknowns`` (u,): contact, and by body ``strain`` and ``stress`` (n,
-    4), ``history`` (n, 5) and ``work`` (n,) of plastic strains so far, and ``tangent`` (n, 4, 4). ``misfit``
-    (u,) is what the return map would change, of equilibrium states 0, in the norm of stresses of ``size``.
-    ``updates`` and ``products`` count."""
+    """A state for given eigenstresses ``unknowns`` (n, 3): contact, and at all nodes of bodies that flow
+    ``strain`` and ``stress`` (n, 4), ``history`` (n, 5) and ``work`` (n,) of plastic strains so far, and the
+    ``tangent`` (n, 3, 3) in the plane. ``misfit`` (n, 3) is what the return map would change, of equilibrium
+    states 0, in the norm of stresses of ``size``. ``updates`` and ``products`` count."""
 
     unknowns: FloatArray
     contact: ContactState
-    strain: Mapping[str, FloatArray]
-    stress: Mapping[str, FloatArray]
-    history: Mapping[str, FloatArray]
-    work: Mapping[str, FloatArray]
-    tangent: Mapping[str, FloatArray] = field(default_factory=dict)
+    strain: FloatArray
+    stress: FloatArray
+    history: FloatArray
+    work: FloatArray
+    tangent: FloatArray = field(default_factory=lambda: np.zeros(0))
     misfit: FloatArray = field(default_factory=lambda: np.zeros(0))
     size: float = 0.0
     updates: int = 0
@@ -129,17 +129,17 @@ def _elastic_stress(
 
 
 class PlasticScene:
-    """A scene ``built`` with bodies that flow."""
+    """A scene ``built`` with bodies that flow, whose nodes are ``rows`` (n,) of arrays, by body."""
 
     def __init__(self, built: CondensedScene) -> None:
         self.built, self.laws = built, built.laws
         self.bodies = {name: built.scene.bodies[name] for name in self.laws}
         clouds = [body.model.cloud for body in self.bodies.values()]
-        ends = np.cumsum([0, *(3 * len(cloud.points) for cloud in clouds)]).tolist()
-        self._places = {n: slice(a, b) for n, a, b in zip(self.bodies, ends[:-1], ends[1:], strict=True)}
-        self._root = np.sqrt(np.concatenate([np.tile(cloud.areas, 3) for cloud in clouds]))
-        self._area = sum(float(cloud.areas.sum()) for cloud in clouds)
-        volume, length = sum(float(cloud.volumes.sum()) for cloud in clouds), np.sqrt(self._area)
+        ends = np.cumsum([0, *(len(cloud.points) for cloud in clouds)]).tolist()
+        self.rows = {n: slice(a, b) for n, a, b in zip(self.bodies, ends[:-1], ends[1:], strict=True)}
+        self._areas = np.concatenate([cloud.areas for cloud in clouds])
+        self._root = np.sqrt(self._areas)[:, None]
+        volume, length = sum(float(cloud.volumes.sum()) for cloud in clouds), np.sqrt(self._areas.sum())
         levers = [length if one.component == ROTATION else 1.0 for _, one in built.scene.unknown_motions]
         self._sections = volume / length * np.array(levers)
         known = built.condensed
@@ -147,30 +147,31 @@ class PlasticScene:
         self._linear = replace(known, gap=gap, slip=slip, balance=balance)
         self._elastic = {name: _elastic_stress(built, name) for name in self.bodies}
 
-    def _within(
-        self, condensed: Condensed, unknowns: FloatArray, **more: Any
-    ) -> tuple[Condensed, dict[str, FloatArray]]:
-        """A scene under eigenstresses ``unknowns`` (u,), and these (n, 3) by body."""
+    def _within(self, condensed: Condensed, unknowns: FloatArray, **more: Any) -> Condensed:
+        """A scene under eigenstresses ``unknowns`` (n, 3)."""
         assert condensed.eigen is not None
-        stresses = {name: unknowns[place].reshape(3, -1).T for name, place in self._places.items()}
-        return condensed.eigen.within(condensed, stresses, **more), stresses
+        stresses = {name: unknowns[rows] for name, rows in self.rows.items()}
+        return condensed.eigen.within(condensed, stresses, **more)
+
+    def _stress(self, condensed: Condensed, state: Sequence[FloatArray]) -> FloatArray:
+        """The elastic stress (n, 3) of the whole strain in a state f, q, p, t."""
+        return np.concatenate([stress(condensed, state) for stress in self._elastic.values()])
 
     def restored(self, state: State) -> Flow:
         """A state of the path, from which it goes on, or the first one."""
-        kept: dict[str, dict[str, FloatArray]] = {key: {} for key in KEPT}
-        for name, body in self.bodies.items():
-            for key, shape in KEPT.items():
-                none = np.zeros((len(body.model.cloud.points), *shape))
-                kept[key][name] = state.solver.get(f"{key}.{name}", none)
+        kept = dict[str, FloatArray]()
+        for key, shape in KEPT.items():
+            none = {name: np.zeros((rows.stop - rows.start, *shape)) for name, rows in self.rows.items()}
+            kept[key] = np.concatenate([state.solver.get(f"{key}.{n}", zero) for n, zero in none.items()])
         stress, history, work = kept.values()
-        flowed = [plastic_stress(law.linear, history[n]).T.ravel() for n, law in self.laws.items()]
-        strain = {n: law.elastic_strain(stress[n]) + history[n][:, :4] for n, law in self.laws.items()}
+        laws = [(law, self.rows[name]) for name, law in self.laws.items()]
+        flowed = np.concatenate([plastic_stress(law.linear, history[rows]) for law, rows in laws])
+        strain = np.concatenate([law.elastic_strain(stress[rows]) for law, rows in laws]) + history[:, :4]
         contact = state.contacts(self.built.condensed.friction_nodes)
-        return Flow(np.concatenate(flowed), contact, strain, stress, history, work)
+        return Flow(flowed, contact, strain, stress, history, work)
 
     def advanced(self, before: Flow, factors: FloatArray, first: FloatArray | None = None) -> Flow:
-        """The state after an increment to load ``factors`` (L,), searched from eigenstresses ``first`` (u,).
-        Raises FlowError."""
+        """The state at load ``factors`` (L,), searched from eigenstresses ``first``. Raises FlowError."""
         tolerance = self.built.case.solver.tolerance
         now = self._trial(before, factors, before.unknowns if first is None else first, before.contact)
         forcing, products, seen = LARGEST_FORCING, 0, [float(np.linalg.norm(now.misfit))]
@@ -192,79 +193,76 @@ class PlasticScene:
                 trial = self._trial(before, factors, now.unknowns + part * change, now.contact)
             now = trial
             seen.append(float(np.linalg.norm(now.misfit)))
-            rate = seen[-1] / seen[-2]
             safe = FORCING * forcing**2
-            forcing = min(LARGEST_FORCING, max(FORCING * rate**2, safe if safe > LARGEST_FORCING else 0.0))
+            wanted = max(FORCING * (seen[-1] / seen[-2]) ** 2, safe if safe > LARGEST_FORCING else 0.0)
+            forcing = min(LARGEST_FORCING, wanted)
             forcing = max(forcing, 0.5 * tolerance / max(now.error, tolerance))
         raise FlowError(f"plastic strains have not settled after {MOST_UPDATES} updates")
 
     def _trial(self, before: Flow, factors: FloatArray, unknowns: FloatArray, guess: ContactState) -> Flow:
-        """The state for eigenstresses ``unknowns`` (u,), with the contact set searched from a ``guess``."""
-        condensed, stresses = self._within(self.built.condensed, unknowns)
+        """The state for eigenstresses ``unknowns`` (n, 3), with the contact set searched from a ``guess``."""
+        condensed = self._within(self.built.condensed, unknowns)
         contact = increment(condensed, before.contact, factors, guess=guess.status)
         if contact is None:
             raise FlowError("no contact state balances the loads")
-        strain, stress, tangent, history, work, misfits = {}, {}, {}, {}, {}, []
-        size = 0.0
-        for name, body in self.bodies.items():
-            law, model = self.laws[name], body.model
-            elastic = self._elastic[name](condensed, contact.unknowns)
-            whole = np.zeros((len(elastic), 4))
-            whole[:, PLANE] = np.linalg.solve(model.material.stiffness, elastic.T).T
+        elastic, parts = self._stress(condensed, contact.unknowns), []
+        for name, rows in self.rows.items():
+            law, material = self.laws[name], self.bodies[name].model.material
+            whole = np.zeros((len(elastic[rows]), 4))
+            whole[:, PLANE] = np.linalg.solve(material.stiffness, elastic[rows].T).T
             degrees = self.built.scene.degrees(name, factors)
-            strain[name] = whole - degrees[:, None] * model.material.free_expansion[[0, 1, 3, 2]]
-            stress[name], tangent[name], history[name] = law.update(strain[name], before.history[name])
-            flowed = history[name][:, :4] - before.history[name][:, :4]
-            mean = 0.5 * (stress[name] + before.stress[name])
-            work[name] = before.work[name] + (mean * flowed).sum(axis=1)
-            misfits.append((plastic_stress(law.linear, history[name]) - stresses[name]).T.ravel())
-            size += float(model.cloud.areas @ (elastic**2).sum(axis=1))
-        misfit = self._root * np.concatenate(misfits)
-        size = float(np.sqrt(size + np.sum((self._root * unknowns) ** 2)))
+            strain = whole - degrees[:, None] * material.free_expansion[[0, 1, 3, 2]]
+            stress, tangent, history = law.update(strain, before.history[rows])
+            flowed = plastic_stress(law.linear, history)
+            parts.append((strain, stress, history, tangent[:, PLANE][:, :, PLANE], flowed))
+        strain, stress, history, tangent, flowed = map(np.concatenate, zip(*parts, strict=True))
+        mean = 0.5 * (stress + before.stress)
+        work = before.work + (mean * (history - before.history)[:, :4]).sum(axis=1)
+        misfit = self._root * (flowed - unknowns)
+        size = float(np.hypot(self.size(elastic), self.size(unknowns)))
         return Flow(unknowns, contact, strain, stress, history, work, tangent, misfit, size)
 
     def residual(self, now: Flow) -> float:
         """The largest residual of a state: of its plastic strains, and of contacts and balances, relative to
         the root mean square of stresses and their forces and moments on sections as long as the root of the
         area."""
-        stress, scene = now.size / np.sqrt(self._area), self._within(self.built.condensed, now.unknowns)[0]
-        return max(now.error, residual(scene, now.contact, stress, stress * self._sections))
+        stress = now.size / float(np.sqrt(self._areas.sum()))
+        condensed = self._within(self.built.condensed, now.unknowns)
+        return max(now.error, residual(condensed, now.contact, stress, stress * self._sections))
 
     def growth(self, now: Flow, change: FloatArray) -> float:
         """Strains per change of load factors (L,) over those of elastic bodies; unbounded at a limit load."""
-        linear, none = Basis(self.built.condensed.problem, now.contact.status), np.zeros(len(now.unknowns))
+        linear, none = Basis(self.built.condensed.problem, now.contact.status), np.zeros_like(now.unknowns)
         elastic, flowed, *_ = self._response(now, linear, none, change)
         unknowns = self._settled(now, linear, self._root * flowed, LARGEST_FORCING)[0]
         plastic = self._response(now, linear, unknowns, change)[0]
         return self.size(plastic) / (self.size(elastic) or 1.0)
 
-    def size(self, strain: Mapping[str, FloatArray]) -> float:
-        """Norm of strains (n, ...) of all bodies that flow, integrated over these."""
-        squares = (self.bodies[name].model.cloud.areas @ (one**2).sum(axis=1) for name, one in strain.items())
-        return float(np.sqrt(sum(squares)))
+    def size(self, values: FloatArray) -> float:
+        """Norm of strains or stresses (n, ...), integrated over the bodies that flow."""
+        return float(np.sqrt(self._areas @ (values**2).sum(axis=1)))
 
     def spatial_error(self, now: Flow) -> float:
         """Norm of the error of the displacements of a state by the spacings: the defect in equations of the
         next degree (:mod:`mlsanm_cli.mechanics.defect`) through the tangent. With fits B+ of that degree
         stresses change by D (B+ - B) u. Raises NumericalError if the cloud is too small for these."""
-        scene, (condensed, stresses) = self.built.scene, self._within(self.built.condensed, now.unknowns)
-        defect, more = np.zeros(len(now.unknowns)), {}
+        scene, condensed = self.built.scene, self._within(self.built.condensed, now.unknowns)
+        less, more = list[FloatArray](), dict[str, FloatArray]()
         for name, body in self.bodies.items():
             model, better = body.model, self._better[name]
             moved = condensed.solution(scene, name, now.contact.unknowns)[0].reshape(-1, 2)
-            less = stress_of(model.stencils.derivatives(moved) - better.at_nodes(moved), np.eye(3))
-            tangent = now.tangent[name][:, PLANE][:, :, PLANE]
-            defect[self._places[name]] = np.einsum("nij,nj->ni", tangent, less).T.ravel()
-            stress = model.stress(moved) - stresses[name]
+            less.append(stress_of(model.stencils.derivatives(moved) - better.at_nodes(moved), np.eye(3)))
+            stress = model.stress(moved) - now.unknowns[self.rows[name]]
             lost = model.stress_divergence(stress) - divergence_of_stress(better.at_nodes(stress))
             more[name] = np.zeros(body.rows)
             more[name][: lost.size] = lost.T.ravel()
+        defect = np.einsum("nij,nj->ni", now.tangent, np.concatenate(less))
         linear = Basis(self.built.condensed.problem, now.contact.status)
         flowed = self._response(now, linear, defect, more=more)[1]
         change = self._settled(now, linear, self._root * flowed, LARGEST_FORCING)[0]
         *_, condensed, unknowns = self._response(now, linear, defect + change, more=more)
-        solved = {name: condensed.solution(scene, name, unknowns)[0] for name in self.bodies}
-        return self.size({name: one.reshape(-1, 2) for name, one in solved.items()})
+        solved = [condensed.solution(scene, name, unknowns)[0] for name in self.bodies]
+        return self.size(np.concatenate(solved).reshape(-1, 2))
 
     @cached_property
     def _better(self) -> dict[str, NextDegree]:
@@ -273,14 +271,16 @@ class PlasticScene:
     def _settled(
         self, now: Flow, linear: Basis, weighted: FloatArray, tolerance: float
     ) -> tuple[FloatArray, int]:
-        """The eigenstresses (u,) after which the return map adds nothing, if it has added some, ``weighted``
-        (u,) by the areas; and the number of products."""
+        """The eigenstresses (n, 3) after which the return map adds nothing, if it has added some,
+        ``weighted`` (n, 3) by the areas; and the number of products."""
 
         def product(vector: FloatArray) -> FloatArray:
-            return np.asarray(vector - self._root * self._response(now, linear, vector / self._root)[1])
+            values = vector.reshape(-1, 3)
+            added = self._response(now, linear, values / self._root)[1]
+            return np.asarray((values - self._root * added).ravel())
 
-        found, count = gmres(product, weighted, tolerance)
-        return found / self._root, count
+        found, count = gmres(product, weighted.ravel(), tolerance)
+        return found.reshape(-1, 3) / self._root, count
 
     def _response(
         self,
@@ -289,22 +289,20 @@ class PlasticScene:
         unknowns: FloatArray,
         factors: FloatArray | None = None,
         more: Mapping[str, FloatArray] = NOTHING,
-    ) -> tuple[dict[str, FloatArray], FloatArray, Condensed, Sequence[FloatArray]]:
-        """Changes of strains (n, 3) by body by those of eigenstresses ``unknowns`` (u,), load ``factors``
-        (L,) and ``more`` right-hand sides (r,), the eigenstresses (u,) that the return map adds, and the
+    ) -> tuple[FloatArray, FloatArray, Condensed, Sequence[FloatArray]]:
+        """Changes of strains (n, 3) by those of eigenstresses ``unknowns`` (n, 3), load ``factors`` (L,) and
+        ``more`` right-hand sides (r,) by body, the eigenstresses (n, 3) that the return map adds, and the
         scene without initial gaps under all these with its state f, q, p, t."""
-        condensed = self._within(self._linear, unknowns, quick=True, more=more)[0]
+        condensed = self._within(self._linear, unknowns, quick=True, more=more)
         factors = np.zeros(len(self.built.stages[0])) if factors is None else factors
         m, n = len(condensed.gap.constant), len(condensed.slip.constant)
-        rows = np.split(condensed.unscaled_rows(factors), [m, m + n])
-        state = replace(response(linear, *rows), factors=factors).unknowns
-        strains, parts = dict[str, FloatArray](), list[FloatArray]()
-        for name, body in self.bodies.items():
-            tangent = now.tangent[name][:, PLANE][:, :, PLANE]
-            elastic = self._elastic[name](condensed, state)
-            strains[name] = np.asarray(elastic @ np.linalg.inv(body.model.material.stiffness))
-            parts.append((elastic - np.einsum("nij,nj->ni", tangent, strains[name])).T.ravel())
-        return strains, np.concatenate(parts), condensed, state
+        free = np.split(condensed.unscaled_rows(factors), [m, m + n])
+        state = replace(response(linear, *free), factors=factors).unknowns
+        elastic = self._stress(condensed, state)
+        strain = np.zeros_like(elastic)
+        for name, rows in self.rows.items():
+            strain[rows] = elastic[rows] @ np.linalg.inv(self.bodies[name].model.material.stiffness)
+        return strain, elastic - np.einsum("nij,nj->ni", now.tangent, strain), condensed, state
 
 
 def plastic_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
@@ -338,7 +336,7 @@ def plastic_path(built: CondensedScene, start: Checkpoint | None = None) -> Iter
                     if done < LEAST_INCREMENT:
                         raise _beyond(built, scene, now, position, failure) from failure
                     continue
-                error = scene.size({name: whole.strain[name] - end.strain[name] for name in built.laws})
+                error = scene.size(whole.strain - end.strain)
                 if error <= allowed * max(largest, scene.size(end.strain)):
                     break
                 whole, done = middle, 0.5 * done
@@ -347,9 +345,8 @@ def plastic_path(built: CondensedScene, start: Checkpoint | None = None) -> Iter
             most = min(GROWTH, float(np.sqrt(allowed * largest / error))) if error else GROWTH
             length = max(most * done, length if done == wanted else 0.0)
             half, now = 0.5 * done, end
-            errors = np.array(
-                [errors[0] + error / (largest or 1.0), max(errors[1], scene.spatial_error(now))]
-            )
+            added, spatial = error / (largest or 1.0), scene.spatial_error(now)
+            errors = np.array([errors[0] + added, max(errors[1], spatial)])
             yield _step(scene, middle, position + half, half, length, errors, half)
             position = _rounded(built, position + done)
             yield _step(scene, now, position, half, length, errors)
@@ -370,7 +367,9 @@ def _beyond(
     loads = zip(built.scene.loads, change, now.contact.factors, strict=True)
     where = ", ".join([f"position {position:.6g}", *(f"{n} = {f:.6g}" for n, moved, f in loads if moved)])
     growth = scene.growth(now, change)
-    perfect = [f"body {name}" for name, law in built.laws.items() if not law.hardens(now.history[name])]
+    perfect = [
+        f"body {name}" for name, law in built.laws.items() if not law.hardens(now.history[scene.rows[name]])
+    ]
     if growth < COLLAPSE or not perfect:
         hint = [finer_nodes(built.case, list(built.laws))]
         hint += [f"give {' and '.join(perfect)} some hardening, 1 % of E"] if perfect else []
@@ -395,7 +394,8 @@ def _step(
     """A step that ends at a state, of which another ``half`` follows at once, with ``errors`` (2,) so far:
     the sum of those of the increments, relative, and the largest of displacements by spacings."""
     built, solver = scene.built, {"errors": errors}
-    solver |= {f"{key}.{name}": getattr(flow, key)[name] for name in built.laws for key in KEPT}
+    for name, rows in scene.rows.items():
+        solver |= {f"{key}.{name}": getattr(flow, key)[rows] for key in KEPT}
     state = State.of(flow.contact, built.condensed.friction_nodes, position, scene.residual(flow), solver)
     checkpoint = Checkpoint(state, {"half": np.array([half])}, pace=pace)
     counts = {"iterations": flow.updates, "solves": flow.products}
