@@ -195,10 +195,6 @@ def all_explanations() -> list[Explanation]:
     return sorted(explanations, key=lambda entry: (places.index(entry.place), not entry.keys))
 
 
-def markdown(explanations: Sequence[Explanation]) -> str:
-    return f"# Keys of the case file\n\nMade by `mlsanm explain --all`.\n{sections(explanations, '##')}"
-
-
 def sections(explanations: Sequence[Explanation], level: str) -> str:
     """The reference as Markdown: a section per table, headed by ``level`` ("##" or the like)."""
     lines: list[str] = []

@@ -18,7 +18,6 @@ from mlsanm_cli.case.report import KeyPath, child, suggestion
 from mlsanm_cli.errors import Fault
 
 DIALECT = "http://json-schema.org/draft-07/schema#"
-TITLE = "mlsanm case file"
 Node = dict[str, Any]
 
 
@@ -39,7 +38,7 @@ class _Generator(GenerateJsonSchema):
 def json_schema() -> Node:
     raw = Case.model_json_schema(schema_generator=_Generator, ref_template="#/definitions/{model}")
     definitions = raw.pop("$defs")
-    return {"$schema": DIALECT, "title": TITLE, **_plain({**raw, "definitions": definitions})}
+    return {"$schema": DIALECT, "title": "mlsanm case file", **_plain({**raw, "definitions": definitions})}
 
 
 def follow(node: Node) -> Node:

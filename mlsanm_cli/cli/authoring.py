@@ -126,7 +126,8 @@ def explain(settings: Settings, key: str, all_keys: bool) -> int:
     described = [entry._asdict() for entry in explanations]
     color = settings.paints(sys.stdout)
     if all_keys:
-        text = reference.markdown(explanations)
+        text = "# Keys of the case file\n\nMade by `mlsanm explain --all`.\n"
+        text += reference.sections(explanations, "##")
     else:
         text = "\n\n".join(_explanation(entry, color) for entry in described)
     print_result(settings, {"explanations": described}, text)

@@ -219,9 +219,6 @@ def collect(settings: Settings, rundirs: tuple[Path, ...], out: Path | None) -> 
     return 0
 
 
-METHODS = ("newton", "active-set")
-
-
 @declare.command(
     declare.CASE,
     declare.flag("newton", "Newton-Raphson with the regularised law."),
@@ -246,7 +243,7 @@ def compare(settings: Settings, /, case: Path, **options: Any) -> int:
     The asymptotic numerical method (ANM: power series), the selected methods and that of CASE use the same
     operators. Exit code 1 if they disagree.
     """
-    methods = tuple(name for name in METHODS if options.pop(name.replace("-", "_")))
+    methods = tuple(name for name in ("newton", "active-set") if options.pop(name.replace("-", "_")))
     function, argv = "comparison.compare.compare", tuple(sys.argv)
     result = called(settings, function, options["threads"], case, methods=methods, argv=argv, **options)
     print_result(settings, result, comparison_text(result, settings.paints(sys.stdout)))
@@ -255,7 +252,6 @@ def compare(settings: Settings, /, case: Path, **options: Any) -> int:
 
 for _command in (run, check, info, warmup, resume, sweep, collect, compare):
     cli.add_command(_command)
-_STATUS_CODES = {"failed": 3, "stopped": 75}
 
 
 def show_run(settings: Settings, summary: Mapping[str, Any]) -> int:
@@ -266,4 +262,4 @@ def show_run(settings: Settings, summary: Mapping[str, Any]) -> int:
     drawable = summary.get("position") is not None and "directory" in summary
     if drawable and not settings.quiet and not settings.json:
         say(settings, f"pictures: mlsanm plot {shlex.quote(str(summary['directory']))}")
-    return _STATUS_CODES.get(str(summary.get("status")), 0)
+    return {"failed": 3, "stopped": 75}.get(str(summary.get("status")), 0)

@@ -46,8 +46,6 @@ class Seconds(click.FloatRange):
         return seconds
 
 
-NAMED_TABLES = ("body", "material", "load", "contact", "probe")
-"""Tables whose items have names, which are part of keys."""
 Candidates = Callable[[click.Context], Iterable[Any]]
 
 
@@ -66,7 +64,7 @@ def keys_of_case(context: click.Context) -> Iterator[str]:
     (case, *_) = (*_contents(context, ("case",)), {})
     for key in plain_keys(context):
         table, dot, rest = key.partition(".")
-        named = table in NAMED_TABLES and dot
+        named = table in ("body", "material", "load", "contact", "probe") and dot
         names = (*_names(case, (table,)), "*")
         yield from (f"{table}.{name}.{rest}=" for name in names) if named else (f"{key}=",)
 

@@ -120,7 +120,6 @@ def _items(title: str, items: Mapping[str, Mapping[str, Any]], color: bool, widt
     return "\n".join(pretty(item, f"{title} {label(name)}", color, width) for name, item in items.items())
 
 
-_CONTACT = ("peak_pressure", "peak_tension", "peak_traction", "half_width", "force", "min_gap")
 FRICTION_KEYS = ("stick_nodes", "slip_nodes", "dissipated_work", "max_cone_ratio", "peak_traction")
 """Keys of a summary that are meaningful for contacts with friction only."""
 _QUALITY = ("residual", "force_balance", "energy_error", "stability", "peak_memory_mb")
@@ -143,7 +142,8 @@ def run_text(summary: Mapping[str, Any], color: bool, width: int = 100) -> str:
 
 def _contact(name: str, contact: Mapping[str, Any], summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     """The main results of a contact with their error estimate."""
-    rows = [(label(key), number(contact[key])) for key in _CONTACT if key in contact]
+    keys = ("peak_pressure", "peak_tension", "peak_traction", "half_width", "force", "min_gap")
+    rows = [(label(key), number(contact[key])) for key in keys if key in contact]
     if contact.get("singular_ends"):
         rows[0] = ("peak pressure", f"{rows[0][1]} at a singular end: it depends on the grid")
     nodes = ("stick_nodes", "slip_nodes") if has_friction(contact) else ("closed_nodes",)

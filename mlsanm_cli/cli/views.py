@@ -152,11 +152,15 @@ def probe(
         print_tables(settings, of_app("results.probe.contents")(rundir))
         return 0
     kind, name = next(iter(targets.items()), ("contacts", ""))
-    if kind == "body" and point is not None:
-        title = f"{name} at ({point[0]:g}, {point[1]:g})"
-    else:
-        title = f"force of {name}" if kind == "force" else f"{kind} {name}".rstrip()
-    rows = of_app("results.probe.probe")(rundir, at, kind, name, quantities, point, field)
+    x, y = point or (0.0, 0.0)
+    function, given, title = {
+        "contacts": ("everything", (), kind),
+        "contact": ("contact", (name, quantities), f"contact {name}"),
+        "force": ("force", (name,), f"force of {name}"),
+        "probe": ("named", (name, field), f"probe {name}"),
+        "body": ("point", (name, (x, y), field), f"{name} at ({x:g}, {y:g})"),
+    }[kind]
+    rows = of_app(f"results.probe.probe_{function}")(rundir, at, *given)
     if not as_csv:
         print_result(settings, {"levels": rows}, _text(title, rows, settings.paints(sys.stdout)))
         return 0

@@ -14,7 +14,6 @@ from mlsanm_cli.errors import GeometryError
 from mlsanm_cli.io.self_contained import check_hdf5, check_readable
 
 COLUMNS = ("x", "y", "tag", "nx", "ny")
-REQUIRED_COLUMNS = COLUMNS[:3]
 MAX_NODES = 2_000_000
 """The operators of more nodes would not fit in memory."""
 UNIT_LENGTH_TOLERANCE = 1e-3
@@ -113,7 +112,7 @@ def _check_columns(names: Sequence[str], where: str) -> None:
             raise GeometryError(f'{where}: unknown column "{name}"', f"columns: {', '.join(COLUMNS)}")
         if names.count(name) > 1:
             raise GeometryError(f'{where}: the column "{name}" appears twice')
-    missing = [name for name in REQUIRED_COLUMNS if name not in names]
+    missing = [name for name in COLUMNS[:3] if name not in names]
     if missing:
         raise GeometryError(f"{where}: no column {', '.join(missing)}", "x, y, tag; optionally nx and ny")
     if ("nx" in names) != ("ny" in names):

@@ -100,9 +100,6 @@ CONTACT_ARRAYS = (
 names; boundary_tag, contact and obstacle are numbers, contact_stress is pressure and traction on the slave as
 a vector."""
 
-PREFIXES: Mapping[str, str] = {"displacement": "u", "stress": ""}
-"""What precedes a component in the name of a scalar; otherwise the name of the quantity and an underscore."""
-
 
 def scalars(table: Table) -> dict[str, Scalar]:
     """The scalars of fields by name: von_mises, ux, uy and displacement, xx, yy and xy, strain_xx, ...
@@ -115,18 +112,13 @@ def scalars(table: Table) -> dict[str, Scalar]:
         axis = entry.dimensions[-1]
         word = " in " if axis == "xy" else " "
         for number, part in enumerate(COMPONENTS.get(axis, ())):
-            name = PREFIXES.get(entry.name, f"{entry.name}_") + part
+            name = {"displacement": "u", "stress": ""}.get(entry.name, f"{entry.name}_") + part
             chosen[name] = Scalar(
                 entry.name, number, f"{entry.description}{word}{part}", entry.unit, entry.rest
             )
         if axis == "xy" or axis not in COMPONENTS:
             chosen[entry.name] = Scalar(entry.name, None, entry.description, entry.unit, entry.rest)
     return chosen
-
-
-def members(table: Table) -> dict[str, Quantity]:
-    """The quantities of a table by name."""
-    return {entry.name: entry for entry in table}
 
 
 def quantity(table: Table, path: str) -> Quantity | None:

@@ -17,8 +17,6 @@ from mlsanm_cli.errors import GeometryError
 MAX_BYTES = 2**28
 """Largest size of an unpacked file; that of the file itself is the same."""
 HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
-MULTI_FILE_SUFFIXES = (".xdmf", ".xmf", ".xml", ".ele", ".node")
-"""Formats whose readers open further files."""
 MAX_SECONDS = 20.0
 """Time in which an HDF5 file must have been read."""
 MAX_OBJECTS = 10_000
@@ -28,7 +26,7 @@ MAX_OBJECTS = 10_000
 def check_self_contained(path: Path) -> None:
     """Raises GeometryError for a mesh that refers to other files or contains more than the limit."""
     name = path.name.lower()
-    if name.endswith(MULTI_FILE_SUFFIXES):
+    if name.endswith((".xdmf", ".xmf", ".xml", ".ele", ".node")):
         hint = "write the mesh to a single one, .msh, .inp or .vtu"
         raise GeometryError("files of this format refer to other files", hint)
     if name.endswith(".gz"):

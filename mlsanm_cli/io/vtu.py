@@ -28,7 +28,7 @@ class VtuPart(NamedTuple):
     data: Mapping[str, NDArray[Any]]
 
 
-NO_PARTS: Mapping[str, VtuPart] = {}
+Parts = Mapping[str, VtuPart]
 
 
 class StateWriter:
@@ -40,13 +40,7 @@ class StateWriter:
         self._listed: dict[str, list[str]] = {COLLECTION_FILE: [], LINES_FILE: []}
         self._states = 0
 
-    def write(
-        self,
-        position: float,
-        bodies: Mapping[str, VtuPart],
-        contacts: Mapping[str, VtuPart] = NO_PARTS,
-        obstacles: Mapping[str, VtuPart] = NO_PARTS,
-    ) -> None:
+    def write(self, position: float, bodies: Parts, contacts: Parts, obstacles: Parts) -> None:
         """Writes a state and lists it. Raises RunError if a file cannot be written."""
         for name, file in self._files(list(bodies)).items():
             write_parts(self._directory / file, "", [bodies[name]])

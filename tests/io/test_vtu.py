@@ -33,7 +33,7 @@ def read(path: Path) -> meshio.Mesh:
 
 def test_every_array_reads_back_bit_for_bit_in_three_dimensions(tmp_path: Path) -> None:
     body = part(11, strain=RNG.random((11, 3)))
-    StateWriter(tmp_path).write(1.0, {"block": body})
+    StateWriter(tmp_path).write(1.0, {"block": body}, {}, {})
     mesh = read(tmp_path / "fields_0000.vtu")
     zero = np.zeros(11)
     np.testing.assert_array_equal(mesh.points, np.column_stack([body.points, zero]))
@@ -63,7 +63,7 @@ def test_collection_lists_every_state_and_body_after_each_state(tmp_path: Path) 
     writer = StateWriter(tmp_path)
     expected = []
     for k, position in enumerate((0.1, 1 / 3, 2.0)):
-        writer.write(position, {'upper <&">': part(3), "block": part(2)})
+        writer.write(position, {'upper <&">': part(3), "block": part(2)}, {}, {})
         for number, name in enumerate(('upper <&">', "block")):
             expected.append((position, number, name, f"fields_{2 * k + number:04d}.vtu"))
         root = ET.parse(tmp_path / "fields.pvd").getroot()

@@ -35,15 +35,21 @@ class Check:
         return f"{self.message}; {self.hint}" if self.hint else self.message
 
     @property
-    def outcome(self) -> Outcome:
-        warns, fails = self._levels
-        return "failed" if self._exceeds(fails) else "warned" if self._exceeds(warns) else "passed"
+    def judged(self) -> tuple[Outcome, float | None]:
+        """The outcome and the level that decides it: the one exceeded, or else the first one."""
+        known, sign = LIMITS[self.name], -1.0 if LIMITS[self.name].lower else 1.0
+        warns = known.warns if self.warns is None else self.warns
+        fails = known.fails if self.fails is None else self.fails
+        outcomes: tuple[tuple[Outcome, float | None], ...] = (("failed", fails), ("warned", warns))
+        for outcome, level in outcomes:
+            # A value that is nan exceeds every level.
+            if level is not None and not sign * (self.value - level) <= COARSE_ROUND_OFF * abs(level):
+                return outcome, level
+        return "passed", fails if warns is None else warns
 
     @property
-    def limit(self) -> float | None:
-        """The level that decides the outcome: the one exceeded, or else the first one."""
-        warns, fails = self._levels
-        return fails if warns is None or self.outcome == "failed" else warns
+    def outcome(self) -> Outcome:
+        return self.judged[0]
 
     @property
     def severity(self) -> tuple[int, float]:
@@ -52,20 +58,9 @@ class Check:
 
     @property
     def row(self) -> dict[str, Any]:
-        keys = ("name", "place", "value", "limit", "outcome")
-        return {key: getattr(self, key) for key in keys}
-
-    @property
-    def _levels(self) -> tuple[float | None, float | None]:
-        known = LIMITS[self.name]
-        warns, fails = self.warns, self.fails
-        return known.warns if warns is None else warns, known.fails if fails is None else fails
-
-    def _exceeds(self, level: float | None) -> bool:
-        if level is None:
-            return False
-        slack = COARSE_ROUND_OFF * abs(level)
-        return not (self.value >= level - slack if LIMITS[self.name].lower else self.value <= level + slack)
+        outcome, limit = self.judged
+        known = {"name": self.name, "place": self.place, "value": self.value}
+        return {**known, "limit": limit, "outcome": outcome}
 
 
 def all_of(checks: Iterable[Callable[..., Iterable[Check]]], *subject: Any) -> Iterator[Check]:

@@ -17,10 +17,6 @@ class Limit(NamedTuple):
     meaning: str
     lower: bool = False
 
-    @property
-    def first(self) -> float | None:
-        return self.fails if self.warns is None else self.warns
-
 
 ANY = 0.0
 """Level of checks whose value is a number of places."""
@@ -113,7 +109,8 @@ LIMITS: Mapping[str, Limit] = {**MODEL, **STATE, **END}
 
 def level(name: str) -> float:
     """The first level of a check that has one."""
-    found = LIMITS[name].first
+    known = LIMITS[name]
+    found = known.fails if known.warns is None else known.warns
     assert found is not None
     return found
 

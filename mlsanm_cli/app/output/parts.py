@@ -14,7 +14,7 @@ from mlsanm_cli.case import Case, DiskObstacle, ObstacleMotion, PlaneObstacle
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.complementarity.problem import OPEN, SLIP, STICK
 from mlsanm_cli.contact.geometry.profile import half_width, is_singular
-from mlsanm_cli.io.schema import COMPONENTS, CONTACT_ARRAYS, FIELDS, members
+from mlsanm_cli.io.schema import COMPONENTS, CONTACT_ARRAYS, FIELDS
 from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.solve.state import Fields
 
@@ -97,7 +97,7 @@ def model_bodies(prepared: SceneModel) -> list[VtuPart]:
     return bodies
 
 
-QUANTITIES = members(FIELDS)
+QUANTITIES = {entry.name: entry for entry in FIELDS}
 PLANE_LENGTH = 0.75
 """Length of a plane to both sides, in diameters of the scene."""
 

@@ -42,7 +42,6 @@ MAX_LEVELS = 6
 """More load levels in one picture cannot be distinguished."""
 MIN_TANGENTIAL_MOTION = 1e-3
 """Tangential displacement of a platen, relative to the slip, below which a loop is drawn over the slip."""
-REFERENCE_NAMES = {"Hertz": "Hertz, closed formula", "uniform": "uniform pressure"}
 ZONES = {STICK: ("stick", COLOURS[2]), SLIP: ("slip", COLOURS[1])}
 POSITION = "position on the load path (stages)"
 TANGENTIAL = "tangential force on the master, per unit thickness"
@@ -89,7 +88,7 @@ def pressure_picture(run: RunData, case: Case, name: str, choice: Choice) -> Pic
         # The curve includes the ends of the loaded part, however far the candidates extend.
         ends = [end for end in (-half, half) if arc[0] < end < arc[-1]]
         x = np.union1d(np.linspace(arc[0], arc[-1], 801), ends)
-        label = REFERENCE_NAMES.get(profile.label, profile.label)
+        label = {"Hertz": "Hertz, closed formula"}.get(profile.label, "uniform pressure")
         formula = Curve(x, profile.curve(x), label, REFERENCE_LINE)
         loaded = x[formula.y > 0.0]
     limits = visible_range(arc, pressure, loaded)

@@ -19,11 +19,6 @@ from mlsanm_cli.io import run_dir
 from mlsanm_cli.io.files import read_summary, write_text
 from mlsanm_cli.io.run_reader import RunData, read_origin, read_run
 
-PROVENANCE = (
-    *("mlsanm_version", "git", "versions", "argv", "host", "cpu", "threads", "resumed"),
-    *("case_path", "case_hash", "cache_hash"),
-)
-
 
 def info(rundir: Path) -> Mapping[str, Any]:
     """The summary of a run, or without one the figures of its steps, and its provenance. Raises RunError for
@@ -31,7 +26,9 @@ def info(rundir: Path) -> Mapping[str, Any]:
     run = read_run(rundir, ("path", "contacts"))
     summary_file = run.directory / run_dir.SUMMARY_FILE
     summary = read_summary(summary_file) if summary_file.is_file() else _unfinished(run)
-    provenance = {key: run.attributes[key] for key in PROVENANCE if run.attributes.get(key) not in (None, "")}
+    keys = ("mlsanm_version", "git", "versions", "argv", "host", "cpu", "threads", "resumed", "case_path")
+    origin = {key: run.attributes.get(key) for key in (*keys, "case_hash", "cache_hash")}
+    provenance = {key: value for key, value in origin.items() if value not in (None, "")}
     return {"directory": str(run.directory), **summary, "provenance": provenance}
 
 
@@ -66,8 +63,6 @@ FIGURES = (
     *("warnings", "seconds", "peak_memory_mb"),
 )
 """Entries of a summary that become columns."""
-FORMULA_SIGNS = ("=", "+", "-", "@", "\t", "\r")
-"""What formulas of spreadsheets begin with."""
 
 Row = dict[str, Any]
 
@@ -95,7 +90,7 @@ def as_csv(rows: Sequence[Mapping[str, Any]]) -> str:
         for row in rows:
             # Text that spreadsheets would compute as a formula begins with an apostrophe.
             texts = {key: one for key, one in row.items() if isinstance(one, str)}
-            formulas = {key: f"'{one}" for key, one in texts.items() if one.startswith(FORMULA_SIGNS)}
+            formulas = {key: f"'{one}" for key, one in texts.items() if one[:1] in set("=+-@\t\r")}
             writer.writerow({**row, **formulas})
     return stream.getvalue()
 

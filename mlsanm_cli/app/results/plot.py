@@ -16,15 +16,14 @@ from mlsanm_cli.app.results.path_lookup import along_surface, pressures_at, refu
 from mlsanm_cli.case import Case, stored_case
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io import run_dir
-from mlsanm_cli.io.plots.animation import animate_bodies, animate_pressure
+from mlsanm_cli.io.plots.animation import animate as write_frames
 from mlsanm_cli.io.plots.cloud import BodyPicture, plot_bodies
-from mlsanm_cli.io.plots.curves import Picture, draw
+from mlsanm_cli.io.plots.curves import Curve, Panel, Picture, draw, visible_range
+from mlsanm_cli.io.plots.figures import COLOURS
 from mlsanm_cli.io.run_reader import RunData, read_run
 
 FRAMES = 40
 """Frames of a path with power series."""
-TOGETHER = ("pressure", "force", "peak", "loop", "hysteresis")
-"""Pictures of several runs, besides lines."""
 Make = Callable[[], Picture | BodyPicture]
 
 
@@ -48,7 +47,7 @@ def plot(
         assert choice.out is not None
         if choice.along is not None:
             return [write(choice.out, line_picture(runs, cases, choice))]
-        if len(choice.what) != 1 or choice.what[0] not in TOGETHER:
+        if len(choice.what) != 1 or choice.what[0] in ("traction", "bodies"):
             hint = "add --what pressure, force, peak, loop or hysteresis, or --along"
             raise RunError("several runs need one kind of picture", hint)
         return [write(choice.out, curves.path_picture(runs, cases, choice.what[0], choice))]
@@ -114,7 +113,7 @@ def animate(run: RunData, case: Case, choice: Choice) -> list[Path]:
             for picture, state in zip(shown, run.states, strict=True)
         ]
         file = choice.out or run.directory / run_dir.picture_name("bodies", "gif")
-        animate_bodies(file, frames)
+        write_frames(file, frames)
         return [file]
     names = [choice.contact] if choice.contact is not None else list(run.contacts)
     if choice.out is not None and len(names) > 1:
@@ -125,11 +124,19 @@ def animate(run: RunData, case: Case, choice: Choice) -> list[Path]:
     if len(places) < 2:
         raise RunError("the run has one state only", "an animation needs at least two")
     known, files = [pressures_at(run, level) for level in places.tolist()], []
-    titles = [curves.load_words(run, case, level) or f"position {level:.3f}" for level in places.tolist()]
+    words = [curves.load_words(run, case, level) or f"position {level:.3f}" for level in places.tolist()]
     labels = case.units.label("arc length", "length"), case.units.label("pressure", "stress")
+    look = {"color": COLOURS[0], "marker": "o", "markersize": 2.0, "linewidth": 1.0}
     for name in names:
         pressure = np.stack([pressures[name] for pressures in known])
         order, arc = along_surface(run.contacts[name], pressure.max(axis=0))
+        pressure = pressure[:, order]
+        limits = visible_range(arc, pressure), (0.0, 1.05 * (float(pressure.max(initial=0.0)) or 1.0))
+        panels = [Panel([Curve(arc, values, look=look)], *labels, *limits) for values in pressure]
         files.append(choice.out or run.directory / run_dir.picture_name("pressure", "gif", name))
-        animate_pressure(files[-1], name, arc, pressure[:, order], titles, *labels)
+        titles = [f"Contact pressure, {name}, {text}" for text in words]
+        drawn = [
+            Picture([panel], title, size=(6.4, 3.8)) for panel, title in zip(panels, titles, strict=True)
+        ]
+        write_frames(files[-1], drawn)
     return files

@@ -41,25 +41,6 @@ def contents(rundir: Path) -> Mapping[str, Any]:
     }
 
 
-def probe(
-    rundir: Path,
-    at: Sequence[float],
-    kind: str = "contacts",
-    name: str = "",
-    quantities: Sequence[str] = (),
-    point: tuple[float, float] | None = None,
-    field: str | None = None,
-) -> list[Row]:
-    """Results of a contact, force, probe or body by name, or the figures of all "contacts", at positions."""
-    if kind == "contact":
-        return probe_contact(rundir, at, name, quantities)
-    if kind == "force":
-        return probe_force(rundir, at, name)
-    if kind == "probe":
-        return probe_named(rundir, at, name, field)
-    return probe_everything(rundir, at) if point is None else probe_point(rundir, at, name, point, field)
-
-
 def probe_contact(
     rundir: Path | RunData, at: Sequence[float], name: str, quantities: Sequence[str] = ()
 ) -> list[Row]:

@@ -20,10 +20,8 @@ from mlsanm_cli.roundoff import ROUND_OFF
 
 COMPARED = ("status", "position", "steps", "nodes", "warnings")
 MAIN = ("peak_pressure", "half_width")
-OF_CONTACTS = (*MAIN, "force", "closed_nodes")
 SIZES = ("position", "steps", "nodes", "contact_unknowns", "wall_seconds", "peak_memory_mb")
 OUTCOMES = {"failed": html.BAD + "fails", "warned": html.BAD + "warns", "passed": html.GOOD + "passes"}
-ORIGINS = {"git": "commit", "argv": "command", "cpu": "processor"}
 CAPTIONS = {
     "bodies": "The deformed bodies, with supports, loads and obstacles",
     "pressure": "Contact pressure along {subject}",
@@ -89,14 +87,16 @@ def _one(run: RunData, case: Case) -> Iterator[str]:
     yield html.source(run.case_raw or run.case_resolved, f"case file of {run.directory.name}")
     yield element("h3", "Provenance")
     origin = {"directory": summary["directory"], **summary.get("provenance", {})}
-    rows = [[ORIGINS.get(key, key.replace("_", " ")), str(value)] for key, value in origin.items()]
+    words = {"git": "commit", "argv": "command", "cpu": "processor"}
+    rows = [[words.get(key, key.replace("_", " ")), str(value)] for key, value in origin.items()]
     yield html.table("Program, machine and files", [], rows)
 
 
 def _figures(summary: Mapping[str, Any], case: Case) -> Iterator[str]:
     contacts: Mapping[str, Any] = summary.get("contacts") or {}
     if contacts:
-        figures = [one for one in schema.CONTACT_FIGURES if one.path.rpartition("}.")[2] in OF_CONTACTS]
+        shown = [f"contacts.{{contact}}.{name}" for name in (*MAIN, "force", "closed_nodes")]
+        figures = [one for one in schema.CONTACT_FIGURES if one.path in shown]
         yield _table("Contacts at the end", "contact", contacts, figures, case)
     forces: Mapping[str, Any] = summary.get("forces") or {}
     places = {load.name: load.place for load in case.load if isinstance(load, Displacement)}

@@ -294,9 +294,6 @@ class Case(Section):
                 yield Fault(("load", index), "no stage applies this load", hint)
 
 
-_LONG_BODIES = 'write plane = "strain" for long bodies, or remove it'
-
-
 def completed(case: Case) -> Case:
     """The case with the defaults that depend on other tables."""
     contacts, solver = case.contact, case.solver
@@ -323,7 +320,8 @@ def completed(case: Case) -> Case:
 
 def _refused_of_revolution(case: Case, scope: Scope) -> Iterator[Fault]:
 
-    def refused(given: object, key: KeyPath, what: str, hint: str = _LONG_BODIES) -> Iterator[Fault]:
+    def refused(given: object, key: KeyPath, what: str, hint: str = "") -> Iterator[Fault]:
+        hint = hint or 'write plane = "strain" for long bodies, or remove it'
         if given:
             yield Fault(key, f'{what} with plane = "axisymmetric" is not supported yet', hint)
 

@@ -15,7 +15,6 @@ from mlsanm_cli.case.report import MAX_KEY_PARTS, KeyPath, suggestion, text_prob
 from mlsanm_cli.errors import CaseProblem, RunError
 from mlsanm_cli.toml import toml_value
 
-SOURCE = "--set"
 _PART = r"""\s*(?:"([^"]*)"|'([^']*)'|([^."'\s]+))\s*"""
 _KEY = re.compile(rf"{_PART}(?:\.{_PART})*")
 WILDCARD = "*"
@@ -39,7 +38,7 @@ def apply_overrides(
             changed.update(_assign(content, _parts(key), _value(key.strip(), value)))
         except RunError as bad:
             name = key.strip() or text
-            problems.append(CaseProblem(name, bad.message, 0, SOURCE, bad.hint))
+            problems.append(CaseProblem(name, bad.message, 0, "--set", bad.hint))
     return content, frozenset(changed), tuple(problems)
 
 

@@ -123,10 +123,6 @@ def parse_case(
     return LoadedCase(case, text, path, tuple(overrides), case_hash(case))
 
 
-REQUIRED = {"format": 1, "model": {"plane": "stress"}}
-"""Valid content of tables that a case must have."""
-
-
 def _validated(data: Any, folder: Path, report: Report) -> tuple[Case | None, frozenset[KeyPath]]:
     """The case of the content of a file, and the paths of what it leaves out: the smallest parts without
     which the rest is valid, but for unknown keys. None if there is no such rest. Files are relative to
@@ -135,7 +131,8 @@ def _validated(data: Any, folder: Path, report: Report) -> tuple[Case | None, fr
     while True:
         removed = unknown | faulty
         # Faults of tables that every case has hide none of others.
-        rest = {**(REQUIRED if faulty else {}), **_without(data, removed)}
+        required = {"format": 1, "model": {"plane": "stress"}} if faulty else {}
+        rest = {**required, **_without(data, removed)}
         try:
             return completed(Case.model_validate(rest, context=folder)), frozenset(faulty)
         except ValidationError as error:
@@ -200,12 +197,8 @@ def _check_relations(
     return scope
 
 
-NAMED = ("material", "body", "load", "contact", "probe")
-"""Sections whose items have names."""
 REFERENCES = (("body", "material"), ("support", "body"), ("load", "body"), ("probe", "body"))
 """Section and key of a name, which is that of the section of the item that it names."""
-BOUNDARIES = (("support", "boundary"), ("load", "boundary"), ("contact", "slave"), ("contact", "master"))
-"""Section and key of names of boundaries."""
 
 
 def _name_faults(scope: Scope) -> Iterator[Fault]:
@@ -224,7 +217,7 @@ def _name_faults(scope: Scope) -> Iterator[Fault]:
         if name not in names:
             yield Fault(path, f'{text}there is no {section} "{name}"', suggestion(name, names, plural))
 
-    for section in NAMED:
+    for section in ("material", "body", "load", "contact", "probe"):
         names = scope.names(section)
         for number, name in enumerate(names[: len(getattr(scope.case, section))]):
             if name in names[:number]:
@@ -237,7 +230,8 @@ def _name_faults(scope: Scope) -> Iterator[Fault]:
         if name not in used and not scope.missing("body"):
             hint = f'remove it, or write material = "{name}" in a body'
             yield Fault(("material", name), "no body uses this material", hint)
-    for section, key in BOUNDARIES:
+    sides = (("support", "boundary"), ("load", "boundary"), ("contact", "slave"), ("contact", "master"))
+    for section, key in sides:
         for path, boundary in texts(section, key):
             body, edge = split_boundary(boundary)
             yield from unknown(path, body, "body", f'"{boundary}": ')

@@ -4,87 +4,44 @@ from __future__ import annotations
 
 import shutil
 import subprocess
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mlsanm_cli import __version__
-from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.files import replacing
 from mlsanm_cli.io.plots.cloud import BodyPicture, draw_bodies, range_of
-from mlsanm_cli.io.plots.curves import visible_range
-from mlsanm_cli.io.plots.figures import COLOURS, refuse_suffix, style
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from mlsanm_cli.io.plots.curves import Picture, draw_curves
+from mlsanm_cli.io.plots.figures import refuse_suffix, style
 
 ByteArray = NDArray[np.uint8]
 LAST_FRAME_MS = 1500
 """Duration in milliseconds of the last frame."""
 
 
-def animate_pressure(
-    path: Path,
-    contact: str,
-    arc: FloatArray,
-    pressure: FloatArray,
-    titles: Sequence[str],
-    arc_label: str,
-    pressure_label: str,
-) -> None:
-    """Writes a GIF or MP4 of pressures (frames, m) at the arc lengths ``arc`` (m,). Raises RunError."""
-    left, right = visible_range(arc, pressure)
-    highest = float(pressure.max(initial=0.0)) or 1.0
-
-    def frames() -> Iterator[Figure]:
-        figure = _figure(6.4, 3.8)
-        axes = figure.subplots()
-        (curve,) = axes.plot(arc, arc, color=COLOURS[0], marker="o", markersize=2.0, linewidth=1.0)
-        axes.set(xlim=(left, right), ylim=(0.0, 1.05 * highest), xlabel=arc_label, ylabel=pressure_label)
-        for values, title in zip(pressure, titles, strict=True):
-            curve.set_ydata(values)
-            area = axes.fill_between(arc, values, color=COLOURS[0], alpha=0.2, linewidth=0.0)
-            axes.set_title(f"Contact pressure, {contact}, {title}")
-            yield figure
-            area.remove()
-            # All frames keep the layout of the first.
-            figure.set_layout_engine("none")
-
-    _write(path, frames, colours=64)
-
-
-def animate_bodies(path: Path, states: Sequence[BodyPicture]) -> None:
-    """Writes a GIF or MP4 of deformed bodies, with common colours and axes. Raises RunError."""
-    limits = range_of([body for state in states for body in state.bodies], states[0].rest)
-    x0, x1, y0, y1 = zip(*(state.window for state in states), strict=True)
-    window = (min(x0), max(x1), min(y0), max(y1))
-
-    def frames() -> Iterator[Figure]:
-        for state in states:
-            figure = _figure(6.4, 4.8)
-            draw_bodies(figure, state, [window], limits)
-            yield figure
-
-    _write(path, frames, colours=256)
-
-
-def _figure(width: float, height: float) -> Figure:
+def animate(path: Path, frames: Sequence[Picture | BodyPicture]) -> None:
+    """Writes pictures as a GIF or MP4; bodies have common colours and axes. Raises RunError."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    return Figure(figsize=(width, height), layout="constrained", dpi=100)
-
-
-def _write(path: Path, frames: Callable[[], Iterator[Figure]], colours: int) -> None:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
     refuse_suffix(path, (".gif", ".mp4"))
+    states = [frame for frame in frames if isinstance(frame, BodyPicture)]
+    windows = np.array([state.window for state in states] or np.zeros((1, 4)))
+    (x0, _, y0, _), (_, x1, _, y1) = windows.min(axis=0).tolist(), windows.max(axis=0).tolist()
+    limits = range_of([body for state in states for body in state.bodies], states[0].rest if states else 0.0)
     pixels = []
     with style():
-        for figure in frames():
+        for frame in frames:
+            size = (6.4, 4.8) if isinstance(frame, BodyPicture) else frame.size
+            figure = Figure(figsize=size, layout="constrained", dpi=100)
+            if isinstance(frame, BodyPicture):
+                draw_bodies(figure, frame, [(x0, x1, y0, y1)], limits)
+            else:
+                draw_curves(figure, frame)
             canvas: Any = FigureCanvasAgg(figure)
             canvas.draw()
             pixels.append(np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[:, :, :3]))
@@ -98,7 +55,9 @@ def _write(path: Path, frames: Callable[[], Iterator[Figure]], colours: int) -> 
         from PIL import Image
 
         dither, comment = Image.Dither.NONE, f"mlsanm {__version__}".encode()
-        first, *others = (Image.fromarray(frame).quantize(colours, dither=dither) for frame in pixels)
+        first, *others = (
+            Image.fromarray(frame).quantize(256 if states else 64, dither=dither) for frame in pixels
+        )
         times: Any = {"duration": [milliseconds] * len(others) + [LAST_FRAME_MS], "loop": 0}
         first.save(temporary, format="GIF", save_all=True, append_images=others, comment=comment, **times)
 

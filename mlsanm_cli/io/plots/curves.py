@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.io.plots.figures import COLOURS, MARKERS, picture
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 OUTSIDE = "outside right upper"
 _STYLES = ("-", "--", ":", "-.")
@@ -53,47 +56,52 @@ class Picture(NamedTuple):
 
 def draw(path: Path, wanted: Picture) -> None:
     """Draws a picture of curves. Raises RunError if ``path`` cannot be written."""
-    count, place = len(wanted.panels), wanted.legend
     with picture(path, *wanted.size) as figure:
-        shared: Any = {"sharex": True, "height_ratios": [3] * (count > 1) + [1]}
-        shape, shared = ((1, count), {"sharey": True}) if wanted.beside else ((count, 1), shared)
-        panels = figure.subplots(*shape, squeeze=False, **shared).ravel()
-        for axes, panel in zip(panels, wanted.panels, strict=True):
-            for number, curve in enumerate(panel.curves):
-                colour, marker = COLOURS[number % len(COLOURS)], MARKERS[number % len(MARKERS)]
-                line = _STYLES[number // len(COLOURS) % len(_STYLES)]
-                numbered = {"color": colour, "linestyle": line, "marker": marker, **node_marks(len(curve.x))}
-                look = dict(numbered if curve.look is None else curve.look)
-                look |= {} if curve.joined else {"linestyle": "none", "markersize": 5.0}
-                axes.plot(curve.x, curve.y, label=curve.label or None, **look)
-            for begin, end, colour, label in panel.bands:
-                axes.axvspan(begin, end, color=colour, alpha=0.15, linewidth=0.0, label=label or None)
-            for text, x, y in panel.notes:
-                axes.annotate(text, (x, y), (5, 3), textcoords="offset points", fontsize=7.5)
-            if panel.cut_off:
-                look = {
-                    "transform": axes.transAxes,
-                    "ha": "center",
-                    "va": "top",
-                    "fontsize": 8,
-                    "color": "#555555",
-                }
-                axes.text(0.5, 0.98, panel.cut_off, **look)
-            axes.set(xscale=panel.scale, yscale=panel.scale)
-            if panel.scale == "linear":
-                # Labels of small numbers, as 0.00025, would overlap: a power of ten stands at the axis.
-                axes.ticklabel_format(scilimits=(-2, 4))
-                axes.locator_params(axis="x", nbins=7)
-            axes.set(xlim=panel.x_limits, ylim=panel.y_limits, xlabel=panel.x_label, ylabel=panel.y_label)
-        panels[0].set_title(wanted.title)
-        for axes in panels[1:] if wanted.beside else panels[:-1]:
-            axes.set_ylabel("") if wanted.beside else axes.set_xlabel("")
-        if place.startswith("outside"):
-            columns = len(wanted.panels[0].curves) if "center" in place else 1
-            figure.legend(*panels[0].get_legend_handles_labels(), loc=place, ncols=columns)
-        elif place:
-            panels[0].legend(loc=place)
-        figure.align_ylabels()
+        draw_curves(figure, wanted)
+
+
+def draw_curves(figure: Figure, wanted: Picture) -> None:
+    """Draws the panels of a picture into a figure."""
+    count, place = len(wanted.panels), wanted.legend
+    shared: Any = {"sharex": True, "height_ratios": [3] * (count > 1) + [1]}
+    shape, shared = ((1, count), {"sharey": True}) if wanted.beside else ((count, 1), shared)
+    panels = figure.subplots(*shape, squeeze=False, **shared).ravel()
+    for axes, panel in zip(panels, wanted.panels, strict=True):
+        for number, curve in enumerate(panel.curves):
+            colour, marker = COLOURS[number % len(COLOURS)], MARKERS[number % len(MARKERS)]
+            line = _STYLES[number // len(COLOURS) % len(_STYLES)]
+            numbered = {"color": colour, "linestyle": line, "marker": marker, **node_marks(len(curve.x))}
+            look = dict(numbered if curve.look is None else curve.look)
+            look |= {} if curve.joined else {"linestyle": "none", "markersize": 5.0}
+            axes.plot(curve.x, curve.y, label=curve.label or None, **look)
+        for begin, end, colour, label in panel.bands:
+            axes.axvspan(begin, end, color=colour, alpha=0.15, linewidth=0.0, label=label or None)
+        for text, x, y in panel.notes:
+            axes.annotate(text, (x, y), (5, 3), textcoords="offset points", fontsize=7.5)
+        if panel.cut_off:
+            look = {
+                "transform": axes.transAxes,
+                "ha": "center",
+                "va": "top",
+                "fontsize": 8,
+                "color": "#555555",
+            }
+            axes.text(0.5, 0.98, panel.cut_off, **look)
+        axes.set(xscale=panel.scale, yscale=panel.scale)
+        if panel.scale == "linear":
+            # Labels of small numbers, as 0.00025, would overlap: a power of ten stands at the axis.
+            axes.ticklabel_format(scilimits=(-2, 4))
+            axes.locator_params(axis="x", nbins=7)
+        axes.set(xlim=panel.x_limits, ylim=panel.y_limits, xlabel=panel.x_label, ylabel=panel.y_label)
+    panels[0].set_title(wanted.title)
+    for axes in panels[1:] if wanted.beside else panels[:-1]:
+        axes.set_ylabel("") if wanted.beside else axes.set_xlabel("")
+    if place.startswith("outside"):
+        columns = len(wanted.panels[0].curves) if "center" in place else 1
+        figure.legend(*panels[0].get_legend_handles_labels(), loc=place, ncols=columns)
+    elif place:
+        panels[0].legend(loc=place)
+    figure.align_ylabels()
 
 
 def node_marks(count: int) -> dict[str, Any]:

@@ -106,7 +106,7 @@ def test_outcomes(name: str) -> None:
     for level, outcome in ((limit.warns, "warned"), (limit.fails, "failed")):
         if level is not None:
             past = Check(name, level + 0.01 * beyond * max(level, 1.0), "")
-            assert (past.outcome, past.limit) == (outcome, level)
+            assert past.judged == (outcome, level)
             assert Check(name, level, "").outcome != outcome
     assert Check(name, np.nan, "", fails=1.0).outcome == "failed"
 
