@@ -1,5 +1,5 @@
-"""Coercivity of bodies and contacts: the resistance of a contact's compliance to every pressure that its nodes
-can carry. Equation (12) of docs/method.md."""
+"""Coercivity of bodies and contacts: the resistance of a contact to every pressure that its nodes can carry.
+Equation (12) of docs/method.md."""
 
 from __future__ import annotations
 
