@@ -1,7 +1,6 @@
-"""A-posteriori error estimates of the displacements and of the pressure of every contact: the root of the sum
-of squares of the differences between the exact state at the end of the path and those with bodies corrected by
-their defect of the next degree, without smoothing along contacts, with every second contact node, and of a
-regularised law; not a bound.
+"""A-posteriori error estimates of displacements and pressures: the root of the sum of squares of the
+differences between the exact state at the end of the path and those with bodies corrected by their defect of
+the next degree, without smoothing along contacts, with every second contact node, and of a regularised law.
 """
 
 from __future__ import annotations
