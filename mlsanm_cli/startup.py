@@ -9,7 +9,6 @@ accessed that their compiled modules do not have.
 
 from __future__ import annotations
 
-import atexit
 import gc
 import importlib
 import os
@@ -49,8 +48,8 @@ DEFERRED = frozenset(
 @contextmanager
 def lean_imports() -> Iterator[None]:
     """A block of imports in which deferred modules are not executed, and the garbage collector is off.
-    Imported objects are permanent, so they are excluded from later collections, and everything is at the end
-    of the process. If numpy has been imported already, as in another program, nothing is changed."""
+    Imported objects are permanent, so they are excluded from later collections. If numpy has been imported
+    already, as in another program, nothing is changed."""
     if "numpy" in sys.modules:
         yield
         return
@@ -59,7 +58,6 @@ def lean_imports() -> Iterator[None]:
     # h5py calls platform.uname, which would start a process to find the processor.
     vars(platform.uname())["processor"] = platform.machine()
     sys.meta_path.insert(0, _Deferring())
-    atexit.register(gc.freeze)
     collects = gc.isenabled()
     gc.disable()
     try:

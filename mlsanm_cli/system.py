@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import errno
 import os
-import platform
 import signal
 import stat
 import sys
@@ -30,10 +29,6 @@ LOCKED_BYTE = 2**30
 
 MAX_RENAMES, RENAME_INTERVAL = 50, 0.1
 """Attempts to rename a file that others are reading, and seconds between them."""
-
-
-def host() -> str:
-    return platform.node()
 
 
 def open_regular(path: Path, flags: int) -> int:

@@ -4,6 +4,7 @@ time."""
 from __future__ import annotations
 
 import os
+import platform
 import re
 import shlex
 from collections.abc import Iterable, Iterator
@@ -16,7 +17,7 @@ from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.files import TEMPORARY_SUFFIX, cannot_write, check_seal
 from mlsanm_cli.io.schema import INTERFACE_COLUMNS
 from mlsanm_cli.io.self_contained import HDF5_SIGNATURE
-from mlsanm_cli.system import host, open_regular, try_lock
+from mlsanm_cli.system import open_regular, try_lock
 
 RUN_FILE = "run.h5"
 SUMMARY_FILE = "summary.json"
@@ -250,7 +251,7 @@ def _acquire(path: Path) -> int | None:
             with suppress(FileNotFoundError):
                 if os.path.samestat(os.fstat(fd), path.stat()):
                     os.ftruncate(fd, 0)
-                    os.write(fd, f"process {os.getpid()} on {host()}".encode())
+                    os.write(fd, f"process {os.getpid()} on {platform.node()}".encode())
                     return fd
         except OSError:
             os.close(fd)

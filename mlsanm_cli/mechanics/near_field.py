@@ -44,10 +44,6 @@ class PointForceField(Protocol):
     def stress(self, w: ComplexArray) -> FloatArray:
         """Stresses (..., 3, 2) at ``w`` (...)."""
 
-    def through(self, first: ComplexArray, last: ComplexArray) -> FloatArray:
-        """Force (..., 2, 2) transmitted to the right through any line from ``first`` to ``last`` (...) that
-        subtends less than pi; it has no moment about the origin."""
-
     def along(self, tangent: ComplexArray) -> FloatArray:
         """Traction (..., 2, 2) next to the force per unit curvature, by the unit ``tangent`` (...)."""
 
@@ -65,11 +61,6 @@ class Isotropic:
 
     def stress(self, w: ComplexArray) -> FloatArray:
         return -2.0 / np.pi * radial_stress(_flat(w)).reshape(*w.shape, 3, 2)
-
-    def through(self, first: ComplexArray, last: ComplexArray) -> FloatArray:
-        turn, twice = np.angle(last / first), 0.5 * (last / np.conj(last) - first / np.conj(first))
-        rows = [[turn + twice.imag, -twice.real], [-twice.real, turn - twice.imag]]
-        return -_table(rows) / np.pi
 
     def along(self, tangent: ComplexArray) -> FloatArray:
         x, y = tangent.real, tangent.imag
@@ -112,9 +103,6 @@ class Anisotropic:
 
     def stress(self, w: ComplexArray) -> FloatArray:
         return self._sums([self.roots**2, self.roots**0, -self.roots], 1.0 / self._own(w))
-
-    def through(self, first: ComplexArray, last: ComplexArray) -> FloatArray:
-        return self._sums([self.roots, -(self.roots**0)], np.log(self._own(last) / self._own(first)))
 
     def along(self, tangent: ComplexArray) -> FloatArray:
         # Leading terms of sigma(w) n(w) along w = e t - e^2 n / 2 on a surface of unit curvature.
@@ -226,27 +214,6 @@ class SurfaceForces:
             found -= traction(self.kernel.stress((z - self.center)[:, None]), normal[:, None])
         return found
 
-    def through(self, first: ComplexArray, last: ComplexArray) -> FloatArray:
-        """Force (e, k, 2, 2) transmitted outwards through parts of the outline from ``first`` to ``last``
-        (e,), without the point forces on them; its line of action passes through the forces
-        (:meth:`through_center`)."""
-        one, other = first[:, None] - self.place, last[:, None] - self.place
-        ahead = -1j * self.inward
-        # A force at the end of a part: use the tangent there as the line of sight.
-        none = ROUND_OFF * np.abs(last - first)[:, None]
-        starts, ends = np.abs(one) <= none, np.abs(other) <= none
-        one, other = np.where(starts, ahead, one), np.where(ends, -ahead, other)
-        behind, before = (one / ahead).real < 0.0, (other / ahead).real > 0.0
-        near = np.maximum(np.abs(one), np.abs(other)) <= ON_PART * np.abs(last - first)[:, None]
-        return self.kernel.through(np.where(behind & before & near, -one, one), other)
-
-    def through_center(self, first: ComplexArray, last: ComplexArray) -> FloatArray:
-        """The same (e, 2, 2) of the force at the center, acting there."""
-        assert self.center is not None
-        return -self.kernel.through(first - self.center, last - self.center)
-
 
 AT_FORCE = 5e-6
 """Points closer to a force than this fraction of the coordinates get the traction at the force."""
-ON_PART = 1.01
-"""A force lies on a part of the outline if both ends are within this times its length."""

@@ -21,6 +21,7 @@ Equations (3) and (3a) of docs/method.md.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping
+from functools import cached_property
 from types import MappingProxyType
 from typing import Any, TypeAlias
 
@@ -214,14 +215,23 @@ class Pieces:
         # A uniform force has no moment about the centroid of the piece with its exact outline.
         even = force.mean(axis=0) * (not cloud.revolved)
         total[: 2 * self.count] = np.outer(even, self.size**2).ravel()
-        rest = force - even
+        return np.asarray(total + self._of_forces @ (force - even).T.ravel())
+
+    @cached_property
+    def _of_forces(self) -> sparse.csr_array:
+        """Matrix (3k, 2n) from a body force, linear between nodes, to force and moment on the pieces."""
+        cloud, total = self.cloud, sparse.csr_array((3 * self.count, 2 * len(self.cloud.points)))
         node, at, area, share = cell_quadrature(cloud.points, cloud.triangles)
-        parts = [(node[:, 0], at, area, (share[:, :, None] * rest[node]).sum(axis=1))]
+        parts = [(node, at, area[:, None] * share)]
         for own, _, places, weight in list(self._rings(FINE))[1:]:
-            parts.append((own.ravel(), places.reshape(-1, 2), weight.ravel(), rest[own.ravel()]))
-        for own, at, area, values in parts:
-            total += self.gathered(own, at, (area * cloud.around(at))[:, None] * values)
-        return total
+            parts.append((own.reshape(-1, 1), places.reshape(-1, 2), weight.reshape(-1, 1)))
+        for nodes, at, weight in parts:
+            entries = (weight * cloud.around(at)[:, None]).ravel()
+            where = np.repeat(np.arange(len(at)), nodes.shape[1]), nodes.ravel()
+            values = sparse.csr_array((entries, where), shape=(len(at), len(cloud.points)))
+            spread = self._spread_from(nodes[:, 0], at)[:, : 2 * len(at)]
+            total = total + spread @ sparse.block_diag([values, values], format="csr")
+        return sparse.csr_array(total)
 
     def gathered(self, nodes: IntArray, points: FloatArray, force: FloatArray) -> FloatArray:
         """Force and moment (3k, ...) on the pieces of ``nodes`` by forces (e, 2, ...) at ``points`` (e,

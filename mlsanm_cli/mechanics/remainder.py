@@ -14,13 +14,13 @@ from types import MappingProxyType
 
 import numpy as np
 
-from mlsanm_cli.arrays import FloatArray, IntArray
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cells import FINE, Halves, graded_quadrature
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.corner import CorneredForces, Forces
 from mlsanm_cli.mechanics.corner_faces import smooth_step
-from mlsanm_cli.mechanics.near_field import ComplexArray, as_complex, as_real
+from mlsanm_cli.mechanics.near_field import as_complex, as_real
 from mlsanm_cli.mechanics.springs import FREE, NO_SPRING
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
@@ -42,11 +42,8 @@ def remainder_sources(
     cloud, pieces = body.model.cloud, body.pieces
     count = len(forces.place)
     source = np.zeros((body.rows, count, 2))
-    loads = np.zeros((3 * pieces.count, count, 2))
-    sent: dict[str, FloatArray] = {}
-    if isinstance(forces, CorneredForces):
-        sent = {name: _tractions(one, forces, _halves(one, forces)) for name, one in cloud.surfaces.items()}
-        loads += _balancing(body, forces, sent)
+    sent = {name: _tractions(one, forces, _halves(one, forces)) for name, one in cloud.surfaces.items()}
+    loads = _balancing(body, forces, sent)
     for name, surface in cloud.surfaces.items():
         z, normal = as_complex(cloud.points[surface.index]), as_complex(surface.normal)
         values = -forces.traction(z, normal, surface.curve.curvature(surface.arc_length))
@@ -57,7 +54,7 @@ def remainder_sources(
             values = np.where(np.array(held)[:, None], -moved, values)
         for component in (0, 1):
             source[body.condition_rows(name, component)] = values[:, :, component]
-        loads += _on_pieces(body, name, surface, forces, sent.get(name))
+        loads += _on_pieces(body, name, surface, forces, sent[name])
     for node in dict.fromkeys(node for node, _ in body.held_nodes):
         felt = pins.get(node)
         if felt is None:
@@ -89,36 +86,21 @@ def remainder_sources(
 
 
 def _on_pieces(
-    body: ElasticBody, name: str, surface: Surface, forces: Forces, sent: FloatArray | None
+    body: ElasticBody, name: str, surface: Surface, forces: Forces, sent: FloatArray
 ) -> FloatArray:
-    """Force and moment (3p, k, 2) on the pieces by the remainder's tractions on a surface: exact on a free
-    one, by the resultants of the fields, else integrals of the tractions ``sent`` (g, k, 2, 2)."""
-    pieces, restrained = body.pieces, np.array(body.restrained.get(name, FREE))
-    springs = np.array(body.soft_springs.get(name, NO_SPRING))
-    count = len(forces.place)
-    total = np.zeros((3 * pieces.count, count, 2))
-    if restrained.all():
-        return total
-    along = restrained.any() or sent is not None
-    if not (along or isinstance(forces, CorneredForces)):
-        *ends, own = _parts(surface)
-        nodes = surface.index[own]
-        total -= _along_lines(body, nodes, forces.through(*ends), as_real(forces.place))
-        if forces.center is not None:
-            by_center = np.repeat(forces.through_center(*ends)[:, None], count, axis=1)
-            total -= _along_lines(body, nodes, by_center, as_real(np.array([forces.center])))
-    if along or springs.any():
-        halves = _halves(surface, forces)
-        points, z = surface.curve.points(halves.arc), as_complex(surface.curve.points(halves.arc))
-        values = -springs[:, None] * forces.displacement(z) if springs.any() else 0.0
-        if along:
-            values = values - (_tractions(surface, forces, halves) if sent is None else sent)
-        force = halves.length[:, None, None, None] * np.where(restrained[:, None], 0.0, values)
-        total += pieces.gathered(surface.index[halves.own], points, np.moveaxis(force, 2, 1))
-    return total
+    """Force and moment (3p, k, 2) on the pieces by the remainder's tractions on a surface, minus those of the
+    fields, ``sent`` (g, k, 2, 2), and the springs' there."""
+    restrained, springs = body.restrained.get(name, FREE), np.array(body.soft_springs.get(name, NO_SPRING))
+    halves = _halves(surface, forces)
+    points = surface.curve.points(halves.arc)
+    values = -sent
+    if springs.any():
+        values = values - springs[:, None] * forces.displacement(as_complex(points))
+    force = halves.length[:, None, None, None] * np.where(np.array(restrained)[:, None], 0.0, values)
+    return body.pieces.gathered(surface.index[halves.own], points, np.moveaxis(force, 2, 1))
 
 
-def _balancing(body: ElasticBody, forces: CorneredForces, sent: Mapping[str, FloatArray]) -> FloatArray:
+def _balancing(body: ElasticBody, forces: Forces, sent: Mapping[str, FloatArray]) -> FloatArray:
     """Loads of the pieces (3p, k, 2) that compensate the quadrature error of the tractions ``sent`` by
     surface, distributed like a rigid motion along the loaded surfaces."""
     loaded, bearing = as_real(forces.place), []
@@ -166,26 +148,6 @@ def _tractions(surface: Surface, forces: Forces, halves: Halves) -> FloatArray:
     return forces.traction(z, normal, surface.curve.curvature(halves.arc))
 
 
-def _parts(surface: Surface) -> tuple[ComplexArray, ComplexArray, IntArray]:
-    """Start and end points of the half intervals between neighbouring nodes, and their nodes."""
-    arc, after = surface.arc_length, np.arange(1, len(surface.index))
-    if surface.curve.closed:
-        arc, after = np.append(arc, surface.curve.length), np.append(after, 0)
-    nodes, middles = (as_complex(surface.curve.points(s)) for s in (arc, 0.5 * (arc[1:] + arc[:-1])))
-    first, last = np.concatenate([nodes[:-1], middles]), np.concatenate([middles, nodes[1:]])
-    return first, last, np.concatenate([np.arange(len(middles)), after])
-
-
-def _along_lines(body: ElasticBody, nodes: IntArray, force: FloatArray, at: FloatArray) -> FloatArray:
-    """Force and moment (3p, k, 2) on pieces of ``nodes`` by ``force`` (e, k, 2, 2) along lines through
-    ``at``."""
-    pieces = body.pieces
-    sums = pieces.gathered(nodes, body.model.cloud.points[nodes], np.moveaxis(force, 2, 1))
-    x, y, _ = sums.reshape(3, pieces.count, *sums.shape[1:])
-    arm = (at - pieces.middle[:, None]) / pieces.size[:, None, None]
-    return np.concatenate([x, y, arm[:, :, :1] * y - arm[:, :, 1:] * x])
-
-
 def reaction_of(body: ElasticBody, name: str, center: tuple[float, float], forces: Forces) -> FloatArray:
     """Force and moment about ``center`` (3, 2k) of a held surface, from the near fields of unit forces."""
     surface, held = body.model.cloud.surfaces[name], np.array(body.restrained[name])
@@ -195,14 +157,6 @@ def reaction_of(body: ElasticBody, name: str, center: tuple[float, float], force
         held[:, None], _tractions(surface, forces, halves), 0.0
     )
     total = _moment((points - np.array(center))[:, None], force).sum(axis=1)
-    if held.all() and not isinstance(forces, CorneredForces):
-        *ends, _ = _parts(surface)
-        whole = forces.through(*ends).sum(axis=0)
-        arm = as_real(forces.place) - np.array(center)
-        total = _moment(arm, whole)
-        if forces.center is not None:
-            more = np.repeat(forces.through_center(*ends).sum(axis=0)[None], len(arm), axis=0)
-            total = total + _moment(as_real(np.array([forces.center])) - np.array(center), more)
     return np.ascontiguousarray(np.moveaxis(total, 2, 1)).reshape(3, -1)
 
 

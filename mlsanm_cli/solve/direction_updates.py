@@ -24,7 +24,6 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.contact.complementarity.basis import Basis, SingularError
-from mlsanm_cli.contact.complementarity.problem import ContactStatus
 from mlsanm_cli.contact.laws.contact_state import ContactState, response
 from mlsanm_cli.contact.laws.failures import UnbalancedError
 from mlsanm_cli.contact.response.condensed import Condensed
@@ -184,19 +183,13 @@ class Turned:
 
 def rolling(scene: Scene, condensed: Condensed, state: ContactState) -> UnbalancedError | None:
     """The error that loads rotate a body without resistance in a state, which then is not on any path."""
-    turned = turned_by_loads(scene, condensed, state.unknowns[1:], state.status)
+    turned = turned_by_loads(scene, condensed, state)
     return turned.error if turned else None
 
 
-def turned_by_loads(
-    scene: Scene,
-    condensed: Condensed,
-    unknowns: tuple[FloatArray, FloatArray, FloatArray],
-    sets: ContactStatus,
-) -> Turned | None:
-    """The body rotated by loads with the largest omitted moment, in a state of motions (k,), pressures (m,)
-    and tractions (n,) with its ``sets``; None if there is none."""
-    motion, pressure, traction = unknowns
+def turned_by_loads(scene: Scene, condensed: Condensed, state: ContactState) -> Turned | None:
+    """The body rotated by loads with the largest omitted moment in a state; None if there is none."""
+    _, motion, pressure, traction = state.unknowns
     turning, moments = list[int](), list[float]()
     for number, (constraint, one) in enumerate(scene.unknown_motions):
         angle = abs(float(motion[number]))
@@ -214,7 +207,7 @@ def turned_by_loads(
     if not turning:
         return None
     try:
-        basis = Basis.near(condensed.problem, sets)
+        basis = Basis.near(condensed.problem, state.status)
     except SingularError:
         return None
     if basis.held.size:
@@ -230,13 +223,11 @@ def turned_by_loads(
     return Turned(bodies, abs(float(motion[number])), float(shares.real[worst]))
 
 
-def moment_error(
-    scene: Scene, condensed: Condensed, motion: FloatArray, pressure: FloatArray, traction: FloatArray
-) -> Turned | None:
+def moment_error(scene: Scene, condensed: Condensed, unknowns: Sequence[FloatArray]) -> Turned | None:
     """The floating body whose contacts' omitted moment is the largest part, ``share``, of that of their
-    tractions, in a state of motions (k,), pressures (m,) and tractions (n,); None if none has rotated. Where
-    all nodes of its contacts slip, the loads that turn it are too large by this part."""
-    found: list[Turned] = []
+    tractions, in a state f, q, p, t; None if none has rotated. Where all nodes of its contacts slip, the
+    loads that turn it are too large by this part."""
+    (_, motion, pressure, traction), found = unknowns, list[Turned]()
     for (constraint, one), angle in zip(scene.unknown_motions, np.abs(motion), strict=True):
         if not constraint.floats or one.component != ROTATION or angle <= MIN_ROTATION:
             continue

@@ -80,10 +80,10 @@ def near_limit(condensed: Condensed, stages: FloatArray) -> tuple[FloatArray, fl
 
 
 def beyond_limit(
-    scene: Scene, condensed: Condensed, stages: FloatArray, error: UnbalancedError
-) -> UnbalancedError:
-    """The error that no state balances the loads at the end of a stage, or the limit load."""
-    limit = _first_limit(condensed, stages)
+    scene: Scene, condensed: Condensed, stages: FloatArray, error: NumericalError
+) -> NumericalError:
+    """The error of a state that is not found, or the limit load if none balances the loads."""
+    limit = _first_limit(condensed, stages) if isinstance(error, UnbalancedError) else None
     return error if limit is None else UnbalancedError(*_named(scene, condensed, stages, limit))
 
 
@@ -119,12 +119,9 @@ def _named(scene: Scene, condensed: Condensed, stages: FloatArray, limit: Limit)
     # A motion that opens contacts would close others without its rotations.
     straight = condensed.gap.motion @ np.where(turns, 0.0, motion) * np.sign(opening.sum())
     pushed = straight.min(initial=0.0) < -COARSE_ROUND_OFF * np.abs(opening).max(initial=0.0)
-    if slides:
-        how = SLIDES if several else f"{SLIDES}s"
-    elif turns.any() and (pressed or pushed):
-        how = "tip over" if several else "tips over"
-    else:
-        how = "lose contact" if several else "loses contact"
+    tips = turns.any() and (pressed or pushed)
+    verb, rest = (SLIDES, "") if slides else ("tip", " over") if tips else ("lose", " contact")
+    how = f"{verb}{rest}" if several else f"{verb}s{rest}"
     if limit.part <= COARSE_ROUND_OFF:
         hint = f"fix {names} with a [[support]]" + (", or raise friction" if slides else "")
         return f"{names} {how}: the contacts cannot carry any load added in stage {limit.stage + 1}", hint

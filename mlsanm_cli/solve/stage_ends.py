@@ -58,15 +58,14 @@ def contact_states(
         except NumericalError as error:
             # Loads beyond their limit, or a body not in contact.
             lost = lost or error
-            if skips:
-                continue
-            near = near_limit(condensed, stages) if isinstance(error, UnbalancedError) else None
-            if near is None:
+            if not skips:
                 break
-            return (*states, _resting(scene, condensed, near[0], last))
     if lost is None or (skips and states):
         return tuple(states)
-    raise beyond_limit(scene, condensed, stages, lost) if isinstance(lost, UnbalancedError) else lost
+    near = near_limit(condensed, stages) if isinstance(lost, UnbalancedError) and not skips else None
+    if near is None:
+        raise beyond_limit(scene, condensed, stages, lost)
+    return (*states, _resting(scene, condensed, near[0], last))
 
 
 def _resting(

@@ -264,7 +264,7 @@ END: Sequence[Callable[[End], Iterator[Check]]] = (
 
 def limit_load(built: CondensedScene, state: State) -> Iterator[Check]:
     """A limit load close to a ``state`` that is too large, as contacts do not follow rotated surfaces."""
-    turned = moment_error(built.scene, built.condensed, *state.unknowns[1:])
+    turned = moment_error(built.scene, built.condensed, state.unknowns)
     if turned is None:
         return
     message = f"{turned.names} turns round and round: a mechanism, which limits no load at small strain"

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from mlsanm_cli.app.checks.check import Check
 from mlsanm_cli.app.checks.limits import level
 from mlsanm_cli.contact.complementarity.equilibrium import undetermined
-from mlsanm_cli.contact.complementarity.problem import GRAZING, STICK, ContactStatus
+from mlsanm_cli.contact.complementarity.problem import GRAZING
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.direction_updates import turned_by_loads
 from mlsanm_cli.solve.limit_loads import moving_bodies
@@ -64,15 +65,12 @@ def contact_reach(built: CondensedScene, state: State) -> Iterator[Check]:
 
 def body_rotation(built: CondensedScene, state: State) -> Iterator[Check]:
     """The body that would rotate much farther, or without resistance, by forces where they have moved to."""
-    nodes = built.condensed.friction_nodes
-    stuck = state.status[nodes] == STICK
-    sign = np.where(state.closed[nodes] & ~stuck, np.sign(state.traction), 0.0)
-    sets = ContactStatus(state.closed, stuck, sign)
-    turned = turned_by_loads(built.scene, built.condensed, state.unknowns[1:], sets)
+    contacts = state.contacts(built.condensed.friction_nodes)
+    turned = turned_by_loads(built.scene, built.condensed, contacts)
     if turned is not None and turned.error:
         # Where all nodes slip, as in a disk that settles in a groove, nothing resists a rotation further.
-        sets = built.condensed.problem.touching(state.closed)
-        turned = turned_by_loads(built.scene, built.condensed, state.unknowns[1:], sets)
+        contacts = replace(contacts, status=built.condensed.problem.touching(state.closed))
+        turned = turned_by_loads(built.scene, built.condensed, contacts)
     if turned is not None and turned.error:
         yield Check("body_rotation", turned.share, turned.error.message, turned.hint, turned.names)
     elif turned is not None:

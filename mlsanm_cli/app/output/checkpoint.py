@@ -23,7 +23,6 @@ from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_file import Value
 from mlsanm_cli.io.run_reader import RunData
 from mlsanm_cli.solve.state import Checkpoint, State
-from mlsanm_cli.system import host
 
 REFINEMENT = "checkpoint/refinement"
 
@@ -97,7 +96,7 @@ def attributes(loaded: LoadedCase, argv: tuple[str, ...], threads: int) -> dict[
         "case_path": str(loaded.path),
         "versions": _versions(),
         "cpu": cpu(),
-        "host": host(),
+        "host": platform.node(),
         "threads": threads,
         "mlsanm": __version__,
         **({"strain": "finite"} if loaded.case.model.strain == "finite" else {}),
