@@ -101,9 +101,8 @@ class AnmFollower(Follower):
     def _reach_end(
         self, here: ExpansionPoint, branch: Branch
     ) -> tuple[Branch, Correction, ExpansionPoint | None, Effort]:
-        """Determine the end of a step and factorise there; the step is shortened while that fails. Returns
-        the piece of path, its end, the next expansion point (None at the target, and where the caller leaves
-        the path) and its counts."""
+        """Determine the end of a step, shortened while no tangent can be factorised there: the piece of path,
+        its end, the next expansion point (None at the target, and where the caller leaves) and its counts."""
         length, failure = branch.length, Stopped(StopReason.SINGULAR_TANGENT, "")
         for _ in range(_MAX_SHORTENINGS):
             piece = branch.shortened(length)

@@ -70,10 +70,9 @@ def expand(
     direction: tuple[FloatArray, float],
     unit: float,
 ) -> tuple[Branch, bool]:
-    """Return the series of the path at ``start`` (``order`` solves), as a piece of no length, and whether it
-    does not return to the path but keeps the residual of its start. The tangent has a positive product with
-    ``direction`` and the length ``unit``, a guess of the length of the step. Coefficients that overflow are
-    returned; the residuals computed by the caller show it."""
+    """Return the series of the path at ``start``, as a piece of no length, and whether it keeps the residual
+    of its start. The tangent has a positive product with ``direction`` and the length ``unit``, a guess of
+    the length of the step. Coefficients may overflow."""
     x = np.empty((order + 1, start.x.size))
     lam = np.empty(order + 1)
     slope = start.slope

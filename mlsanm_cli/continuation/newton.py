@@ -38,9 +38,8 @@ _Leg: TypeAlias = tuple[Branch, Correction, ExpansionPoint]
 
 
 class NewtonFollower(Follower):
-    """Follows a path from state to state. With load control the load factor goes straight to ``lam_end`` and
-    may jump over a fold to another branch; with arc-length control steps are shortened until they stay on the
-    path."""
+    """Follows a path from state to state. With load control it may jump over a fold to another branch; with
+    arc-length control steps are shortened until they stay on the path."""
 
     _options: NewtonOptions
     _step_length = 0.0

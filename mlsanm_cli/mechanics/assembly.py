@@ -159,9 +159,8 @@ def rows_of_nodes(
     traction: Callable[[str, int], FloatArray],
     single: sparse.csr_array,
 ) -> sparse.csr_array:
-    """Rows (r, 2N) of nodes: ``equilibrium`` in x and y, conditions of all surfaces, and those of ``single``
-    nodes. Components not ``held`` have the ``traction`` of a surface and component, coefficients (m, 2, b) of
-    first derivatives, in bodies of revolution of the value, too."""
+    """Rows (r, 2N): ``equilibrium`` in x and y, conditions of surfaces, and ``single`` nodes. Components not
+    ``held`` have the ``traction`` of a surface and component, as for :func:`first_order_rows`."""
     blocks, count = list(equilibrium), len(model.cloud.points)
     for name, surface in model.cloud.surfaces.items():
         stencils = model.stencils.take(surface.index)

@@ -56,11 +56,8 @@ def corner_weight(
     cloud: Cloud, restraints: Held, springs: Springs, touching: Collection[str] = ()
 ) -> FloatArray:
     """Factor (n,) on equilibrium and traction rows: min(1, distance / (WEIGHT_REACH thickness))^POWER, with
-    the distance from places where ``restraints`` or ``springs`` change along the boundary.
-
-    Weights that kept growing with the distance would leave the rows at a thin body's support with hardly any
-    weight, and cost the strong rows their digits.
-    """
+    the distance from places where ``restraints`` or ``springs`` change. Without the limit, rows at a thin
+    body's support would have hardly any weight."""
     nodes = singular_changes(cloud, restraints, springs, touching)
     if not len(nodes):
         return np.ones(len(cloud.points))

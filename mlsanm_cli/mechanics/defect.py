@@ -103,11 +103,8 @@ def correct(
 ) -> Corrected:
     """Displacements of a body for ``source`` (r, 1) plus the rigid part ``moved`` (2N,), with their
     correction. Surfaces on ``plates`` are moved by forces; ``memo`` keeps the better fits of small bodies.
-
-    Unrefined solutions suffice for corrections. The displacements are refined until the steps, which share
-    passes through the factor with corrections, are small against these; the first one estimates the error of
-    unrefined solutions. Raises NumericalError as :func:`defect_of`.
-    """
+    The displacements are refined until steps are small against the correction; the first one estimates the
+    error of unrefined solutions. Raises NumericalError as :func:`defect_of`."""
     better = memo.value("next degree", body.model.content, partial(NextDegree, body.model))
     solution = body.system.correction(source)
     size = float(np.linalg.norm(solution))

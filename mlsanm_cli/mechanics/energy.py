@@ -128,12 +128,9 @@ def twice_strain_energy(cloud: Cloud, material: PlaneMaterial, stress: FloatArra
 
 
 def energy_at_tips(model: BodyModel, displacement: FloatArray, stress: FloatArray) -> float:
-    """Correction of :func:`twice_strain_energy` by the triangles around reentrant corners, where the singular
-    stress is not linear between nodes, for ``displacement`` (n, 2) and nodal ``stress`` (n, 3).
-
-    Fitted stresses at the Gauss points of triangles collapsed to the corner nearest to the tip: the integrand
-    times the distance is nearly constant.
-    """
+    """Correction of :func:`twice_strain_energy` by the triangles around reentrant corners, where stress is
+    singular: fitted stresses at the Gauss points of triangles collapsed to the corner nearest to the tip,
+    where the integrand times the distance is nearly constant."""
     around, away = _at_tips(model)
     own = model.cloud.triangles[around]
     own = np.take_along_axis(own, (away[own].argmin(axis=1)[:, None] + np.arange(3)) % 3, axis=1)

@@ -69,13 +69,10 @@ class Isotropic:
 
 @dataclass(frozen=True)
 class Anisotropic:
-    """Near field of an anisotropic material: characteristic ``roots`` (2,) and displacement factors ``p``,
-    ``q`` (2,).
-
-    Lekhnitskii, Theory of Elasticity of an Anisotropic Body, 1963, chapters 2 and 3: with z_k = x + root_k y
-    and the potentials Phi_k = C_k log z_k, stresses are 2 Re sum (root_k^2, 1, -root_k) Phi_k' and
-    displacements 2 Re sum (p_k, q_k) Phi_k.
-    """
+    """Near field of an anisotropic material: characteristic ``roots`` (2,), displacement factors ``p``, ``q``
+    (2,). With z_k = x + root_k y and the potentials Phi_k = C_k log z_k, stresses are 2 Re sum (root_k^2, 1,
+    -root_k) Phi_k', displacements 2 Re sum (p_k, q_k) Phi_k (Lekhnitskii, Theory of Elasticity of an
+    Anisotropic Body, 1963)."""
 
     roots: ComplexArray
     p: ComplexArray

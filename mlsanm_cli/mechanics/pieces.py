@@ -93,9 +93,8 @@ class Pieces:
         return strength / self.cloud.around(self.middle)
 
     def fluxes(self, stress: StressAround, held: Held, rule: Rule, wanted: BoolArray | None = None) -> Any:
-        """Rows or values (3k, ...) of minus the force and moment of a ``stress`` that leave every piece
-        through inner faces and ``held`` components of the outline; at least those of ``wanted`` pieces
-        (k,)."""
+        """Rows or values (3k, ...) of minus the force and moment of a ``stress`` that leave every piece, at
+        least those ``wanted`` (k,), through inner faces and ``held`` components of the outline."""
         wanted = np.ones(self.count, dtype=bool) if wanted is None else wanted
         parts = []
         for matrix, middle, points, normals in self._faces(held, wanted, rule):

@@ -122,8 +122,7 @@ def pins(points: FloatArray, free: RigidBodyModes) -> list[tuple[int, int]]:
 
 class FreeSystem:
     """The system of a ``body`` with d free rigid motions, without the effect of its ``pinned`` (node,
-    component) pairs. Right-hand sides of the d rows from ``first_pin`` on are the mean motions of the
-    solution."""
+    component) pairs; the d rows from ``first_pin`` on prescribe the mean motions of the solution."""
 
     def __init__(self, body: ElasticBody, pinned: Sequence[tuple[int, int]]) -> None:
         cloud, free = body.model.cloud, body.free

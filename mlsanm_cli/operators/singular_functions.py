@@ -55,10 +55,9 @@ ComplexArray: TypeAlias = NDArray[np.complex128]
 
 @dataclass(frozen=True)
 class SingularCorner:
-    """Singular functions of a corner at ``place``. The material fills the angle ``half`` on either side of
-    the ``axis``; ``modes`` are the exponents and kinds of its displacements, ``kappa`` is Muskhelishvili's
-    constant. ``strengths`` (m, k) are the coefficients of the functions by the values at nodes ``indices``
-    (k,) of the fit of this ``radius``."""
+    """Singular functions of a corner at ``place``, the material on ``half`` an angle on either side of the
+    ``axis``; ``modes`` are exponents and kinds, ``kappa`` Muskhelishvili's constant. ``strengths`` (m, k) are
+    the coefficients by the values at nodes ``indices`` (k,) of the fit of this ``radius``."""
 
     place: complex
     axis: complex
