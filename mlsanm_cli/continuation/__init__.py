@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.continuation.anm import AnmFollower
 from mlsanm_cli.continuation.corrector import Correction, Effort, correct
 from mlsanm_cli.continuation.newton import NewtonFollower
 from mlsanm_cli.continuation.path import Follower, Step, StopReason
 from mlsanm_cli.continuation.problem import (
     AnmOptions,
-    FloatArray,
     NewtonOptions,
     PathOptions,
     Problem,
@@ -24,7 +24,6 @@ __all__ = [
     "Branch",
     "Correction",
     "Effort",
-    "FloatArray",
     "Follower",
     "NewtonOptions",
     "PathOptions",

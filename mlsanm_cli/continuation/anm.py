@@ -17,10 +17,16 @@ from contextlib import suppress
 
 import numpy as np
 
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.continuation.corrector import Correction, Effort, correct_end, point_at, residual_norm
-from mlsanm_cli.continuation.expansion import ExpansionPoint, expand
 from mlsanm_cli.continuation.path import Follower, Step, Stopped, StopReason
-from mlsanm_cli.continuation.problem import MIN_LENGTH, AnmOptions, FloatArray, SingularTangentError
+from mlsanm_cli.continuation.problem import (
+    MIN_LENGTH,
+    AnmOptions,
+    ExpansionPoint,
+    SingularTangentError,
+    expand,
+)
 from mlsanm_cli.continuation.series import Branch, denominator, nearest_pole
 
 # A step whose end cannot be used is shortened by this factor, at most so many times.

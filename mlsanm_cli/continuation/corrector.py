@@ -8,8 +8,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from mlsanm_cli.continuation.expansion import ExpansionPoint
-from mlsanm_cli.continuation.problem import FloatArray, PathOptions, Problem, SingularTangentError
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.continuation.problem import ExpansionPoint, PathOptions, Problem, SingularTangentError
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.records import dataclass
 

@@ -20,7 +20,7 @@ from math import copysign
 
 import numpy as np
 
-from mlsanm_cli.continuation.problem import FloatArray
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import LAST_DIGITS
 
