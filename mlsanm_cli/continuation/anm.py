@@ -1,14 +1,10 @@
 """The asymptotic numerical method: a path followed by power series of high order.
 
-Every step costs one factorised tangent, N + 1 solves for the series, and a few residuals to determine its
-range. The next series removes the residual that remains at its end; separate corrections are made only at
-events and at the end of the path. Folds are passed: the parameter is the projection on the tangent, and the
-load factor is one of the unknowns.
-
-The range of validity of a series is determined by the residual itself: the classical range, a = (eps |X_1| /
-|X_N|)^(1/(N-1)) (B. Cochelin, Computers & Structures 53 (1994) 1181-1192), is shortened or extended until the
-residual at its end lies just below the tolerance. An evaluation is cheap compared with a factorisation.
-"""
+Every step costs one factorised tangent and N + 1 solves. The next series removes the residual at its end;
+separate corrections are made only at events and at the end of the path. Folds are passed: the parameter is
+the projection on the tangent. The classical range of a series, a = (eps |X_1| / |X_N|)^(1/(N-1)) (B.
+Cochelin, Computers & Structures 53 (1994) 1181-1192), is shortened or extended until the residual at its
+end lies just below the tolerance: an evaluation is cheap compared with a factorisation."""
 
 from __future__ import annotations
 

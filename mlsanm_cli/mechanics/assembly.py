@@ -1,11 +1,8 @@
 """Assembly of a body's equations: rows of its nodes and pieces, and their weights.
 
-Least squares uses all rows. Weights: equilibrium h/E, traction 1/E, displacement ``HOLD_WEIGHT``/h, so that
-all rows are strains; they decrease towards singular corners, notches and holes. The equilibrium of the pieces
-(:mod:`mlsanm_cli.mechanics.pieces`) is thousands of times as strong.
-
-Equation (2) of docs/method.md.
-"""
+Weights make all rows strains: equilibrium h/E, traction 1/E, displacement ``HOLD_WEIGHT``/h; they decrease
+towards singular corners, notches and holes. The equilibrium of the pieces
+(:mod:`mlsanm_cli.mechanics.pieces`) is thousands of times as strong. Equation (2) of docs/method.md."""
 
 from __future__ import annotations
 

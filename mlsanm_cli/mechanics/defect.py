@@ -1,11 +1,8 @@
 """Residual of a body's displacements in equations of the next higher degree.
 
-Defect correction (Stetter 1978, doi:10.1007/BF01432879): local fits of degree p + 1 to the nodal
-displacements u reveal the truncation error of degree p. With M the rows of degree p and M+ those of degree p
-+ 1, the factorised system with right-hand side (M - M+) u gives approximately minus the error of u.
-
-Equation (29) of docs/method.md.
-"""
+Defect correction (Stetter 1978, doi:10.1007/BF01432879): with M the rows of degree p and M+ those of degree p
++ 1, the factorised system with right-hand side (M - M+) u gives approximately minus the error of u. Equation
+(29) of docs/method.md."""
 
 from __future__ import annotations
 

@@ -1,11 +1,7 @@
 """Strain energy of a body, and integrals of products over its triangles and along its surfaces.
 
-The strong form does not use energy. Equality of twice the strain energy and the work of all external forces
-is therefore an independent check. Products of two fields that are linear between nodes are integrated
-exactly.
-
-Equation (30) of docs/method.md.
-"""
+The strong form does not use energy: that twice the strain energy is the work of all external forces is an
+independent check. Equation (30) of docs/method.md."""
 
 from __future__ import annotations
 

@@ -1,16 +1,11 @@
 """Closed-form near field of surface forces: the simple radial stress distribution.
 
-A force F at the surface point zeta, with w = z - zeta, causes the stresses -(2/pi) (F . w) w w^T / |w|^4 in
-an isotropic body (Flamant and Boussinesq; Johnson, Contact Mechanics, 1985, doi:10.1017/CBO9781139171731,
-section 2.2), whatever the tangent of the surface: they are in equilibrium inside, and on a smooth surface
-through zeta their traction is F at zeta and smooth elsewhere. The rest of the body's response is therefore
-smooth at zeta.
-
-Points and vectors are complex numbers x + i y. Displacements by unit forces in x and y are (..., 2, 2)
-arrays, components first, stresses xx, yy and xy (..., 3, 2).
-
-Equation (6) of docs/method.md.
-"""
+A force F at the surface point zeta, with w = z - zeta, causes the stresses -(2/pi) (F . w) w w^T / |w|^4
+in an isotropic body (Flamant and Boussinesq; Johnson, Contact Mechanics, 1985,
+doi:10.1017/CBO9781139171731, section 2.2): on a smooth surface their traction is F at zeta and smooth
+elsewhere, so that the rest of the body's response is smooth at zeta. Points and vectors are complex
+numbers x + i y. Displacements by unit forces in x and y are (..., 2, 2) arrays, components first, stresses
+xx, yy and xy (..., 3, 2). Equation (6) of docs/method.md."""
 
 from __future__ import annotations
 

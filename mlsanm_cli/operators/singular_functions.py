@@ -1,17 +1,11 @@
 """Singular functions at reentrant corners, which enrich the local fits around them.
 
 Between free faces displacements grow with powers of the distance from the tip below 1 (Williams 1952,
-doi:10.1115/1.4010553), which no polynomial represents: the truncation error near one corner would make a
-whole frame too stiff. The coefficients of the singular functions v_m are found by one fit around the tip with
-polynomials and singular functions, s = S u; all fits around the tip are then polynomial fits to the regular
-part u - s v, and the derivatives of s v are known in closed form. Stencils are no larger than elsewhere
-(singular function method: Fix, Gulati and Wakoff 1973, doi:10.1016/0021-9991(73)90023-5).
-
-Each displacement component is fitted by itself: the components along and across the axis of an opening and of
-a shearing mode, 2 functions each, have independent coefficients.
-
-Equation (5) of docs/method.md.
-"""
+doi:10.1115/1.4010553), which no polynomial represents. The coefficients of the singular functions v are
+found by one fit around the tip, s = S u; all fits around it are then polynomial fits to the regular part u
+- s v (singular function method: Fix, Gulati and Wakoff 1973, doi:10.1016/0021-9991(73)90023-5). The
+components along and across the axis of an opening and of a shearing mode, 2 functions each, have
+independent coefficients. Equation (5) of docs/method.md."""
 
 from __future__ import annotations
 
