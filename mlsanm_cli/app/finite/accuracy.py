@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -32,7 +32,6 @@ from mlsanm_cli.mechanics.finite.stability import Loaded
 from mlsanm_cli.mechanics.finite.tangent import load_columns
 from mlsanm_cli.mechanics.laws.law import determinant
 from mlsanm_cli.mechanics.near_field import as_complex, as_real
-from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.solve.state import State
 
@@ -42,14 +41,9 @@ PRESSED_DISTANCE = 4.0
 """Distance, in spacings, from tractions that are not resolved within which their fields are not, either."""
 
 
-@dataclass(frozen=True)
-class Missing:
-    """Changes of a state if fits were of the next degree: of the displacements (2N,) of all bodies, the
-    nominal ``pressure`` (c,), and the ``traction`` (2s,) of all sides."""
-
-    displacement: FloatArray
-    pressure: FloatArray
-    traction: FloatArray
+Missing: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
+"""Changes of a state if fits were of the next degree: of the displacements (2N,) of all bodies, the nominal
+pressure (c,), and the traction (2s,) of all sides."""
 
 
 def near_pressed(scene: FiniteScene, traction: FloatArray) -> dict[str, BoolArray]:
@@ -103,7 +97,7 @@ def missed_in_contact(
     state = (now.displacement, now.traction, now.pressure, now.shear, now.sets, met)
     step = Iteration(system, factors, response, *state, first=False, left=left)
     pressure = np.where(now.sets.closed | step.sets.closed, step.dp, 0.0)
-    return Missing(step.du, pressure, step.traction)
+    return step.du, pressure, step.traction
 
 
 def _rotated(body: FiniteBody, rows: FloatArray, angle: float) -> FloatArray:
@@ -125,7 +119,7 @@ def missed_alone(projector: Projector, displacement: FloatArray, factors: FloatA
     """Of the ``displacement`` (2N,) of a body without contact. Raises NumericalError or LinAlgError."""
     left, none = BodySeries.at(_next(projector.body), displacement, factors).rows(0), np.zeros(0)
     left = projector.scaled(left)
-    return Missing(-projector.factorised(displacement, factors).solve(left), none, none)
+    return -projector.factorised(displacement, factors).solve(left), none, none
 
 
 def _next(body: FiniteBody) -> FiniteBody:
@@ -218,21 +212,19 @@ def _missing_work(loaded: Loaded, way: FloatArray, near: BoolArray) -> float:
 def missing_figures(scene: FiniteScene, state: State, missing: Missing) -> dict[str, Any]:
     """Estimated errors of a state for summary.json by what its fits are ``missing``: of all displacements
     (root mean square), and by contact of the pressures (L2 norm) and of the force over the largest one."""
-    size = float(np.linalg.norm(state.displacement))
-    part = float(np.linalg.norm(missing.displacement)) / size if size else None
+    (moved, pressed, carried), size = missing, float(np.linalg.norm(state.displacement))
+    part = float(np.linalg.norm(moved)) / size if size else None
     found: dict[str, Any] = {"displacement": part}
     if not scene.in_increments:
         return found
-    both = state.side_traction, missing.traction
+    both = state.side_traction, carried
     force, change = (np.hypot(*scene.contacts.forces(one).T) for one in both)
     largest, pressure, contacts = force.max(initial=0.0), dict[str, float](), dict[str, float]()
     slaves = np.cumsum([0, *(len(one.sides) for one in scene.contacts.pairs)])[:-1]
     for (contact, here, _), off in zip(scene.contacts.each, change[slaves], strict=True):
         if state.pressure[here].any():
             weight, values = contact.slave.weight, state.pressure[here]
-            pressure[contact.name] = float(
-                np.sqrt(weight @ missing.pressure[here] ** 2 / (weight @ values**2))
-            )
+            pressure[contact.name] = float(np.sqrt(weight @ pressed[here] ** 2 / (weight @ values**2)))
             contacts |= {contact.name: float(off / largest)} if largest else {}
     return found | {"pressure": pressure, "contacts": contacts}
 

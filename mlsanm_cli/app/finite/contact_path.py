@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mlsanm_cli.app.finite.accuracy import missed_in_contact
 from mlsanm_cli.app.finite.checks import place_of
 from mlsanm_cli.app.finite.limits import dissipated, excess, slides
-from mlsanm_cli.app.finite.scene import TOUCH_TOLERANCE, FiniteScene
+from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.complementarity.problem import OPEN, STICK, ContactStatus
 from mlsanm_cli.contact.finite.exact import ExactContact, FiniteContactState, undeformed
@@ -285,18 +285,6 @@ class _Path:
                     f"{where}: {there} would be stretched by a factor of {most:.3g} at once",
                     "use finer nodes there, round corners that are crushed, or use smaller loads",
                 )
-        for contact, here, _ in self._scene.contacts.each:
-            slave = contact.slave
-            # A fixed node in contact would be pressed in the next increment.
-            touching = self.now.gap[here] <= TOUCH_TOLERANCE * slave.spacing(slave.arc)
-            clamped = slave.held & (touching | self.now.sets.closed[here])
-            if clamped.any() and slave.planes == (None, None):
-                x, y = slave.places[int(np.argmax(clamped))]
-                raise NumericalError(
-                    f"{where}: in contact {contact.name} the node of {slave.body} at ({x:.6g}, {y:.6g}) is "
-                    "fixed by a support and pressed at the same time",
-                    "end the contact surface before the support, or move the obstacle less far",
-                )
         raise NumericalError(
             f"{where}: the contact iterations of an increment do not converge",
             "use finer nodes where bodies touch, smaller loads, or raise solver.tolerance",
@@ -336,7 +324,7 @@ class _Path:
             for one in self._scene.contacts.loose:
                 body = self._projectors[one.body].body
                 if body.pins:
-                    free[one.numbers] = one.factors(body, parts[one.body])
+                    free[one.numbers] = np.linalg.solve(one.moves, body.pinned @ parts[one.body])
             self.now = replace(self.now, free=free)
         counts = (length, 0, self._iterations, self.spent, self._solves)
         more: dict[str, Any] = {"renewed": renewed, "kept": kept, "bifurcations": self.bifurcations}

@@ -355,7 +355,9 @@ def unknown_motions(case: Case, prepared: SceneModel) -> Contacts:
                 if one.prescribed is not None:
                     motion[one.component, :loads] = one.prescribed
             surfaces = {body: constraint.surfaces_of(body) for body in constraint.bodies}
-            force = np.array([one.force for one in unknown]).reshape(len(unknown), loads)
+            force = np.zeros((3, loads))
+            for one in unknown:
+                force[one.component] = one.force
             place = np.array(constraint.center), size, components, numbers
             plates.append(Plate(constraint.name, surfaces, constraint.loads, *place, force, motion))
         number += len(unknown)

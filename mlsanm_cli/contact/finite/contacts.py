@@ -49,10 +49,6 @@ class LooseMotions:
     pins: tuple[tuple[int, int], ...]
     moves: FloatArray
 
-    def factors(self, body: FiniteBody, displacement: FloatArray) -> FloatArray:
-        """Free motions (d,) for which the pins match the body's ``displacement`` (2N,)."""
-        return np.asarray(np.linalg.solve(self.moves, body.pinned @ displacement))
-
     def sums(
         self, body: FiniteBody, series: BodySeries, displacement: FloatArray
     ) -> tuple[sparse.csr_array, sparse.csr_array]:
@@ -95,8 +91,8 @@ class DrivenObstacle:
 class Plate:
     """A rigid plate ``name``, moved by ``loads``, bonded to ``surfaces`` of bodies, with its hinge at
     ``center`` (2,) as drawn. Its unknown ``components``, as of floating bodies, are unknowns ``numbers``
-    (k,), under ``force`` (k, L) per load factor. ``motion`` (3, L + d) is its displacement and rotation per
-    load factor and free motion."""
+    (k,). It is under a ``force`` and moment (3, L) per load factor; ``motion`` (3, L + d) is its displacement
+    and rotation per load factor and free motion."""
 
     name: str
     surfaces: Mapping[str, tuple[str, ...]]
@@ -117,12 +113,8 @@ class Plate:
 
     def unknown(self, values: FloatArray) -> FloatArray:
         """The entries of ``values`` (3, ...) for its unknowns (k, ...), moments over the plate's size."""
-        return np.asarray((values[list(self.components)].T * self.scale).T)
-
-    @property
-    def scale(self) -> FloatArray:
-        """Factors (k,) of forces and moments: the latter are divided by the plate's size."""
-        return np.where(np.array(self.components) == ROTATION, 1.0 / self.size, 1.0)
+        scale = np.where(np.array(self.components) == ROTATION, 1.0 / self.size, 1.0)
+        return np.asarray((values[list(self.components)].T * scale).T)
 
 
 def ranges(counts: Iterable[int]) -> list[slice]:

@@ -172,7 +172,7 @@ class Iteration:
             self.sums[one.body] = rows, sums
         for plate in (some for some in contacts.plates if some.components):
             rows, known = plate.numbers, plate.force.shape[1]
-            missing[rows] -= plate.scale * (plate.force @ self.factors[:known])
+            missing[rows] -= plate.unknown(plate.force @ self.factors[:known])
             for name in plate.surfaces:
                 pull, by_moving = plate.pulled(name, *self._loaded[name])
                 missing[rows] += plate.unknown(pull)

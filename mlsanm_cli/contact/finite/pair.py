@@ -177,7 +177,8 @@ class BodyContact:
         gap = (apart * normal).sum(axis=1)
         own = self._outward[0] * turned(slave.curve.rows(slave.arc)[1] @ at)
         faced = (own * normal).sum(axis=1) < MAX_FACING_COSINE * np.hypot(*own.T)
-        deep = gap < -MAX_DEPTH * master.spacing(place) * length
+        spacing = np.diff(master.nodes.ends)[master.nodes.curve.interval(place)]
+        deep = gap < -MAX_DEPTH * spacing * length
         facing = inside & faced & ~deep
         kept, still = sparse.diags_array(facing.astype(float)), sparse.csr_array((count, count))
         # Rows (c, s) of x - y(xi) and of y'(xi), xi fixed; the same (c, 2s) along directions (c, 2).

@@ -209,10 +209,6 @@ class ContactSide(Points):
         kept = (nodes.body, geometry.points(arc), outward, weight, arc, nodes.around, held, corners)
         return cls(*kept, nodes.planes, nodes.wedges, geometry, nodes.centers, nodes)
 
-    def spacing(self, place: FloatArray) -> FloatArray:
-        """Distances (e,) of the nodes at arc lengths (e,)."""
-        return np.diff(self.nodes.ends)[self.nodes.curve.interval(place)]
-
     @cached_property
     def rows(self) -> sparse.csr_array:
         """Rows (2g, 2c) of the values at the knots of functions with nodal vectors."""

@@ -148,15 +148,12 @@ class Factorised:
         as many refinements as needed."""
         solution = self.solve_unrefined(scaled)
         for _ in range(MAX_REFINEMENTS):
-            change = self.solve_unrefined(scaled - self.image(solution))
+            image = np.concatenate([self.rows @ solution, self.strong @ solution])
+            change = self.solve_unrefined(scaled - image)
             solution = solution + change
             if not np.abs(change).max() > REFINEMENT_TOLERANCE * np.abs(solution).max():
                 break
         return solution
-
-    def image(self, displacement: FloatArray) -> FloatArray:
-        """The weighted rows (r,) of this state applied to a ``displacement`` (2N,)."""
-        return np.concatenate([self.rows @ displacement, self.strong @ displacement])
 
     def solve_unrefined(self, scaled: FloatArray) -> FloatArray:
         """The same by the factor alone, for one (r,) or several (r, c)."""
@@ -232,19 +229,9 @@ class FiniteProblem:
         return self.projector.displaced(series.rows(1)) / self.length
 
     def series_rhs(self, x: FloatArray, lam: FloatArray) -> FloatArray:
-        """Minus the coefficient (2N,) of the next order, from those of lower orders."""
-        series = self._series(x, lam)
-        series.put(len(x), None, np.zeros(len(self.start)))
-        return -self.projector.displaced(series.rows(len(x))) / self.length
-
-    def admissible(self, x: FloatArray, lam: float) -> bool:
-        """Whether det F > 0 everywhere."""
-        return bool(np.isfinite(x).all()) and self.projector.body.least_volume(x) > 0.0
-
-    def _series(self, x: FloatArray, lam: FloatArray) -> BodySeries:
-        """The series of the body with coefficients ``x`` and ``lam`` and room for another one: the last one
-        with its next coefficients if it begins with the same. Room for twice as many makes the work per
-        order independent of their number."""
+        """Minus the coefficient (2N,) of the next order, from those of lower orders. The last series is used
+        with its next coefficients if it begins with the same; room for twice as many makes the work per order
+        independent of their number."""
         series, *before = self.latest or (None, x, lam)
         known, both = len(before[0]), zip((x, lam), before, strict=True)
         same = all(np.array_equal(now[:known], then) for now, then in both)
@@ -254,15 +241,21 @@ class FiniteProblem:
             factors = self.factors(lam[0]) if not order else lam[order] * (self.end - self.start)
             series.put(order, x[order], factors)
         self.latest[:] = [series, x.copy(), lam.copy()]
-        return series
+        series.put(len(x), None, np.zeros(len(self.start)))
+        return -self.projector.displaced(series.rows(len(x))) / self.length
+
+    def admissible(self, x: FloatArray, lam: float) -> bool:
+        """Whether det F > 0 everywhere."""
+        return bool(np.isfinite(x).all()) and self.projector.body.least_volume(x) > 0.0
 
 
+@dataclass(frozen=True)
 class FiniteTangent:
     """The ``factorised`` derivative of a ``problem``."""
 
-    def __init__(self, problem: FiniteProblem, factorised: Factorised) -> None:
-        self._problem, self.factorised = problem, factorised
+    problem: FiniteProblem
+    factorised: Factorised
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """Displacement (2N,) that changes the residual by ``rhs`` (2N,)."""
-        return self.factorised.solve(self._problem.projector.image(self._problem.length * rhs))
+        return self.factorised.solve(self.problem.projector.image(self.problem.length * rhs))
