@@ -108,7 +108,7 @@ class _Path:
         modulus = max(body.elastic.model.material.modulus for body in scene.bodies.values())
         self._stiffness = modulus / scene.size
         self.now, self._settled = undeformed(scene.unknowns, contacts), False
-        self._slip = self._work = np.zeros(contacts.count)
+        self._slip = self._work = self.now.pressure
         self._before: FloatArray | None = None
         self._fresh: frozenset[str] = frozenset()
         self.bifurcations: tuple[Bifurcation, ...] = ()

@@ -158,11 +158,6 @@ class Contacts:
         return list(zip(sides, ranges(2 * side.count for side in sides), strict=True))
 
     @property
-    def count(self) -> int:
-        """Number of the knots of all slaves (c)."""
-        return sum(one.slave.count for one in self.pairs)
-
-    @property
     def size(self) -> int:
         """Number of the components of the knots of all sides (2s)."""
         return sum(2 * side.count for side, _ in self.sides)

@@ -169,7 +169,7 @@ class ExactContact(ContactSystem):
 
 def undeformed(unknowns: int, contacts: Contacts) -> FiniteContactState:
     """The undeformed state of bodies with ``unknowns`` unknowns."""
-    none, zero = np.zeros(contacts.count), np.zeros(contacts.size)
+    none, zero = np.zeros(len(contacts.weight)), np.zeros(contacts.size)
     sets = ContactStatus(none > 0.0, none > 0.0, none)
     known = np.zeros(unknowns), none, none, none, np.zeros(contacts.free), sets
     return FiniteContactState(*known, none, none, np.zeros((len(none), 2)), zero, zero)
