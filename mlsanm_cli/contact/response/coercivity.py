@@ -1,5 +1,4 @@
-"""Coercivity of a contact's compliance: its resistance to every pressure its nodes can carry. Equation (12)
-of docs/method.md."""
+"""Coercivity of contacts: resistance to every pressure nodes can carry. Equation (12) of docs/method.md."""
 
 from __future__ import annotations
 

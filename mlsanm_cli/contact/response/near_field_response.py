@@ -1,5 +1,4 @@
-"""Contribution of contact grids' near fields to the response functionals. Equations (7) and (8) of
-docs/method.md."""
+"""Near fields of contact grids in the response functionals. Equations (7) and (8) of docs/method.md."""
 
 from __future__ import annotations
 
@@ -30,8 +29,7 @@ from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 def near_field_response(
     scene: Scene, drivers: Drivers, places: Mapping[tuple[str, Any], slice], rows: int
 ) -> FloatArray:
-    """Near-field part of all functionals (rows, drivers), except the singular part of contacts' response to
-    themselves, and probes."""
+    """Near-field part of all functionals (rows, drivers), except singular parts and probes."""
     total = np.zeros((rows, drivers.total))
     for pairing in drivers.on_grids:
         columns = drivers.of_samples(pairing)
