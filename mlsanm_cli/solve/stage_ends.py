@@ -41,13 +41,7 @@ def contact_states(
     skipped. Raises NumericalError if there are none."""
     starts = starts if len(starts) in (1, len(levels)) or len(condensed.friction_nodes) else ()
     if len(condensed.friction_nodes):
-        try:
-            held = _increments(scene, condensed, stages[0], levels, starts)
-        except UnbalancedError as error:
-            raise beyond_limit(scene, condensed, stages[:2], error) from error
-        _check_slips(condensed, held)
-        return held
-
+        return _increments(scene, condensed, stages, levels, starts)
     states: list[ContactState] = []
     lost: NumericalError | None = None
     for number, factors in enumerate(levels):
@@ -109,12 +103,13 @@ def _check_slips(condensed: Condensed, ends: Sequence[ContactState]) -> None:
 def _increments(
     scene: Scene,
     condensed: Condensed,
-    begin: FloatArray,
+    stages: FloatArray,
     levels: FloatArray,
     starts: Sequence[ContactStatus],
 ) -> tuple[ContactState, ...]:
     """One increment to each level as far as loads can be carried; to the first one at least a part without
     rolling."""
+    begin = stages[0]
 
     def rolls(state: ContactState) -> UnbalancedError | None:
         # More nodes slip in one increment than on the path.
@@ -132,9 +127,11 @@ def _increments(
         found = increment(condensed, state, begin + part * (levels[0] - begin))
         failure = NoStateError() if found is None else rolls(found)
         if found is not None and failure is None:
-            return (found,)
-    if failure is not None:
-        raise failure
+            ends.append(found)
+            break
+    if not ends and failure is not None:
+        raise beyond_limit(scene, condensed, stages[:2], failure)
+    _check_slips(condensed, ends)
     return tuple(ends)
 
 

@@ -36,7 +36,6 @@ from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.memo import digest
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
-from mlsanm_cli.solve.coercivity import stability_limit
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import (
     cone_ratio,
@@ -304,7 +303,7 @@ class SmallStrain(Analysis[CondensedScene]):
     def limits(self) -> dict[str, Any]:
         estimates = {} if self._built is None else end.estimate_limits(self._built.condensed)
         known = summary_limits(self.case.solver.tolerance, FAILING, "rough_pressure_error", estimates)
-        return known | ({"stability": stability_limit(self._built.ends)} if self._built else {})
+        return known | ({"stability": self._built.stability_limit} if self._built else {})
 
 
 def displacements(fields: Mapping[str, Fields]) -> dict[str, FloatArray]:

@@ -86,49 +86,42 @@ class Search:
     ) -> State:
         """The state by Newton steps from the statuses ``starts`` and one that holds all bodies, or, if there
         is equilibrium, by ``pivoting`` from the best statuses met; if ``thorough`` from more. Raises Ray."""
-        p, seen, near, systems = self.problem, set[bytes](), list[ContactStatus](), 0
-        for first in starts:
-            found, best, count = self._newton(first, basis, seen)
-            near, systems = [*near, *best], systems + count
-            if found is not None:
-                return replace(found, systems=systems)
-        if self.allowed is not p.everything:
-            found, _ = self._pivoted_from(near, thorough, systems)
-            if found is not None:
+        p, seen, systems, best = self.problem, set[bytes](), 0, list[ContactStatus]()
+        ray = Ray(np.zeros(len(self.free)))
+
+        def newton(start: ContactStatus) -> State | None:
+            nonlocal systems
+            found, closest, count = self._newton(start, basis, seen)
+            best.extend(closest)
+            systems += count
+            return found and replace(found, systems=systems)
+
+        def pivoted(starts: Sequence[ContactStatus]) -> State | None:
+            nonlocal ray
+            # Also from these sticking and slipping to the other side.
+            for one in starts if thorough else ():
+                other = replace(one, slip_sign=-one.slip_sign)
+                starts = [*starts, p.touching(one.closed), other]
+            for start in {one.key: one for one in starts}.values():
+                try:
+                    return self._pivoted(start, systems)
+                except Ray as error:
+                    ray = error
+            return None
+
+        for start in starts:
+            if found := newton(start):
                 return found
+        if self.allowed is not p.everything and (found := pivoted(best)):
+            return found
         direction = collapse(p, self.free, starts[0], self.allowed) if p.k and pivoting else None
         if direction is not None:  # no pressures and tractions balance the loads
             raise Ray(direction)
-        found, best, count = self._newton(self._softly_held(starts[-1]), basis, seen)
-        systems += count
-        if found is not None:
-            return replace(found, systems=systems)
-        if not pivoting:
-            raise Ray(np.zeros(len(self.free)))
-        last = [*near, *best, self.supported(starts[-1], alone=True)]
-        found, ray = self._pivoted_from(last, thorough, systems)
-        if found is None:
-            raise ray
-        return found
-
-    def _pivoted_from(
-        self, statuses: Sequence[ContactStatus], all_sides: bool, systems: int
-    ) -> tuple[State | None, Ray]:
-        """The state by pivoting from one of the ``statuses``, with ``all_sides`` also from these sticking and
-        slipping to the other side; or the last ray."""
-        ray, tried, starts = Ray(np.zeros(len(self.free))), set[bytes](), list(statuses)
-        for status in statuses if all_sides else ():
-            other = replace(status, slip_sign=-status.slip_sign)
-            starts += [self.problem.touching(status.closed), other]
-        for status in starts:
-            if status.key in tried:
-                continue
-            tried.add(status.key)
-            try:
-                return self._pivoted(status, systems), ray
-            except Ray as error:
-                ray = error
-        return None, ray
+        if found := newton(self._softly_held(starts[-1])):
+            return found
+        if pivoting and (found := pivoted([*best, self.supported(starts[-1], alone=True)])):
+            return found
+        raise ray
 
     def _newton(
         self, status: ContactStatus, basis: Basis | None, seen: set[bytes], passes: int = PASSES

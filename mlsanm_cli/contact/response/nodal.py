@@ -12,12 +12,9 @@ from mlsanm_cli.contact.geometry.pairing import Pairing, facing_parts, opposed
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.pieces import turned_along
 from mlsanm_cli.operators.stencil_weights import nodal_pairs
-from mlsanm_cli.roundoff import FINE_ROUND_OFF
 
 FIXED_POINT_STEPS = 8
 """Steps to a point of the slave, whose errors fall by the product of gap and curvature in each."""
-WINDOW_SHARPNESS = 4.0
-"""Squared residuals in the window are weighted by exp(-2 WINDOW_SHARPNESS r^2)."""
 
 
 class NodalBasis:
@@ -147,54 +144,6 @@ def _opposite(slave: Surface, master: Surface, arc: FloatArray) -> FloatArray:
         if master.curve.closed:
             off -= master.curve.length * np.round(off / master.curve.length)
         # The curves run in opposite directions, each with its material on the left.
-        s = (
-            np.mod(s + off, slave.curve.length)
-            if slave.curve.closed
-            else np.clip(s + off, 0.0, slave.curve.length)
-        )
+        s, whole = s + off, slave.curve.length
+        s = np.mod(s, whole) if slave.curve.closed else np.clip(s, 0.0, whole)
     return s
-
-
-def candidates_fit(pairing: Pairing, s: FloatArray, reach: FloatArray) -> sparse.csr_array:
-    """:func:`surface_fit` of the candidates' values; on a closed surface windows continue across the
-    seam."""
-    arc, weight, _ = _unrolled(pairing)
-    fit = surface_fit(arc, weight, s, reach).tocoo()
-    rows, columns = fit.coords
-    count = int(pairing.candidate.sum())
-    return sparse.csr_array((fit.data, (rows, columns % count)), shape=(len(s), count))
-
-
-def _unrolled(pairing: Pairing) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Arc lengths, surface lengths and spacings (m,) of the candidates; if they cover a closed surface, of
-    three turns (3m,), so that windows continue across the seam."""
-    chosen = pairing.candidate
-    arc, weight, spacing = pairing.arc[chosen], pairing.weight[chosen], pairing.spacing[chosen]
-    if not pairing.all_around:
-        return arc, weight, spacing
-    turns = pairing.slave.curve.length * np.arange(-1, 2)
-    return (turns[:, None] + arc).ravel(), np.tile(weight, 3), np.tile(spacing, 3)
-
-
-def surface_fit(arc: FloatArray, weight: FloatArray, s: FloatArray, reach: FloatArray) -> sparse.csr_array:
-    """Weights (r, m) of local linear fits to nodal values at ``arc`` (m,), evaluated at arc lengths ``s``
-    (r,). ``weight`` (m,) are the nodes' surface lengths, ``reach`` (r,) the half-widths of windows, which
-    contain at least the two nearest nodes. Linear functions are reproduced."""
-    nearest = np.clip(np.searchsorted(arc, s), 1, max(len(arc) - 1, 1))
-    first = np.minimum(np.searchsorted(arc, s - reach), nearest - 1)
-    last = np.maximum(np.searchsorted(arc, s + reach, side="right"), np.minimum(nearest + 1, len(arc)))
-    count = last - first
-    start = np.cumsum(count) - count
-    columns = np.repeat(first - start, count) + np.arange(count.sum())
-    offset = (arc[columns] - np.repeat(s, count)) / np.repeat(reach, count)
-    # Where even the nearest candidates lie outside the window, all weights would underflow: shift the
-    # exponent, as only their ratios matter.
-    least = np.minimum.reduceat(offset**2, start) if len(start) else np.zeros(0)
-    shift = np.repeat(np.where(least > 1.0, least, 0.0), count)
-    share = np.exp(-2.0 * WINDOW_SHARPNESS * (offset**2 - shift)) * weight[columns]
-    s0, s1, s2 = (np.repeat(np.add.reduceat(share * offset**k, start), count) for k in range(3))
-    # A window with a single node can only carry its constant.
-    slope = s0 * s2 - s1**2 > FINE_ROUND_OFF * s0**2
-    share = np.where(slope, share * (s2 - s1 * offset) / np.where(slope, s0 * s2 - s1**2, 1.0), share / s0)
-    rows = np.repeat(np.arange(len(s)), count)
-    return sparse.csr_array((share, (rows, columns)), shape=(len(s), len(arc)))
