@@ -37,14 +37,14 @@ from mlsanm_cli.app.run import run  # noqa: E402
 from mlsanm_cli.cloud.cloud import Cloud  # noqa: E402
 from mlsanm_cli.cloud.curves import Outline, disk, half_disk, rectangle, sector  # noqa: E402
 from mlsanm_cli.cloud.spacing import Spacing, Zone, build_cloud  # noqa: E402
+from mlsanm_cli.contact.response import coercivity  # noqa: E402
+from mlsanm_cli.contact.response.coercivity import CONTACT_LIMIT  # noqa: E402
 from mlsanm_cli.errors import NumericalError  # noqa: E402
 from mlsanm_cli.mechanics.assembly import assemble  # noqa: E402
 from mlsanm_cli.mechanics.body_model import BodyModel  # noqa: E402
 from mlsanm_cli.mechanics.material import isotropic  # noqa: E402
 from mlsanm_cli.mechanics.stability import bulk_stability  # noqa: E402
 from mlsanm_cli.operators.neighbors import MlsSettings  # noqa: E402
-from mlsanm_cli.solve import coercivity  # noqa: E402
-from mlsanm_cli.solve.state import CONTACT_LIMIT  # noqa: E402
 from tests.app.scenes import Quiet  # noqa: E402
 from tests.case_text import EXACT, box, head  # noqa: E402
 from tests.mechanics.bodies import boundary_values, with_body_force  # noqa: E402

@@ -13,10 +13,11 @@ from scipy.spatial import cKDTree
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cells import Faces, Halves, dual_faces
 from mlsanm_cli.cloud.joined import SMOOTH_ANGLE
-from mlsanm_cli.cloud.membership import boundary_chords, inside_body, joints, twice_area
+from mlsanm_cli.cloud.membership import boundary_chords, cross, inside_body, joints, twice_area
 from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
 from mlsanm_cli.cloud.revolution import imaged, radius_of, with_images
-from mlsanm_cli.cloud.sight import VisibilityCriterion, separation, triangulate, visibility_criterion, widths
+from mlsanm_cli.cloud.search import nearest
+from mlsanm_cli.cloud.sight import VisibilityCriterion, triangulate, visibility_criterion
 from mlsanm_cli.cloud.surface import Surface, boundary_of
 from mlsanm_cli.cloud.tips import Tips, tips_of
 from mlsanm_cli.memo import digest
@@ -25,6 +26,11 @@ from mlsanm_cli.roundoff import ROUND_OFF
 
 FLAT_RADIUS = 10.0
 """Concave curves with a radius above this many times the body's extent count as flat."""
+NEIGHBORS = 6
+MAX_FACING, OPPOSITE_COSINE = 32, 0.9
+"""Nearest boundary nodes searched for one on the opposite side, and the least -n1.n2 of such a pair."""
+TRIANGLES = 256
+"""Triangles processed at once in the search for the largest hole, largest first."""
 MAX_ACUTE_ANGLE = math.pi / 3.0
 """Interior angle (radian) below which nodes next to a corner are closer than a spacing."""
 
@@ -154,13 +160,19 @@ class Cloud:
     def separation(self) -> tuple[FloatArray, float]:
         """Distance (n,) of every node from the nearest other one over the local spacing, and the largest
         spacing difference of neighbours over their distance. At acute corners the distance between the faces
-        counts, if it is smaller."""
+        counts, if it is smaller; nodes hidden from each other by a slit do not count."""
         room, outline = self.spacing.copy(), self.boundary_nodes
         for corner, angle in self.acute.items():
             away = np.hypot(*(self.points[outline] - self.points[corner]).T)
             away[away == 0.0] = np.inf
             room[outline] = np.minimum(room[outline], 2.0 * np.sin(0.5 * angle) * away)
-        return separation(self.points, self.tree, self.spacing, self.sight, room)
+        count = min(NEIGHBORS, len(self.points) - 1)
+        distance, neighbour = nearest(self.tree, self.points, np.arange(2, count + 2))
+        if self.sight is not None:
+            one = np.repeat(np.arange(len(neighbour)), count)
+            distance[self.sight.apart(one, neighbour.ravel()).reshape(neighbour.shape)] = np.inf
+        growth = np.abs(self.spacing[neighbour] - self.spacing[:, None]) / distance
+        return np.asarray(distance.min(axis=1) / room), float(growth.max())
 
     @cached_property
     def acute(self) -> dict[int, float]:
@@ -170,8 +182,21 @@ class Cloud:
 
     @cached_property
     def widths(self) -> FloatArray:
-        """Width (n,) of the body at its boundary nodes; infinite at others and where no part is thin."""
-        return widths(self.points, *self.boundary[:2])
+        """Width (n,) of the body at its boundary nodes, infinite at others and where no part is thin: the
+        diameter of the smallest circle inside that touches the boundary at the node and passes through
+        another one on the opposite side."""
+        index, normal, _ = self.boundary
+        at = self.points[index]
+        count = min(MAX_FACING, len(index) - 1)
+        _, near = nearest(cKDTree(at), at, np.arange(2, count + 2))
+        away = at[:, None] - at[near]
+        depth = (away * normal[:, None]).sum(axis=2)
+        across = (depth > 0.0) & ((normal[near] * normal[:, None]).sum(axis=2) < -OPPOSITE_COSINE)
+        width = np.full(near.shape, np.inf)
+        np.divide((away**2).sum(axis=2), depth, out=width, where=across)
+        least = np.full(len(self.points), np.inf)
+        np.minimum.at(least, index, width.min(axis=1))
+        return least
 
     @property
     def spacings_across(self) -> float:
@@ -208,6 +233,41 @@ class Cloud:
     def volumes(self) -> FloatArray:
         """Volume (n,) of a node: its area times its circumference, per unit thickness of a plane body."""
         return self.areas * self.around(self.points)
+
+
+def measure(cloud: Cloud) -> dict[str, float]:
+    """Quality figures of a cloud: numbers of ``nodes`` and ``boundary_nodes``; over the local spacing the
+    ``closest`` distance of two nodes and the radius of the largest ``hole``, an empty circle; ``growth``, the
+    largest spacing difference of neighbours over their distance."""
+    corners = cloud.points[cloud.triangles]
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    ab, ac = b - a, c - a
+    twice = 2.0 * cross(ab, ac)
+    ab2, ac2 = (ab**2).sum(axis=1), (ac**2).sum(axis=1)
+    x = (ac[:, 1] * ab2 - ab[:, 1] * ac2) / twice
+    y = (ab[:, 0] * ac2 - ac[:, 0] * ab2) / twice
+    center, radius = a + np.stack([x, y], axis=1), np.hypot(x, y)
+    # Flat triangles along the outline have their centres outside. A centre is inside if it lies behind the
+    # tangent at the nearest boundary node.
+    normals = np.zeros_like(cloud.points)
+    for surface in cloud.surfaces.values():
+        normals[surface.index] += surface.normal
+    boundary = cloud.boundary_nodes
+    outline = cKDTree(cloud.points[boundary])
+    # Upper bounds: the nearest node of a circumcentre is a corner of the triangle.
+    most = radius / cloud.spacing[cloud.triangles].min(axis=1)
+    largest, order = 0.0, np.argsort(-most)
+    for some in np.split(order, range(TRIANGLES, len(order), TRIANGLES)):
+        near = boundary[nearest(outline, center[some])[1]]
+        inside = ((center[some] - cloud.points[near]) * normals[near]).sum(axis=1) < 0.0
+        # Opened slits are not Delaunay: nodes may lie within circumcircles.
+        away, node = nearest(cloud.tree, center[some])
+        largest = float((away / cloud.spacing[node])[inside].max(initial=largest))
+        if largest >= most[some[-1]]:
+            break
+    closest, growth = cloud.separation
+    counts = {"nodes": len(cloud.points), "boundary_nodes": len(cloud.boundary_nodes)}
+    return counts | {"closest": float(closest.min()), "hole": largest, "growth": growth}
 
 
 def continuations(cloud: Cloud, surface: Surface) -> Iterator[tuple[int, str]]:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.continuation.anm import AnmFollower
 from mlsanm_cli.continuation.corrector import Correction, Effort, correct
 from mlsanm_cli.continuation.newton import NewtonFollower
 from mlsanm_cli.continuation.path import Follower, Step, StopReason
 from mlsanm_cli.continuation.problem import (
     AnmOptions,
-    FloatArray,
     NewtonOptions,
     PathOptions,
     Problem,
@@ -24,7 +24,6 @@ __all__ = [
     "Branch",
     "Correction",
     "Effort",
-    "FloatArray",
     "Follower",
     "NewtonOptions",
     "PathOptions",
@@ -49,13 +48,10 @@ def follow(
     last: Callable[[FloatArray, float], bool] | None = None,
 ) -> Follower:
     """Return the follower of the path R(x, lam) = 0 from ``x0`` (size,) at ``lam0``, corrected if its
-    residual requires it, to where the load factor first is ``lam_end``.
-
-    The ``options`` select the method: power series (default) or Newton-Raphson. A path goes on in the
-    direction of the ``previous`` piece, which led to the start, with its step length, as if it had not been
-    interrupted. Steps of Newton's method end at the ``levels`` of the load factor; power series contain them
-    anyway. Power series do not factorise the tangent at the ``last`` state, at which the caller leaves.
-    """
+    residual requires it, to where the load factor first is ``lam_end``, by power series or the method of the
+    ``options``. It goes on in the direction, and with the step length, of the ``previous`` piece. Steps of
+    Newton's method end at the ``levels``; power series contain them, and do not factorise the tangent at the
+    ``last`` state."""
     options = options or AnmOptions()
     method = NewtonFollower if isinstance(options, NewtonOptions) else AnmFollower
     return method(problem, x0, lam0, lam_end, options, previous, levels, last)

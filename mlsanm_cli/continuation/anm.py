@@ -1,14 +1,10 @@
 """The asymptotic numerical method: a path followed by power series of high order.
 
-Every step costs one factorised tangent, N + 1 solves for the series, and a few residuals to determine its
-range. The next series removes the residual that remains at its end; separate corrections are made only at
-events and at the end of the path. Folds are passed: the parameter is the projection on the tangent, and the
-load factor is one of the unknowns.
-
-The range of validity of a series is determined by the residual itself: the classical range, a = (eps |X_1| /
-|X_N|)^(1/(N-1)) (B. Cochelin, Computers & Structures 53 (1994) 1181-1192), is shortened or extended until the
-residual at its end lies just below the tolerance. An evaluation is cheap compared with a factorisation.
-"""
+Every step costs one factorised tangent and N + 1 solves. The next series removes the residual at its end;
+separate corrections are made only at events and at the end of the path. Folds are passed: the parameter is
+the projection on the tangent. The classical range of a series, a = (eps |X_1| / |X_N|)^(1/(N-1)) (B.
+Cochelin, Computers & Structures 53 (1994) 1181-1192), is shortened or extended until the residual at its
+end lies just below the tolerance: an evaluation is cheap compared with a factorisation."""
 
 from __future__ import annotations
 
@@ -17,10 +13,16 @@ from contextlib import suppress
 
 import numpy as np
 
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.continuation.corrector import Correction, Effort, correct_end, point_at, residual_norm
-from mlsanm_cli.continuation.expansion import ExpansionPoint, expand
 from mlsanm_cli.continuation.path import Follower, Step, Stopped, StopReason
-from mlsanm_cli.continuation.problem import MIN_LENGTH, AnmOptions, FloatArray, SingularTangentError
+from mlsanm_cli.continuation.problem import (
+    MIN_LENGTH,
+    AnmOptions,
+    ExpansionPoint,
+    SingularTangentError,
+    expand,
+)
 from mlsanm_cli.continuation.series import Branch, denominator, nearest_pole
 
 # A step whose end cannot be used is shortened by this factor, at most so many times.
@@ -101,9 +103,8 @@ class AnmFollower(Follower):
     def _reach_end(
         self, here: ExpansionPoint, branch: Branch
     ) -> tuple[Branch, Correction, ExpansionPoint | None, Effort]:
-        """Determine the end of a step and factorise there; the step is shortened while that fails. Returns
-        the piece of path, its end, the next expansion point (None at the target, and where the caller leaves
-        the path) and its counts."""
+        """Determine the end of a step, shortened while no tangent can be factorised there: the piece of path,
+        its end, the next expansion point (None at the target, and where the caller leaves) and its counts."""
         length, failure = branch.length, Stopped(StopReason.SINGULAR_TANGENT, "")
         for _ in range(_MAX_SHORTENINGS):
             piece = branch.shortened(length)

@@ -8,8 +8,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from mlsanm_cli.continuation.expansion import ExpansionPoint
-from mlsanm_cli.continuation.problem import FloatArray, PathOptions, Problem, SingularTangentError
+from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.continuation.problem import ExpansionPoint, PathOptions, Problem, SingularTangentError
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.records import dataclass
 
@@ -63,13 +63,9 @@ def correct(
     options: PathOptions | None = None,
     effort: Effort | None = None,
 ) -> Correction:
-    """Solve R(x, lam) = 0 at fixed ``lam`` by Newton's method from an admissible ``x``, shape (size,).
-
-    Updates are halved until the point is admissible and the norm of the residual decreases. The target for
-    the residual is ``options.goal``; if round-off prevents that, ``tolerance`` is accepted. Counts are added
-    to ``effort``. Raises NumericalError if ``x`` is not admissible, the tangent singular, or the iteration
-    does not converge.
-    """
+    """Solve R(x, lam) = 0 at fixed ``lam`` by Newton's method from an admissible ``x`` (size,), to
+    ``options.goal`` or, if round-off prevents that, ``tolerance``. Counts are added to ``effort``. Raises
+    NumericalError if ``x`` is not admissible, the tangent singular, or the iteration does not converge."""
     options, effort = options or PathOptions(), Effort() if effort is None else effort
     if not np.isfinite(residual_norm(problem, x, lam)):
         raise NumericalError(
@@ -101,13 +97,9 @@ def iterate(
     options: PathOptions,
     effort: Effort,
 ) -> Correction:
-    """Return the point reached by damped Newton updates from an admissible (x, lam).
-
-    The updates keep the load factor, unless ``load_update`` gives its change from the update at fixed load
-    factor and the slope dx/dlam. They end at ``options.goal``, after ``max_corrections``, or when no part of
-    an update lowers the norm of the residual. Counts are added to ``effort``. Raises SingularTangentError as
-    :func:`expansion_point`.
-    """
+    """Return the point reached by damped Newton updates from an admissible (x, lam): at fixed load factor, or
+    by the ``load_update`` for the update there and the slope dx/dlam. They end at ``options.goal``, after
+    ``max_corrections``, or when none lowers the norm of the residual. Raises SingularTangentError."""
     point = point_at(problem, np.array(x, dtype=np.float64), lam)
     for _ in range(options.max_corrections):
         if point.residual <= options.goal:

@@ -13,10 +13,10 @@ from typing import TypeAlias
 
 import numpy as np
 
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.continuation.corrector import Correction, admissible_part, iterate
-from mlsanm_cli.continuation.expansion import ExpansionPoint
 from mlsanm_cli.continuation.path import Follower, Step, Stopped, StopReason
-from mlsanm_cli.continuation.problem import MIN_LENGTH, FloatArray, NewtonOptions, SingularTangentError
+from mlsanm_cli.continuation.problem import MIN_LENGTH, ExpansionPoint, NewtonOptions, SingularTangentError
 from mlsanm_cli.continuation.series import Branch
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
@@ -38,9 +38,8 @@ _Leg: TypeAlias = tuple[Branch, Correction, ExpansionPoint]
 
 
 class NewtonFollower(Follower):
-    """Follows a path from state to state. With load control the load factor goes straight to ``lam_end`` and
-    may jump over a fold to another branch; with arc-length control steps are shortened until they stay on the
-    path."""
+    """Follows a path from state to state. With load control it may jump over a fold to another branch; with
+    arc-length control steps are shortened until they stay on the path."""
 
     _options: NewtonOptions
     _step_length = 0.0

@@ -17,9 +17,17 @@ from functools import cached_property
 
 import numpy as np
 
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.continuation.corrector import Correction, Effort, correct, residual_norm
-from mlsanm_cli.continuation.expansion import ExpansionPoint, Metric, expansion_point
-from mlsanm_cli.continuation.problem import FloatArray, PathOptions, Problem, SingularTangentError, Tangent
+from mlsanm_cli.continuation.problem import (
+    ExpansionPoint,
+    Metric,
+    PathOptions,
+    Problem,
+    SingularTangentError,
+    Tangent,
+    expansion_point,
+)
 from mlsanm_cli.continuation.series import Branch, root
 from mlsanm_cli.records import dataclass
 

@@ -20,7 +20,7 @@ from math import copysign
 
 import numpy as np
 
-from mlsanm_cli.continuation.problem import FloatArray
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import LAST_DIGITS
 
@@ -159,9 +159,8 @@ _RANK_TOLERANCE = 1e-14
 
 
 def denominator(coefficients: FloatArray, radius: float) -> FloatArray | None:
-    """Return the coefficients (1, d_1, ..., d_M), or None when the series is too short or not finite.
-    ``coefficients`` (N + 1, n) are the vectors X_0..X_N in comparable units (X_0 is not used), ``radius`` is
-    the range of the power series, the scale on which the orders are compared."""
+    """Return the coefficients (1, d_1, ..., d_M), None for a series too short or not finite. ``coefficients``
+    (N + 1, n) are X_0..X_N in comparable units, ``radius`` is the range of the power series."""
     order = coefficients.shape[0] - 1
     degree = 2 * order // 3
     radius = _RADIUS_FACTOR * radius
@@ -196,12 +195,9 @@ _MAX_ITERATIONS = 200
 
 def root(function: Callable[[float], float], low: float, high: float, least: float = 0.0) -> float:
     """A zero of a ``function`` with different signs at ``low`` and ``high``, to round-off or within
-    ``least``.
-
-    Inverse quadratic interpolation where it is reliable, bisection elsewhere (Chandrupatla 1997,
-    doi:10.1016/S0965-9978(96)00051-8). Importing scipy.optimize for it would take 0.03 s.
-    Raises ValueError for equal signs.
-    """
+    ``least``, by inverse quadratic interpolation or bisection (Chandrupatla 1997,
+    doi:10.1016/S0965-9978(96)00051-8): scipy.optimize takes 0.03 s to import. Raises ValueError for equal
+    signs."""
     a, b, f_a, f_b = low, high, function(low), function(high)
     if f_a * f_b > 0.0:
         raise ValueError("no change of sign")

@@ -1,11 +1,8 @@
 """Assembly of a body's equations: rows of its nodes and pieces, and their weights.
 
-Least squares uses all rows. Weights: equilibrium h/E, traction 1/E, displacement ``HOLD_WEIGHT``/h, so that
-all rows are strains; they decrease towards singular corners, notches and holes. The equilibrium of the pieces
-(:mod:`mlsanm_cli.mechanics.pieces`) is thousands of times as strong.
-
-Equation (2) of docs/method.md.
-"""
+Weights make all rows strains: equilibrium h/E, traction 1/E, displacement ``HOLD_WEIGHT``/h; they decrease
+towards singular corners, notches and holes. The equilibrium of the pieces
+(:mod:`mlsanm_cli.mechanics.pieces`) is thousands of times as strong. Equation (2) of docs/method.md."""
 
 from __future__ import annotations
 
@@ -159,9 +156,8 @@ def rows_of_nodes(
     traction: Callable[[str, int], FloatArray],
     single: sparse.csr_array,
 ) -> sparse.csr_array:
-    """Rows (r, 2N) of nodes: ``equilibrium`` in x and y, conditions of all surfaces, and those of ``single``
-    nodes. Components not ``held`` have the ``traction`` of a surface and component, coefficients (m, 2, b) of
-    first derivatives, in bodies of revolution of the value, too."""
+    """Rows (r, 2N): ``equilibrium`` in x and y, conditions of surfaces, and ``single`` nodes. Components not
+    ``held`` have the ``traction`` of a surface and component, as for :func:`first_order_rows`."""
     blocks, count = list(equilibrium), len(model.cloud.points)
     for name, surface in model.cloud.surfaces.items():
         stencils = model.stencils.take(surface.index)

@@ -67,9 +67,8 @@ class BodyModel:
         settings: MlsSettings,
         foresight: int = 0,
     ) -> BodyModel:
-        """Build stencils with second derivatives at every node. The neighbour search covers ``foresight``
-        nodes, for larger stencils made later. Raises NumericalError if nodes are too close or a part is too
-        thin."""
+        """Build stencils with second derivatives at every node; the neighbour search covers ``foresight``
+        nodes. Raises NumericalError if nodes are too close or a part is too thin."""
         distance = cloud.separation[0].min()
         if distance < MIN_NODE_DISTANCE:
             x, y = cloud.points[cloud.separation[0].argmin()]
@@ -192,9 +191,8 @@ class BodyModel:
         return even + (1.0 - SECOND_SHARE) * (c - even) if self.material.flows else even
 
     def stress(self, displacement: FloatArray) -> FloatArray:
-        """Stress (n, 3 | 4) at the nodes, xx, yy, xy, hoop, for nodal ``displacement`` (N, 2). The mean
-        pressure of nearly incompressible materials is fitted to its nodal values, as equilibrium controls
-        only the fit."""
+        """Stress (n, 3 | 4) at the nodes, for nodal ``displacement`` (N, 2). The mean pressure of nearly
+        incompressible materials is fitted to its nodal values: equilibrium controls only the fit."""
         c, derivatives = self.material.stiffness, self.stencils.derivatives(displacement)
         radius = self.stencils.radius
         if not self.material.nearly_incompressible:

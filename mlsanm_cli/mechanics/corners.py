@@ -1,18 +1,11 @@
 """Row weights near stress concentrations: changes of support, reentrant corners, notches, holes.
 
-**Corners where a fully held surface meets a free one, and ends of held parts of a boundary.** The stress is
-singular there. Strong-form least squares requires second derivatives, which are not square-integrable there;
-unweighted, it would prefer a smooth wrong solution and lose force on the way to the clamped side. Rows are
-therefore weighted by a power of the distance to the nearest such corner, as in the weighted norms of Cox and
-Fix (Computers & Mathematics with Applications 10, 1984) and Lee, Manteuffel and Westphal (SIAM Journal on
-Numerical Analysis 44, 2006). The remaining loss shows in the force balance of every run.
-
-**Reentrant corners, notches, fillets and holes.** The stress varies over a length of the order of the radius;
-where the cloud does not resolve it, the residuals of a few nodes would distort the whole solution. The weight
-is a power of the distance plus the radius. Corners whose singular functions enrich the fits
-(:mod:`mlsanm_cli.operators.singular_functions`) are resolved, and low weights would leave their stress
-intensity factors undetermined.
-"""
+Where a fully held surface meets a free one the stress is singular. Strong-form least squares requires
+second derivatives, which are not square-integrable there, and would prefer a smooth wrong solution. Rows
+are weighted by a power of the distance to the nearest such place, as in the weighted norms of Cox and Fix
+(Computers & Mathematics with Applications 10, 1984) and Lee, Manteuffel and Westphal (SIAM Journal on
+Numerical Analysis 44, 2006); near unresolved reentrant corners, notches and holes by a power of the
+distance plus the radius. Corners whose singular functions enrich the fits are resolved."""
 
 from __future__ import annotations
 
@@ -56,11 +49,8 @@ def corner_weight(
     cloud: Cloud, restraints: Held, springs: Springs, touching: Collection[str] = ()
 ) -> FloatArray:
     """Factor (n,) on equilibrium and traction rows: min(1, distance / (WEIGHT_REACH thickness))^POWER, with
-    the distance from places where ``restraints`` or ``springs`` change along the boundary.
-
-    Weights that kept growing with the distance would leave the rows at a thin body's support with hardly any
-    weight, and cost the strong rows their digits.
-    """
+    the distance from places where ``restraints`` or ``springs`` change. Without the limit, rows at a thin
+    body's support would have hardly any weight."""
     nodes = singular_changes(cloud, restraints, springs, touching)
     if not len(nodes):
         return np.ones(len(cloud.points))

@@ -1,11 +1,8 @@
 """Residual of a body's displacements in equations of the next higher degree.
 
-Defect correction (Stetter 1978, doi:10.1007/BF01432879): local fits of degree p + 1 to the nodal
-displacements u reveal the truncation error of degree p. With M the rows of degree p and M+ those of degree p
-+ 1, the factorised system with right-hand side (M - M+) u gives approximately minus the error of u.
-
-Equation (29) of docs/method.md.
-"""
+Defect correction (Stetter 1978, doi:10.1007/BF01432879): with M the rows of degree p and M+ those of degree p
++ 1, the factorised system with right-hand side (M - M+) u gives approximately minus the error of u. Equation
+(29) of docs/method.md."""
 
 from __future__ import annotations
 
@@ -103,11 +100,8 @@ def correct(
 ) -> Corrected:
     """Displacements of a body for ``source`` (r, 1) plus the rigid part ``moved`` (2N,), with their
     correction. Surfaces on ``plates`` are moved by forces; ``memo`` keeps the better fits of small bodies.
-
-    Unrefined solutions suffice for corrections. The displacements are refined until the steps, which share
-    passes through the factor with corrections, are small against these; the first one estimates the error of
-    unrefined solutions. Raises NumericalError as :func:`defect_of`.
-    """
+    The displacements are refined until steps are small against the correction; the first one estimates the
+    error of unrefined solutions. Raises NumericalError as :func:`defect_of`."""
     better = memo.value("next degree", body.model.content, partial(NextDegree, body.model))
     solution = body.system.correction(source)
     size = float(np.linalg.norm(solution))

@@ -1,12 +1,8 @@
 """Eigenstresses of a body, C e of eigenstrains e, and their right-hand sides.
 
-Stresses are sigma = C e(u) - s. The stresses C e(u), which the rows represent, therefore balance div s inside
-and s n on free surfaces, and faces of pieces transmit s n in addition to their load. Plastic strains are
-nodal: s has first derivatives, nodal values and fitted values, (3n,) ordered xx of all nodes, yy, xy. Thermal
-strains a T are those of a temperature field.
-
-Equation (32) of docs/method.md.
-"""
+Stresses are sigma = C e(u) - s. C e(u), which the rows represent, therefore balances div s inside and s n on
+free surfaces, and faces of pieces transmit s n. Plastic strains are nodal: s (3n,), xx of all nodes, yy, xy.
+Thermal strains a T are those of a temperature field. Equation (32) of docs/method.md."""
 
 from __future__ import annotations
 

@@ -1,11 +1,7 @@
 """Strain energy of a body, and integrals of products over its triangles and along its surfaces.
 
-The strong form does not use energy. Equality of twice the strain energy and the work of all external forces
-is therefore an independent check. Products of two fields that are linear between nodes are integrated
-exactly.
-
-Equation (30) of docs/method.md.
-"""
+The strong form does not use energy: that twice the strain energy is the work of all external forces is an
+independent check. Equation (30) of docs/method.md."""
 
 from __future__ import annotations
 
@@ -128,12 +124,9 @@ def twice_strain_energy(cloud: Cloud, material: PlaneMaterial, stress: FloatArra
 
 
 def energy_at_tips(model: BodyModel, displacement: FloatArray, stress: FloatArray) -> float:
-    """Correction of :func:`twice_strain_energy` by the triangles around reentrant corners, where the singular
-    stress is not linear between nodes, for ``displacement`` (n, 2) and nodal ``stress`` (n, 3).
-
-    Fitted stresses at the Gauss points of triangles collapsed to the corner nearest to the tip: the integrand
-    times the distance is nearly constant.
-    """
+    """Correction of :func:`twice_strain_energy` by the triangles around reentrant corners, where stress is
+    singular: fitted stresses at the Gauss points of triangles collapsed to the corner nearest to the tip,
+    where the integrand times the distance is nearly constant."""
     around, away = _at_tips(model)
     own = model.cloud.triangles[around]
     own = np.take_along_axis(own, (away[own].argmin(axis=1)[:, None] + np.arange(3)) % 3, axis=1)

@@ -100,12 +100,9 @@ class PlaneMaterial:
 
     @cached_property
     def stretch(self) -> float:
-        """Factor >= 1 by which stresses vary faster in space than in an isotropic material.
-
-        They are functions of x + root y with the two characteristic roots (Lekhnitskii 1963), that is
-        isotropic in coordinates stretched by this factor in one direction. Independent of the axes: the
-        larger (1 + |t|) / (1 - |t|) with t = (1 + i root) / (1 - i root).
-        """
+        """Factor >= 1 by which stresses, functions of x + root y with the characteristic roots (Lekhnitskii
+        1963), vary faster in space than in an isotropic material: the larger (1 + |t|) / (1 - |t|) with t =
+        (1 + i root) / (1 - i root), independent of the axes."""
         size = np.abs((1.0 + 1j * self.roots) / (1.0 - 1j * self.roots))
         return float(((1.0 + size) / (1.0 - size)).max(initial=1.0).round(ROOT_DIGITS))
 
@@ -122,13 +119,10 @@ class PlaneMaterial:
 
     @cached_property
     def surface_compliance(self) -> FloatArray:
-        """Tensor M (2, 2) of the surface displacement -M f log(r) / pi due to line forces f at distance r.
-
-        It is independent of the orientation of the surface, and 2/E' times the identity for an isotropic
-        material of plane modulus E'. With the characteristic roots p, q and the plane compliance s,
-        M = s_11 [b d; d e], b = Im(p + q), d = Im(p q), e = Im(p q (p + q)*) (Ting, Anisotropic Elasticity,
-        Oxford University Press 1996, ISBN 9780195074475).
-        """
+        """Tensor M (2, 2) of the surface displacement -M f log(r) / pi by line forces f, whatever the
+        orientation; 2/E' for an isotropic material. M = s_11 [b d; d e], b = Im(p + q), d = Im(p q), e = Im(p
+        q (p + q)*) with the roots p, q and the compliance s (Ting, Anisotropic Elasticity, 1996, ISBN
+        9780195074475)."""
         sums, product = self.roots.sum(), self.roots.prod()
         b, d, e = sums.imag, product.imag, (product * np.conj(sums)).imag
         return np.asarray(np.linalg.inv(self.in_plane)[0, 0] * np.array([[b, d], [d, e]]))

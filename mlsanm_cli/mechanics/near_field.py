@@ -1,16 +1,11 @@
 """Closed-form near field of surface forces: the simple radial stress distribution.
 
-A force F at the surface point zeta, with w = z - zeta, causes the stresses -(2/pi) (F . w) w w^T / |w|^4 in
-an isotropic body (Flamant and Boussinesq; Johnson, Contact Mechanics, 1985, doi:10.1017/CBO9781139171731,
-section 2.2), whatever the tangent of the surface: they are in equilibrium inside, and on a smooth surface
-through zeta their traction is F at zeta and smooth elsewhere. The rest of the body's response is therefore
-smooth at zeta.
-
-Points and vectors are complex numbers x + i y. Displacements by unit forces in x and y are (..., 2, 2)
-arrays, components first, stresses xx, yy and xy (..., 3, 2).
-
-Equation (6) of docs/method.md.
-"""
+A force F at the surface point zeta, with w = z - zeta, causes the stresses -(2/pi) (F . w) w w^T / |w|^4
+in an isotropic body (Flamant and Boussinesq; Johnson, Contact Mechanics, 1985,
+doi:10.1017/CBO9781139171731, section 2.2): on a smooth surface their traction is F at zeta and smooth
+elsewhere, so that the rest of the body's response is smooth at zeta. Points and vectors are complex
+numbers x + i y. Displacements by unit forces in x and y are (..., 2, 2) arrays, components first, stresses
+xx, yy and xy (..., 3, 2). Equation (6) of docs/method.md."""
 
 from __future__ import annotations
 
@@ -69,13 +64,10 @@ class Isotropic:
 
 @dataclass(frozen=True)
 class Anisotropic:
-    """Near field of an anisotropic material: characteristic ``roots`` (2,) and displacement factors ``p``,
-    ``q`` (2,).
-
-    Lekhnitskii, Theory of Elasticity of an Anisotropic Body, 1963, chapters 2 and 3: with z_k = x + root_k y
-    and the potentials Phi_k = C_k log z_k, stresses are 2 Re sum (root_k^2, 1, -root_k) Phi_k' and
-    displacements 2 Re sum (p_k, q_k) Phi_k.
-    """
+    """Near field of an anisotropic material: characteristic ``roots`` (2,), displacement factors ``p``, ``q``
+    (2,). With z_k = x + root_k y and the potentials Phi_k = C_k log z_k, stresses are 2 Re sum (root_k^2, 1,
+    -root_k) Phi_k', displacements 2 Re sum (p_k, q_k) Phi_k (Lekhnitskii, Theory of Elasticity of an
+    Anisotropic Body, 1963)."""
 
     roots: ComplexArray
     p: ComplexArray

@@ -1,22 +1,15 @@
 """Equilibrium of pieces of a body: the flux through their faces equals the load on them.
 
-Least squares weights the residuals of equilibrium node by node. A force that is lost little by little on its
-way to the support then costs less than the discretisation error of correct bending. In the norm that suits
-equilibrium, H^-1, long waves of the residual weigh more than short ones (Bramble, Lazarov and Pasciak 1997,
-doi:10.1090/S0025-5718-97-00848-X). So force x, force y and moment of connected pieces are strong rows::
+Weighted node by node, a force that is lost little by little costs less than the discretisation error of
+correct bending. In the norm that suits equilibrium, H^-1, long waves of the residual weigh more (Bramble,
+Lazarov and Pasciak 1997, doi:10.1090/S0025-5718-97-00848-X). So force x, force y and moment of connected
+pieces are strong rows, with stresses of local fits at the Gauss points of the faces::
 
     - int_(inner faces) sigma n - int_(held sides) sigma n = int_(free sides) t + int_piece b
 
-and the same with arms about the centroid of the piece. Stresses at the Gauss points of the faces are those
-of local fits: sums of nodal residuals lose as much force as no sums. Fluxes through inner faces cancel, so
-that what holds for each piece holds for the whole body, where it is enforced exactly.
-
-Pieces of bodies of revolution are rings: fluxes and loads are those around the circumference, and the hoop
-stress in the piece resists its radial displacement and its turning in the meridian plane. Only axial forces
-of rings add up to one of the body.
-
-Equations (3) and (3a) of docs/method.md.
-"""
+Fluxes through inner faces cancel: what holds for each piece holds for the whole body, there exactly.
+Pieces of bodies of revolution are rings, in which the hoop stress resists radial displacement and turning
+in the meridian plane; only axial forces of rings add up. Equations (3) and (3a) of docs/method.md."""
 
 from __future__ import annotations
 
@@ -93,9 +86,8 @@ class Pieces:
         return strength / self.cloud.around(self.middle)
 
     def fluxes(self, stress: StressAround, held: Held, rule: Rule, wanted: BoolArray | None = None) -> Any:
-        """Rows or values (3k, ...) of minus the force and moment of a ``stress`` that leave every piece
-        through inner faces and ``held`` components of the outline; at least those of ``wanted`` pieces
-        (k,)."""
+        """Rows or values (3k, ...) of minus the force and moment of a ``stress`` that leave every piece, at
+        least those ``wanted`` (k,), through inner faces and ``held`` components of the outline."""
         wanted = np.ones(self.count, dtype=bool) if wanted is None else wanted
         parts = []
         for matrix, middle, points, normals in self._faces(held, wanted, rule):

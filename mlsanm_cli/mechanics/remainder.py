@@ -1,11 +1,8 @@
 """Remainder of a body's response to surface forces: the response minus their closed-form near fields.
 
-The remainder is smooth at the forces, so that least squares on a cloud that does not resolve them suffices.
-Its data are the negative tractions of the fields on the outline, their displacements where the body is held,
-both where springs act, and their mean motion where nothing holds the body.
-
-Equation (6) of docs/method.md.
-"""
+It is smooth at the forces, so that least squares on a cloud that does not resolve them suffices. Its data are
+the negative tractions of the fields on the outline, their displacements where the body is held, both where
+springs act, and their mean motion where nothing holds the body. Equation (6) of docs/method.md."""
 
 from __future__ import annotations
 
@@ -21,6 +18,7 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.corner import CorneredForces, Forces
 from mlsanm_cli.mechanics.corner_faces import smooth_step
 from mlsanm_cli.mechanics.near_field import as_complex, as_real
+from mlsanm_cli.mechanics.pieces import Pieces
 from mlsanm_cli.mechanics.springs import FREE, NO_SPRING
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
@@ -42,8 +40,8 @@ def remainder_sources(
     cloud, pieces = body.model.cloud, body.pieces
     count = len(forces.place)
     source = np.zeros((body.rows, count, 2))
-    sent = {name: _tractions(one, forces, _halves(one, forces)) for name, one in cloud.surfaces.items()}
-    loads = _balancing(body, forces, sent)
+    along = {name: _Outline(surface, forces) for name, surface in cloud.surfaces.items()}
+    loads = _balancing(body, forces, along)
     for name, surface in cloud.surfaces.items():
         z, normal = as_complex(cloud.points[surface.index]), as_complex(surface.normal)
         values = -forces.traction(z, normal, surface.curve.curvature(surface.arc_length))
@@ -54,7 +52,13 @@ def remainder_sources(
             values = np.where(np.array(held)[:, None], -moved, values)
         for component in (0, 1):
             source[body.condition_rows(name, component)] = values[:, :, component]
-        loads += _on_pieces(body, name, surface, forces, sent[name])
+        # On the pieces, tractions of the fields and of springs where the surface is free.
+        part, soft = along[name], np.array(body.soft_springs.get(name, NO_SPRING))
+        left = -part.tractions
+        if soft.any():
+            left = left - soft[:, None] * forces.displacement(as_complex(part.points))
+        free = ~np.array(body.restrained.get(name, FREE))
+        loads += part.onto(pieces, np.where(free[:, None], left, 0.0))
     for node in dict.fromkeys(node for node, _ in body.held_nodes):
         felt = pins.get(node)
         if felt is None:
@@ -85,33 +89,41 @@ def remainder_sources(
     return np.ascontiguousarray(np.moveaxis(source, 2, 1)).reshape(body.rows, -1)
 
 
-def _on_pieces(
-    body: ElasticBody, name: str, surface: Surface, forces: Forces, sent: FloatArray
-) -> FloatArray:
-    """Force and moment (3p, k, 2) on the pieces by the remainder's tractions on a surface, minus those of the
-    fields, ``sent`` (g, k, 2, 2), and the springs' there."""
-    restrained, springs = body.restrained.get(name, FREE), np.array(body.soft_springs.get(name, NO_SPRING))
-    halves = _halves(surface, forces)
-    points = surface.curve.points(halves.arc)
-    values = -sent
-    if springs.any():
-        values = values - springs[:, None] * forces.displacement(as_complex(points))
-    force = halves.length[:, None, None, None] * np.where(np.array(restrained)[:, None], 0.0, values)
-    return body.pieces.gathered(surface.index[halves.own], points, np.moveaxis(force, 2, 1))
+class _Outline:
+    """Quadrature ``points`` (g, 2) along a surface, of ``nodes`` (g,), with weights ``length`` (g,), graded
+    towards corners near which forces act, and the ``tractions`` (g, k, 2, 2) of the fields there."""
+
+    def __init__(self, surface: Surface, forces: Forces) -> None:
+        halves = Halves.of(surface, FINE)
+        if isinstance(forces, CorneredForces) and not surface.curve.closed:
+            halves = _graded(surface, halves)
+        self.points, self.nodes = surface.curve.points(halves.arc), surface.index[halves.own]
+        self.length, normal = halves.length, as_complex(surface.curve.normals(halves.arc))
+        curvature = surface.curve.curvature(halves.arc)
+        self.tractions = forces.traction(as_complex(self.points), normal, curvature)
+
+    def onto(self, pieces: Pieces, density: FloatArray) -> FloatArray:
+        """Force and moment (3p, k, 2) on the ``pieces`` by a ``density`` (g, k, 2, 2)."""
+        force = self.length[:, None, None, None] * density
+        return pieces.gathered(self.nodes, self.points, np.moveaxis(force, 2, 1))
+
+    def resultant(self, density: FloatArray, center: tuple[float, float] = (0.0, 0.0)) -> FloatArray:
+        """Force and moment about ``center`` (3, k, 2, ...) of a ``density`` (g, k, 2, ...)."""
+        arm = (self.points - np.array(center))[:, None]
+        return np.asarray(_moment(arm, self.length[:, None, None, None] * density).sum(axis=1))
 
 
-def _balancing(body: ElasticBody, forces: Forces, sent: Mapping[str, FloatArray]) -> FloatArray:
-    """Loads of the pieces (3p, k, 2) that compensate the quadrature error of the tractions ``sent`` by
-    surface, distributed like a rigid motion along the loaded surfaces."""
+def _balancing(body: ElasticBody, forces: Forces, along: Mapping[str, _Outline]) -> FloatArray:
+    """Loads of the pieces (3p, k, 2) that compensate the quadrature error of the tractions ``along`` all
+    surfaces, distributed like a rigid motion along the loaded ones."""
     loaded, bearing = as_real(forces.place), []
     missing = -_moment(loaded, np.broadcast_to(np.eye(2), (len(loaded), 2, 2)))
-    for name, surface in body.model.cloud.surfaces.items():
-        halves = _halves(surface, forces)
-        points = surface.curve.points(halves.arc)
-        missing -= _moment(points[:, None], halves.length[:, None, None, None] * sent[name]).sum(axis=1)
-        away = surface.curve.points(surface.curve.closest(loaded)) - loaded
-        if (np.abs(away) <= COARSE_ROUND_OFF * surface.curve.length).all(axis=1).any():
-            bearing.append((surface.index[halves.own], points, halves.length))
+    for name, part in along.items():
+        missing -= part.resultant(part.tractions)
+        curve = body.model.cloud.surfaces[name].curve
+        away = curve.points(curve.closest(loaded)) - loaded
+        if (np.abs(away) <= COARSE_ROUND_OFF * curve.length).all(axis=1).any():
+            bearing.append((part.nodes, part.points, part.length))
     own, points, length = (np.concatenate(some) for some in zip(*bearing, strict=True))
     arm = points - points.mean(axis=0)
     shapes = np.zeros((len(points), 3, 2))
@@ -124,11 +136,8 @@ def _balancing(body: ElasticBody, forces: Forces, sent: Mapping[str, FloatArray]
     return body.pieces.gathered(own, points, np.moveaxis(force, 2, 1))
 
 
-def _halves(surface: Surface, forces: Forces) -> Halves:
-    """Quadrature points along a surface, graded towards corners near which forces act."""
-    halves = Halves.of(surface, FINE)
-    if not isinstance(forces, CorneredForces) or surface.curve.closed:
-        return halves
+def _graded(surface: Surface, halves: Halves) -> Halves:
+    """The quadrature points of a surface with those at its ends graded towards these."""
     arc, last = surface.arc_length, len(surface.index) - 1
     inner = (halves.own != 0) & (halves.own != last)
     crowd = np.concatenate([[0.0], 0.5 ** np.arange(CORNER_HALVINGS, -1, -1)])
@@ -142,32 +151,18 @@ def _halves(surface: Surface, forces: Forces) -> Halves:
     return Halves(*(np.concatenate(some) for some in zip(*parts, strict=True)))
 
 
-def _tractions(surface: Surface, forces: Forces, halves: Halves) -> FloatArray:
-    """The fields' tractions (g, k, 2, 2) at the quadrature points of a surface."""
-    z, normal = as_complex(surface.curve.points(halves.arc)), as_complex(surface.curve.normals(halves.arc))
-    return forces.traction(z, normal, surface.curve.curvature(halves.arc))
-
-
 def reaction_of(body: ElasticBody, name: str, center: tuple[float, float], forces: Forces) -> FloatArray:
     """Force and moment about ``center`` (3, 2k) of a held surface, from the near fields of unit forces."""
-    surface, held = body.model.cloud.surfaces[name], np.array(body.restrained[name])
-    halves = _halves(surface, forces)
-    points = surface.curve.points(halves.arc)
-    force = halves.length[:, None, None, None] * np.where(
-        held[:, None], _tractions(surface, forces, halves), 0.0
-    )
-    total = _moment((points - np.array(center))[:, None], force).sum(axis=1)
+    part = _Outline(body.model.cloud.surfaces[name], forces)
+    held = np.array(body.restrained[name])[:, None]
+    total = part.resultant(np.where(held, part.tractions, 0.0), center)
     return np.ascontiguousarray(np.moveaxis(total, 2, 1)).reshape(3, -1)
 
 
 def spring_pull_of(body: ElasticBody, name: str, forces: Forces) -> FloatArray:
     """Force and moment (3, 2k) of a surface's soft springs, from the near fields of unit forces."""
-    surface, springs = body.model.cloud.surfaces[name], np.array(body.soft_springs[name])
-    halves = Halves.of(surface, FINE)
-    points = surface.curve.points(halves.arc)
-    moved = forces.displacement(as_complex(points))
-    pull = -halves.length[:, None, None, None] * springs[:, None] * moved
-    total = _moment(points[:, None], pull).sum(axis=1)
+    part, springs = _Outline(body.model.cloud.surfaces[name], forces), np.array(body.soft_springs[name])
+    total = part.resultant(-springs[:, None] * forces.displacement(as_complex(part.points)))
     return np.ascontiguousarray(np.moveaxis(total, 2, 1)).reshape(3, -1)
 
 

@@ -1,12 +1,9 @@
 """Free rigid motions of bodies, and the solution of bodies that have some.
 
-The displacement of a body held by contact only is not unique, and a single unit load on it is not balanced.
-Both are resolved without changing the result. Every load is balanced by linearly varying body forces, like
-inertia forces (D'Alembert); as the rigid motions are unknowns of the contact problem with the body's
-equilibrium as equations, these body forces vanish in every state. Among all displacements that differ by a
-free rigid motion, the one with the prescribed mean motion is taken, independent of the pinned nodes; that of
-a remainder is the opposite of the mean motion of its closed-form field.
-"""
+The displacement of a body held by contact only is not unique, and a unit load on it is not balanced. Every
+load is balanced by linearly varying body forces, like inertia forces (D'Alembert), which vanish in every
+state of the contact problem, where the rigid motions are unknowns. Among all displacements the one with
+the prescribed mean motion is taken, independent of the pinned nodes."""
 
 from __future__ import annotations
 
@@ -122,8 +119,7 @@ def pins(points: FloatArray, free: RigidBodyModes) -> list[tuple[int, int]]:
 
 class FreeSystem:
     """The system of a ``body`` with d free rigid motions, without the effect of its ``pinned`` (node,
-    component) pairs. Right-hand sides of the d rows from ``first_pin`` on are the mean motions of the
-    solution."""
+    component) pairs; the d rows from ``first_pin`` on prescribe the mean motions of the solution."""
 
     def __init__(self, body: ElasticBody, pinned: Sequence[tuple[int, int]]) -> None:
         cloud, free = body.model.cloud, body.free

@@ -1,9 +1,7 @@
 """Springs along a body's surfaces: stiff ones act as supports, soft ones as tractions.
 
-A spring of stiffness k is stiff if it gives way less than the body itself, k size > C. Its force is computed
-from the stress inside the body, as for a held surface, since k times a nearly zero displacement would be
-mostly error. The force of a soft spring is k u; it determines the rigid motion of the body.
-"""
+A spring of stiffness k is stiff if it gives way less than the body itself, k size > C: its force is computed
+from the stress, since k times a nearly zero displacement would be mostly error."""
 
 from __future__ import annotations
 

@@ -80,10 +80,8 @@ Tree: TypeAlias = tuple[IntArray, IntArray, IntArray]
 
 def nested_dissection(points: FloatArray, graph: sparse.csr_array | sparse.bsr_array) -> Tree:
     """Nested dissection (George 1973, doi:10.1137/0710032): both halves of the vertices first, the separator
-    between them last. A part of the
-    ``points`` (n, 2) with the symmetric pattern ``graph`` is bisected at its median along the one of
-    DIRECTIONS directions with the smallest separator. Raises ValueError for a graph of another number of
-    vertices."""
+    between them last, bisected at the median of the ``points`` (n, 2) along the one of DIRECTIONS directions
+    with the smallest separator. Raises ValueError for a ``graph`` of another number of vertices."""
     if graph.shape[0] != graph.shape[1] or len(graph.indptr) != len(points) + 1:
         raise ValueError(f"a graph of {len(graph.indptr) - 1} vertices for {len(points)} points")
     angles = np.pi * np.arange(DIRECTIONS) / DIRECTIONS
@@ -241,10 +239,9 @@ def factor_definite(
     solver: LinearSolver = "auto",
     fronts: Fronts | None = None,
 ) -> Factor:
-    """Factorise a symmetric ``matrix`` (2n, 2n) of two unknowns at each of the nodes ``points`` (n, 2),
-    positive definite except for the unknowns of the last ``negative`` points, in which it is negative
-    definite; ``fronts`` if they are known. Falls back to SuperLU, with a note, if a pivot has the wrong sign
-    or the factor is inaccurate. Raises NumericalError if the matrix is singular."""
+    """Factorise a symmetric ``matrix`` (2n, 2n) of two unknowns at each of the ``points`` (n, 2), positive
+    definite but for the last ``negative`` points, in which it is negative definite; ``fronts`` if known.
+    Falls back to SuperLU, with a note. Raises NumericalError if the matrix is singular."""
     if solver == "superlu":
         return factor_quasi_definite(matrix, points)
     blocks = sparse.bsr_array(matrix, blocksize=(2, 2))

@@ -1,31 +1,22 @@
 """Weighted linear least squares by the normal equations, with iterative refinement on the rows themselves.
 
 For rows M u = b with row weights w, and strong rows B u = L b, the solution minimises ||diag(w) (M u - b)|^2
-+ |B u - L b|^2. Each strong row involves many unknowns and would fill the normal equations N of the others;
-so its multiplier z = B u - L b is an additional unknown::
++ |B u - L b|^2. Strong rows involve many unknowns and would fill the normal equations N of the others; so
+their multipliers z = B u - L b are additional unknowns::
 
     N u + B^T z = M^T W b           B u - z = L b
 
 which is quasi-definite (Vanderbei 1995, doi:10.1137/0805005) and has a factor without pivoting in any order.
-A few sums of strong rows, forces and moment on the whole body, hold exactly, C u = d: weights high enough for
-that would leave no digits for other rows. With multipliers z, N u + C^T z = f (Bjorck 1996,
-doi:10.1137/1.9781611971484, section 5.1)::
+A few sums of strong rows, forces and moment on the whole body, hold exactly, C u = d (Bjorck 1996,
+doi:10.1137/1.9781611971484, section 5.1); they nearly hold before, and hold to round-off however accurate Y::
 
     Y = N^-1 C^T (C N^-1 C^T)^-1        u = N^-1 f + Y (d - C N^-1 f)
 
-Strong rows satisfy the conditions nearly, so that this changes the last digits only. Since C Y = 1 to
-round-off however accurate Y is, they hold to round-off.
-
-The factor alone loses half the digits. Residuals of the rows, not of the normal equations, restore them
-(Bjorck 1987, doi:10.1016/0024-3795(87)90101-7), here by conjugate gradients (Bjorck 1996,
-doi:10.1137/1.9781611971484, section 7.4) with the factor as preconditioner: the first step is the corrected
-semi-normal step, and nearly incompressible bodies need a few more. For bodies a hundred times as long as
-thick the factor has lost bending modes to round-off and is not even definite. So each direction is made
-conjugate to several previous ones instead of by the short recurrence, which requires a definite
-preconditioner (Golub and Ye 1999, doi:10.1137/S1064827597323415).
-
-Equation (4) of docs/method.md.
-"""
+The factor alone loses half the digits. Residuals of the rows restore them (Bjorck 1987,
+doi:10.1016/0024-3795(87)90101-7), by conjugate gradients (Bjorck 1996, section 7.4) with the factor as
+preconditioner. For bodies a hundred times as long as thick the factor has lost bending modes and is not
+even definite: each direction is made conjugate to several previous ones (Golub and Ye 1999,
+doi:10.1137/S1064827597323415). Equation (4) of docs/method.md."""
 
 from __future__ import annotations
 

@@ -1,17 +1,11 @@
 """Singular functions at reentrant corners, which enrich the local fits around them.
 
 Between free faces displacements grow with powers of the distance from the tip below 1 (Williams 1952,
-doi:10.1115/1.4010553), which no polynomial represents: the truncation error near one corner would make a
-whole frame too stiff. The coefficients of the singular functions v_m are found by one fit around the tip with
-polynomials and singular functions, s = S u; all fits around the tip are then polynomial fits to the regular
-part u - s v, and the derivatives of s v are known in closed form. Stencils are no larger than elsewhere
-(singular function method: Fix, Gulati and Wakoff 1973, doi:10.1016/0021-9991(73)90023-5).
-
-Each displacement component is fitted by itself: the components along and across the axis of an opening and of
-a shearing mode, 2 functions each, have independent coefficients.
-
-Equation (5) of docs/method.md.
-"""
+doi:10.1115/1.4010553), which no polynomial represents. The coefficients of the singular functions v are
+found by one fit around the tip, s = S u; all fits around it are then polynomial fits to the regular part u
+- s v (singular function method: Fix, Gulati and Wakoff 1973, doi:10.1016/0021-9991(73)90023-5). The
+components along and across the axis of an opening and of a shearing mode, 2 functions each, have
+independent coefficients. Equation (5) of docs/method.md."""
 
 from __future__ import annotations
 
@@ -55,10 +49,9 @@ ComplexArray: TypeAlias = NDArray[np.complex128]
 
 @dataclass(frozen=True)
 class SingularCorner:
-    """Singular functions of a corner at ``place``. The material fills the angle ``half`` on either side of
-    the ``axis``; ``modes`` are the exponents and kinds of its displacements, ``kappa`` is Muskhelishvili's
-    constant. ``strengths`` (m, k) are the coefficients of the functions by the values at nodes ``indices``
-    (k,) of the fit of this ``radius``."""
+    """Singular functions of a corner at ``place``, the material on ``half`` an angle on either side of the
+    ``axis``; ``modes`` are exponents and kinds, ``kappa`` Muskhelishvili's constant. ``strengths`` (m, k) are
+    the coefficients by the values at nodes ``indices`` (k,) of the fit of this ``radius``."""
 
     place: complex
     axis: complex

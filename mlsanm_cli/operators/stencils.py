@@ -44,19 +44,14 @@ def build_stencils(
     least: int = 0,
 ) -> Stencils:
     """Moving least-squares stencils of the nodes ``points`` (n, 2), each centred at its own target (e, 2),
-    with the weights of derivatives of orders ``least`` to ``order``; or those at t ``targets`` (e, t, 2) of
-    one polynomial per centre (e, 2), target by target, whose weights are not narrower where it is one-sided.
-
-    ``sight`` removes neighbours across slits, ``known`` (e, k) are the centres' nearest nodes by
-    :func:`nearest_nodes` if available; near ``tips`` fits are enriched by singular functions
-    (:mod:`mlsanm_cli.operators.singular_functions`). In bodies of revolution the last ``points`` are images
-    of the nodes ``own`` (g,) behind the axis.
-
-    Lancaster and Salkauskas 1981, doi:10.1090/S0025-5718-1981-0616367-1; derivatives are those of the local
-    polynomial ("diffuse", Nayroles, Touzot and Villon 1992, doi:10.1007/BF00364252). A stencil whose weighted
-    QR is rank-deficient gets more neighbours. Raises NumericalError, naming the place, where that does not
-    help.
-    """
+    with derivatives of orders ``least`` to ``order``; or at t ``targets`` (e, t, 2) of one polynomial per
+    centre (e, 2), target by target, whose weights are not narrower where it is one-sided. ``sight`` removes
+    neighbours across slits, ``known`` (e, k) are the nearest nodes by :func:`nearest_nodes`, near ``tips``
+    fits are enriched by singular functions. In bodies of revolution the last ``points`` are images of the
+    nodes ``own`` (g,). Derivatives are those of the local polynomial (Lancaster and Salkauskas 1981,
+    doi:10.1090/S0025-5718-1981-0616367-1; "diffuse", Nayroles, Touzot and Villon 1992,
+    doi:10.1007/BF00364252). A stencil whose weighted QR is rank-deficient gets more neighbours. Raises
+    NumericalError, naming the place, where that does not help."""
     if centers is None:
         centers, targets = targets, targets[:, None]
     else:

@@ -97,13 +97,9 @@ Apply: TypeAlias = Callable[[FloatArray], FloatArray]
 
 
 def corrected(start: FloatArray, of_columns: Apply, of_rows: Apply) -> FloatArray:
-    """The matrix A (g, c) approximated by ``start``. ``of_columns`` computes A V (g, s) for V (c, s),
-    ``of_rows`` U^T A (s, c) for U (g, s), both accurately.
-
-    An ill-conditioned factor is inaccurate in a few smooth modes, above all motions of the finest part of the
-    cloud. The error matrix of all functionals of all solutions therefore has low rank, and is found from its
-    action on a few random columns (Halko, Martinsson and Tropp 2011, doi:10.1137/090771806).
-    """
+    """The matrix A (g, c) approximated by ``start``; ``of_columns`` computes A V (g, s), ``of_rows`` U^T A
+    (s, c) accurately. An ill-conditioned factor is inaccurate in a few smooth modes: the error has low rank,
+    found from its action on random columns (Halko, Martinsson and Tropp 2011, doi:10.1137/090771806)."""
     column = np.linalg.norm(start, axis=0)
     column[column == 0.0] = 1.0
     row = np.linalg.norm(start / column, axis=1)[:, None]

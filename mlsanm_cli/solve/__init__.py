@@ -1,1 +1,1 @@
-"""Load paths of condensed scenes: contact grids, coercivity, states, and path-following methods."""
+"""Load paths of condensed scenes: contact grids, states, and path-following methods."""

@@ -11,6 +11,7 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.contact.laws.contact_state import ContactState
+from mlsanm_cli.contact.response.coercivity import BULK_LIMIT, CONTACT_LIMIT
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.laws.von_mises import VonMises, plastic_stress
 from mlsanm_cli.mechanics.scene import Scene
@@ -54,6 +55,11 @@ class CondensedScene:
         """The step that ends at a ``state``."""
         saved = (state,) if state.position in self.outputs else ()
         return PathStep(state, saved, **({"checkpoint": Checkpoint(state)} | more))
+
+    @property
+    def stability_limit(self) -> float:
+        """Limit of the stability: of contacts, if some node touches."""
+        return CONTACT_LIMIT if any(state.closed.any() for state in self.ends) else BULK_LIMIT
 
     @property
     def stays_open(self) -> bool:

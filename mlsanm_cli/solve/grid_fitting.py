@@ -285,11 +285,14 @@ def sampled(scene: Scene, answers: BodyResponses, fit: GridFit) -> GridFit:
     )
     size = grid.coefficients(answers.smooth(pairing))
     aim, last = SAMPLE_TOLERANCE * float(log), float(size[-2:].max())
-    # Coefficients of smooth functions decay geometrically; few tell how fast, so that more are looked at.
+    # Coefficients decay algebraically where a range reaches corners, else geometrically; then few tell how
+    # fast, so that more are looked at.
     half = max(float(size[count // 2 - 2 : count // 2].max()), last)
-    decay = last / (half or 1.0)
-    while last > aim and count < min(MAX_SAMPLES, 4 * grid.count):
-        last, decay, count = last * decay**2, decay**2, 2 * count
+    cornered = bool(grid.corners_of(True) or grid.corners_of(False))
+    decay, power, most = last / (half or 1.0), *((1, MAX_SAMPLES) if cornered else (2, 4 * grid.count))
+    while last > aim and count < min(MAX_SAMPLES, most):
+        decay = decay**power
+        last, count = last * decay, 2 * count
     return fit if count == grid.count else fit._replace(grid=replace(fit.grid, count=count))
 
 

@@ -20,8 +20,6 @@ UNLOADED = 1e-3
 """Part of earlier pressures and forces that unloading leaves, in regularised laws on a few nodes. Smaller
 forces are not checked, residuals are relative to pressures of at least this part, and contacts with less lose
 them without a warning of the jump."""
-CONTACT_LIMIT = 0.15
-"""Smallest accepted coercivity estimate of a contact."""
 INSTABILITY_RATIO = 0.8
 """Ratio of the moments neglected by small displacements to those that turn a body above which it is
 unstable."""

@@ -9,9 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.cloud import Cloud, measure
 from mlsanm_cli.cloud.curves import Outline, annulus, disk, half_disk, rectangle, sector
-from mlsanm_cli.cloud.quality import measure
 from mlsanm_cli.cloud.spacing import Spacing, Zone, build_cloud
 from mlsanm_cli.cloud.zones import estimate_nodes
 from tests.cloud.shapes import polygon

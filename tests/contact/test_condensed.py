@@ -12,8 +12,7 @@ from mlsanm_cli.contact.response.coercivity import (
     contact_stability,
     relative_resistance,
 )
-from mlsanm_cli.contact.response.nodal import surface_fit
-from mlsanm_cli.contact.response.short_waves import FIT_WINDOW
+from mlsanm_cli.contact.response.short_waves import slip_fit
 from tests.contact.scenes import Small, cylinder
 
 PRESSED = "uy = -0.01\nux = 0.003"
@@ -108,7 +107,7 @@ def frictional(request: pytest.FixtureRequest) -> Small:
 def test_gaps_and_slips_with_friction_are_those_of_whole_solutions(frictional: Small) -> None:
     c, pairing = frictional.condensed, frictional.pairing
     arc = pairing.arc[pairing.candidate]
-    fit = surface_fit(arc, c.weight, arc, FIT_WINDOW * pairing.spacing[pairing.candidate])
+    fit = slip_fit(pairing)
     rng = np.random.default_rng(1)
     for pressure in (np.zeros(len(arc)), rng.uniform(0.0, 100.0, len(arc))):
         traction = 50.0 + 400.0 * (arc - arc.mean())

@@ -9,6 +9,7 @@ from mlsanm_cli.app.checks.references import HertzLine
 from mlsanm_cli.contact.geometry.profile import half_width
 from mlsanm_cli.contact.laws.contact_state import ContactState
 from mlsanm_cli.contact.response.coercivity import contact_stability
+from tests.case_text import scene
 from tests.contact.scenes import Small, blocks, blocks_text, build, cylinder
 
 RATIOS = [0.5, 0.73, 1.37, 2.0]
@@ -64,6 +65,22 @@ def test_a_platen_free_to_turn_stays_level_above_the_middle() -> None:
     assert down == pytest.approx(-200.0 / 210e3, rel=1e-10)
     assert abs(turn) <= 1e-10 * abs(down)
     assert np.abs(state.pressure / 100.0 - 1.0).max() <= 1e-10
+
+
+def test_a_crack_beside_glued_faces_closes_as_in_one_block() -> None:
+    """The contact ends where the bond begins; unequal spacings."""
+    text = scene("strain", "soft", E=1000.0)
+    for name, y, spacing in (("low", 0.0, 0.7), ("high", 5.0, 1.0)):
+        text = text.body(name, "soft", spacing, box=([0.0, 10.0], [y, y + 5.0]))
+    text = text.support("low.bottom", uy=0.0).pin("low", [0.0, 0.0], ux=0.0)
+    for name, ends, friction in (("glue", (4.0, 10.0), "bonded"), ("crack", (0.0, 4.0), 0.0)):
+        first, last = ([x, 5.0] for x in ends)
+        text = text.contact(name, "high.bottom", "low.top", friction=friction, from_=first, to=last)
+    text = text.load("press", "high.top", "pressure", pressure=10.0)
+    small = build(text)
+    state = small.exact()
+    assert np.abs(state.pressure / 10.0 - 1.0).max() <= 1e-6
+    assert small.displacement("high", state)[:, 1].min() == pytest.approx(-0.091, rel=1e-6)
 
 
 HERTZ = HertzLine(226.566, 1.0, 0.5 * 210e3 / 0.91)

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetrs
 
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.continuation import Branch
-from mlsanm_cli.continuation.problem import FloatArray, SingularTangentError, Tangent
+from mlsanm_cli.continuation.problem import SingularTangentError, Tangent
 from tests.contact.friction import strip_compliance
 
 

@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 import pytest
 
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.continuation import AnmOptions, Branch, NewtonOptions, Problem, Step, StopReason, follow
-from mlsanm_cli.continuation.problem import FloatArray
 
 from .problems import Circle, Contact, Scalar, Truss, Yielding, first_at, hertz
 from .test_corrector import watched

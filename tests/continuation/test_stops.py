@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.continuation import AnmOptions, SingularTangentError, StopReason, Tangent, follow
-from mlsanm_cli.continuation.problem import FloatArray
 
 from .problems import Circle, Scalar
 

@@ -144,9 +144,7 @@ def worst_state(
     bodies = vtu_states(nodes, fields, ("displacement", "stress", "von_mises"))
     if not len(pressure):
         return list(bodies.values()), {"position": state.position, "worst_nodes": []}
-    peak, elastic = (
-        float(np.abs(one).max(initial=0.0)) or 1.0 for one in (pressure, condensed.gap.pressure @ pressure)
-    )
+    peak, elastic = float(np.abs(pressure).max()) or 1.0, condensed.elastic_gap(pressure) or 1.0
     limit, traction = condensed.friction * np.maximum(pressure[rough], 0.0), np.abs(state.traction)
     ratio, beyond = np.full(len(pressure), np.nan), np.zeros(len(pressure))
     ratio[rough] = np.divide(traction, limit, out=np.full(len(limit), np.nan), where=limit > 0.0)
@@ -162,25 +160,25 @@ def worst_state(
     values = {"residual": residual, "pressure": pressure, "gap": gap, "cone_ratio": ratio}
     # nan first.
     worst = np.argsort(-np.nan_to_num(residual, nan=np.inf), kind="stable")[:10].tolist()
-    rank, rows = np.zeros(len(residual)), dict[int, dict[str, Any]]()
+    rank = np.zeros(len(residual))
     rank[worst] = 1.0 + np.arange(len(worst))
+    owners = [(one, node) for one in condensed.pairings for node in np.flatnonzero(one.candidate)]
+    rows = [
+        {"contact": one.name, **dict(zip("xy", one.points[node].tolist(), strict=True))}
+        | {name: float(figure[k]) for name, figure in values.items()}
+        for k, (one, node) in ((k, owners[k]) for k in worst)
+    ]
     data = {
         body: {**part.data, "worst": np.zeros(len(part.points))}
         | {name: np.full(len(part.points), np.nan) for name in values}
         for body, part in bodies.items()
     }
-    for pairing in condensed.pairings:
-        span, chosen = condensed.spans[pairing.name], np.flatnonzero(pairing.candidate)
-        for node in worst:
-            if span.start <= node < span.stop:
-                x, y = pairing.points[chosen[node - span.start]].tolist()
-                figures = {name: float(one[node]) for name, one in values.items()}
-                rows[node] = {"contact": pairing.name, "x": x, "y": y, **figures}
-        if pairing.nodal:
-            # A node of several contacts shows the one with the larger residual.
-            there, own = data[pairing.slave_body], pairing.node[chosen]
-            worse = ~(residual[span] <= there["residual"][own])
-            for name, one in (*values.items(), ("worst", rank)):
-                there[name][own[worse]] = one[span][worse]
+    for pairing in condensed.nodal:
+        # A node of several contacts shows the one with the larger residual.
+        there, own = data[pairing.slave_body], pairing.node[pairing.candidate]
+        span = condensed.spans[pairing.name]
+        worse = ~(residual[span] <= there["residual"][own])
+        for name, figure in (*values.items(), ("worst", rank)):
+            there[name][own[worse]] = figure[span][worse]
     parts = [part._replace(data=data[body]) for body, part in bodies.items()]
-    return parts, {"position": state.position, "worst_nodes": [rows[node] for node in worst]}
+    return parts, {"position": state.position, "worst_nodes": rows}

@@ -36,8 +36,8 @@ from mlsanm_cli.io.vtu import VtuPart
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.memo import digest
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
-from mlsanm_cli.solve.coercivity import stability_limit
 from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.contact_states import at_limit
 from mlsanm_cli.solve.fields import (
     cone_ratio,
     fields_of,
@@ -46,7 +46,6 @@ from mlsanm_cli.solve.fields import (
     quantities,
     slave_arc,
 )
-from mlsanm_cli.solve.limit_loads import at_limit
 from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import Checkpoint, Fields, PathStep, State
 
@@ -304,7 +303,7 @@ class SmallStrain(Analysis[CondensedScene]):
     def limits(self) -> dict[str, Any]:
         estimates = {} if self._built is None else end.estimate_limits(self._built.condensed)
         known = summary_limits(self.case.solver.tolerance, FAILING, "rough_pressure_error", estimates)
-        return known | ({"stability": stability_limit(self._built.ends)} if self._built else {})
+        return known | ({"stability": self._built.stability_limit} if self._built else {})
 
 
 def displacements(fields: Mapping[str, Fields]) -> dict[str, FloatArray]:

@@ -29,7 +29,6 @@ from mlsanm_cli.contact.geometry.profile import regular_peak
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
-from mlsanm_cli.solve.coercivity import stability_limit
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.direction_updates import moment_error, turns
 from mlsanm_cli.solve.fields import fields_of
@@ -63,7 +62,7 @@ class End:
 
 def solution(end: End) -> Iterator[Check]:
     """Coercivity of the contact, and the linear solver."""
-    message, stable = "the discretised contact is not coercive", stability_limit(end.built.ends)
+    message, stable = "the discretised contact is not coercive", end.built.stability_limit
     yield Check("stability", end.built.stability, message, fails=stable)
     message = f"linear-solver error {end.linear_residual:.2g} exceeds {level('linear_residual'):g}"
     hint = "make the spacings more equal, use a lower mls.degree, or a Poisson's ratio less close to 0.5"

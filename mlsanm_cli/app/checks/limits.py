@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from mlsanm_cli.solve.state import CONTACT_LIMIT, INSTABILITY_RATIO
+from mlsanm_cli.contact.response.coercivity import CONTACT_LIMIT
+from mlsanm_cli.solve.state import INSTABILITY_RATIO
 
 
 class Limit(NamedTuple):

@@ -28,8 +28,7 @@ from mlsanm_cli.case import (
     finer_nodes,
     rounded,
 )
-from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.cloud.quality import measure
+from mlsanm_cli.cloud.cloud import Cloud, measure
 from mlsanm_cli.contact.geometry.pairing import Pairing, spacing_ratio
 from mlsanm_cli.contact.response.coercivity import stiffness_ratio
 from mlsanm_cli.mechanics.body_model import BodyModel

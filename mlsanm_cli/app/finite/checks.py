@@ -28,11 +28,12 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.membership import first_crossing
 from mlsanm_cli.contact.finite.pair import RigidContact
+from mlsanm_cli.contact.response.coercivity import CONTACT_LIMIT
 from mlsanm_cli.continuation import Follower
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.laws.law import determinant
 from mlsanm_cli.records import dataclass
-from mlsanm_cli.solve.state import CONTACT_LIMIT, State
+from mlsanm_cli.solve.state import State
 
 RECOMMENDED_REFINEMENT = 8.0
 """Factor by which the message of a large estimate of the energy proposes to refine."""

@@ -16,14 +16,14 @@ from mlsanm_cli.case import AnyLoad, Case, Displacement, Platen
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.laws.contact_state import ContactState
 from mlsanm_cli.contact.laws.failures import EndlessError, UnbalancedError
+from mlsanm_cli.contact.response.coercivity import check_coercivity, contact_coercivity
 from mlsanm_cli.contact.response.condensation import condense
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
-from mlsanm_cli.solve.coercivity import check_coercivity, contact_coercivity
 from mlsanm_cli.solve.condensed_scene import CondensedScene, stage_factors
 from mlsanm_cli.solve.contact_grids import find_grids
-from mlsanm_cli.solve.stage_ends import contact_states, reach_error
+from mlsanm_cli.solve.contact_states import contact_states, reach_error
 
 REACH_GROWTH = 1.5
 MAX_ENLARGEMENTS = 6
@@ -70,7 +70,8 @@ def _condensed_scene(
     else:
         condensed, ends = _condense(case, scene, prepared.pairings, stages, context)
     with context.phase("condensation"):
-        stability = check_coercivity(scene, condensed, ends, context.memo)
+        closed = np.any([state.closed for state in ends], axis=0) if ends else np.zeros(0, dtype=bool)
+        stability = check_coercivity(scene, condensed, closed, context.memo)
     return CondensedScene(case, scene, condensed, stages, ends, stability, laws)
 
 

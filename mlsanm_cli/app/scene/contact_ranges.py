@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mlsanm_cli.app.scene.condition_sizes import valleys
+from mlsanm_cli.app.scene.clouds import valleys
 from mlsanm_cli.app.scene.contact_pairs import ALIKE, RAYS, facing_of, minimum
 from mlsanm_cli.app.scene.corners import (
     END_CLEARANCE,

@@ -1,4 +1,4 @@
-"""The size function h of a body, the spacing of its nodes, by its outline; `condition_sizes` adds what acts
+"""The size function h of a body, the spacing of its nodes, by its outline; `clouds` adds what acts
 on it.
 
 Every source k asks for a spacing h_k within r_k of a curve or point c_k, and h is the least of the body's
@@ -26,8 +26,8 @@ from mlsanm_cli.app.scene.materials import materials
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Body
 from mlsanm_cli.case.model.conditions import Support
+from mlsanm_cli.cloud.cloud import OPPOSITE_COSINE
 from mlsanm_cli.cloud.curves import Arc, Curve, Outline, Segment, turn
-from mlsanm_cli.cloud.sight import OPPOSITE_COSINE
 from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.cloud.tips import SMOOTH_TURN
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF

@@ -3,13 +3,15 @@
 A node is closed if its pressure minus its gap over a compliance is positive, and slips if traction minus slip
 exceeds friction (Alart and Curnier 1991, doi:10.1016/0045-7825(91)90022-X; Hintermueller, Ito and Kunisch
 2002, doi:10.1137/S1052623401383558). Each step solves the equations of closed nodes only. Where statuses
-recur, a load is added that makes one of them feasible, and removed along the parametric path (Lemke 1965).
+recur, a load is added that makes one of them feasible, and removed along the parametric path (Lemke 1965,
+doi:10.1287/mnsc.11.7.681; parametric problems: Cottle, Pang and Stone 1992, doi:10.1137/1.9780898719000).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import field, replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -22,10 +24,11 @@ from mlsanm_cli.contact.complementarity.problem import (
     FEASIBLE,
     FORWARD,
     OPENS,
+    RESTS,
+    WEAK,
     ContactStatus,
     Problem,
 )
-from mlsanm_cli.contact.complementarity.tracing import trace
 from mlsanm_cli.records import dataclass
 
 PASSES, HELD_PASSES, BEST = 8, 30, 2
@@ -38,12 +41,23 @@ RESISTED = NULL**0.5
 """Part of a row that remaining motions change, above which its node holds them: far above what is zero."""
 SPRINGS = (1e6 * FEASIBLE, 1e4 * FEASIBLE, 1e2 * FEASIBLE)
 """Stiffness of springs over that of the contacts, one after the other, down to where they are round-off."""
+PIVOTS = 10
+"""Largest number of pivots per condition; paths that end take about one."""
+TIED = 1e-13
+"""Relative distance between changes of status that occur at once."""
+BACK = {OPENS: CLOSES, CLOSES: OPENS, FORWARD: RESTS, BACKWARD: RESTS}
+"""The opposite of a change; of coming to rest it is slipping as before."""
+
+Condition: TypeAlias = tuple[int, int]
+"""Kind and node of a change of status."""
+Pair: TypeAlias = tuple[FloatArray, FloatArray]
+"""Unknowns and rows (N,), or their rates."""
 
 
 @dataclass(frozen=True, eq=False)
 class State:
     """Unknowns ``x`` and rows ``w`` (N,) that satisfy all conditions, or rates; their ``status`` and
-    ``basis``, the numbers of ``systems`` and ``pivots``, and the residual ``missed`` over ``grain``.
+    ``basis``, the number of ``systems``, and the residual ``missed`` over ``grain``.
 
     With a history at ``lam``: slips ``reference`` (n,) at which nodes stick, of others those before, and the
     ``work`` (n,) of friction so far per unit of scaled tractions and slips; it has ``jumped`` from another
@@ -55,7 +69,6 @@ class State:
     w: FloatArray
     basis: Basis | None = None
     systems: int = 0
-    pivots: int = 0
     missed: float = 0.0
     reference: FloatArray = field(default_factory=lambda: np.zeros(0))
     work: FloatArray = field(default_factory=lambda: np.zeros(0))
@@ -86,49 +99,42 @@ class Search:
     ) -> State:
         """The state by Newton steps from the statuses ``starts`` and one that holds all bodies, or, if there
         is equilibrium, by ``pivoting`` from the best statuses met; if ``thorough`` from more. Raises Ray."""
-        p, seen, near, systems = self.problem, set[bytes](), list[ContactStatus](), 0
-        for first in starts:
-            found, best, count = self._newton(first, basis, seen)
-            near, systems = [*near, *best], systems + count
-            if found is not None:
-                return replace(found, systems=systems)
-        if self.allowed is not p.everything:
-            found, _ = self._pivoted_from(near, thorough, systems)
-            if found is not None:
+        p, seen, systems, best = self.problem, set[bytes](), 0, list[ContactStatus]()
+        ray = Ray(np.zeros(len(self.free)))
+
+        def newton(start: ContactStatus) -> State | None:
+            nonlocal systems
+            found, closest, count = self._newton(start, basis, seen)
+            best.extend(closest)
+            systems += count
+            return found and replace(found, systems=systems)
+
+        def pivoted(starts: Sequence[ContactStatus]) -> State | None:
+            nonlocal ray
+            # Also from these sticking and slipping to the other side.
+            for one in starts if thorough else ():
+                other = replace(one, slip_sign=-one.slip_sign)
+                starts = [*starts, p.touching(one.closed), other]
+            for start in {one.key: one for one in starts}.values():
+                try:
+                    return self._pivoted(start, systems)
+                except Ray as error:
+                    ray = error
+            return None
+
+        for start in starts:
+            if found := newton(start):
                 return found
+        if self.allowed is not p.everything and (found := pivoted(best)):
+            return found
         direction = collapse(p, self.free, starts[0], self.allowed) if p.k and pivoting else None
         if direction is not None:  # no pressures and tractions balance the loads
             raise Ray(direction)
-        found, best, count = self._newton(self._softly_held(starts[-1]), basis, seen)
-        systems += count
-        if found is not None:
-            return replace(found, systems=systems)
-        if not pivoting:
-            raise Ray(np.zeros(len(self.free)))
-        last = [*near, *best, self.supported(starts[-1], alone=True)]
-        found, ray = self._pivoted_from(last, thorough, systems)
-        if found is None:
-            raise ray
-        return found
-
-    def _pivoted_from(
-        self, statuses: Sequence[ContactStatus], all_sides: bool, systems: int
-    ) -> tuple[State | None, Ray]:
-        """The state by pivoting from one of the ``statuses``, with ``all_sides`` also from these sticking and
-        slipping to the other side; or the last ray."""
-        ray, tried, starts = Ray(np.zeros(len(self.free))), set[bytes](), list(statuses)
-        for status in statuses if all_sides else ():
-            other = replace(status, slip_sign=-status.slip_sign)
-            starts += [self.problem.touching(status.closed), other]
-        for status in starts:
-            if status.key in tried:
-                continue
-            tried.add(status.key)
-            try:
-                return self._pivoted(status, systems), ray
-            except Ray as error:
-                ray = error
-        return None, ray
+        if found := newton(self._softly_held(starts[-1])):
+            return found
+        if pivoting and (found := pivoted([*best, self.supported(starts[-1], alone=True)])):
+            return found
+        raise ray
 
     def _newton(
         self, status: ContactStatus, basis: Basis | None, seen: set[bytes], passes: int = PASSES
@@ -225,8 +231,7 @@ class Search:
                 if np.abs(seen).max(initial=0.0) > RESISTED * np.abs(moved[row]).max():
                     closed[node] = marks[at] = True
                     left = left @ null_space(seen[None, :])
-        on = closed[p.nodes] & ~stuck
-        return ContactStatus(closed, stuck, np.where(on, np.where(start.slip_sign < 0.0, -1.0, 1.0), 0.0))
+        return ContactStatus.with_tractions(closed, stuck, start.slip_sign, p.nodes)
 
     def _pivoted(self, status: ContactStatus, systems: int) -> State:
         """The state at the end of the path of one artificial load from a status. Raises Ray."""
@@ -257,12 +262,12 @@ class Search:
         v[p.m : count] = self.reference + np.where(slides, opposed, slip)
         # Bodies that still are loose must not be driven by the added load.
         load = basis.undriven(v - p.product(y) - self.free)
-        basis, x, pivots = trace(basis, (y, v), 1.0, load, self.reference, allowed, 0.0)
+        basis, x = trace(basis, (y, v), 1.0, load, self.reference, allowed, 0.0)
         # Round-off of many pivots may have misled the last ones.
         found, _, solved = self._newton(basis.status, basis, set())
         if found is None:
             raise Ray(x)
-        return replace(found, systems=systems + solved, pivots=pivots)
+        return replace(found, systems=systems + solved)
 
 
 def solve(
@@ -272,3 +277,87 @@ def solve(
     there is none."""
     search = Search(problem, free, np.zeros(problem.n), problem.everything, near)
     return search.solved(*starts, thorough=True)
+
+
+def trace(
+    basis: Basis,
+    point: Pair,
+    lam: float,
+    load: FloatArray,
+    reference: FloatArray,
+    allowed: BoolArray,
+    target: float,
+) -> tuple[Basis, FloatArray]:
+    """The basis and unknowns (N,) with which the parametric path with rows free + lam ``load`` first passes
+    lam = ``target``, in the direction from a ``point`` at ``lam`` with its ``basis``. A status does not
+    recur; lam may turn where states fold back, or stand still, where a mechanism develops until a condition
+    stops it. Slips are opposed from their ``reference`` (n,). Raises the Ray of a direction that nothing
+    stops."""
+    p, status, way = basis.problem, basis.status, 1.0 if target > lam else -1.0
+    x, w = point
+    last, still = None, np.zeros(p.n)
+    for _ in range(PIVOTS * (p.m + 2 * p.n + 5)):
+        dx, dw = basis.solve(load, still)
+        sense = way
+        if last is not None:
+            # The node that has changed departs from its limit.
+            sense = 1.0 if p.distances(status, p.everything, dx, dw, still)[last] > 0.0 else -1.0
+        dx, dw, dlam = sense * dx, sense * dw, sense
+        for mechanism in (False, True):
+            step, change = _next(p, status, allowed, (x, w), (dx, dw), reference, last)
+            left = (target - lam) / dlam if dlam * way > 0.0 else np.inf
+            if left <= step and np.isfinite(left):
+                return basis, x + left * dx
+            if change is None:
+                raise Ray(dx, lam)
+            x, w, lam = x + step * dx, w + step * dw, lam + step * dlam
+            kind, node = change
+            slid = FORWARD if kind == RESTS and status.slip_sign[p.owner[node]] > 0.0 else BACKWARD
+            last = BACK.get(kind, slid), node
+            status = p.changed(status, kind, node, w[p.m : p.contacts] - reference)
+            if mechanism:
+                basis = basis.to(status)
+            elif basis.pivot(status):
+                break
+            else:
+                (dx, dw), dlam = basis.mechanism(status), 0.0
+                motions = np.abs(dx[p.contacts :]).max(initial=0.0)
+                if np.abs(dx[: p.contacts]).max(initial=0.0) > FEASIBLE * motions:
+                    continue
+                # A body that comes loose is held unless the load drives it.
+                try:
+                    loose = Basis(p, status)
+                    loose.solve(load, still)
+                except SingularError:
+                    continue
+                basis = loose
+                break
+    raise Ray(dx, lam)
+
+
+def _next(
+    problem: Problem,
+    status: ContactStatus,
+    allowed: BoolArray,
+    now: Pair,
+    rates: Pair,
+    reference: FloatArray,
+    last: Condition | None,
+) -> tuple[float, Condition | None]:
+    """Distance along ``rates`` to the next limit of a condition but the ``last``, and the change there, of
+    simultaneous ones the fastest; None if there is none."""
+    p, (dx, dw) = problem, rates
+    left = p.distances(status, allowed, *now, reference)
+    falls = -p.distances(status, allowed, dx, dw, np.zeros(p.n))
+    if last is not None:
+        left[last] = np.inf
+    moved = float(np.abs(dw[: p.contacts]).max(initial=0.0))
+    falling = np.isfinite(left) & (falls > FEASIBLE * max(p.size(dx), WEAK * moved))
+    if not falling.any():
+        return np.inf, None
+    steps = np.full(left.shape, np.inf)
+    steps[falling] = np.maximum(left[falling], 0.0) / falls[falling]
+    step = float(steps.min())
+    tied = falling & (steps <= step + TIED * abs(step))
+    change, at = np.unravel_index(int(np.argmax(np.where(tied, falls, -1.0))), steps.shape)
+    return step, (int(change), int(at))

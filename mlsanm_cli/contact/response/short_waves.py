@@ -11,10 +11,11 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.contact.response.drivers import Drivers
 from mlsanm_cli.contact.response.linear_map import LinearMap
-from mlsanm_cli.contact.response.nodal import candidates_fit
+from mlsanm_cli.roundoff import FINE_ROUND_OFF
 
-FIT_WINDOW = 6.0
-"""Half-width of the local fits' windows in spacings: linear functions over a window are unaffected."""
+FIT_WINDOW, WINDOW_SHARPNESS = 6.0, 4.0
+"""Half-width of the windows of local fits in spacings, and s in their weights exp(-2 s r^2) at a fraction r:
+linear functions are unaffected."""
 ALTERNATING_COMPLIANCE = 3.0 / np.pi
 """Compliance times E*/h for a traction of alternating sign from node to node.
 
@@ -51,7 +52,7 @@ def correct_short_waves(
     by_pressure, by_traction = beyond[:, :m], beyond[:, m:]
     for pairing in pairings:
         own, facing = drivers.tangential[pairing.name], drivers.spans[pairing.name]
-        fit = slip_fit(pairing).toarray()
+        fit = slip_fit(pairing)
         short = np.eye(len(fit)) - fit
         along = half_planes[pairing.name][:, 1, 1]
         shortest = ALTERNATING_COMPLIANCE * along * pairing.spacing[pairing.candidate]
@@ -76,7 +77,16 @@ def correct_short_waves(
     return gap, slip, sparse.csr_array(beyond)
 
 
-def slip_fit(pairing: Pairing) -> sparse.csr_array:
-    """The local linear fit F (n, n) of nodal values along a contact."""
-    chosen = pairing.candidate
-    return candidates_fit(pairing, pairing.arc[chosen], FIT_WINDOW * pairing.spacing[chosen])
+def slip_fit(pairing: Pairing) -> FloatArray:
+    """The local linear fit F (n, n) of nodal values along a contact, across the seam of a closed surface."""
+    chosen, turns = pairing.candidate, np.zeros(1)
+    arc, weight, reach = pairing.arc[chosen], pairing.weight[chosen], FIT_WINDOW * pairing.spacing[chosen]
+    if pairing.all_around:
+        turns = pairing.slave.curve.length * np.arange(-1.0, 2.0)
+    offset = (turns[:, None, None] + arc - arc[:, None]) / reach[:, None]
+    share = np.where(np.abs(offset) <= 1.0, np.exp(-2.0 * WINDOW_SHARPNESS * offset**2) * weight, 0.0)
+    s0, s1, s2 = ((share * offset**k).sum(axis=(0, 2))[:, None] for k in range(3))
+    # A window with a single node can only carry its constant.
+    slope, both = s0 * s2 - s1**2 > FINE_ROUND_OFF * s0**2, s0 * s2 - s1**2
+    fit = np.where(slope, (s2 - s1 * offset) / np.where(slope, both, 1.0), 1.0 / s0)
+    return np.asarray((share * fit).sum(axis=0))

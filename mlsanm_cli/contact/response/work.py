@@ -3,18 +3,15 @@ strain energy, whatever the contact history."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cells import FINE, Halves
-from mlsanm_cli.contact.geometry.pairing import Pairing, facing_parts, opposed
-from mlsanm_cli.contact.geometry.surface_response import SurfaceResponse
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.energy import along_surface, extended, inner_work, over_body, rigid_part
-from mlsanm_cli.mechanics.near_field import as_complex
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.mechanics.springs import FREE, NO_SPRING
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
@@ -41,11 +38,14 @@ def work_on(
     moved, origin, bent = _paths(scene, body, unknowns, displacement, near, single)
     path = moved - origin
     total = inner_work(cloud, stress, origin) if bent else 0.0
-    total += _on_masters(scene, condensed, body, unknowns, path)
-    given = _given_tractions(scene, condensed, body, unknowns)
+    # Tractions are those of the equations, without what heating adds there.
+    cold = factors.copy()
+    cold[[heating.number for heating in scene.heated(body)]] = 0.0
+    given = condensed.sources[body] @ condensed.drive((cold, *unknowns[1:]))
     for name, surface in cloud.surfaces.items():
         springs = np.array(elastic.springs.get(name, NO_SPRING))
-        pulled = given[name] - springs * (displacement + near)[surface.index]
+        applied = np.stack([given[elastic.condition_rows(name, component)] for component in (0, 1)], axis=1)
+        pulled = applied - springs * displacement[surface.index]
         # The force on held components is the traction of the stress beneath.
         inner = traction_of(stress[surface.index], surface.normal)
         traction = np.where(elastic.restrained.get(name, FREE), inner, pulled)
@@ -112,71 +112,3 @@ def _paths(
     beyond = np.where(held, moved - origin, 0.0)
     bent = bool(np.abs(beyond).max() > FINE_ROUND_OFF * np.abs(moved).max())
     return moved, origin + extended(cloud, beyond, held) if bent else origin, bent
-
-
-def _given_tractions(
-    scene: Scene, condensed: Condensed, body: str, unknowns: Sequence[FloatArray]
-) -> Mapping[str, FloatArray]:
-    """Nodal tractions (b, 2) on a body's surfaces: of loads, of contacts on slaves, and, without the applied
-    tractions themselves, of near fields."""
-    model = scene.bodies[body].model
-    surfaces = model.cloud.surfaces
-    total = {name: np.zeros((len(surface.index), 2)) for name, surface in surfaces.items()}
-    for load in scene.surface_loads:
-        if load.body == body and not load.held:
-            total[load.surface] += unknowns[0][load.number] * load.values
-    for pairing in condensed.reported:
-        values = condensed.contact_values(pairing, unknowns)
-        if pairing.nodal:
-            if pairing.slave_body == body:
-                given, position = _on_slave(pairing, *values), pairing.position[pairing.candidate]
-                facing = pairing.normal[pairing.candidate]
-                for part, numbers, on in facing_parts(pairing.slave, position, facing):
-                    total[part.name][numbers] += given[position[on]]
-            continue
-        grid, (normal, tangent) = pairing.grid, pairing.grid.spreads
-        spread = normal @ grid.deviation(values[0], 0) + tangent @ grid.deviation(values[1], 1)
-        acting = np.stack(np.split(spread, 2), axis=1)
-        for slave, sign in pairing.sides_of(body):
-            forces = SurfaceResponse.of(grid, model.kernel, slave).forces
-            for name, surface in surfaces.items():
-                z, outward = as_complex(surface.curve.points(surface.arc_length)), as_complex(surface.normal)
-                found = forces.traction(z, outward, surface.curve.curvature(surface.arc_length))
-                total[name] -= sign * np.einsum("ekcd,kd->ec", found, acting)
-            if grid.covers:
-                means = (grid.mean_traction(which) @ values[which] for which in (0, 1))
-                mean = next(means) + next(means)
-                total[pairing.surface_of(slave).name] += sign * mean
-    return total
-
-
-def _on_masters(
-    scene: Scene, condensed: Condensed, body: str, unknowns: Sequence[FloatArray], path: FloatArray
-) -> float:
-    """Work of nodal contacts on a body's master surfaces along ``path`` (n, 2): of minus the slaves' forces
-    at the closest points, as for the body's pieces."""
-    total = 0.0
-    for pairing in condensed.reported:
-        master = pairing.master
-        if pairing.master_body != body or master is None or not pairing.nodal:
-            continue
-        given, slave = _on_slave(pairing, *condensed.contact_values(pairing, unknowns)), pairing.slave
-        halves = Halves.of(slave, FINE)
-        share, points = halves.share[:, None], slave.curve.points(halves.arc)
-        length = halves.length * opposed(pairing, halves.arc)
-        length *= scene.bodies[body].model.cloud.around(points)
-        force = length[:, None] * (share * given[halves.own] + (1.0 - share) * given[halves.other])
-        arc = master.curve.closest(points)
-        around = master.curve.length if master.curve.closed else None
-        moved = [np.interp(arc, master.arc_length, one, period=around) for one in path[master.index].T]
-        total -= float((force * np.stack(moved, axis=1)).sum())
-    return total
-
-
-def _on_slave(pairing: Pairing, pressure: FloatArray, traction: FloatArray) -> FloatArray:
-    """Contact tractions (b, 2) at all nodes of the slave surface."""
-    chosen, result = pairing.candidate, np.zeros((len(pairing.slave.index), 2))
-    result[pairing.position[chosen]] = (
-        pressure[:, None] * pairing.normal[chosen] + traction[:, None] * pairing.tangent[chosen]
-    )
-    return result

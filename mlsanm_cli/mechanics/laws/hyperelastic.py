@@ -1,12 +1,9 @@
 """Isotropic hyperelastic laws by their energy W per undeformed volume.
 
 In the plane, W depends on c = tr(F^T F) and d = det F of the gradient F in the plane, and on the stretch l
-across it::
+across it, with I1 = c + l^2, I2 = d^2 + c l^2, J = d l::
 
     P = 2 W_c F + W_d cof F            P_33 = W_l
-
-Laws by invariants have I1 = c + l^2, I2 = d^2 + c l^2, J = d l, so that::
-
     W_c = W_1 + l^2 W_2        W_d = 2 d W_2 + l W_J        W_l = 2 l (W_1 + c W_2) + d W_J
 
 Isochoric laws depend on I1' = J^(-2/3) I1 and I2' = J^(-4/3) I2; their energy of volume changes is
@@ -15,8 +12,7 @@ K (J - 1)^2 / 2. W = W'(I1', I2') contributes::
     W_1 = J^(-2/3) W'_1        W_2 = J^(-4/3) W'_2        W_J = -2/3 (I1' W'_1 + 2 I2' W'_2) / J
 
 U'(J), the part of W_J that grows beyond bounds for nu -> 0.5, is a mean stress: it adds U' J F^-T to P. In
-plane stress l solves P_33 = 0. Holzapfel, Nonlinear Solid Mechanics (Wiley 2000), sections 6.2 to 6.5.
-"""
+plane stress l solves P_33 = 0. Holzapfel, Nonlinear Solid Mechanics (Wiley 2000), sections 6.2 to 6.5."""
 
 from __future__ import annotations
 

@@ -166,11 +166,9 @@ class Ogden(Hyperelastic):
 
 
 def taylor(degree: float, x: FloatArray, count: int) -> FloatArray:
-    """The first ``count`` Taylor coefficients (count, n) of T_n, n = ``degree``, about ``x`` (n,) >= 1.
-
-    T_n'' (x^2 - 1) + T_n' x = n^2 T_n gives a recurrence in three of them, of which they are the minimal
-    solution: ratios of neighbours follow backwards, as a continued fraction (Gautschi 1967,
-    doi:10.1137/1009002)."""
+    """The first ``count`` Taylor coefficients (count, n) of T_n, n = ``degree``, about ``x`` (n,) >= 1:
+    minimal solutions of the recurrence by T_n'' (x^2 - 1) + T_n' x = n^2 T_n, with ratios by a continued
+    fraction (Gautschi 1967, doi:10.1137/1009002)."""
     # Round-off of equal stretches.
     x = np.maximum(x, 1.0)
     shrinking = float(((x - 1.0) / (x + 1.0)).max(initial=0.5))

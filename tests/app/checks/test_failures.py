@@ -13,9 +13,9 @@ import pytest
 
 from mlsanm_cli.app.analysis import small_strain
 from mlsanm_cli.app.checks import end
+from mlsanm_cli.contact.response import coercivity as certificate
 from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.io.files import read_summary
-from mlsanm_cli.solve import coercivity as certificate
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.fields import fields_of
 from mlsanm_cli.solve.paths import load_path

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mlsanm_cli.app.scene import clouds, condition_sizes
+from mlsanm_cli.app.scene import clouds
 from tests.app.runs import warned
 from tests.app.scenes import done, solve
 from tests.case_text import Scene, item, load, scene
@@ -90,8 +90,8 @@ def test_a_hot_spot_has_the_nodes_it_needs(tmp_path: Path) -> None:
 
 
 def test_nodes_that_miss_a_hot_spot_are_warned_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    known = condition_sizes.CONDITION_SOURCES
-    sources = [source for source in known if source is not condition_sizes.varying_fields]
+    known = clouds.CONDITION_SOURCES
+    sources = [source for source in known if source is not clouds.varying_fields]
     monkeypatch.setattr(clouds, "CONDITION_SOURCES", sources)
     summary = solve(hot_spot(), tmp_path / "run")
     assert summary["probes"]["middle"]["stress"][0] < 2.0 * stresses(0.0)[0]
