@@ -98,8 +98,7 @@ class Pairing:
 
     @property
     def sides(self) -> tuple[tuple[str, bool, float], ...]:
-        """For each of :attr:`bodies` its name, whether it is the slave, and the sign of forces and
-        motions."""
+        """For each of :attr:`bodies` name, whether it is the slave, and sign of forces and motions."""
         return tuple(zip(self.bodies, (True, False), (1.0, -1.0), strict=False))
 
     def sides_of(self, body: str) -> list[tuple[bool, float]]:
@@ -147,8 +146,7 @@ def facing_parts(
     slave: Surface, position: IntArray, normal: FloatArray
 ) -> Iterator[tuple[Surface, IntArray, IntArray]]:
     """The body's own surfaces of a slave, each with the indices (k,) of its nodes among those at ``position``
-    (m,) that face the master's ``normal`` (m, 2), and their indices (k,) among the m: at a corner a node may
-    lie on two."""
+    (m,) that face the master's ``normal`` (m, 2), and among the m; a corner may lie on two."""
     for part, place in slave.members:
         numbers = np.full(len(slave.index), -1, dtype=np.int64)
         numbers[place] = np.arange(len(place))

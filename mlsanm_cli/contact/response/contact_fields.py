@@ -52,9 +52,8 @@ TIP_INSET = 2e-3
 
 @dataclass(frozen=True)
 class Intervals:
-    """The intervals (i,) between the ``ends`` (i + 1,) of a contact, as they load one body, and at the
-    quadrature points (q,) of each: ``place`` and ``inward`` normal (q, i), directions of pressures and of
-    tractions (q, i, 2)."""
+    """The intervals (i,) between the ``ends`` (i + 1,) of a contact, as they load one body, and at their
+    quadrature points ``place`` and ``inward`` normal (q, i), and directions of both values (q, i, 2)."""
 
     grid: ContactGrid
     slave: bool
@@ -109,8 +108,7 @@ class Intervals:
     def nearest(
         self, z: ComplexArray, s: FloatArray, within: tuple[FloatArray, FloatArray]
     ) -> tuple[FloatArray, ComplexArray, ComplexArray]:
-        """Coordinates (p,) of the closest surface points ``within`` bounds (p,), starting from ``s``, with
-        points and inward normals (p,)."""
+        """Coordinates (p,) ``within`` bounds of the closest surface points, from ``s``, and these."""
         for _ in range(NEWTON_STEPS):
             place, inward = self.grid.facing.side(s, self.slave)
             # Coordinates increase along the slave, which is on the left.
