@@ -174,7 +174,7 @@ class LeastSquares(LinearSystem):
         """Solutions (n, c) of N x = ``force`` + A^T ``misfit`` (e + g, c), A all rows, and the remaining
         misfit. ``force`` (n, c) or (n, 1) is zero for solutions of the least-squares problem."""
         solution = self.inverse_normal(force + self._gather(misfit))
-        progress, misfit = Progress.of(solution, tolerance), misfit - self._apply(solution)
+        progress, misfit = Progress(solution, tolerance), misfit - self._apply(solution)
         before: deque[tuple[FloatArray, FloatArray, FloatArray]] = deque(maxlen=DIRECTIONS)
         for _ in range(MAX_UPDATES):
             gradient = force + self._gather(misfit)
@@ -190,7 +190,7 @@ class LeastSquares(LinearSystem):
             solution += length * step
             misfit -= length * image
             before.append((step, image, size))
-            progress = progress.after(length * step, solution)
+            progress.advance(length * step, solution)
             if progress.done.all():
                 break
         return solution, misfit
