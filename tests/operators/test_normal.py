@@ -1,8 +1,6 @@
-"""Functionals of many solutions, corrected where the factor loses digits."""
+"""Normal equations in blocks."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -10,88 +8,10 @@ import scipy.sparse as sparse
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators import factors
 from mlsanm_cli.operators.factors import nested_dissection
 from mlsanm_cli.operators.normal import bordered, normal_equations
-from mlsanm_cli.operators.system import CHECK_COLUMNS, RANK, corrected
-from mlsanm_cli.roundoff import ROUND_OFF
-
-
-@dataclass
-class Matrix:
-    """A matrix (g, c) with the number of columns and rows asked for."""
-
-    values: FloatArray
-    asked: int = 0
-
-    def of_columns(self, chosen: FloatArray) -> FloatArray:
-        self.asked += chosen.shape[1]
-        return np.asarray(self.values @ chosen)
-
-    def of_rows(self, chosen: FloatArray) -> FloatArray:
-        self.asked += chosen.shape[1]
-        return np.asarray(chosen.T @ self.values)
-
-    def start(self, rank: int, size: float) -> FloatArray:
-        """The matrix with an error of that rank and relative size."""
-        rng = np.random.default_rng(rank)
-        error = rng.normal(size=(len(self.values), rank)) @ rng.normal(size=(rank, self.values.shape[1]))
-        size *= float(np.linalg.norm(self.values))
-        return np.asarray(self.values + size * error / max(float(np.linalg.norm(error)), 1e-300))
-
-
-def example(seed: int, shape: tuple[int, int] = (120, 90)) -> Matrix:
-    return Matrix(np.random.default_rng(seed).normal(size=shape))
-
-
-def error_of(matrix: Matrix, found: FloatArray) -> float:
-    return float(np.linalg.norm(found - matrix.values) / np.linalg.norm(matrix.values))
-
-
-@given(seed=st.integers(0, 500), rank=st.integers(0, RANK), size=st.sampled_from([1e-6, 1e-2, 10.0]))
-def test_errors_of_low_rank_go_with_few_solutions(seed: int, rank: int, size: float) -> None:
-    matrix = example(seed)
-    assert error_of(matrix, corrected(matrix.start(rank, size), matrix.of_columns, matrix.of_rows)) <= 1e-9
-    assert matrix.asked == 2 * RANK + CHECK_COLUMNS
-
-
-@pytest.mark.parametrize(("rank", "most"), [(RANK + 3, 80), (80, 400)])
-def test_errors_of_higher_rank_take_more_solutions(rank: int, most: int) -> None:
-    matrix = example(1)
-    found = corrected(matrix.start(rank, 1e-3), matrix.of_columns, matrix.of_rows)
-    assert error_of(matrix, found) <= 2.0 * ROUND_OFF
-    assert 2 * RANK + CHECK_COLUMNS < matrix.asked <= most
-
-
-def test_small_columns_are_corrected_beside_large_ones() -> None:
-    # What the factor gets wrong of the small ones is nowhere in the large ones: unless all count alike it is
-    # lost in the noise of these.
-    rng = np.random.default_rng(0)
-    exact = rng.normal(size=(120, 90))
-    size = np.where(np.arange(90) < 45, 1.0, 1e-9)
-    shapes = rng.normal(size=(120, 8))
-    error = np.hstack([shapes[:, :4] @ rng.normal(size=(4, 45)), shapes[:, 4:] @ rng.normal(size=(4, 45))])
-
-    def of_columns(chosen: FloatArray) -> FloatArray:
-        answer = (exact * size) @ chosen
-        return np.asarray(answer + 1e-10 * np.abs(answer).max(axis=0) * rng.normal(size=answer.shape))
-
-    def of_rows(chosen: FloatArray) -> FloatArray:
-        answer = chosen.T @ exact
-        return np.asarray((answer + 1e-10 * np.abs(answer).max() * rng.normal(size=answer.shape)) * size)
-
-    found = corrected((exact + 1e-3 * error) * size, of_columns, of_rows)
-    assert np.abs(found / size - exact).max() <= 1e-6
-
-
-@pytest.mark.parametrize("shape", [(5, 90), (120, 3), (0, 90), (120, 0), (6, 5)])
-def test_few_rows_or_columns_are_taken_as_they_come(shape: tuple[int, int]) -> None:
-    matrix = example(4, shape)
-    found = corrected(np.zeros(shape), matrix.of_columns, matrix.of_rows)
-    assert found.shape == shape
-    assert np.array_equal(found, matrix.values @ np.eye(shape[1])) or error_of(matrix, found) <= 1e-15
 
 
 @settings(max_examples=40)
