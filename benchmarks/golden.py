@@ -16,7 +16,6 @@ table.
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import os
@@ -33,7 +32,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.scenes.judge import run_case
 from benchmarks.scenes.scene import CASES as SCENES
-from benchmarks.scenes.scene import Scene, names, plain
+from benchmarks.scenes.scene import Scene, names, options, plain
 
 TABLE = Path(__file__).parent / "results" / "golden.json"
 CASES = Path(__file__).resolve().parents[1] / "cases"
@@ -133,10 +132,7 @@ def number(value: Any) -> bool:
 
 def main() -> None:
     """Rerun, then compare, record or accept."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--only", nargs="+", default=[], metavar="NAME")
+    parser = options(__doc__)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--record", action="store_true")

@@ -19,10 +19,7 @@ from scenes import REFERENCE, STICK, difference, read_profile
 
 ENDS = (-0.04994, 0.04994)
 KINKS = (ENDS[0], -STICK, STICK, ENDS[1])
-FRICTION = [
-    (Grading(5e-5, 1e-3, 0.17, 0.12, KINKS), 120),
-    (Grading(2.5e-5, 5e-4, 0.13, 0.1, KINKS), 240),
-]
+FRICTION = [(Grading(5e-5, 1e-3, 0.17, 0.12, KINKS), 120), (Grading(2.5e-5, 5e-4, 0.13, 0.1, KINKS), 240)]
 RUNS = {
     "hertz": [(Grading(1e-5, 8e-4, 0.12, 0.1, ENDS), 1), (Grading(5e-6, 4e-4, 0.1, 0.08, ENDS), 1)],
     "slip": FRICTION,

@@ -12,7 +12,6 @@ does not know by its own estimate. ``--coarse`` judges runs with twice the spaci
 
 from __future__ import annotations
 
-import argparse
 import copy
 import json
 import sys
@@ -29,7 +28,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmarks.scenes.compared import SIZED, spacings
 from benchmarks.scenes.judge import Ran, by_elements, run_case
-from benchmarks.scenes.scene import Array, Scene, Table, names, scene
+from benchmarks.scenes.scene import Array, Scene, Table, names, options, scene
 from benchmarks.scenes.variants import respaced
 
 OUT = Path(__file__).resolve().parents[1] / "results" / "estimates.json"
@@ -249,10 +248,7 @@ def told(found: Table) -> str:
 
 def main() -> None:
     """Run, print, write."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--only", nargs="+", default=[], metavar="NAME")
+    parser = options(__doc__)
     parser.add_argument("--coarse", action="store_true")
     parser.add_argument("--finer", type=Path, help="a folder that keeps finer runs")
     parser.add_argument("--out", type=Path, default=OUT)

@@ -15,16 +15,7 @@ from typing import Any
 import numpy as np
 import tomli_w
 
-from benchmarks.scenes.scene import (
-    Array,
-    Figure,
-    Move,
-    Result,
-    Scene,
-    Table,
-    listed,
-    write_mesh,
-)
+from benchmarks.scenes.scene import Array, Figure, Move, Result, Scene, Table, listed, write_mesh
 
 SIDES = 1e-6
 """How far what a body receives may be from what is reported of it, over the largest force."""

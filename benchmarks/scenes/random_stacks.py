@@ -159,13 +159,8 @@ class Stack:
         return sides
 
     def case(self) -> Table:
-        plane = str(self.rng.choice(["strain", "stress"]))
-        return case(
-            plane,
-            self.materials,
-            self.tables["body"],
-            **{k: v for k, v in self.tables.items() if k != "body"},
-        )
+        plane, rest = str(self.rng.choice(["strain", "stress"])), dict(self.tables)
+        return case(plane, self.materials, rest.pop("body"), **rest)
 
 
 def stack(number: int) -> tuple[Table, list[str], list[str]]:

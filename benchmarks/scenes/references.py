@@ -10,7 +10,6 @@ reference.json.
 
 from __future__ import annotations
 
-import argparse
 import json
 import shutil
 import sys
@@ -27,7 +26,7 @@ import tomli_w
 
 from benchmarks.scenes.elements import obstacle_at, thickness
 from benchmarks.scenes.judge import REFERENCE
-from benchmarks.scenes.scene import Array, Scene, Table, expected, scene
+from benchmarks.scenes.scene import Array, Scene, Table, expected, options, scene
 from benchmarks.scenes.signorini import Model, Zones, turned
 from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.outlines import geometry_of
@@ -87,7 +86,7 @@ def found_zones(model: Model, pressures: dict[str, Array], share: float) -> dict
             h = share * wide
             for boundary in [one["slave"], *([one["master"]] if "master" in one else [])]:
                 owner = boundary.split(".")[0]
-                limit = share * 2.5 * thickness(model.outlines[owner])  # type: ignore[attr-defined]
+                limit = share * 2.5 * thickness(model.outlines[owner])
                 for k in group[:: max(1, len(group) // 40)]:
                     zones.setdefault(owner, []).append(
                         (at[k], min(h, limit), max(0.75 * wide / min(len(group), 40), 1.5 * h))
@@ -172,7 +171,6 @@ def reference(scene: Scene, meshes: int = len(LEVELS)) -> Table:
     for level, (base, edge, share) in enumerate(LEVELS[:meshes]):
         for _ in range(TURNS):
             model = Model(given, outlines, base, zones, {} if scene.straight_walls else turns)
-            model.outlines = outlines  # type: ignore[attr-defined]
             moved, pressures = model.solve()
             before, turns = turns, {one.name: turned(one, pressures[one.name]) for one in model.patches}
             if scene.straight_walls or all(abs(turns[k] - before.get(k, 0.0)) < LEVEL for k in turns):
@@ -200,10 +198,7 @@ def change(coarse: Table, fine: Table, what: str) -> float:
 
 def main() -> None:
     """All scenes with references by finite elements."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--only", nargs="+", default=[])
+    parser = options(__doc__)
     given = parser.parse_args()
     for name in expected():
         chosen = scene(name)

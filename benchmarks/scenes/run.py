@@ -15,7 +15,6 @@ altered_scenes.json or FOLDER.json (``--out``).
 
 from __future__ import annotations
 
-import argparse
 import json
 import shutil
 import sys
@@ -28,7 +27,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmarks.scenes.compared import ALL, spacings, through_variants
 from benchmarks.scenes.judge import Ran, Verdict, judged, run_case
-from benchmarks.scenes.scene import Scene, Table, names, scene
+from benchmarks.scenes.scene import Scene, Table, names, options, scene
 from benchmarks.scenes.variants import altered, evenly_spaced
 
 RESULTS = Path(__file__).resolve().parents[1] / "results"
@@ -90,10 +89,7 @@ def told(verdict: Verdict) -> str:
 
 def main() -> None:
     """Run, print, write."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--only", nargs="+", default=[], metavar="NAME")
+    parser = options(__doc__)
     parser.add_argument("--variants", action="store_true")
     parser.add_argument("--altered", type=int, metavar="SEED")
     parser.add_argument("--folder", default=".", help="a folder of cases/")

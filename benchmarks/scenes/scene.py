@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 import io
 import math
@@ -236,3 +237,10 @@ def write_mesh(source: Path, path: Path, move: Move | None) -> None:
 def listed(boundaries: str | list[str]) -> list[str]:
     """One boundary, or several, as a list."""
     return [boundaries] if isinstance(boundaries, str) else boundaries
+
+
+def options(doc: str | None) -> argparse.ArgumentParser:
+    """A parser whose help is ``doc``, with parts of names of scenes as ``--only``."""
+    parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", nargs="+", default=[], metavar="NAME")
+    return parser

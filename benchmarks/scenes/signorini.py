@@ -59,8 +59,7 @@ class Model:
         zones: dict[str, Zones],
         turns: dict[str, float],
     ) -> None:
-        self.given = given
-        self.turns = turns
+        self.given, self.outlines, self.turns = given, outlines, turns
         self.solids: dict[str, Solid] = {}
         first = 0
         for one in given["body"]:

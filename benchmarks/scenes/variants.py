@@ -87,10 +87,8 @@ def respaced(given: Table, spacings: dict[str, Spacings], factor: float) -> Tabl
             fine |= {place: least for place, least in places.items() if least < FINER * far}
         zones += [{"spacing": factor * least, "at": list(place)} for place, least in fine.items()]
         # Their spacings grow as automatic ones do.
-        one["spacing"], one["refine"] = (
-            factor * far,
-            [zone | {"radius": 0.0, "growth": 0.15} for zone in zones],
-        )
+        one["refine"] = [zone | {"radius": 0.0, "growth": 0.15} for zone in zones]
+        one["spacing"] = factor * far
     return made
 
 

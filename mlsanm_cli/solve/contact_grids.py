@@ -29,6 +29,7 @@ from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import Memo
 from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene, factors_at
+from mlsanm_cli.solve.contact_states import contact_states
 from mlsanm_cli.solve.direction_updates import rolling, turns, unturned
 from mlsanm_cli.solve.grid_fitting import (
     COMPRESSED_LIMITS,
@@ -40,7 +41,6 @@ from mlsanm_cli.solve.grid_fitting import (
     refined,
     sampled,
 )
-from mlsanm_cli.solve.stage_ends import contact_states
 
 MAX_ROUNDS = 60
 TURN_ABOVE, TURN_TOLERANCE, MAX_TURNS = 1e-3, 3e-4, 4

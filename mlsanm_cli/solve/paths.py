@@ -17,7 +17,7 @@ from mlsanm_cli.contact.laws.frictionless import solve_exact
 from mlsanm_cli.contact.response.compressed import compressed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.condensed_scene import CondensedScene, factors_at
-from mlsanm_cli.solve.limit_loads import near_limit
+from mlsanm_cli.solve.contact_states import near_limit
 from mlsanm_cli.solve.state import UNLOADED, Checkpoint, PathStep, State
 
 LIMIT_LEVELS = (0.5, 0.9, 0.99, 0.999)
@@ -76,8 +76,7 @@ def exact_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[Path
     condensed, positions = built.condensed, built.stops
     near, wanted = near_limit(condensed, built.stages) if built.ends_early else None, set(positions)
     if near is not None:
-        stage = np.ceil(near[1]) - 1.0
-        wanted |= {float(stage + share * (near[1] - stage)) for share in LIMIT_LEVELS}
+        wanted |= {near.stage + share * near.part for share in LIMIT_LEVELS}
     rows = MIN_ROWS if compressed(condensed.gap.pressure) is None else MIN_ROWS_OF_MANY
     for begin, end in itertools.pairwise(positions):
         parts = int(np.ceil(rows * (end - begin) / positions[-1]))

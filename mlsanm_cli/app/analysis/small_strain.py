@@ -37,6 +37,7 @@ from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.memo import digest
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.contact_states import at_limit
 from mlsanm_cli.solve.fields import (
     cone_ratio,
     fields_of,
@@ -45,7 +46,6 @@ from mlsanm_cli.solve.fields import (
     quantities,
     slave_arc,
 )
-from mlsanm_cli.solve.limit_loads import at_limit
 from mlsanm_cli.solve.paths import load_path
 from mlsanm_cli.solve.state import Checkpoint, Fields, PathStep, State
 

@@ -1,9 +1,6 @@
-"""A-posteriori error estimates of the displacements and of the pressure of every contact.
-
-The exact state at the end of the path is compared with four others: with bodies corrected by their defect of
-the next degree, without smoothing along contacts, with every second contact node, and the reported state of a
-regularised law. The root of the sum of squares of the differences is the estimate, not a bound;
-docs/method.md compares it with refined runs and analytical solutions.
+"""A-posteriori error estimates of displacements and pressures: the root of the sum of squares of the
+differences between the exact state at the end of the path and those with bodies corrected by their defect of
+the next degree, without smoothing along contacts, with every second contact node, and of a regularised law.
 """
 
 from __future__ import annotations

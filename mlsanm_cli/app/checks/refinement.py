@@ -1,21 +1,17 @@
 """``[adapt] passes``: solve, refine at contact edges and where fits are poor, solve again.
 
 The regularised law, bodies of revolution and plastic strains have nodal pressures or strains: automatic
-spacings of bodies in contact are refined to ``NODAL_RULE``, those of bodies of revolution to ``RING_RULE``,
-without being asked.
+spacings of bodies in contact are refined to ``NODAL_RULE`` or ``RING_RULE`` without being asked.
 
-Pressures at nodes are as accurate as the edges of contact are known, to half a spacing, then as the spacing
-under the contact. Every pass requires ``Rule.across`` spacings over the half-width of each patch, and refines
-around its edges, within twice their uncertainty, up to ``Rule.at_edge`` spacings per half-width; then around
-the edges of stick zones. Zones of a pass replace those of the pass before, and both bodies get the same.
+Edges of contact are known to half a spacing. Every pass requires the spacings of a ``Rule`` under each patch
+and around its edges, within twice their uncertainty, then around the edges of stick zones, on both bodies.
 
 If the bodies limit the accuracy, and without contact, the bulk is refined where local fits are poor, and
 these zones are kept. The residual r of a node is the difference between the stress of fits of the next degree
-and that of the solution, weighted as the equations near singular corners. With a uniform spacing h it grows
-like h^degree; the sum of (r h)^2 is least for a given number of nodes if r h is uniform, so that the required
-spacing is h (level / (r h))^(1 / (degree + 1)), but at least h / ``MAX_REFINEMENT``. The level is the lowest
-that multiplies the number of nodes by no more than ``NODE_BUDGET``. Within ``CONTACT_DISTANCE`` half-widths
-of a contact its own zones apply; the mean residual there is a lower bound of the level.
+and that of the solution. With a uniform spacing h it grows like h^degree; the sum of (r h)^2 is least for a
+given number of nodes if r h is uniform: the required spacing is h (level / (r h))^(1 / (degree + 1)), at
+least h / ``MAX_REFINEMENT``, with the lowest level that multiplies the number of nodes by no more than
+``NODE_BUDGET``, at least the mean residual within ``CONTACT_DISTANCE`` half-widths of a contact.
 """
 
 from __future__ import annotations

@@ -12,9 +12,8 @@ from mlsanm_cli.app.checks.limits import level
 from mlsanm_cli.contact.complementarity.equilibrium import undetermined
 from mlsanm_cli.contact.complementarity.problem import GRAZING
 from mlsanm_cli.solve.condensed_scene import CondensedScene
+from mlsanm_cli.solve.contact_states import moving_bodies, reach_error
 from mlsanm_cli.solve.direction_updates import turned_by_loads
-from mlsanm_cli.solve.limit_loads import moving_bodies
-from mlsanm_cli.solve.stage_ends import reach_error
 from mlsanm_cli.solve.state import State
 
 

@@ -13,7 +13,7 @@ from mlsanm_cli.app.scene.clouds import clouds, spacing_of
 from mlsanm_cli.app.scene.contact_pairs import refuse_overlap
 from mlsanm_cli.app.scene.outlines import given_nodes
 from mlsanm_cli.case import Case, LoadedCase
-from mlsanm_cli.cloud.spacing import Spacing, Zone
+from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.cloud.zones import estimate_nodes
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.kernels.aot.jit import is_warm, load
@@ -142,12 +142,10 @@ def refuse_too_large(boundaries: Boundaries) -> tuple[float, float]:
         key, hint = f"body.{body.name}.shape.file", "use a coarser mesh"
         if not body.has_nodes:
             hint = "use larger spacings, smaller refinement radii or a larger growth"
-            even = Spacing(spacing_of(boundaries, body).far)
-            coarse = estimate_nodes(boundaries.outline(body.name), even, COUNT_LIMIT)
             key = f"body.{body.name}.spacing"
-            if body.refine and coarse < 0.5 * nodes[body.name]:
-                finest = min(range(len(body.refine)), key=lambda index: body.refine[index].spacing)
-                key = f"body.{body.name}.refine.{finest}.spacing"
+            finest = min(enumerate(body.refine), key=lambda item: item[1].spacing, default=None)
+            if finest and (isinstance(body.spacing, str) or finest[1].spacing < body.spacing):
+                key = f"body.{body.name}.refine.{finest[0]}.spacing"
         raise CaseError((CaseProblem(key, message, hint=hint),))
     return sum(nodes.values()), memory
 

@@ -23,7 +23,7 @@ from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.solve.condensed_scene import CondensedScene, stage_factors
 from mlsanm_cli.solve.contact_grids import find_grids
-from mlsanm_cli.solve.stage_ends import contact_states, reach_error
+from mlsanm_cli.solve.contact_states import contact_states, reach_error
 
 REACH_GROWTH = 1.5
 MAX_ENLARGEMENTS = 6
