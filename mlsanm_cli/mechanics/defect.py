@@ -230,9 +230,8 @@ class NextDegree:
         tips = model.tips if values.shape[1] == 2 else None
 
         def fits(some: IntArray) -> Stencils:
-            near = model.near[some] if places is cloud.points else None
             nodes, tree, sight = cloud.fitted
-            return build_stencils(nodes, tree, places[some], 2, settings, sight, near, tips, cloud.images)
+            return build_stencils(nodes, tree, places[some], 2, settings, sight, tips, cloud.images)
 
         numbers = np.arange(len(places))
         if len(cloud.points) > MAX_KEPT_NODES:
