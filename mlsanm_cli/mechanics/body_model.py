@@ -123,12 +123,6 @@ class BodyModel:
         """Rows (5e | 6e, 2N) of displacement and stress at ``points`` (e, 2), by :func:`point_rows`."""
         return point_rows(self.stencils_at(points, 1), self.material, lambda: self.stencils)
 
-    def gradients_around(self, centers: FloatArray, points: FloatArray) -> Stencils:
-        """Stencils at ``centers`` (e, 2) with weights of d/dx, d/dy (revolved: the value, too) at ``points``
-        (e, t, 2)."""
-        (nodes, tree, sight), own, least = self.cloud.fitted, self.cloud.images, 1 - self.cloud.revolved
-        return build_stencils(nodes, tree, points, 1, self.settings, sight, self.tips, own, centers, least)
-
     def field_rows(self, points: FloatArray) -> sparse.csr_array:
         """Rows (e, n) of a nodal field at ``points`` (e, 2)."""
         stencils = self.stencils_at(points, 0)
@@ -152,7 +146,9 @@ class BodyModel:
             values = self.field_rows(points.reshape(-1, 2))
             return sparse.csr_array(values @ stress_rows(self.stencils, even, XX))
 
-        each = self.gradients_around(centers, points).of_each(points.shape[1])
+        (nodes, tree, sight), own, least = self.cloud.fitted, self.cloud.images, 1 - self.cloud.revolved
+        fits = build_stencils(nodes, tree, points, 1, self.settings, sight, self.tips, own, centers, least)
+        each = fits.of_each(points.shape[1])
         return sparse.csr_array(sparse.vstack(stresses_at(each, self.material, mean), format="csr"))
 
     def equilibrium(self, component: int) -> sparse.csr_array:

@@ -23,7 +23,7 @@ from mlsanm_cli.operators.factors import (
     factor_general,
     mirrored,
 )
-from mlsanm_cli.operators.normal import bordered
+from tests.operators.test_normal import bordered
 
 
 def normal_equations(points: FloatArray, seed: int = 0, apart: float = 1.0) -> sparse.csc_array:

@@ -8,10 +8,22 @@ import scipy.sparse as sparse
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mlsanm_cli.arrays import IntArray
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators import factors
 from mlsanm_cli.operators.factors import nested_dissection
-from mlsanm_cli.operators.normal import bordered, normal_equations
+from mlsanm_cli.operators.normal import NormalPattern
+
+
+def bordered(
+    rows: sparse.csr_array, strong: sparse.csr_array, owner: IntArray, vertices: int
+) -> sparse.bsr_array:
+    """The matrix [M^T M, B^T; B, -1] of ``rows`` M and ``strong`` rows B."""
+    return NormalPattern(rows, strong, owner, vertices).matrix(rows, strong, rows, strong)
+
+
+def normal_equations(rows: sparse.csr_array) -> sparse.bsr_array:
+    return bordered(rows, sparse.csr_array((0, rows.shape[1])), np.zeros(0, dtype=np.int64), 0)
 
 
 @settings(max_examples=40)
