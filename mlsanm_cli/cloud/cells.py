@@ -153,18 +153,6 @@ def cell_quadrature(
     return node, (share[:, :, None] * points[node]).sum(axis=1), twice / 36.0, share
 
 
-def corner_moments() -> tuple[FloatArray, FloatArray]:
-    """Integrals over the cell of a triangle's first corner, divided by the triangle's area: of the linear
-    shape functions (3,) and of their products (3, 3)."""
-    corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
-    node, _, area, shares = cell_quadrature(corners, np.array([[0, 1, 2]]))
-    own = node[:, 0] == 0
-    nodal = np.zeros((int(own.sum()), 3))
-    np.put_along_axis(nodal, node[own], shares[own], axis=1)
-    weighted = 2.0 * area[own][:, None] * nodal
-    return weighted.sum(axis=0), nodal.T @ weighted
-
-
 def measure(
     points: FloatArray, faces: Faces, surfaces: Mapping[str, Surface], labels: IntArray
 ) -> tuple[FloatArray, FloatArray, BoolArray]:

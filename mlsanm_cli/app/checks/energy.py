@@ -10,7 +10,6 @@ import numpy as np
 
 from mlsanm_cli.app.checks.ended import NODE_FORCE_SHIFT, EnergyErrors, thin_part
 from mlsanm_cli.app.checks.limits import level
-from mlsanm_cli.app.scene.assemble import single_nodes
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.response.work import work_on
 from mlsanm_cli.mechanics.energy import (
@@ -90,7 +89,7 @@ def energy_error(built: CondensedScene, state: State, fields: Mapping[str, Field
     near, squares = _near_work(built, state), _on_single_nodes(built, state)
     for name, body in built.scene.bodies.items():
         cloud, material, found = body.model.cloud, body.model.material, fields[name]
-        single = single_nodes(built.case, name, cloud)
+        single = body.held_nodes
         stress = found["stress"]
         if material.revolved:
             stress = np.column_stack([stress, found["stress_zz"]])
@@ -159,7 +158,7 @@ def _on_single_nodes(built: CondensedScene, state: State) -> dict[str, float]:
     for name, body in built.scene.bodies.items():
         force = built.condensed.quantities["sum"][name](*state.unknowns)
         contact_compliance = body.model.material.contact_compliance(np.eye(2))
-        held = [component for _, component in single_nodes(built.case, name, body.model.cloud)]
+        held = [component for _, component in body.held_nodes]
         counts = np.array([held.count(0), held.count(1)])
         found[name] = float(((counts > 0) * contact_compliance * force**2 / np.maximum(counts, 1)).sum())
     return found

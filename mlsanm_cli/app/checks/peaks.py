@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from mlsanm_cli.app.scene.assemble import single_nodes
 from mlsanm_cli.arrays import FloatArray, IntArray, runs_of
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.body import ElasticBody
@@ -146,7 +145,7 @@ def _left_out(
     spacings around them in which stresses are spoiled."""
     body, none = built.scene.bodies[name], np.zeros((0, 2))
     cloud, surfaces = body.model.cloud, body.model.cloud.surfaces
-    nodes = [node for node, _ in single_nodes(built.case, name, cloud)]
+    nodes = [node for node, _ in body.held_nodes]
     nodes += reentrant_corners(cloud).tolist()
     # Ends of held surfaces other than planes of symmetry.
     for before, one in surfaces.items():

@@ -60,6 +60,7 @@ class SceneModel:
     pairings: tuple[Pairing, ...]
     held: Mapping[str, Mapping[str, tuple[bool, bool]]]
     held_nodes: Mapping[str, tuple[tuple[int, int], ...]]
+    single_supports: Mapping[str, tuple[str, int]]
     acting: Acting
     probes: tuple[Probe, ...]
     restrained: Restrained
@@ -95,7 +96,7 @@ def prepare(
     if case.model.revolved:
         _refuse_on_axis(boundaries, clouds, stiffness)
     held, fixed = _held_surfaces(boundaries, clouds)
-    held_nodes = {body.name: single_nodes(case, body.name, clouds[body.name]) for body in case.body}
+    held_nodes, single, probes, notes = _given_points(case, clouds)
     refuse_conflicts(boundaries)
     loads = acting(case, boundaries.names, boundaries.drawn, clouds)
     pairings = tuple(pair(boundaries, clouds))
@@ -143,13 +144,12 @@ def prepare(
             raise
         # The resisting part of a surface, for instance a chamfer, may lie outside the ranges.
         return prepare(boundaries, clouds, memo, before, grids=False)
-    probes, notes = _observed(case, clouds)
     notes += free.notes
     if not small:
         reaching = [contact.name for contact in case.contact if contact.reach != "auto"]
         notes += [f"contact.{name}.reach has no effect at finite strain" for name in reaching]
     return SceneModel(
-        boundaries, models, pairings, held, held_nodes, loads, probes, free, tuple(notes), ranges
+        boundaries, models, pairings, held, held_nodes, single, loads, probes, free, tuple(notes), ranges
     )
 
 
@@ -211,7 +211,6 @@ def assemble_bodies(
         bodies[name] = memo.value("body", (model, held, nodes, springs, surfaces, solver), build)
         bodies[name].equations.timed = timed
     places = [support.place for support in case.support if support.place is not None]
-    single = [(one.body, one.near) for one in case.support if one.body is not None and one.near is not None]
     return mechanics.Scene(
         bodies=bodies,
         loads=case.moved,
@@ -230,10 +229,7 @@ def assemble_bodies(
         probes=prepared.probes,
         held_motions=prepared.restrained.held,
         loose_motions=prepared.restrained.loose,
-        single_supports={
-            f"{body} near ({near[0]:g}, {near[1]:g})": (body, _nearest(prepared.models[body].cloud, near))
-            for body, near in single
-        },
+        single_supports=prepared.single_supports,
     )
 
 
@@ -260,34 +256,29 @@ def _held_surfaces(
     return held, {body: names - moving[body] for body, names in fixed.items()}
 
 
-def single_nodes(case: Case, body: str, cloud: Cloud) -> tuple[tuple[int, int], ...]:
-    """The (node, component) pairs that supports of single nodes fix at zero."""
-    pairs = []
-    for support in case.support:
-        if support.body == body and support.near is not None:
-            node = _nearest(cloud, support.near)
-            pairs += [(node, c) for c, value in enumerate((support.ux, support.uy)) if value is not None]
-    return tuple(pairs)
-
-
-def _nearest(cloud: Cloud, point: tuple[float, float]) -> int:
-    """The node nearest to a point, the first of several at the same distance up to round-off."""
-    away = np.hypot(*(cloud.points - np.array(point)).T)
-    return int(np.flatnonzero(away <= away.min() + ROUND_OFF * cloud.spacing.min())[0])
-
-
-def _observed(case: Case, clouds: Mapping[str, Cloud]) -> tuple[tuple[Probe, ...], list[str]]:
-    """The probes, and notes on supports whose node is not at the given point. CaseError for points outside
-    their body."""
+def _given_points(
+    case: Case, clouds: Mapping[str, Cloud]
+) -> tuple[dict[str, tuple[tuple[int, int], ...]], dict[str, tuple[str, int]], tuple[Probe, ...], list[str]]:
+    """The (node, component) pairs of every body that supports of single nodes fix, and the body and node of
+    each of these by name; the probes; notes on supports whose node is not at the given point. CaseError for
+    points outside their body."""
+    pairs, single = (
+        dict[str, list[tuple[int, int]]]({name: [] for name in clouds}),
+        dict[str, tuple[str, int]](),
+    )
     probes, notes, problems = list[Probe](), list[str](), list[CaseProblem]()
     for number, support in enumerate(case.support):
         if support.body is None or support.near is None:
             continue
-        cloud = clouds[support.body]
-        node = _nearest(cloud, support.near)
-        x, y = cloud.points[node].tolist()
-        away = float(np.hypot(x - support.near[0], y - support.near[1]))
-        place = f"({support.near[0]:g}, {support.near[1]:g})"
+        cloud, place = clouds[support.body], f"({support.near[0]:g}, {support.near[1]:g})"
+        distances = np.hypot(*(cloud.points - np.array(support.near)).T)
+        # The first of several nodes at the same distance up to round-off.
+        least = distances.min() + ROUND_OFF * cloud.spacing.min()
+        node = int(np.flatnonzero(distances <= least)[0])
+        fixed = enumerate((support.ux, support.uy))
+        pairs[support.body] += [(node, component) for component, value in fixed if value is not None]
+        single[f"{support.body} near {place}"] = support.body, node
+        (x, y), away = cloud.points[node].tolist(), float(distances[node])
         if away > cloud.spacing[node] and not cloud.contains(np.array([support.near]))[0]:
             message = f'{place} lies outside body "{support.body}"'
             hint = f"its nearest node is at ({x:g}, {y:g}), {away:.3g} away"
@@ -305,4 +296,4 @@ def _observed(case: Case, clouds: Mapping[str, Cloud]) -> tuple[tuple[Probe, ...
         probes.append(Probe(probe.name, probe.body, point))
     if problems:
         raise CaseError(tuple(problems))
-    return tuple(probes), notes
+    return {name: tuple(held) for name, held in pairs.items()}, single, tuple(probes), notes

@@ -12,9 +12,9 @@ from typing import TypeAlias
 
 import numpy as np
 
-from mlsanm_cli.app.scene.loads import profiles, with_spread_forces
+from mlsanm_cli.app.scene.loads import profiles, spread
 from mlsanm_cli.app.scene.outlines import drawn, given_nodes, run_of
-from mlsanm_cli.case import Body, Case, Contact, Place, Platen, Pressure, Traction
+from mlsanm_cli.case import Body, Case, Contact, Force, Place, Platen, Pressure, Traction
 from mlsanm_cli.case.model.conditions import Kind, Support, compatible
 from mlsanm_cli.case.model.loads import OnBoundary
 from mlsanm_cli.cloud.cloud import Cloud
@@ -63,7 +63,11 @@ class Boundaries:
     def of(cls, case: Case) -> Boundaries:
         """Raises CaseError for invalid parts, and for pieces of a contact's side that do not join."""
         outlines = {body.name: drawn(body.shape) for body in case.body}
-        case = with_spread_forces(case, outlines)
+        loads = [
+            spread(load, outlines, case.model.revolved) if isinstance(load, Force) else load
+            for load in case.load
+        ]
+        case = case.model_copy(update={"load": tuple(loads)})
         conditions: list[tuple[str, Condition, Place]] = [
             (f"support.{number}", support, support.place)
             for number, support in enumerate(case.support)

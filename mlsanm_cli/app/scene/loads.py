@@ -171,15 +171,9 @@ def _jumps(
     return tuple(marks[2:]) if len(marks) <= MAX_JUMPS else ()
 
 
-def with_spread_forces(case: Case, outlines: Mapping[str, Outline]) -> Case:
-    """The case with a body force or a traction of the same resultants for every load of kind `force`. Raises
-    CaseError for parts of boundaries that do not join."""
-    revolved = case.model.revolved
-    loads = [_spread(load, outlines, revolved) if isinstance(load, Force) else load for load in case.load]
-    return case.model_copy(update={"load": tuple(loads)})
-
-
-def _spread(load: Force, outlines: Mapping[str, Outline], revolved: bool) -> Traction | BodyForce:
+def spread(load: Force, outlines: Mapping[str, Outline], revolved: bool) -> Traction | BodyForce:
+    """A body force or a traction of the resultants of a load of kind `force`. Raises CaseError for parts of
+    boundaries that do not join."""
     outline = outlines[load.owner]
     curves = list(outline.curves)
     for place in load.places:

@@ -26,8 +26,7 @@ MAX_CACHED = 1000
 
 @dataclass(frozen=True, eq=False)
 class SurfaceResponse:
-    """The response of the slave, or the master, to forces on a ``grid``, with the near field ``kernel`` of
-    its material."""
+    """The response of slave or master to forces on a ``grid``, with the near field ``kernel``."""
 
     grid: ContactGrid
     kernel: PointForceField
@@ -64,8 +63,7 @@ class SurfaceResponse:
         return np.asarray((ahead - behind) / (2.0 * step))
 
     def smooth(self, at: FloatArray | None = None, by: FloatArray | None = None) -> FloatArray:
-        """Near-field part of S (a, k, 2, 2) at coordinates ``at`` (a,) due to forces at coordinates ``by``
-        (k,); both by default the samples."""
+        """Near-field part of S (a, k, 2, 2) ``at`` coordinates (a,) ``by`` forces (k,) or at samples."""
         grid, kernel, (log, turn) = self.grid, self.kernel, self.tensors
         center = grid.centers[0 if self.slave else 1]
         at, by = (grid.samples if one is None else one for one in (at, by))

@@ -53,10 +53,8 @@ def increment(
     starts = list[ContactStatus]()
     for status in (touching,) if guess is None else (guess, touching):
         # Closed nodes with friction stick if they do not slip.
-        on, sign = status.closed[p.nodes], status.slip_sign
-        rests = on & (status.stuck | (sign == 0.0))
-        slip_sign = np.where(rests & ~p.rubs, 1.0, np.where(on, sign, 0.0))
-        starts.append(ContactStatus(status.closed, rests & p.rubs, slip_sign))
+        rests = p.rubs & (status.stuck | (status.slip_sign == 0.0))
+        starts.append(ContactStatus.with_tractions(status.closed, rests, status.slip_sign, p.nodes))
     found = history.increments(p, _scaled(condensed, state), condensed.free_rows(factors), *starts)
     return None if found is None else _unscaled(condensed, found, factors)
 
@@ -198,12 +196,7 @@ def slides_freely(condensed: Condensed, rates: ContactState) -> bool:
     if not motions.size:
         return False
     both = np.vstack([across, tangential[slipping]])
-    seen = both @ motions
-    if motions.shape[1] == 1:
-        parts = (seen**2)[:, 0]
-        if parts[: len(across)].sum() >= MAX_NORMAL_SHARE**2 * parts.sum():
-            return False
-    left, values, modes = np.linalg.svd(seen, full_matrices=False)
+    left, values, modes = np.linalg.svd(both @ motions, full_matrices=False)
     kept = values > ROUND_OFF
     left, modes = left[:, kept], modes[kept].T / values[kept]
     moving = left[: len(across)]
