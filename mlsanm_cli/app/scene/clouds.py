@@ -329,12 +329,12 @@ def spacing_of(boundaries: Boundaries, body: Body) -> Spacing:
                     size = max(zone.spacing, MIN_SPACING * far)
                     zones.append(Zone(zone.curve, size, zone.radius, zone.growth))
     for refine in body.refine:
-        if refine.at is not None:
-            zones.append(Zone.around(refine.at, refine.spacing, refine.radius, refine.growth))
-        else:
+        if refine.at is None:
             outline = boundaries.drawn[body.name]
             for number in outline.numbers(str(refine.along).rpartition(".")[2]):
                 zones.append(Zone(outline.curves[number], refine.spacing, refine.radius, refine.growth))
+        else:
+            zones.append(Zone.around(refine.at, refine.spacing, refine.radius, refine.growth))
     return Spacing(far, tuple(zones))
 
 
