@@ -149,7 +149,12 @@ def test_a_jammed_node_that_is_pulled_off_snaps_open_at_the_fold() -> None:
 
 def test_free_bodies_without_load_stay_where_they_are() -> None:
     problem, weight, _ = _block(0.3)
-    found = solve(problem, 0.0 * weight, problem.opened, near=np.array([0.0, 0.0, 0.0, 0.0, 4.0, 5.0, 0.5]))
+    found = solve(
+        problem,
+        0.0 * weight,
+        problem.touching(weight[:2] > 0.0),
+        near=np.array([0.0, 0.0, 0.0, 0.0, 4.0, 5.0, 0.5]),
+    )
     np.testing.assert_allclose(found.x[4:], [4.0, 5.0, 0.5])
     assert not found.x[:4].any()
 

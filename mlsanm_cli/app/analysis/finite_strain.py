@@ -38,10 +38,9 @@ def contact_lines(scene: FiniteScene, state: State) -> dict[str, VtuPart]:
     for contact, _, there in scene.contacts.each:
         record, side = records[contact.name], contact.slave
         moved = state.solver["surface"][there][: 2 * side.count].reshape(-1, 2)
-        turn, _ = side.turned(moved)
-        sign = -1.0 if contact.exchanged else 1.0
-        normal = -sign * as_real(as_complex(side.outward) * turn)
-        stretch = fields.stretch_along(side, moved.ravel())
+        sign, deformed = -1.0 if contact.exchanged else 1.0, side.deformed(moved.ravel())[0]
+        stretch = np.abs(deformed)
+        normal = -sign * as_real(as_complex(side.outward) * deformed / stretch)
         stress = sign * state.side_traction[there].reshape(-1, 2)[: side.count] / stretch[:, None]
         numbers = np.arange(side.count, dtype=np.int64)
         edges = np.stack([numbers, np.roll(numbers, -1)], axis=1)[: None if side.around is not None else -1]
@@ -86,7 +85,7 @@ class FiniteStrain(Analysis[FiniteScene]):
         return state.displacement.reshape(-1, 2)
 
     def forces(self, state: State) -> Mapping[str, FloatArray]:
-        forces = fields.resultants(self.built, fields.SceneForces(self.built, state))
+        forces = fields.resultants(self.built, state)
         return forces | {name.removeprefix(fields.CONTACT_PREFIX): force for name, force in forces.items()}
 
     def checks(self, state: State) -> Iterator[Check]:
@@ -136,9 +135,9 @@ class FiniteStrain(Analysis[FiniteScene]):
 
     def tallied(self, tally: Mapping[str, Any], before: State | None, step: PathStep) -> dict[str, Any]:
         scene, state = self.built, step.state
-        forces, (nodal, energy) = fields.SceneForces(scene, state), accuracy.energy_errors(scene, state)
+        bodies, (nodal, energy) = fields.body_forces(scene, state), accuracy.energy_errors(scene, state)
         error = sum(float(each.sum()) for each in nodal.values())
-        largest = max(tally.get("largest", 0.0), forces.size)
+        largest = max(tally.get("largest", 0.0), *(one.size for one in bodies.values()))
         # Rigid motion leaves round-off in the forces.
         stiffest = max(body.elastic.model.material.modulus for body in scene.bodies.values())
         tiny = ROUND_OFF * stiffest * float(np.abs(state.displacement).max())
@@ -153,7 +152,7 @@ class FiniteStrain(Analysis[FiniteScene]):
             "bifurcations": [*tally.get("bifurcations", ()), *map(self._fork, step.bifurcations)],
             "stability": min(tally.get("stability", np.inf), stability),
             "largest": largest,
-            "balance": forces.rest / max(largest, tiny) if largest else 0.0,
+            "balance": max(one.rest for one in bodies.values()) / max(largest, tiny) if largest else 0.0,
             "kept": max(tally.get("kept", 0.0), abs(step.kept)),
             "unaccounted": max(tally.get("unaccounted", 0.0), error + abs(step.kept)),
             "energy": max(tally.get("energy", 0.0), energy),

@@ -22,7 +22,7 @@ from mlsanm_cli.app.checks.ended import (
 from mlsanm_cli.app.checks.limits import ANY, level
 from mlsanm_cli.app.checks.overlaps import between_bodies, deepest, outline_of, overlap_check
 from mlsanm_cli.app.finite.accuracy import energy_errors, work_error
-from mlsanm_cli.app.finite.fields import SceneForces, fields_of
+from mlsanm_cli.app.finite.fields import body_forces, fields_of
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
@@ -169,7 +169,7 @@ class FiniteEnd:
         reactions are not known from the stress."""
         if any(body.elastic.held_nodes for body in self.scene.bodies.values()):
             return {}
-        forces = SceneForces(self.scene, self.last).bodies
+        forces = body_forces(self.scene, self.last)
         return {max(forces, key=lambda name: forces[name].rest): self.tally["balance"]}
 
     @cached_property
@@ -183,7 +183,7 @@ class FiniteEnd:
         name, what = "series_energy_error" if series else "energy_error", "the work of stresses in"
         # Increase of the displacements of bodies held at single nodes when the spacing is halved, relative to
         # the deformation.
-        pointed, forces = {}, SceneForces(self.scene, self.last).bodies
+        pointed, forces = {}, body_forces(self.scene, self.last)
         for body_name, own in self.scene.parts(self.last.displacement).items():
             body = bodies[body_name]
             nodes = body.elastic.held_nodes[: len(body.elastic.held_nodes) - body.pins]

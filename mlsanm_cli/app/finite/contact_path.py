@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from mlsanm_cli.app.finite.accuracy import missed_in_contact
 from mlsanm_cli.app.finite.checks import place_of
-from mlsanm_cli.app.finite.limits import dissipated, excess, slides
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.complementarity.problem import OPEN, STICK, ContactStatus
-from mlsanm_cli.contact.finite.exact import ExactContact, FiniteContactState, undeformed
+from mlsanm_cli.contact.finite.exact import ExactContact, FiniteContactState, dissipated, slides, undeformed
 from mlsanm_cli.contact.finite.pair import RigidContact
+from mlsanm_cli.contact.geometry.obstacles import Round
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.body import far_from, most_stretched
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
@@ -46,6 +46,15 @@ BRANCH_STEPS = tuple(0.01 * 2.0**k for k in range(5))
 """Distances along the softest motion, over the extent of bodies, from which stable states are searched."""
 RENEWAL_ANGLE = 0.5
 """Rotation of a body (radian) relative to the expansion point above which the equations rotate with it."""
+MAX_SLIP = 0.2
+"""Largest slip in an increment with friction, relative to the width of the contact, unless all nodes slide in
+the same direction before and after it, which has no history."""
+MAX_WORK_CHANGE = 0.2
+"""Largest difference of the dissipated work by pressures at the end of an increment and by mean ones, whose
+error is of second order, relative to the work up to the end of the stage at the present rate."""
+MAX_APPROACH = 0.5
+"""Largest motion of a node towards a possible partner in an increment: its gap plus this part of the thinner
+body or disk, so that contact is not missed. No body moves further than this part of the smallest."""
 MAX_STRETCH = 1.6
 """Largest stretch of a node in an increment relative to the expansion point."""
 KEPT = {name: name for name in ("place", "normal", "surface", "stability")}
@@ -108,7 +117,7 @@ class _Path:
         modulus = max(body.elastic.model.material.modulus for body in scene.bodies.values())
         self._stiffness = modulus / scene.size
         self.now, self._settled = undeformed(scene.unknowns, contacts), False
-        self._slip = self._work = np.zeros(contacts.count)
+        self._slip = self._work = self.now.pressure
         self._before: FloatArray | None = None
         self._fresh: frozenset[str] = frozenset()
         self.bifurcations: tuple[Bifurcation, ...] = ()
@@ -165,7 +174,7 @@ class _Path:
 
     def forward(self, position: float, end: float, size: float) -> tuple[float, float]:
         """One increment of about ``size`` towards ``end``: position reached, and size of the next one."""
-        stage, whole, failed = int(position), size, 0
+        stage, whole, failed, friction = int(position), size, 0, self._scene.contacts.friction
         while True:
             reached = end if position + INCREMENT_SLACK * size >= end else position + size
             reached = min(reached, float(stage + 1))
@@ -181,13 +190,12 @@ class _Path:
                     shorter = min(max(BELOW * length * part, 0.5 * bracket), shorter)
                     found = None
             if found is not None:
-                work = None if self._coarse else self._work
-                far = excess(self._scene, self.now, found, position, reached, work)
+                far = self._excess(found, position, reached)
                 if self.bifurcations or (far <= 1.0 and self._stretched(found)[0] <= MAX_STRETCH):
                     closed = found.sets.closed | self.now.sets.closed
                     self._slip = self._slip + np.where(closed, found.slip, 0.0)
                     mean = 0.5 * (found.pressure + self.now.pressure)
-                    self._work = self._work + dissipated(self._scene, self.now, found, mean)
+                    self._work = self._work + dissipated(friction, self.now, found, mean)
                     self._earlier = [*self._earlier[-1:], self.now]
                     self._before, self.now = self.now.place, found
                     longer = 1.6 if 3 * found.iterations <= MAX_ITERATIONS else 1.0
@@ -202,6 +210,40 @@ class _Path:
                 self._fresh, size = frozenset(), whole
             if size < MIN_INCREMENT:
                 self._failed(position, found)
+
+    def _excess(self, found: FiniteContactState, position: float, reached: float) -> float:
+        """Slips, work and motions in an increment to the state ``found`` over their limits: the largest
+        ratio."""
+        scene, contacts, now, ratios = self._scene, self._scene.contacts, self.now, [0.0]
+        for contact, here, _ in contacts.each:
+            closed = found.sets.closed[here] | now.sets.closed[here]
+            if contact.friction and closed.any() and not slides(now, found, here):
+                width = float(contact.slave.weight[closed].sum())
+                ratios.append(float(np.abs(found.slip[here][closed]).max()) / (MAX_SLIP * width))
+        if not self._coarse:
+            part = (reached - position) / (int(position) + 1.0 - position)
+            pressures = found.pressure, 0.5 * (found.pressure + now.pressure)
+            last, mean = (dissipated(contacts.friction, now, found, one) for one in pressures)
+            ahead = float(contacts.weight @ (self._work + mean / part))
+            change = float(contacts.weight @ np.abs(last - mean))
+            ratios.append(change / (MAX_WORK_CHANGE * ahead) if ahead > 0.0 else 0.0)
+        sizes = {name: np.ptp(body.elastic.model.cloud.points, axis=0) for name, body in scene.bodies.items()}
+        moved = np.abs(found.displacement - now.displacement).max()
+        ratios.append(float(moved / (MAX_APPROACH * min(size.max() for size in sizes.values()))))
+        before, after = (
+            np.append(factors_at(scene.stages, at), one.free)
+            for at, one in ((position, now), (reached, found))
+        )
+        for contact, here, own in contacts.each:
+            place = now.place[here]
+            then = contact.apart(now.surface[own].reshape(-1, 2), before, place)
+            way = np.hypot(*(contact.apart(found.surface[own].reshape(-1, 2), after, place) - then).T)
+            thin = min(sizes[side.body].min() for side in contact.sides)
+            gap = np.minimum(now.gap[here], sizes[contact.slave.body].max())
+            if isinstance(contact, RigidContact) and isinstance(contact.shape, Round):
+                thin = min(thin, contact.shape.radius)
+            ratios.append(float((way / (np.maximum(gap, 0.0) + MAX_APPROACH * thin)).max()))
+        return max(ratios)
 
     def _branched(self, at: float, reached: float, lost: FiniteContactState) -> FiniteContactState:
         """A stable state beyond a bifurcation ``at`` a position before the one ``reached``: found from the

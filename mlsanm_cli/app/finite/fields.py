@@ -13,7 +13,6 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Displacement, ObstacleMotion, Platen
 from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.contact.finite.pair import NO_GAP, RigidContact
-from mlsanm_cli.contact.finite.sides import ContactSide
 from mlsanm_cli.contact.geometry.profile import unrolled
 from mlsanm_cli.io.columns import Quantities
 from mlsanm_cli.mechanics.elasticity import von_mises
@@ -79,7 +78,7 @@ def quantities(scene: FiniteScene, state: State) -> Quantities:
     """The quantities of a state, as rows of run.h5 have them."""
     return {
         "factors": dict(zip(scene.case.moved, state.factors.tolist(), strict=True)),
-        "resultants": resultants(scene, SceneForces(scene, state)),
+        "resultants": resultants(scene, state),
         "displacements": platen_displacements(scene, state),
         "contacts": contact_values(scene, state),
         "probes": probe_values(scene, state),
@@ -99,49 +98,35 @@ def probe_values(scene: FiniteScene, state: State) -> dict[str, dict[str, Any]]:
     return values
 
 
-class SceneForces:
-    """Forces of a state on the ``bodies``, and those (2,) of every contact on its slave and its master."""
-
-    def __init__(self, scene: FiniteScene, state: State) -> None:
-        self.bodies = {name: Forces(*one) for name, one in scene.loaded(state).items()}
-        forces, self.contacts = (
-            iter(scene.contacts.forces(state.side_traction)),
-            dict[str, list[FloatArray]](),
-        )
-        for contact in scene.contacts.pairs:
-            pressed = [next(forces) for _ in contact.sides]
-            self.contacts[contact.name] = pressed[::-1] if contact.exchanged else pressed
-
-    @property
-    def size(self) -> float:
-        """Largest sum of the magnitudes of the forces on a body."""
-        return max(one.size for one in self.bodies.values())
-
-    @property
-    def rest(self) -> float:
-        """Largest resultant of all forces on a body."""
-        return max(one.rest for one in self.bodies.values())
-
-    def of_load(self, number: int) -> FloatArray:
-        """The force (2,) of a load."""
-        return np.asarray(sum((one.loads[number] for one in self.bodies.values()), np.zeros(2)))
+def body_forces(scene: FiniteScene, state: State) -> dict[str, Forces]:
+    """Forces on all bodies."""
+    return {name: Forces(*one) for name, one in scene.loaded(state).items()}
 
 
-def resultants(scene: FiniteScene, forces: SceneForces) -> dict[str, FloatArray]:
+def contact_forces(scene: FiniteScene, state: State) -> dict[str, list[FloatArray]]:
+    """The forces (2,) of every contact on its slave, and on its master if that is a body."""
+    forces, found = iter(scene.contacts.forces(state.side_traction)), dict[str, list[FloatArray]]()
+    for contact in scene.contacts.pairs:
+        pressed = [next(forces) for _ in contact.sides]
+        found[contact.name] = pressed[::-1] if contact.exchanged else pressed
+    return found
+
+
+def resultants(scene: FiniteScene, state: State) -> dict[str, FloatArray]:
     """The force (2,) of every load and support on its body, and of every contact on its slave. Of several
     loads on a plate or an obstacle each reports the components that it prescribes, and the first of them also
     what none does."""
-    case, nothing = scene.case, np.zeros(2)
-    pressed = {name: found[0] for name, found in forces.contacts.items()}
-    found = {
-        load.name: pressed[load.obstacle] if isinstance(load, ObstacleMotion) else forces.of_load(number)
-        for number, load in enumerate(case.load)
-        if not isinstance(load, Displacement | Platen)
-    }
+    case, bodies, nothing = scene.case, body_forces(scene, state), np.zeros(2)
+    pressed = {name: forces[0] for name, forces in contact_forces(scene, state).items()}
+    found = dict[str, FloatArray]()
+    for number, load in enumerate(case.load):
+        if isinstance(load, ObstacleMotion):
+            found[load.name] = pressed[load.obstacle]
+        elif not isinstance(load, Displacement | Platen):
+            found[load.name] = sum((one.loads[number] for one in bodies.values()), nothing)
     for label, places in scene.supports.items():
-        found[label] = sum(
-            (forces.bodies[body].reactions.get(name, nothing) for body, name in places), nothing
-        )
+        held = (bodies[body].reactions.get(name, nothing) for body, name in places)
+        found[label] = sum(held, nothing)
     movers: dict[object, list[Platen | ObstacleMotion]] = {}
     for load in case.load:
         if isinstance(load, Platen | ObstacleMotion):
@@ -159,7 +144,7 @@ def contact_values(scene: FiniteScene, state: State) -> dict[str, dict[str, Any]
     values = {}
     for contact, here, there in scene.contacts.each:
         slave = contact.slave
-        stretch = stretch_along(slave, state.solver["surface"][there])
+        stretch = np.abs(slave.deformed(state.solver["surface"][there])[0])
         gap = np.where(state.gap[here] < NO_GAP, state.gap[here], np.nan)
         slip = state.slip[here] if contact.friction else np.full(slave.count, np.nan)
         values[contact.name] = {
@@ -173,19 +158,12 @@ def contact_values(scene: FiniteScene, state: State) -> dict[str, dict[str, Any]
     return values
 
 
-def stretch_along(side: ContactSide, displacement: FloatArray) -> FloatArray:
-    """Tangential stretch (c,) of a side from the ``displacement`` (2c or more,) of its knots."""
-    moved = side.places + displacement[: 2 * side.count].reshape(-1, 2)
-    now, before = (np.hypot(*(side.curve.mean_slopes @ one).T) for one in (moved, side.places))
-    return np.asarray(now / before)
-
-
 def figures_of_contacts(scene: FiniteScene, state: State) -> dict[str, dict[str, Any]]:
     """Summary of every contact; the half-width is measured along the undeformed side."""
-    records, forces = contact_values(scene, state), SceneForces(scene, state)
+    records, forces = contact_values(scene, state), contact_forces(scene, state)
     found: dict[str, dict[str, Any]] = {}
     for contact, _, there in scene.contacts.each:
-        record, pressed = records[contact.name], forces.contacts[contact.name]
+        record, pressed = records[contact.name], forces[contact.name]
         arc, pressure = contact.slave.arc, record["pressure"]
         if contact.slave.around is not None:
             order, arc = unrolled(arc, contact.slave.around, pressure)

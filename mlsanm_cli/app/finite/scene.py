@@ -105,16 +105,16 @@ class FiniteScene:
         """Displacements (2N,) of all bodies with near fields, which clouds by themselves do not resolve."""
         displacement = state.displacement.copy()
         bodies, cloud = self.parts(displacement), self.parts(state.displacement)
-        surfaces = [state.solver["surface"][there].reshape(-1, 2) for _, there in self.contacts.sides]
+        surfaces = [state.solver["surface"][there] for _, there in self.contacts.sides]
         both = list(zip(self.contacts.sides, surfaces, strict=True))
         for ((side, there), surface), inside in zip(both, self._inside, strict=True):
             traction = state.side_traction[there]
             if traction.any():
-                turns = self.bodies[side.body].turns(cloud[side.body])
-                bodies[side.body] += rotated(inside, turns, side.turned(surface)[0]) @ traction
+                turns, turn = self.bodies[side.body].turns(cloud[side.body]), side.deformed(surface)[0]
+                bodies[side.body] += rotated(inside, turns, turn / np.abs(turn)) @ traction
         for (side, _), surface in both:
             onto = side.curve.rows(side.nodes.arc)[0]
-            bodies[side.body].reshape(-1, 2)[side.nodes.index] = onto @ surface
+            bodies[side.body].reshape(-1, 2)[side.nodes.index] = onto @ surface.reshape(-1, 2)
         return displacement
 
     @cached_property

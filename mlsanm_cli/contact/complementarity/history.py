@@ -26,8 +26,7 @@ from mlsanm_cli.contact.complementarity.problem import (
     ContactStatus,
     Problem,
 )
-from mlsanm_cli.contact.complementarity.solution import Search, State
-from mlsanm_cli.contact.complementarity.tracing import trace
+from mlsanm_cli.contact.complementarity.solution import Search, State, trace
 
 INCREMENTS = tuple(10.0**power for power in range(-6, 0))
 """Parts of the path tried in turn as finite increments where no rates continue it: the first touch of loose
@@ -43,7 +42,13 @@ def unloaded(problem: Problem, free: FloatArray) -> State:
     """The state without pressures and motions."""
     slip = free[problem.m : problem.contacts].copy()
     none = np.zeros(problem.n)
-    return State(problem.opened, np.zeros(len(free)), free, reference=slip, work=none)
+    return State(
+        problem.touching(np.zeros(problem.m, dtype=bool)),
+        np.zeros(len(free)),
+        free,
+        reference=slip,
+        work=none,
+    )
 
 
 def follow(
@@ -137,7 +142,7 @@ def _moved(problem: Problem, state: State, rate: State, free: FloatArray, lam: f
     x[slips] = np.where(status.stuck, x[slips], status.slip_sign * p.friction * x[p.nodes])
     w[slips][status.stuck] = reference[status.stuck]
     missed = state.missed + step * rate.missed + float(np.abs(across - w).max(initial=0.0))
-    missed += p.spread * float(np.abs(along - x).sum())
+    missed += float((p.largest / p.grain).max(initial=0.0)) * float(np.abs(along - x).sum())
     search = Search(p, free, reference, p.everything, state.x)
     round_off = FEASIBLE * p.size(x)
     if missed > round_off or search.violated(status, x, w).any():
@@ -232,24 +237,22 @@ def _jumped(
         point, basis = (state.x, state.w), Basis(p, state.status)
         status = trace(basis, point, state.lam, load, reference, p.everything, ahead)[0].status
         found = reached(ahead, status, pivoting=True)
-        if found is not None:
+        if found:
             return found
     except Ray:
         pass
     ends = [min(state.lam + part * span, most) for part in INCREMENTS[jumps:]]
-    for number, lam in enumerate(ends if not state.status.closed.any() else ()):
-        found = reached(lam)
-        if found is None:
-            continue
-        # From a first touch to one at a smaller load.
-        for nearer in reversed(ends[:number]):
-            first = reached(nearer, found.status)
-            if first is None:
-                break
-            found = first
-        return found
-    for lam in ends:
-        found = reached(lam, pivoting=True)
-        if found is not None:
+    # First touches mostly need no pivots.
+    for pivoting in (True,) if state.status.closed.any() else (False, True):
+        for number, lam in enumerate(ends):
+            found = reached(lam, pivoting=pivoting)
+            if found is None:
+                continue
+            # From a first touch to one at a smaller load.
+            for nearer in () if pivoting else reversed(ends[:number]):
+                first = reached(nearer, found.status)
+                if first is None:
+                    break
+                found = first
             return found
     raise Ray(ray.direction, state.lam) from ray

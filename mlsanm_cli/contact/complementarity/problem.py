@@ -168,11 +168,6 @@ class Problem:
         return np.asarray(np.maximum(1.0, GRAIN / FEASIBLE * self.largest))
 
     @cached_property
-    def spread(self) -> float:
-        """Largest residual over ``grain`` that a unit error of a pressure or traction causes."""
-        return float((self.largest / self.grain).max(initial=0.0))
-
-    @cached_property
     def levels(self) -> tuple[FloatArray, FloatArray]:
         """Factors (N,) of rows and columns after which their largest coefficients are 1."""
         rows = inverse_of(self.largest)
@@ -184,15 +179,9 @@ class Problem:
         """All changes (5, m) are admissible: the problem of a state."""
         return np.ones((5, self.m), dtype=bool)
 
-    @property
-    def opened(self) -> ContactStatus:
-        """The status of surfaces that are apart."""
-        return self.touching(np.zeros(self.m, dtype=bool))
-
     def touching(self, closed: BoolArray) -> ContactStatus:
         """The status of ``closed`` nodes (m,) that stick if they have friction."""
-        on = closed[self.nodes]
-        return ContactStatus(closed, on & self.rubs, np.where(on & ~self.rubs, 1.0, 0.0))
+        return ContactStatus.with_tractions(closed, self.rubs, self.friction, self.nodes)
 
     def product(self, x: FloatArray) -> FloatArray:
         """Rows (N,) due to unknowns (N,)."""

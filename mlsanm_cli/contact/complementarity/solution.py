@@ -3,13 +3,15 @@
 A node is closed if its pressure minus its gap over a compliance is positive, and slips if traction minus slip
 exceeds friction (Alart and Curnier 1991, doi:10.1016/0045-7825(91)90022-X; Hintermueller, Ito and Kunisch
 2002, doi:10.1137/S1052623401383558). Each step solves the equations of closed nodes only. Where statuses
-recur, a load is added that makes one of them feasible, and removed along the parametric path (Lemke 1965).
+recur, a load is added that makes one of them feasible, and removed along the parametric path (Lemke 1965,
+doi:10.1287/mnsc.11.7.681; parametric problems: Cottle, Pang and Stone 1992, doi:10.1137/1.9780898719000).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import field, replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -22,10 +24,11 @@ from mlsanm_cli.contact.complementarity.problem import (
     FEASIBLE,
     FORWARD,
     OPENS,
+    RESTS,
+    WEAK,
     ContactStatus,
     Problem,
 )
-from mlsanm_cli.contact.complementarity.tracing import trace
 from mlsanm_cli.records import dataclass
 
 PASSES, HELD_PASSES, BEST = 8, 30, 2
@@ -38,12 +41,23 @@ RESISTED = NULL**0.5
 """Part of a row that remaining motions change, above which its node holds them: far above what is zero."""
 SPRINGS = (1e6 * FEASIBLE, 1e4 * FEASIBLE, 1e2 * FEASIBLE)
 """Stiffness of springs over that of the contacts, one after the other, down to where they are round-off."""
+PIVOTS = 10
+"""Largest number of pivots per condition; paths that end take about one."""
+TIED = 1e-13
+"""Relative distance between changes of status that occur at once."""
+BACK = {OPENS: CLOSES, CLOSES: OPENS, FORWARD: RESTS, BACKWARD: RESTS}
+"""The opposite of a change; of coming to rest it is slipping as before."""
+
+Condition: TypeAlias = tuple[int, int]
+"""Kind and node of a change of status."""
+Pair: TypeAlias = tuple[FloatArray, FloatArray]
+"""Unknowns and rows (N,), or their rates."""
 
 
 @dataclass(frozen=True, eq=False)
 class State:
     """Unknowns ``x`` and rows ``w`` (N,) that satisfy all conditions, or rates; their ``status`` and
-    ``basis``, the numbers of ``systems`` and ``pivots``, and the residual ``missed`` over ``grain``.
+    ``basis``, the number of ``systems``, and the residual ``missed`` over ``grain``.
 
     With a history at ``lam``: slips ``reference`` (n,) at which nodes stick, of others those before, and the
     ``work`` (n,) of friction so far per unit of scaled tractions and slips; it has ``jumped`` from another
@@ -55,7 +69,6 @@ class State:
     w: FloatArray
     basis: Basis | None = None
     systems: int = 0
-    pivots: int = 0
     missed: float = 0.0
     reference: FloatArray = field(default_factory=lambda: np.zeros(0))
     work: FloatArray = field(default_factory=lambda: np.zeros(0))
@@ -218,8 +231,7 @@ class Search:
                 if np.abs(seen).max(initial=0.0) > RESISTED * np.abs(moved[row]).max():
                     closed[node] = marks[at] = True
                     left = left @ null_space(seen[None, :])
-        on = closed[p.nodes] & ~stuck
-        return ContactStatus(closed, stuck, np.where(on, np.where(start.slip_sign < 0.0, -1.0, 1.0), 0.0))
+        return ContactStatus.with_tractions(closed, stuck, start.slip_sign, p.nodes)
 
     def _pivoted(self, status: ContactStatus, systems: int) -> State:
         """The state at the end of the path of one artificial load from a status. Raises Ray."""
@@ -250,12 +262,12 @@ class Search:
         v[p.m : count] = self.reference + np.where(slides, opposed, slip)
         # Bodies that still are loose must not be driven by the added load.
         load = basis.undriven(v - p.product(y) - self.free)
-        basis, x, pivots = trace(basis, (y, v), 1.0, load, self.reference, allowed, 0.0)
+        basis, x = trace(basis, (y, v), 1.0, load, self.reference, allowed, 0.0)
         # Round-off of many pivots may have misled the last ones.
         found, _, solved = self._newton(basis.status, basis, set())
         if found is None:
             raise Ray(x)
-        return replace(found, systems=systems + solved, pivots=pivots)
+        return replace(found, systems=systems + solved)
 
 
 def solve(
@@ -265,3 +277,87 @@ def solve(
     there is none."""
     search = Search(problem, free, np.zeros(problem.n), problem.everything, near)
     return search.solved(*starts, thorough=True)
+
+
+def trace(
+    basis: Basis,
+    point: Pair,
+    lam: float,
+    load: FloatArray,
+    reference: FloatArray,
+    allowed: BoolArray,
+    target: float,
+) -> tuple[Basis, FloatArray]:
+    """The basis and unknowns (N,) with which the parametric path with rows free + lam ``load`` first passes
+    lam = ``target``, in the direction from a ``point`` at ``lam`` with its ``basis``. A status does not
+    recur; lam may turn where states fold back, or stand still, where a mechanism develops until a condition
+    stops it. Slips are opposed from their ``reference`` (n,). Raises the Ray of a direction that nothing
+    stops."""
+    p, status, way = basis.problem, basis.status, 1.0 if target > lam else -1.0
+    x, w = point
+    last, still = None, np.zeros(p.n)
+    for _ in range(PIVOTS * (p.m + 2 * p.n + 5)):
+        dx, dw = basis.solve(load, still)
+        sense = way
+        if last is not None:
+            # The node that has changed departs from its limit.
+            sense = 1.0 if p.distances(status, p.everything, dx, dw, still)[last] > 0.0 else -1.0
+        dx, dw, dlam = sense * dx, sense * dw, sense
+        for mechanism in (False, True):
+            step, change = _next(p, status, allowed, (x, w), (dx, dw), reference, last)
+            left = (target - lam) / dlam if dlam * way > 0.0 else np.inf
+            if left <= step and np.isfinite(left):
+                return basis, x + left * dx
+            if change is None:
+                raise Ray(dx, lam)
+            x, w, lam = x + step * dx, w + step * dw, lam + step * dlam
+            kind, node = change
+            slid = FORWARD if kind == RESTS and status.slip_sign[p.owner[node]] > 0.0 else BACKWARD
+            last = BACK.get(kind, slid), node
+            status = p.changed(status, kind, node, w[p.m : p.contacts] - reference)
+            if mechanism:
+                basis = basis.to(status)
+            elif basis.pivot(status):
+                break
+            else:
+                (dx, dw), dlam = basis.mechanism(status), 0.0
+                motions = np.abs(dx[p.contacts :]).max(initial=0.0)
+                if np.abs(dx[: p.contacts]).max(initial=0.0) > FEASIBLE * motions:
+                    continue
+                # A body that comes loose is held unless the load drives it.
+                try:
+                    loose = Basis(p, status)
+                    loose.solve(load, still)
+                except SingularError:
+                    continue
+                basis = loose
+                break
+    raise Ray(dx, lam)
+
+
+def _next(
+    problem: Problem,
+    status: ContactStatus,
+    allowed: BoolArray,
+    now: Pair,
+    rates: Pair,
+    reference: FloatArray,
+    last: Condition | None,
+) -> tuple[float, Condition | None]:
+    """Distance along ``rates`` to the next limit of a condition but the ``last``, and the change there, of
+    simultaneous ones the fastest; None if there is none."""
+    p, (dx, dw) = problem, rates
+    left = p.distances(status, allowed, *now, reference)
+    falls = -p.distances(status, allowed, dx, dw, np.zeros(p.n))
+    if last is not None:
+        left[last] = np.inf
+    moved = float(np.abs(dw[: p.contacts]).max(initial=0.0))
+    falling = np.isfinite(left) & (falls > FEASIBLE * max(p.size(dx), WEAK * moved))
+    if not falling.any():
+        return np.inf, None
+    steps = np.full(left.shape, np.inf)
+    steps[falling] = np.maximum(left[falling], 0.0) / falls[falling]
+    step = float(steps.min())
+    tied = falling & (steps <= step + TIED * abs(step))
+    change, at = np.unravel_index(int(np.argmax(np.where(tied, falls, -1.0))), steps.shape)
+    return step, (int(change), int(at))

@@ -158,11 +158,6 @@ class Contacts:
         return list(zip(sides, ranges(2 * side.count for side in sides), strict=True))
 
     @property
-    def count(self) -> int:
-        """Number of the knots of all slaves (c)."""
-        return sum(one.slave.count for one in self.pairs)
-
-    @property
     def size(self) -> int:
         """Number of the components of the knots of all sides (2s)."""
         return sum(2 * side.count for side, _ in self.sides)
@@ -210,10 +205,11 @@ class Contacts:
         return np.array(forces).reshape(-1, 2)
 
     def turned(self, surface: FloatArray) -> tuple[ComplexArray, sparse.csr_array]:
-        """:meth:`Points.turned` of all sides for displacements ``surface`` (2s,)."""
-        turns = [side.turned(surface[here].reshape(-1, 2)) for side, here in self.sides]
+        """Rotations (s,) of all sides as unit complex numbers for displacements ``surface`` (2s,), and rows
+        (s, 2s) of the angles."""
+        turns = [side.deformed(surface[here]) for side, here in self.sides]
         turn = np.concatenate([np.zeros(0, dtype=np.complex128), *(one for one, _ in turns)])
-        return turn, diagonal([rows for _, rows in turns])
+        return np.asarray(turn / np.abs(turn)), diagonal([rows for _, rows in turns])
 
     @cached_property
     def adjacent(self) -> sparse.csr_array:

@@ -16,6 +16,7 @@ from mlsanm_cli.contact.finite.node_curve import wrapped
 from mlsanm_cli.contact.finite.pair import Meeting
 from mlsanm_cli.mechanics.finite.stability import STILL, SoftMotion
 from mlsanm_cli.records import dataclass
+from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 MIN_JACOBIAN = 0.05
 """Updates are shortened until det F exceeds this everywhere."""
@@ -169,7 +170,7 @@ class ExactContact(ContactSystem):
 
 def undeformed(unknowns: int, contacts: Contacts) -> FiniteContactState:
     """The undeformed state of bodies with ``unknowns`` unknowns."""
-    none, zero = np.zeros(contacts.count), np.zeros(contacts.size)
+    none, zero = np.zeros(len(contacts.weight)), np.zeros(contacts.size)
     sets = ContactStatus(none > 0.0, none > 0.0, none)
     known = np.zeros(unknowns), none, none, none, np.zeros(contacts.free), sets
     return FiniteContactState(*known, none, none, np.zeros((len(none), 2)), zero, zero)
@@ -203,3 +204,25 @@ def touching(
                 part[order[some]] = (middle[some] - ends[was]) / (ends[reached] - ends[was])
                 beside[order[some]] = order[open_knot]
     return part, beside
+
+
+def dissipated(
+    friction: FloatArray, now: FiniteContactState, found: FiniteContactState, pressure: FloatArray
+) -> FloatArray:
+    """Work (c,) per length that ``friction`` (c,) dissipates in an increment under ``pressure`` (c,): nodes
+    slip at the limit of friction only, whatever they carried before. Those that enter or leave the contact
+    count with the slip of the increment under half of the pressure that they have in it."""
+    closed = found.sets.closed | now.sets.closed
+    way = np.abs(np.where(found.sets.stuck, found.slip, found.dragged))
+    return np.asarray(np.where(closed, friction * pressure * way, 0.0))
+
+
+def slides(now: FiniteContactState, found: FiniteContactState, here: slice) -> bool:
+    """Whether all closed nodes of a contact slide in one direction before and after the increment."""
+    senses, least = [], COARSE_ROUND_OFF * float(found.pressure[here].max())
+    for state in (now, found):
+        # Nodes without pressure have no history of friction.
+        closed, sense, sets = state.pressure[here] > least, state.sets.slip_sign[here], state.sets
+        slips = sets.closed[here] & ~sets.stuck[here]
+        senses += np.where(slips[closed], sense[closed], 0.0).tolist()
+    return len(set(senses)) == 1 and senses[0] != 0.0

@@ -83,13 +83,13 @@ class Points:
         """Values (c,) at the points interpolated linearly at arc lengths (e,)."""
         return np.interp(arc, self.arc, np.asarray(values, np.float64), period=self.around)
 
-    def turned(self, displacement: FloatArray) -> tuple[ComplexArray, sparse.csr_array]:
-        """Rotations (c,) of the side as unit complex numbers, and rows (c, 2c) of the angles."""
-        slopes = self.curve.mean_slopes
-        before, now = (as_complex(slopes @ one) for one in (self.places, self.places + displacement))
-        turn = now * np.conj(before)
+    def deformed(self, displacement: FloatArray) -> tuple[ComplexArray, sparse.csr_array]:
+        """Stretches times rotations (c,) of the side as complex numbers for a ``displacement`` (2c or more,),
+        and rows (c, 2c) of the angles."""
+        slopes, moved = self.curve.mean_slopes, displacement[: 2 * self.count].reshape(-1, 2)
+        before, now = (as_complex(slopes @ one) for one in (self.places, self.places + moved))
         across = as_real(1j * now) / (np.abs(now) ** 2)[:, None]
-        return np.asarray(turn / np.abs(turn)), by_component(slopes, across)
+        return now / before, by_component(slopes, across)
 
 
 def _ends(side: Points, given: Sequence[object]) -> set[int]:

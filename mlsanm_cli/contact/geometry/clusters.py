@@ -39,8 +39,7 @@ Chain = tuple[Any, ...]
 def hierarchical(
     pairs: HatPairs, log: FloatArray, turn: FloatArray, along: FloatArray
 ) -> tuple[sparse.csr_array, list[Chain]]:
-    """:meth:`HatPairs.integrals` with directions ``along`` (g, 2) on either side: near entries (m, m), and
-    matrix products."""
+    """Near entries (m, m) and matrix products of :meth:`HatPairs.integrals`, ``along`` (g, 2) either side."""
     kernels = [each for each in ((LOGARITHM, log), (SIGN, turn)) if couples(along, each[1], along)]
     near, far = _integrals(pairs, 0.0, kernels, along)
     hats, period = pairs.hats, pairs.hats.period

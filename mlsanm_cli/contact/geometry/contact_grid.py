@@ -49,8 +49,7 @@ class ContactGrid:
     """A contact's range from ``first`` to ``last`` with ``count`` Chebyshev samples and the ``hats`` of its
     pressures. ``centers`` are the points in hollows of slave and master at which near fields end, ``corners``
     those at the ends of their surfaces, ``planes`` those of symmetry at the ends of its widest range,
-    ``pins`` the single nodes that are held on the surfaces. A ``provisional`` grid only serves to locate the
-    contact."""
+    ``pins`` the single nodes held on the surfaces. A ``provisional`` grid only locates the contact."""
 
     facing: Facing
     first: float
@@ -152,9 +151,8 @@ class ContactGrid:
 
     @cached_property
     def axes(self) -> FloatArray:
-        """Vectors (2, k, 2) at the samples along which displacements are interpolated: x and y; with planes
-        of symmetry along and across these, or between two at an angle the normal and the tangent, in which
-        they are even and odd."""
+        """Vectors (2, k, 2) at the samples along which displacements are even and odd at planes of symmetry:
+        along and across these, or between two at an angle normal and tangent; without planes x and y."""
         return self._axes_at(self.samples)
 
     def _axes_at(self, s: FloatArray) -> FloatArray:
@@ -188,8 +186,7 @@ class ContactGrid:
     @cached_property
     def covers(self) -> bool:
         """Whether the range is the whole of straight surfaces of the bodies. The mean traction is then an
-        ordinary surface traction, to which the bodies' response is exact; near fields are only used for the
-        deviation from it."""
+        ordinary surface traction, to which their response is exact, and near fields take the deviation."""
         straight = float(np.ptp(self.directions[0], axis=0).max()) <= ROUND_OFF
         if self.hats.whole != (True, True) or not straight:
             return False
@@ -206,8 +203,7 @@ class ContactGrid:
 
     @property
     def evened(self) -> tuple[bool, bool]:
-        """Whether the mean of pressures, and of tractions, is an ordinary load. Tractions change their sign
-        at planes of symmetry."""
+        """Whether the mean of pressures, and of tractions, which are odd at planes, is an ordinary load."""
         return self.covers, self.covers and not self.mirrored
 
     @cached_property
@@ -216,8 +212,7 @@ class ContactGrid:
         return np.asarray(self.hats.weight / self.hats.weight.sum())
 
     def mean_traction(self, which: int) -> FloatArray:
-        """Mean traction (2, m) on the slave by unit pressures (``which`` 0), or tractions (1), of a covering
-        grid."""
+        """Mean traction (2, m) on the slave by unit pressures (``which`` 0) or tractions (1), if evened."""
         return np.outer(self.evened[which] * self.directions[which][0], self.mean_weights)
 
     def deviation(self, values: FloatArray, which: int) -> FloatArray:
@@ -261,8 +256,7 @@ class ContactGrid:
         return sparse.csr_array(folded @ near @ fold), [(folded, *chain, fold) for chain in far]
 
     def resultants(self, slave: bool, center: tuple[float, float]) -> list[FloatArray]:
-        """Force x, y and moment about ``center`` (3, m) on one of the two bodies by unit pressures, and by
-        unit tractions."""
+        """Force x, y and moment about ``center`` (3, m) on one body by unit pressures, and tractions."""
         x, y = (self.opposite[0 if slave else 1] - np.array(center)).T
         sign, found = 1.0 if slave else -1.0, []
         for direction in self.directions:
@@ -271,8 +265,7 @@ class ContactGrid:
         return found
 
     def coefficients(self, kernel: FloatArray) -> FloatArray:
-        """Largest Chebyshev coefficients (k,) of each order, in either argument, of a sampled kernel (2k,
-        2k)."""
+        """Largest Chebyshev coefficients (k,) of each order, in either argument, of a kernel (2k, 2k)."""
         count, axes = self.count, self.axes
         blocks = np.einsum("akc,ckdl,bld->abkl", axes, kernel.reshape(2, count, 2, count), axes)
         largest = np.zeros(count)

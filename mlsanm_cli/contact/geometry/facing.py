@@ -47,8 +47,7 @@ class Facing:
         return np.mod(arc, self.base.length) if self.base.closed else arc
 
     def _places(self, s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Points (e, 2) of the base and of the other surface, both outward normals (e, 2), and directions (e,
-        2) of pressures on the slave."""
+        """Points (e, 2) of both surfaces, outward normals (e, 2), and directions (e, 2) of pressures."""
         arc = self._arc(s)
         points, outward = self.base.points(arc), self.base.normals(arc)
         if self.other is None:
@@ -69,8 +68,7 @@ class Facing:
         return (points, there, along) if self.slave_first else (there, points, along)
 
     def directions(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Directions (e, 2) of pressures and tractions on the slave: the master's outward normals, and these
-        rotated by -90 degrees."""
+        """Directions (e, 2) of pressures and tractions on the slave, the master's outward normals turned."""
         normal = self.opposite(s)[2]
         return normal, turned(normal)
 

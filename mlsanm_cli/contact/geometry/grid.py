@@ -72,8 +72,7 @@ class Hats:
 
     @cached_property
     def points(self) -> FloatArray:
-        """Gauss points (g,): the first point of every interval, then the second of every interval, and so
-        on."""
+        """Gauss points (g,): the first point of every interval, then the second of every interval."""
         return _gauss(self.nodes[:-1], self.steps)[0]
 
     @cached_property
@@ -104,8 +103,7 @@ class Hats:
         return points, self._integrals(points, np.tile(owner[kept], len(RULE)), weights)
 
     def _integrals(self, points: FloatArray, interval: IntArray, weights: FloatArray) -> sparse.csr_array:
-        """Integration matrix (m, e) for ``points`` (e,) in intervals (e,) with quadrature ``weights``
-        (e,)."""
+        """Integration matrix (m, e) for ``points`` (e,) in intervals (e,) with ``weights`` (e,)."""
         step = self.steps[interval]
         share = np.where(step > 0.0, (points - self.nodes[interval]) / np.where(step > 0.0, step, 1.0), 0.0)
         row, value = np.concatenate([interval - 1, interval]), np.concatenate([1.0 - share, share])
@@ -184,8 +182,7 @@ def lagrange(places: FloatArray, nodes: FloatArray) -> FloatArray:
 
 
 def on_panels(x: FloatArray) -> tuple[FloatArray, sparse.csr_array]:
-    """Chebyshev points (k,) on equal panels in ln x that cover ``x`` (e,) > 0, and the interpolation matrix
-    (e, k) for functions smooth in ln x."""
+    """Chebyshev points (k,) on panels in ln x that cover ``x`` (e,) > 0, and interpolation (e, k) in ln x."""
     t = np.log(x)
     count = max(1, int(np.ceil(float(np.ptp(t)) / PANEL)))
     if count * PANEL_POINTS >= len(x):

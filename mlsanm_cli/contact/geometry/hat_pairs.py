@@ -28,9 +28,8 @@ THREE = np.arange(3)
 
 
 class Distance(NamedTuple):
-    """A kernel of the distance along a contact: its ``values``, with all its ``images`` on a ring of a given
-    circumference, its fourth to first repeated ``integrals``, and the ``reach`` in widths up to which pairs
-    are integrated by these."""
+    """A kernel of the distance along a contact: ``values``, with all ``images`` on a ring of a circumference,
+    fourth to first repeated ``integrals``, and the ``reach`` in widths up to which pairs use these."""
 
     values: Table
     images: Callable[[FloatArray, float], FloatArray]
@@ -121,8 +120,7 @@ class HatPairs:
         return np.asarray(np.einsum("epc,epq,eqc->e", left[one], values, right[other]))
 
     def at(self, function: Distance, places: FloatArray) -> FloatArray:
-        """Integrals (e, m) of a kernel of the distance from ``places`` (e,) with the hats, with its images on
-        a ring."""
+        """Integrals (e, m) with the hats of a kernel of the distance from ``places`` (e,), with images."""
         hats, (impulses, doublets) = self.hats, self.second_derivatives
         *_, second, first = function.integrals
         values = np.asarray((hats.integrals @ self.kernel(function, places[:, None] - hats.points).T).T)
@@ -158,8 +156,7 @@ class HatPairs:
 
     def integrals(self, log: FloatArray, turn: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
         """Double integrals (m, m) of one(s)^T (log ln|s - s'| + turn sgn(s - s')) other(s') with the hats,
-        with their images on a ring. ``log`` and ``turn`` are (2, 2), ``one`` and ``other`` (g, 2) directions
-        at the points."""
+        images included. ``log`` and ``turn`` are (2, 2), ``one`` and ``other`` (g, 2) at the points."""
         hats, points = self.hats, self.hats.points
         total = np.zeros((len(hats.place), len(hats.place)))
         for near in self._near:

@@ -98,8 +98,7 @@ class Pairing:
 
     @property
     def sides(self) -> tuple[tuple[str, bool, float], ...]:
-        """For each of :attr:`bodies` its name, whether it is the slave, and the sign of forces and
-        motions."""
+        """For each of :attr:`bodies` name, whether it is the slave, and sign of forces and motions."""
         return tuple(zip(self.bodies, (True, False), (1.0, -1.0), strict=False))
 
     def sides_of(self, body: str) -> list[tuple[bool, float]]:
@@ -133,10 +132,6 @@ class Pairing:
         """Whether the candidates are all nodes of a closed surface."""
         return self.nodal and self.slave.curve.closed and self.count == len(self.slave.index)
 
-    def with_reach(self, reach: float) -> Pairing:
-        """The same pairs with nodes of initial gap up to ``reach`` as candidates."""
-        return replace(self, candidate=self.gap <= reach)
-
     def first_reach(self) -> float:
         """First guess of the reach: the largest gap where the slave's spacing is within 1.5 of the finest."""
         fine = self.spacing <= 1.5 * self.spacing.min()
@@ -147,8 +142,7 @@ def facing_parts(
     slave: Surface, position: IntArray, normal: FloatArray
 ) -> Iterator[tuple[Surface, IntArray, IntArray]]:
     """The body's own surfaces of a slave, each with the indices (k,) of its nodes among those at ``position``
-    (m,) that face the master's ``normal`` (m, 2), and their indices (k,) among the m: at a corner a node may
-    lie on two."""
+    (m,) that face the master's ``normal`` (m, 2), and among the m; a corner may lie on two."""
     for part, place in slave.members:
         numbers = np.full(len(slave.index), -1, dtype=np.int64)
         numbers[place] = np.arange(len(place))

@@ -56,8 +56,7 @@ class Unfolding:
 
     @cached_property
     def copies(self) -> tuple[tuple[float, float, FloatArray], ...]:
-        """Sign and offset of the coordinate, and orthogonal matrix (2, 2) of vectors, of every copy of the
-        range, in the order of their places."""
+        """Sign and offset of the coordinate, and matrix (2, 2) of vectors, of all copies in order."""
         first, last = self.planes
         own = 1.0, 0.0, np.eye(2)
         if first is None:
@@ -92,8 +91,7 @@ class Unfolding:
         return slice(self.count, None) if self.planes[0] is not None else slice(self.count)
 
     def cardinals(self, s: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Functions (e, k) at coordinates ``s`` (e,) that interpolate even, and odd, values at the
-        samples."""
+        """Functions (e, k) at ``s`` (e,) that interpolate even, and odd, values at the samples."""
         if self.period is not None:
             order, angle = np.arange(self.count + 1), np.pi / self.length * (s - self.first)
             nodes = np.pi * (np.arange(self.count) + 0.5) / self.count
@@ -161,7 +159,6 @@ class Unfolding:
 
 
 def _cosines(count: int, order: Sequence[int] | IntArray) -> FloatArray:
-    """Rows (n, k) that give Chebyshev, or cosine, coefficients of some ``order`` (n,) of ``count`` k values
-    at Chebyshev, or equidistant, points."""
+    """Rows (n, k) for Chebyshev, or cosine, coefficients of an ``order`` (n,) of ``count`` k values."""
     angle = np.pi * (np.arange(count) + 0.5) / count
     return np.asarray(np.cos(np.outer(order, angle)) * (2.0 / count))

@@ -77,17 +77,15 @@ def residual(
     and forces. Eigenstresses remain when loads vanish: pressures are measured by at least their ``stress``,
     balances by the ``forces`` (k,) that it exerts on a section."""
     (factors, motion, pressure, traction), closed = state.unknowns, state.closed
-    gap_map, balance = condensed.gap, condensed.balance
-    moved = float(np.abs(gap_map.motion @ motion).max(initial=0.0))
+    moved = float(np.abs(condensed.gap.motion @ motion).max(initial=0.0))
     largest_compliance = condensed.largest_compliance
     least = COARSE_ROUND_OFF * moved / largest_compliance if largest_compliance > 0.0 else 0.0
     least = max(least, stress)
     typical = max(float(np.abs(pressure).max(initial=0.0)), least) or 1.0
-    m, n = len(pressure), len(traction)
+    m, n, balance = len(pressure), len(traction), condensed.balance
     elastic = max(condensed.elastic_gap(pressure), least * largest_compliance) or 1.0
-    free = [one.constant + one.load @ factors for one in (gap_map, condensed.slip, balance)]
-    caused = condensed.blocks @ np.concatenate([pressure, traction, motion])
-    gap, slip, imbalance = (free[0] + caused[:m], free[1] + caused[m : m + n], free[2] + caused[m + n :])
+    rows = condensed.unscaled_rows(factors) + condensed.blocks @ np.concatenate([pressure, traction, motion])
+    gap, slip, imbalance = np.split(rows, [m, m + n])
     overlap = np.where(closed, np.abs(gap), -gap)
     limit = condensed.friction * pressure[condensed.friction_nodes]
     size = np.maximum(np.abs(pressure), least)

@@ -9,7 +9,7 @@ each node and a few neighbours, from coarse to fine (Vecchia 1988, doi:10.1111/j
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 import scipy.sparse as sparse
@@ -65,7 +65,24 @@ def solve_exact(condensed: Condensed, factors: FloatArray, start: BoolArray | No
         except NotConvergedError:
             if len(drawn) > MAX_DENSE:
                 raise
-    closed, pressure, motion, solves = found or _by_pivots(condensed, factors, starts)
+    if found is None:
+        p, rows = condensed.frictionless, condensed.unscaled_rows(factors)
+        free = p.rows * np.delete(rows, np.arange(p.m, p.m + len(condensed.friction)))
+        try:
+            state = solve(p, free, *map(p.touching, starts))
+        except Ray as error:
+            if p.k and collapse(p, free) is None:
+                raise EndlessError from error
+            raise UnbalancedError(
+                "no contact pressure balances the loads",
+                "a force-controlled platen may push its body away from the contact, or a body held by "
+                "contact only may be free there; prescribe the displacement instead",
+            ) from error
+        x = p.columns * state.x
+        # Nodes that only touch, with pressures of round-off, are open.
+        pressed = x[: p.m] > FEASIBLE * float(x[: p.m].max(initial=0.0))
+        found = state.status.closed & pressed, np.where(pressed, x[: p.m], 0.0), x[p.m :], state.systems
+    closed, pressure, motion, solves = found
     # Surfaces in contact without a load only had to be separated: their pressures are round-off of the gaps.
     if closed.any() and not load.any() and condensed.elastic_gap(pressure) <= condensed.gap_round_off:
         closed, pressure = np.zeros_like(closed), np.zeros_like(pressure)
@@ -76,33 +93,12 @@ def solve_exact(condensed: Condensed, factors: FloatArray, start: BoolArray | No
     return ContactState(pressure, none, motion, gap, slip, status, factors, none, none, solves=solves)
 
 
-def _by_pivots(
-    condensed: Condensed, factors: FloatArray, starts: Sequence[BoolArray]
-) -> tuple[BoolArray, FloatArray, FloatArray, int]:
-    """Closed nodes (m,), pressures (m,), motions (k,), and the number of systems solved."""
-    p, none = condensed.frictionless, np.zeros(0)
-    free = p.rows * np.delete(condensed.unscaled_rows(factors), np.arange(p.m, p.m + len(condensed.friction)))
-    try:
-        found = solve(p, free, *(ContactStatus(first, none > 0.0, none) for first in starts))
-    except Ray as error:
-        if p.k and collapse(p, free) is None:
-            raise EndlessError from error
-        raise UnbalancedError(
-            "no contact pressure balances the loads",
-            "a force-controlled platen may push its body away from the contact, or a body held by contact "
-            "only may be free there; prescribe the displacement instead",
-        ) from error
-    x = p.columns * found.x
-    # Nodes that only touch, with pressures of round-off, are open.
-    pressed = x[: p.m] > FEASIBLE * float(x[: p.m].max(initial=0.0))
-    return found.status.closed & pressed, np.where(pressed, x[: p.m], 0.0), x[p.m :], found.systems
-
-
 def _searched(
     condensed: Condensed, free_gap: FloatArray, force: FloatArray, active: BoolArray
 ) -> tuple[BoolArray, FloatArray, FloatArray, int]:
-    """The same of many unknowns with ``free_gap`` (m,) and ``force`` (k,): semismooth Newton steps from the
-    set ``active`` (m,), at first with rough solutions. Raises NotConvergedError."""
+    """Closed nodes (m,), pressures (m,), motions (k,), and the number of systems solved, for many unknowns
+    with ``free_gap`` (m,) and ``force`` (k,): semismooth Newton steps from the set ``active`` (m,), at first
+    with rough solutions. Raises NotConvergedError."""
     gap_map, balance, seen = condensed.gap, condensed.balance, set[bytes]()
     compliance = compressed(gap_map.pressure)
     assert compliance is not None

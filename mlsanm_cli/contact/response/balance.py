@@ -38,10 +38,9 @@ class ForceSums:
 
     def quantities(self) -> dict[str, dict[Any, LinearMap]]:
         """By kind and subject: "force" (2,) of each load and support on its body; "contact" the force (2,)
-        on the slave, "mismatch" the sum (2,) of a contact's forces on both bodies, zero up to the transfer
-        error; "moment" (1,) of each rotating plate on its bodies about the hinge; by body "sum" of all forces
-        (2,), minus those of single nodes that hold it, and "imbalance", the same without components held
-        there."""
+        on the slave, "mismatch" the sum (2,) of a contact's forces on both bodies; "moment" (1,) of each
+        rotating plate on its bodies about the hinge; by body "sum" of all forces (2,), minus those of single
+        nodes that hold it, and "imbalance", the same without components held there."""
         pairings = self.drivers.pairings
         found: dict[str, dict[Any, LinearMap]] = {
             "force": self._reported() | self._at_single_nodes(),
@@ -103,8 +102,7 @@ class ForceSums:
 
     @cached_property
     def _prescribed(self) -> Mapping[str, FloatArray]:
-        """Force x, y and moment about the origin (3, loads) of prescribed tractions and body forces on every
-        body."""
+        """Force x, y and moment (3, loads) of prescribed tractions and body forces on every body."""
         found = {name: np.zeros((3, self.drivers.loads)) for name in self.scene.bodies}
         for load in self.scene.applied:
             body = self.scene.bodies[load.body]
@@ -193,8 +191,7 @@ class ForceSums:
         return report
 
     def _others(self, name: str) -> LinearMap:
-        """Sum of all forces on a body but those of single nodes, as force x, y and moment about the origin;
-        those on masters are the slaves'."""
+        """Force x, y and moment of all forces on a body but those of single nodes."""
         total = self._applied(name)
         for pairing in self.drivers.pairings:
             for _, sign in pairing.sides_of(name):

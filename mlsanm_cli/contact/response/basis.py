@@ -31,9 +31,8 @@ LEAST_ORDER = 6
 
 
 class GridBasis:
-    """The discretisation of a contact by a contact grid, with numbers of ``drivers`` and ``samples``. Its
-    drivers are forces x and y at the samples, then if it covers the surfaces the mean traction x and y, then
-    displacements x and y of pins."""
+    """A contact on a contact grid. Its ``drivers`` are forces x and y at the ``samples``, then if it covers
+    the surfaces the mean traction x and y, then displacements x and y of pins."""
 
     def __init__(self, pairing: Pairing) -> None:
         self._pairing, self._grid = pairing, pairing.grid
@@ -65,8 +64,7 @@ class GridBasis:
 
     def rows(self, body: ElasticBody, name: str, lost: bool = False) -> sparse.csr_array:
         """Motions of the samples (s, 2N) by displacements of a body, or what is ``lost`` of them by
-        smoothing: in isotropic bodies away from corners, as remainders are less smooth there and in
-        others."""
+        smoothing: in isotropic bodies away from corners, as remainders are less smooth elsewhere."""
         grid, model = self._grid, body.model
         total = sparse.csr_array((self.samples, model.unknowns))
         for slave, sign in self._pairing.sides_of(name):
@@ -109,8 +107,7 @@ class GridBasis:
     def resultants(
         self, body: ElasticBody, name: str, sources: sparse.csc_array, center: tuple[float, float]
     ) -> list[FloatArray]:
-        """Force x, y and moment about ``center`` (3, m) on a body by unit pressures, and by unit
-        tractions."""
+        """Force x, y and moment about ``center`` (3, m) on a body by unit pressures, and tractions."""
         return self._grid.resultants(name == self._pairing.slave_body, center)
 
 
@@ -135,44 +132,34 @@ def changes(
 
 def smoothing(grid: ContactGrid, points: FloatArray, spacing: float) -> tuple[FloatArray, FloatArray] | None:
     """Projections (k, k) of values at a grid's samples ``points`` (k, 2) along its two axes onto functions
-    resolved by nodes of some ``spacing``; rigid displacements stay exact. None if the samples resolve nothing
-    more.
+    resolved by nodes of some ``spacing``; rigid displacements, without planes all linear ones, stay exact.
+    None if the samples resolve nothing more.
 
     Errors of least squares vary from node to node, and pressures amplify short waves. Displacements computed
     on a cloud, those of remainders and loads, are smooth: they are replaced by polynomials, around a closed
     surface by periodic functions, at planes of symmetry by even and by odd ones.
     """
-    if not grid.mirrored:
-        both = plain_smoothing(points, grid.last - grid.first, spacing, grid.hats.period is not None)
-        return None if both is None else (both, both)
-    length, closed = grid.last - grid.first, grid.unfolding.period is not None
-    order = max(LEAST_ORDER, int(np.ceil((2.0 if closed else np.pi) * length / (SHORTEST_WAVE * spacing))))
-    if order >= grid.count - 1:
-        return None
-    # A body moves along one plane, and not at all between two at an angle.
-    along = next(plane.along for plane in grid.mirrors if plane is not None)
-    rigid = grid.axes @ np.array([along.real, along.imag])
-    even, odd = zip(grid.unfolding.waves(order), rigid, strict=True)
-    return _projection(even[0], even[1][:, None]), _projection(odd[0], odd[1][:, None])
-
-
-def plain_smoothing(
-    points: FloatArray, length: float, spacing: float, closed: bool = False
-) -> FloatArray | None:
-    """:func:`smoothing` at Chebyshev ``points`` (k, 2) along a contact of some ``length``, or all around a
-    ``closed`` surface; linear displacements stay exact."""
-    count = len(points)
-    order = max(LEAST_ORDER, int(np.ceil(np.pi * length / (SHORTEST_WAVE * spacing))))
-    angle = np.pi * (np.arange(count) + 0.5) / count
-    if closed:
-        order = max(LEAST_ORDER, 2 * int(np.ceil(length / (SHORTEST_WAVE * spacing))))
-        turns = np.outer(np.pi * (1.0 - np.cos(angle)), np.arange(order // 2 + 1))
-        waves = np.hstack([np.cos(turns), np.sin(turns[:, 1:])])
+    count, waves = grid.count, (grid.last - grid.first) / (SHORTEST_WAVE * spacing)
+    if grid.hats.period is not None and not grid.mirrored:
+        order = max(LEAST_ORDER, 2 * int(np.ceil(waves)))
     else:
-        waves = np.cos(np.outer(angle, np.arange(order + 1)))
+        order = max(LEAST_ORDER, int(np.ceil((np.pi if grid.unfolding.period is None else 2.0) * waves)))
     if order >= count - 1:
         return None
-    return _projection(waves, points - points.mean(axis=0))
+    if grid.mirrored:
+        # A body moves along one plane, and not at all between two at an angle.
+        along = next(plane.along for plane in grid.mirrors if plane is not None)
+        rigid = grid.axes @ np.array([along.real, along.imag])
+        even, odd = zip(grid.unfolding.waves(order), rigid, strict=True)
+        return _projection(even[0], even[1][:, None]), _projection(odd[0], odd[1][:, None])
+    angle = np.pi * (np.arange(count) + 0.5) / count
+    if grid.hats.period is None:
+        known = np.cos(np.outer(angle, np.arange(order + 1)))
+    else:
+        turns = np.outer(np.pi * (1.0 - np.cos(angle)), np.arange(order // 2 + 1))
+        known = np.hstack([np.cos(turns), np.sin(turns[:, 1:])])
+    both = _projection(known, points - points.mean(axis=0))
+    return both, both
 
 
 def _projection(waves: FloatArray, extent: FloatArray) -> FloatArray:

@@ -33,8 +33,7 @@ SINGULAR = 1e-15
 @dataclass(frozen=True, eq=False)
 class Compressed:
     """A matrix (m, m): entries ``near``, plus matrix products ``far``, zero at near entries, and ``smooth``.
-    Multiplication by ``weight`` (m,) makes its singular part symmetric. ``places`` are the arc lengths of the
-    unknowns of each contact."""
+    Times ``weight`` (m,) its singular part is symmetric. ``places`` are arc lengths of each contact."""
 
     near: sparse.csr_array
     far: tuple[Chain, ...]
@@ -142,8 +141,7 @@ def compressed(matrix: FloatArray) -> Compressed | None:
 
 
 def largest(matrix: FloatArray) -> float:
-    """Largest modulus of the entries, 0 if empty; for a compressed matrix, that of the diagonal and of a
-    sample of rows and columns."""
+    """Largest modulus of the entries, 0 if empty; of a compressed matrix, of the diagonal and a sample."""
     own = compressed(matrix)
     if own is None:
         return float(np.abs(matrix).max(initial=0.0))

@@ -163,8 +163,7 @@ class Condensed:
     def touched(
         self, f: FloatArray, q: FloatArray, p: FloatArray, t: FloatArray, shift: FloatArray | float = 0.0
     ) -> dict[str, BoolArray]:
-        """Mask (w,) per contact of paired nodes that overlap, after a ``shift`` (w,), without being
-        candidates."""
+        """Mask (w,) per contact of nodes that overlap, after a ``shift`` (w,), without being candidates."""
         overlap, masks = self.watched(f, q, p, t) + shift < 0.0, dict[str, BoolArray]()
         for pairing in self.pairings:
             masks[pairing.name] = ~pairing.candidate
@@ -172,8 +171,7 @@ class Condensed:
         return masks
 
     def cut(self, pressure: FloatArray) -> list[str]:
-        """The contacts with a ``pressure`` (m,) at an outermost node of a grid that is not at the end of a
-        surface."""
+        """Contacts with a ``pressure`` (m,) at the end of a grid that is not the end of a surface."""
         found, closed = [], pressure > ROUND_OFF * pressure.max(initial=0.0)
         for pairing in self.on_grids:
             ends = closed[self.spans[pairing.name]][[0, -1]]
@@ -208,8 +206,7 @@ class Condensed:
         return bool((gap < -ROUND_OFF * self.weight).any())
 
     def closest(self, gap: FloatArray) -> BoolArray:
-        """Mask (m,) of nodes with the smallest ``gap`` (m,) in every contact, enough to hold all rigid
-        motions if possible."""
+        """Mask (m,) of nodes with the smallest ``gap`` (m,), enough to hold all rigid motions if possible."""
         chosen = np.zeros(len(gap), dtype=bool)
         held = np.vstack([self.gap.motion, self.slip.motion, self.balance.motion])
         size = np.abs(held).max(axis=0, initial=0.0)
@@ -280,8 +277,7 @@ class Condensed:
     def checked_displacements(
         self, scene: Scene, body: str, states: Sequence[Sequence[FloatArray]]
     ) -> tuple[list[FloatArray], FloatArray]:
-        """Elastic displacements in several states, and the relative change (c,) of each by one more
-        refinement. All are solved at once."""
+        """Elastic displacements in several states, and relative changes (c,) by one more refinement."""
         system, patterns = scene.bodies[body].system, scene.floating_patterns(body)
         stacked = [self.source(body, *state) for state in states]
         sources = sparse.csc_array(sparse.hstack(stacked, format="csc"))

@@ -89,19 +89,14 @@ class Drivers:
     @cached_property
     def matrix(self) -> sparse.csr_array:
         """The drivers (drivers, unknowns) per unit of every unknown."""
-        few = self.loads + self.motions
-        entries: list[tuple[int, int, Any]] = [(0, 0, np.eye(few))]
+        rubbing = [one.name for one in self.frictional]
+        first = sparse.eye_array(self.loads + self.motions)
+        rows: list[list[Any]] = [[first, *[None] * (len(self.bases) + len(rubbing))]]
         for name, basis in self.bases.items():
-            columns = [few + self.spans[name].start]
-            if name in self.tangential:
-                columns.append(few + self.counts[2] + self.tangential[name].start)
-            for which, column in enumerate(columns):
-                entries.append((self.places[name].start, column, basis.by_values(which)))
-        parts = [(row, column, sparse.coo_array(block)) for row, column, block in entries]
-        values = np.concatenate([part.data for _, _, part in parts])
-        rows = np.concatenate([row + part.coords[0] for row, _, part in parts])
-        places = np.concatenate([column + part.coords[1] for _, column, part in parts])
-        return sparse.csr_array((values, (rows, places)), shape=(self.total, sum(self.counts)))
+            pressures = [basis.by_values(0) if one == name else None for one in self.bases]
+            tractions = [basis.by_values(1) if one == name else None for one in rubbing]
+            rows.append([None, *pressures, *tractions])
+        return sparse.csr_array(sparse.block_array(rows, format="csr"))
 
     def by_unknowns(self, rows: FloatArray) -> LinearMap:
         """Functionals ``rows`` (r, drivers) in terms of the unknowns."""

@@ -1,5 +1,4 @@
-"""Contribution of contact grids' near fields to the response functionals. Equations (7) and (8) of
-docs/method.md."""
+"""Near fields of contact grids in the response functionals. Equations (7) and (8) of docs/method.md."""
 
 from __future__ import annotations
 
@@ -30,8 +29,7 @@ from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 def near_field_response(
     scene: Scene, drivers: Drivers, places: Mapping[tuple[str, Any], slice], rows: int
 ) -> FloatArray:
-    """Near-field part of all functionals (rows, drivers), except the singular part of contacts' response to
-    themselves, and probes."""
+    """Near-field part of all functionals (rows, drivers), except singular parts and probes."""
     total = np.zeros((rows, drivers.total))
     for pairing in drivers.on_grids:
         columns = drivers.of_samples(pairing)
@@ -58,27 +56,26 @@ def _on_contact(
 ) -> FloatArray:
     """Motions of the samples of the contact ``seen``, and of points watched beyond, due to forces at the
     samples of contact ``by``, perhaps the same one, through the near field in one body."""
-    parts = [(seen.normal, ~seen.candidate)]
+    found, kernel = list[FloatArray](), scene.bodies[body].model.kernel
+    ways = [(seen.normal, ~seen.candidate)]
     if seen.nodal:
-        ways = (seen.normal, seen.tangent) if seen.friction else (seen.normal,)
-        parts = [*((way, seen.candidate) for way in ways), *parts]
-    found = []
-    for direction, chosen in parts:
+        along = (seen.normal, seen.tangent) if seen.friction else (seen.normal,)
+        ways = [*((way, seen.candidate) for way in along), *ways]
+    else:
+        total = np.zeros((2 * seen.grid.count, 2 * len(forces.place)))
+        for is_slave, sign in seen.sides_of(body):
+            if seen.name == by.name and is_slave == slave:
+                moved = SurfaceResponse.of(seen.grid, kernel, slave).smooth()
+            else:
+                moved = forces.displacement(seen.grid.facing.side(seen.grid.samples, is_slave)[0])
+            total += sign * by_component(moved)
+        found.append(total)
+    for direction, chosen in ways:
         total = np.zeros((int(chosen.sum()), 2 * len(forces.place)))
         for is_slave, sign in seen.sides_of(body):
             moved = forces.displacement(as_complex((seen.points if is_slave else seen.partner)[chosen]))
             total += sign * np.einsum("ec,ekcd->edk", direction[chosen], moved).reshape(total.shape)
         found.append(total)
-    if not seen.nodal:
-        total = np.zeros((2 * seen.grid.count, 2 * len(forces.place)))
-        for is_slave, sign in seen.sides_of(body):
-            if seen.name == by.name and is_slave == slave:
-                kernel = scene.bodies[body].model.kernel
-                moved = SurfaceResponse.of(seen.grid, kernel, slave).smooth()
-            else:
-                moved = forces.displacement(seen.grid.facing.side(seen.grid.samples, is_slave)[0])
-            total += sign * by_component(moved)
-        found.insert(0, total)
     return np.concatenate(found)
 
 
@@ -102,8 +99,9 @@ def add_singular(linear: LinearMap, scene: Scene, drivers: Drivers, pairing: Pai
     for other, (part, span) in enumerate(zip((linear.pressure, linear.traction), spans, strict=True)):
         if span is not None:
             total = grid.singular_integrals(log, turn, which, other)
-            for response in responses:
-                total += response.cornered(which, other)
+            terms = (term for one in responses for term in one.corner_terms(which, other))
+            for seen, compliance, acting in terms:
+                total += seen @ compliance @ acting.T
             if grid.evened[other]:
                 total = total @ grid.deviation(np.eye(len(total)), other)
             part[rows, span] += (1.0 / grid.hats.weight[:, None]) * total

@@ -70,9 +70,8 @@ class NodalBasis:
 def relative_rows(
     body: ElasticBody, name: str, pairing: Pairing, direction: FloatArray, at: IntArray
 ) -> sparse.csr_array:
-    """Motion (w, 2N) of the slave relative to the master along ``direction``, at the points of indices
-    ``at`` (w,). The slave moves with its node, the master by its moving least-squares value at the closest
-    point."""
+    """Motion (w, 2N) of the slave relative to the master along ``direction`` at the points ``at`` (w,): of a
+    node, and of the moving least-squares value at the closest point."""
     nodes = len(body.model.cloud.points)
     block = sparse.csr_array((len(at), 2 * nodes))
     if len(at) and pairing.slave_body == name:

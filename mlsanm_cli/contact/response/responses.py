@@ -33,8 +33,7 @@ name."""
 @dataclass(frozen=True)
 class BodyResponses:
     """Responses of a scene's bodies to their ``sources`` (r, drivers): ``observed`` (rows, drivers) by the
-    functionals at ``places`` of the rows, and without contact the ``solutions`` (n, drivers). Of contact
-    grids only the samples matter."""
+    functionals at ``places`` of the rows, and without contact the ``solutions`` (n, drivers)."""
 
     scene: Scene
     drivers: Drivers
@@ -45,8 +44,7 @@ class BodyResponses:
 
     @classmethod
     def of(cls, scene: Scene, pairings: tuple[Pairing, ...], memo: Memo = NO_CACHE) -> BodyResponses:
-        """Compute the responses, near fields included; once for all positive friction coefficients, as in
-        :func:`condense`."""
+        """Compute the responses, near fields included; once for all positive friction coefficients."""
 
         def made() -> BodyResponses:
             drivers = Drivers(len(scene.loads), len(scene.unknown_motions), pairings)

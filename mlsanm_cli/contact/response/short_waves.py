@@ -78,8 +78,7 @@ def correct_short_waves(
 
 
 def slip_fit(pairing: Pairing) -> FloatArray:
-    """The local linear fit F (n, n) of nodal values along a contact; on a closed surface windows continue
-    across the seam."""
+    """The local linear fit F (n, n) of nodal values along a contact, across the seam of a closed surface."""
     chosen, turns = pairing.candidate, np.zeros(1)
     arc, weight, reach = pairing.arc[chosen], pairing.weight[chosen], FIT_WINDOW * pairing.spacing[chosen]
     if pairing.all_around:
