@@ -269,11 +269,12 @@ class Tangent:
             return (system.scale * solution)[:, None]
 
         found = by_factor(rhs)
-        progress = Progress.of(found, FULL_TOLERANCE)
+        progress = Progress(found, FULL_TOLERANCE)
         for _ in range(MAX_UPDATES):
             left = rhs - system.linear(unloaded, found[:, 0]) - self._local @ found[:, 0]
             step = by_factor(left)
-            found, progress = found + step, progress.after(step, found + step)
+            found = found + step
+            progress.advance(step, found)
             if progress.done.all():
                 break
         return np.asarray(found[:, 0])

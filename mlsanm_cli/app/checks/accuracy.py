@@ -50,14 +50,14 @@ Halved = tuple[FloatArray, FloatArray]
 
 @dataclass(frozen=True)
 class Accuracy:
-    """Estimated errors of ``state``, the exact one at the end of the path; None or empty where not known.
+    """Estimated errors of ``state``, the exact one at the end of the path; nan, None or empty if not known.
     ``displacement`` is the relative root mean square error over all nodes, of which ``deflection`` is known
     from energies; ``pressures`` are relative L2 errors by contact, due to the bodies and to the contact's own
     spacing; ``largest`` is the largest displacement, ``bodies`` are the corrected ones; ``missing`` says why
     there are no estimates."""
 
     displacement: float | None
-    pressures: Mapping[str, tuple[float | None, float | None]]
+    pressures: Mapping[str, tuple[float, float]]
     state: ContactState
     largest: float | None = None
     bodies: Mapping[str, Corrected] = field(default_factory=dict)
@@ -81,7 +81,8 @@ class Accuracy:
                 return {"displacement": self.displacement, "pressure": unknown}
         for one in condensed.pairings:
             away = distance(built, one, exact, state.pressure) if state is not None else 0.0
-            pressure[one.name] = together(*self.pressures[one.name], away)
+            error = float(np.linalg.norm((*self.pressures[one.name], away)))
+            pressure[one.name] = None if np.isnan(error) else error
         found: dict[str, Any] = {"displacement": self.displacement, "pressure": pressure}
         found |= {"force": dict(self.forces)} if self.forces else {}
         for name, error in self.probes.items():
@@ -103,15 +104,14 @@ class Accuracy:
         """Whether the errors of the bodies limit the accuracy, if there are contacts in one of them."""
         if self.displacement is None or self.displacement <= ROUND_OFF:
             return False
-        pairs = self.pressures.values()
-        return not pairs or any(bulk is not None and own is not None and bulk > own for bulk, own in pairs)
+        return not self.pressures or any(bulk > own for bulk, own in self.pressures.values())
 
 
 def assess_accuracy(built: CondensedScene) -> Accuracy:
     """Estimate the errors of a solved scene in its last exact state."""
     condensed, scene = built.condensed, built.scene
     state = built.ends[-1] if built.ends else solve_exact(condensed, built.stages[-1])
-    without = partial(Accuracy, None, {one.name: (None, None) for one in condensed.pairings}, state)
+    without = partial(Accuracy, None, {one.name: (np.nan, np.nan) for one in condensed.pairings}, state)
     blind = len(condensed.friction_nodes) > 0  # friction depends on the path
     if blind and not built.case.adapt.passes:
         return without()
@@ -213,8 +213,8 @@ def _estimated(
     pressures = {}
     for one in condensed.pairings:
         others = (*corrected, state.pressure + ROUGH_SHARE * rough)
-        bulk = together(*(distance(built, one, state, pressure) for pressure in others))
-        own = None if halved is None or not one.nodal else distance(built, one, state, halved[1])
+        bulk = float(np.linalg.norm([distance(built, one, state, pressure) for pressure in others]))
+        own = np.nan if halved is None or not one.nodal else distance(built, one, state, halved[1])
         if not one.nodal:
             own = float(np.linalg.norm(grid_errors(condensed, one.name, [state])))
         pressures[one.name] = (bulk, own)
@@ -269,23 +269,14 @@ def _largest_of(displacements: Sequence[FloatArray]) -> float:
     return max(float(np.hypot(*u.T).max()) for u in displacements)
 
 
-def distance(
-    built: CondensedScene, pairing: Pairing, state: ContactState, pressure: FloatArray
-) -> float | None:
-    """Relative L2 distance of the pressures of a contact from the exact ones; None without pressure."""
+def distance(built: CondensedScene, pairing: Pairing, state: ContactState, pressure: FloatArray) -> float:
+    """Relative L2 distance of the pressures of a contact from the exact ones; nan without pressure."""
     span, arc = built.condensed.spans[pairing.name], pairing.arc[pairing.candidate]
     exact = state.pressure[span]
-    if not _is_pressed(state, span) or l2(arc, exact) == 0.0:
-        return None
-    return l2(arc, pressure[span] - exact) / l2(arc, exact)
+    size = l2(arc, exact) if _is_pressed(state, span) else 0.0
+    return l2(arc, pressure[span] - exact) / size if size else np.nan
 
 
 def _is_pressed(state: ContactState, span: slice) -> bool:
     """Whether the pressures of a contact are more than round-off of those of others."""
     return bool(state.pressure[span].max(initial=0.0) > COARSE_ROUND_OFF * state.pressure.max(initial=0.0))
-
-
-def together(*parts: float | None) -> float | None:
-    """Root of the sum of squares of independent parts; None if one is unknown."""
-    known = [part for part in parts if part is not None]
-    return float(np.linalg.norm(known)) if len(known) == len(parts) else None

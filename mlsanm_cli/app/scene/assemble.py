@@ -27,7 +27,6 @@ from mlsanm_cli.mechanics import scene as mechanics
 from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body import ElasticBody, Timed
 from mlsanm_cli.mechanics.body_model import BodyModel, model_key
-from mlsanm_cli.mechanics.defect import DEGREES, next_degree
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.scene import Probe
 from mlsanm_cli.mechanics.springs import restrained, restraining
@@ -101,17 +100,13 @@ def prepare(
     refuse_conflicts(boundaries)
     loads = acting(case, boundaries.names, boundaries.drawn, clouds)
     pairings = tuple(pair(boundaries, clouds))
-    # Errors are estimated at a higher degree; with friction the path would have to be repeated.
-    known_next = case.mls.degree == "auto" or case.mls.degree in DEGREES
-    ahead = known_next and not any(contact.friction for contact in case.touching)
 
     def modelled(body: Body, low: bool) -> BodyModel:
         known, cloud, material = before.get(body.name), clouds[body.name], stiffness[body.material]
         settings = mls_settings(case, low)
         if known and known.cloud.content == cloud.content and known.settings.degree == settings.degree:
             return known
-        foresight = next_degree(settings, material).stencil_size if ahead else 0
-        build = partial(BodyModel.build, body.name, cloud, material, settings, foresight)
+        build = partial(BodyModel.build, body.name, cloud, material, settings)
         return memo.value("model", model_key(body.name, cloud, material, settings), build)
 
     models = {}

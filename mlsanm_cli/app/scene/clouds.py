@@ -344,15 +344,15 @@ def clouds(boundaries: Boundaries, zones: tuple[Zone, ...] = (), memo: Memo = NO
     placed, case, line = dict[str, Cloud](), boundaries.case, line_of(boundaries)
     for body in case.body:
         given = given_nodes(body)
-        if given is not None:
-            cloud = boundaries.split(body.name, given.cloud)
-            placed[body.name] = (cloud.mirrored(line) if line is not None else None) or cloud
-        else:
+        if given is None:
             spacing = spacing_of(boundaries, body).with_zones(zones)
             wanted = [support.near for support in case.support if support.body == body.name and support.near]
             placed[body.name] = build_cloud(
                 boundaries.outline(body.name), spacing, body.seed, memo=memo, line=line, wanted=wanted
             )
+        else:
+            cloud = boundaries.split(body.name, given.cloud)
+            placed[body.name] = (cloud.mirrored(line) if line is not None else None) or cloud
     if case.model.revolved:
         return {name: replace(cloud, revolved=True) for name, cloud in placed.items()}
     return placed

@@ -101,7 +101,7 @@ def _paired(boundaries: Boundaries, contact: Contact, clouds: Mapping[str, Cloud
     if contact.interference is not None:
         pairing = _fitted(pairing, contact.interference)
     reach = contact.reach if isinstance(contact.reach, float) else pairing.first_reach()
-    pairing = pairing.with_reach(reach)
+    pairing = replace(pairing, candidate=pairing.gap <= reach)
     if not pairing.candidate.any():
         message = f"no initial gap is below {reach:g}; the smallest is {pairing.gap.min():g}"
         raise CaseError((CaseProblem(f"{key}.reach", message),))

@@ -104,12 +104,11 @@ class BoundaryPart(Section):
         return None if self.start is None or self.to is None else (self.start, self.to)
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
-        if (self.start is None) != (self.to is None):
+        if len(self.given("start", "to")) == 1:
             key, other = ("from", "to") if self.to is None else ("to", "from")
             yield Fault((key,), f'needs "{other}" too', "give both ends of the part of the boundary")
         elif self.start is not None and self.start == self.to:
-            hint = "give two different ends of the part of the boundary"
-            yield Fault(("to",), "is the same point", hint)
+            yield Fault(("to",), "is the same point", "give two different ends of the part of the boundary")
 
 
 Kind = Literal["support", "spring", "displacement", "traction", "platen force", "platen displacement"]
@@ -155,24 +154,19 @@ class Support(BoundaryPart):
 
     def conditions(self, normal: Point | None) -> Iterator[tuple[int, Kind]]:
         """The components in which it fixes a boundary or has springs, whatever its ``normal``."""
-        for component, value in enumerate((self.ux, self.uy)):
-            if value is not None:
-                yield component, "support"
-        for component, spring in enumerate(self.spring or ()):
-            if spring:
-                yield component, "spring"
+        yield from ((component, "support") for component, u in enumerate((self.ux, self.uy)) if u is not None)
+        yield from ((component, "spring") for component, k in enumerate(self.spring or ()) if k)
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
-        both = 'give "boundary", or "body" and "near"'
-        if self.boundary is not None:
-            if self.body is not None or self.near is not None:
-                yield Fault((), 'give either "boundary", or "body" and "near"')
-        else:
-            if self.start is not None or self.to is not None:
+        point = self.given("body", "near")
+        if self.boundary is not None and point:
+            yield Fault((), 'give either "boundary", or "body" and "near"')
+        elif self.boundary is None:
+            if self.given("start", "to"):
                 yield Fault((), '"from" and "to" need a boundary', 'give "boundary"')
-            if self.body is None and self.near is None:
-                yield Fault((), "has no location", both)
-            elif self.body is None or self.near is None:
+            if not point:
+                yield Fault((), "has no location", 'give "boundary", or "body" and "near"')
+            elif len(point) == 1:
                 hint = "near = [x, y] selects the nearest node of the body"
                 yield Fault((), '"body" and "near" are needed together', hint)
         if self.spring is not None:
@@ -232,15 +226,16 @@ class Stop(Section):
         # What ``of`` can name: in words, and the names.
         case, names = scope.case, scope.names
         what = "probe" if self.what == "von_mises" else "contact"
+        known = list(names(what))
         if self.what == "force":
             supports = [one.boundary for one in case.support if isinstance(one.boundary, str)]
-            what, known = "load or contact or support", [*names("load"), *names("contact"), *supports]
+            what, known = "load or contact or support", [*names("load"), *known, *supports]
         elif self.what == "displacement":
             rigid = [one.name for one in case.load if one.kind in ("platen", "obstacle")]
-            what = "platen or obstacle load or probe"
-            known = [*rigid, *scope.missing("load"), *names("probe")]
-        else:
-            known = list(names(what))
+            what, known = (
+                "platen or obstacle load or probe",
+                [*rigid, *scope.missing("load"), *names("probe")],
+            )
         if self.of not in known:
             message = f'there is no {what} "{self.of}"' if self.of else f"missing: the name of a {what}"
             yield Fault(("of",), message, suggestion(self.of, known))

@@ -86,9 +86,8 @@ class Traction(OnBoundary):
     s,tx,ty; instead of `traction`."""
 
     def conditions(self, normal: Point | None) -> Iterator[tuple[int, Kind]]:
-        for component in (0, 1):
-            if self.traction is None or self.traction[component] != 0.0:
-                yield component, "traction"
+        pulled = (0, 1) if self.traction is None else [k for k in (0, 1) if self.traction[k] != 0.0]
+        yield from ((component, "traction") for component in pulled)
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
         yield from self.exclusive("traction", "table")
@@ -109,9 +108,7 @@ class Pressure(OnBoundary):
 
     def conditions(self, normal: Point | None) -> Iterator[tuple[int, Kind]]:
         # A pressure on a boundary parallel to an axis has no component along that axis.
-        for component in (0, 1):
-            if normal is None or normal[component] != 0.0:
-                yield component, "traction"
+        yield from ((k, "traction") for k in (0, 1) if normal is None or normal[k] != 0.0)
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
         yield from self.exclusive("pressure", "table")
@@ -137,9 +134,7 @@ class Displacement(OnBoundary):
         return self.displacement if self.displacement is not None else (self.ux, self.uy)
 
     def conditions(self, normal: Point | None) -> Iterator[tuple[int, Kind]]:
-        for component, value in enumerate(self.components):
-            if value is not None:
-                yield component, "displacement"
+        yield from ((k, "displacement") for k, value in enumerate(self.components) if value is not None)
 
     def faults(self, scope: Scope) -> Iterator[Fault]:
         yield from self.exclusive("displacement", *(self.given("ux", "uy")[:1] or ("ux", "uy")))

@@ -49,11 +49,10 @@ class _RigidMotion(Load):
         >>> Platen(name="p", boundary="a.top", kind="platen", fy=-2.0).control
         {'y': ('force', -2.0)}
         """
-        force = self.force or (self.fx, self.fy)
-        displacement = self.displacement or (self.ux, self.uy)
         controlled: dict[str, tuple[Control, float]] = {}
-        for direction, f, u in zip("xy", force, displacement, strict=True):
-            if self.force is None and u is not None:
+        moved = (None, None) if self.force else self.displacement or (self.ux, self.uy)
+        for direction, f, u in zip("xy", self.force or (self.fx, self.fy), moved, strict=True):
+            if u is not None:
                 controlled[direction] = ("displacement", u)
             elif f is not None:
                 controlled[direction] = ("force", f)
@@ -133,8 +132,7 @@ class Platen(OnBoundary, _RigidMotion):
             message = "a plate that can rotate at finite strain needs a value in both directions"
             hint = "give ux or fx, and uy or fy; a force of 0.0 for a free direction"
             yield Fault((), message, hint)
-        hint = "loads on one boundary act on one platen"
-        first = plate[0]
+        first, hint = plate[0], "loads on one boundary act on one platen"
         there = f'load "{first.name}" on the same platen'
         if first.turning != self.turning:
             turns = {load.turning: load.name for load in (first, self)}
@@ -179,9 +177,11 @@ class ObstacleMotion(_RigidMotion):
         earlier = [load for load in self.earlier(motions) if load.obstacle == self.obstacle]
         for direction, (control, _) in self.control.items():
             first = next((load for load in earlier if direction in load.control), self)
-            if first.control[direction][0] != control:
-                other = f'{first.control[direction][0]} in load "{first.name}"'
-                message = f"{control} here, {other} on the same obstacle in {direction}"
+            other = first.control[direction][0]
+            if other != control:
+                message = (
+                    f'{control} here, {other} in load "{first.name}" on the same obstacle in {direction}'
+                )
                 yield Fault((), message, "use one of the two in each direction")
         if obstacle is not None and self.rotation and scope.strain == "finite":
             pivot = self.pivot_on(obstacle)
