@@ -51,9 +51,10 @@ MAX_SUPPORT_OFFSET = 1e-3
 class SceneModel:
     """A scene before its linear systems are assembled and factorised. ``boundaries`` are those of the case,
     ``held[body][surface]`` the fixed components, ``held_nodes[body]`` the fixed (node, component) pairs of
-    single nodes, ``acting`` the loads, ``restrained`` the platens, obstacles and floating bodies with their
-    free motions fixed at zero, ``probes`` the observed points, ``notes`` messages to the user, ``ranges`` the
-    contacts that may have contact grids."""
+    single nodes, ``single_supports`` body and node by the name of their support, ``acting`` the loads,
+    ``restrained`` the platens, obstacles and floating bodies with their free motions fixed at zero,
+    ``probes`` the observed points, ``notes`` messages to the user, ``ranges`` the contacts that may have
+    contact grids."""
 
     boundaries: Boundaries
     models: Mapping[str, BodyModel]
