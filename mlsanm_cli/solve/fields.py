@@ -114,18 +114,16 @@ def quantities(built: CondensedScene, state: State) -> Quantities:
 def contact_values(built: CondensedScene, pairing: Pairing, state: State) -> dict[str, Any]:
     """Pressures (m,), tractions, gaps, slips and status of a contact, and its dissipated work. Without
     friction there is no traction, and slip is not computed (nan); bonds stick, whatever they carry."""
-    if pairing.bonded:
-        pressure, traction = built.condensed.contact_values(pairing, state.unknowns)
-        gap, work = np.zeros(len(pressure)), 0.0
-        slip, status = gap, np.full(len(pressure), STICK, dtype=np.int8)
-    else:
-        span = built.condensed.spans[pairing.name]
-        pressure, gap, status = state.pressure[span], state.gap[span], state.status[span]
-        traction, slip, work = np.zeros(len(pressure)), np.full(len(pressure), np.nan), 0.0
-        if pairing.name in built.condensed.tangential:
-            own = built.condensed.tangential[pairing.name]
-            traction, slip = state.traction[own], state.slip[own]
-            work = float(built.condensed.areas[span] @ state.work[own])
+    condensed, name, work = built.condensed, pairing.name, 0.0
+    pressure, traction = condensed.contact_values(pairing, state.unknowns)
+    gap = slip = np.zeros(len(pressure))
+    status = np.full(len(pressure), STICK, dtype=np.int8)
+    if not pairing.bonded:
+        span, slip = condensed.spans[name], np.full(len(pressure), np.nan)
+        gap, status = state.gap[span], state.status[span]
+        if name in condensed.tangential:
+            slip = state.slip[condensed.tangential[name]]
+            work = float(condensed.areas[span] @ state.work[condensed.tangential[name]])
     values = {"pressure": pressure, "traction": traction, "gap": gap, "slip": slip, "status": status}
     return values | {"dissipated_work": work}
 
@@ -150,11 +148,11 @@ def slave_arc(pairing: Pairing) -> FloatArray:
     return arc - curve.length * np.floor(arc[0] / curve.length) if curve.closed and len(arc) else arc
 
 
-def platen_displacements(built: CondensedScene, state: State | None = None) -> dict[str, FloatArray]:
-    """Displacement (2,) of the platen or obstacle that each load moves, in a state or initially."""
+def platen_displacements(built: CondensedScene, state: State) -> dict[str, FloatArray]:
+    """Displacement (2,) of the platen or obstacle that each load moves."""
     loads = built.scene.loads
     found = {loads[number]: np.zeros(2) for one in built.scene.rigid_constraints for number in one.loads}
-    for constraint, motion, value in _motions(built, state) if state is not None else ():
+    for constraint, motion, value in _motions(built, state):
         for number in constraint.loads:
             found[loads[number]] = found[loads[number]] + value * motion.direction[:2]
     return found

@@ -30,9 +30,6 @@ MAX_ROWS = 40
 """Largest number of events of a stage with friction that are stored as steps, evenly distributed."""
 
 
-SNAPS = "the contact snaps to another state before position {:.6g}: there is no continuous path"
-
-
 def load_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterator[PathStep]:
     """The path of the scene, or its remaining part, by the method of its contact law."""
     # Imported when needed, as each method imports another package.
@@ -96,8 +93,8 @@ def exact_path(built: CondensedScene, start: Checkpoint | None) -> Iterator[Path
         known = next((end for end in built.ends if np.array_equal(end.factors, factors)), None)
         try:
             contacts = known or solve_exact(condensed, factors, closed)
-        except NumericalError as error:
-            if position in positions or not isinstance(error, UnbalancedError | EndlessError):
+        except (UnbalancedError, EndlessError):
+            if position in positions:
                 raise
             continue  # what floats on its way to a contact has no state there
         closed = contacts.closed
@@ -126,7 +123,10 @@ def friction_path(built: CondensedScene, start: Checkpoint | None = None) -> Ite
                 enough = contacts.fraction >= reached + 1.0 / MAX_ROWS
                 if contacts.fraction in halts or enough or contacts.jumped:
                     step = _step(built, contacts, position, solves)
-                    yield replace(step, warning=SNAPS.format(position)) if snaps else step
+                    if snaps:
+                        what = f"the contact snaps to another state before position {position:.6g}"
+                        step = replace(step, warning=f"{what}: there is no continuous path")
+                    yield step
                     stored, solves, reached = contacts, 0, contacts.fraction
         except NumericalError as error:
             if contacts is not stored:

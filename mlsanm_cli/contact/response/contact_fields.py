@@ -38,9 +38,8 @@ GAUSS_POINTS = ((0.0, 32), (0.05, 12), (0.5, 6))
 """Distance in interval lengths, and number of Gauss points from there on, for nearby intervals."""
 NEWTON_STEPS = 3
 """Newton steps to the closest point of the surface."""
-FAR_DISTANCE, FAR_SAMPLES, DISTANT_SAMPLES = 1.0 / 6.0, 48, 12
-"""Beyond FAR_DISTANCE ranges FAR_SAMPLES samples represent all pressures, to 1e-7; beyond one range
-DISTANT_SAMPLES samples do."""
+FAR_DISTANCE, FAR_SAMPLES = 1.0 / 6.0, 48
+"""Beyond FAR_DISTANCE ranges FAR_SAMPLES samples represent all pressures, to 1e-7."""
 MAX_INTERVALS = 100
 """Largest number of intervals that are treated individually when near."""
 MAX_KEPT_PAIRS = 150_000
@@ -97,11 +96,11 @@ class Intervals:
         """Unit forces (q i,) at the quadrature points of some intervals."""
         return self.sources(self.place[:, span].ravel(), self.inward[:, span].ravel())
 
-    def of_samples(self, span: slice, count: int) -> tuple[SurfaceForces, FloatArray]:
-        """Unit forces at ``count`` samples, and the shares (k, q i) in them of forces at the quadrature
-        points of some intervals, which they represent from afar."""
+    def of_samples(self, span: slice) -> tuple[SurfaceForces, FloatArray]:
+        """Unit forces at samples, and the shares (k, q i) in them of forces at the quadrature points of some
+        intervals, which they represent from afar."""
         starts, steps = self.ends[:-1][span], self.steps[span]
-        samples = chebyshev(float(self.ends[span.start]), float(self.ends[span.stop]), count)
+        samples = chebyshev(float(self.ends[span.start]), float(self.ends[span.stop]), FAR_SAMPLES)
         shares = lagrange((starts + SHARES[:, None] * steps).ravel(), samples)
         return self.sources(*self.grid.facing.side(samples, self.slave)), np.ascontiguousarray(shares.T)
 
@@ -251,15 +250,13 @@ def _arrange(
         found = None if corner is None else corner.mirrored(corner.distance(sources.place))
         return (sources, None) if found is None else found
 
-    few, shares = intervals.of_samples(span, FAR_SAMPLES)
+    few, shares = intervals.of_samples(span)
     sources, image = acting(few)
     extent = float(intervals.ends[span.stop] - intervals.ends[span.start])
     away = np.abs(z[some, None] - sources.place).min(axis=1) / extent
-    near, distant = away <= FAR_DISTANCE, (away > 1.0) & (corner is None)
-    for chosen, count in ((distant, DISTANT_SAMPLES), (~distant & ~near, FAR_SAMPLES)):
-        if chosen.any():
-            seen = (sources, shares) if count == FAR_SAMPLES else intervals.of_samples(span, count)
-            groups.append(_Group(some[chosen], z[some[chosen]], span, *seen, image))
+    near = away <= FAR_DISTANCE
+    if not near.all():
+        groups.append(_Group(some[~near], z[some[~near]], span, sources, shares, image))
     adjacent = some[near]
     if not len(adjacent):
         return

@@ -10,6 +10,7 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.contact.response.condensed import Condensed
+from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.energy import along_surface, extended, inner_work, over_body, rigid_part
 from mlsanm_cli.mechanics.scene import Scene
@@ -35,13 +36,13 @@ def work_on(
     """
     elastic, factors = scene.bodies[body], unknowns[0]
     cloud, material = elastic.model.cloud, elastic.model.material
-    moved, origin, bent = _paths(scene, body, unknowns, displacement, near, single)
-    path = moved - origin
-    total = inner_work(cloud, stress, origin) if bent else 0.0
-    # Tractions are those of the equations, without what heating adds there.
+    # Tractions and displacements are those of the equations, without what heating adds there.
     cold = factors.copy()
     cold[[heating.number for heating in scene.heated(body)]] = 0.0
     given = condensed.sources[body] @ condensed.drive((cold, *unknowns[1:]))
+    moved, origin, bent = _paths(elastic, given, displacement, near, single)
+    path = moved - origin
+    total = inner_work(cloud, stress, origin) if bent else 0.0
     for name, surface in cloud.surfaces.items():
         springs = np.array(elastic.springs.get(name, NO_SPRING))
         applied = np.stack([given[elastic.condition_rows(name, component)] for component in (0, 1)], axis=1)
@@ -71,14 +72,13 @@ def work_on(
 
 
 def _paths(
-    scene: Scene,
-    body: str,
-    unknowns: Sequence[FloatArray],
+    elastic: ElasticBody,
+    given: FloatArray,
     displacement: FloatArray,
     near: FloatArray,
     single: Sequence[tuple[int, int]],
 ) -> tuple[FloatArray, FloatArray, bool]:
-    """Displacements (n, 2) with prescribed values, reference displacements (n, 2) from which forces do work,
+    """Displacements (n, 2), with those ``given`` (r,), displacements (n, 2) from which forces do work,
     and whether the reference strains the body.
 
     A rigid reference does not change the work of balanced forces. The rigid motion of the held parts leaves
@@ -87,23 +87,14 @@ def _paths(
     a smooth field with their displacements is the reference, on which the internal stress does the reactions'
     work.
     """
-    elastic, both = scene.bodies[body], np.concatenate(unknowns[:2])
     cloud = elastic.model.cloud
     moved, nodes, surfaces = displacement.copy(), np.zeros_like(displacement), np.zeros_like(displacement)
-    prescribed = {name: np.zeros((len(surface.index), 2)) for name, surface in cloud.surfaces.items()}
-    for load in scene.surface_loads:
-        if load.body == body and load.held:
-            prescribed[load.surface] += unknowns[0][load.number] * load.values
-    for platen, motion, by in scene.motions:
-        for name in platen.surfaces_of(body):
-            pattern = platen.pattern(cloud.surfaces[name], cloud.points, motion)
-            prescribed[name] += by @ both * pattern
     for name, components in elastic.restrained.items():
         surface = cloud.surfaces[name]
         for component in (0, 1):
             surfaces[surface.index, component] += surface.weight * components[component]
             if elastic.held.get(name, FREE)[component]:
-                moved[surface.index, component] = (prescribed[name] - near[surface.index])[:, component]
+                moved[surface.index, component] = given[elastic.condition_rows(name, component)]
     for node, component in single:
         nodes[node, component] = 1.0
         moved[node, component] = -near[node, component]
