@@ -96,7 +96,11 @@ class Pieces:
         if self.cloud.revolved:
             for owner, centers, points, weight in self._rings(rule):
                 hoop = stress(centers, points)[HOOP * owner.size :]
-                parts.append(self._hoop(owner, points, weight) @ hoop)
+                # A turn displaces a circle by minus its height, which strains it by that over the radius.
+                nodes, around = owner.ravel(), 2.0 * np.pi * weight.ravel()
+                forces, column = np.stack([around, 0.0 * around], axis=1), np.arange(len(nodes))
+                onto = self.per_column(nodes, points.reshape(-1, 2), forces, column, len(nodes))
+                parts.append(onto @ hoop)
         return sum(parts[1:], parts[0])
 
     def _rings(self, rule: Rule) -> Iterator[tuple[IntArray, FloatArray, FloatArray, FloatArray]]:
@@ -124,14 +128,6 @@ class Pieces:
             weight *= halves.length[:, None]
             if (np.abs(weight) > ROUND_OFF * cloud.spacing[own][:, None] ** 2).any():
                 yield np.tile(own[:, None], len(rule)), points.mean(axis=1), points, weight
-
-    def _hoop(self, owner: IntArray, points: FloatArray, weight: FloatArray) -> sparse.csr_array:
-        """Matrix (3k, e t) from the hoop stress at ``points`` of areas ``weight`` in the cells of nodes
-        ``owner`` to the forces and moments on pieces that resist it."""
-        nodes, around = owner.ravel(), 2.0 * np.pi * weight.ravel()
-        # A turn displaces a circle by minus its height, which strains it by that over the radius.
-        forces = np.stack([around, np.zeros(len(nodes))], axis=1)
-        return self.per_column(nodes, points.reshape(-1, 2), forces, np.arange(len(nodes)), len(nodes))
 
     def _faces(
         self, held: Held, wanted: BoolArray, rule: Rule
@@ -306,13 +302,3 @@ def reaction(
     lines = [[one * along[0], none], [none, one * along[1]], [-y * along[0], x * along[1]]]
     sums = sparse.csr_array(np.stack([np.concatenate(line) for line in lines])) @ forces
     return sums @ stress(points, points[:, None])[: 3 * len(points)]
-
-
-def values_of(field: Callable[[FloatArray, FloatArray], FloatArray]) -> StressAround:
-    """The stresses of a ``field``, values (e, t, 3 | 4) at points (e, t, 2) around centres (e, 2)."""
-
-    def stress(centers: FloatArray, points: FloatArray) -> FloatArray:
-        values = field(centers, points)
-        return values.reshape(-1, values.shape[-1]).T.ravel()
-
-    return stress

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -44,6 +43,8 @@ def stopped_path(
         yield from follow(begin, ())
         return
 
+    armed, near = np.zeros(len(stops), dtype=bool) if begin is None else begin.armed, 0.0
+
     def excess(stop: Stop, state: State) -> float:
         """By how much a state is beyond a stop's limit; negative before it, -1 of a fold."""
         if stop.what == "fold":
@@ -51,16 +52,47 @@ def stopped_path(
         value = measure(stop, state)
         return value - stop.above if stop.above is not None else (stop.below or 0.0) - value
 
-    armed = np.zeros(len(stops), dtype=bool) if begin is None else begin.armed
+    def cut(place: float) -> PathStep | None:
+        """The next step ended at a position, None if the path saves no state there."""
+        for step in follow(begin, (place,)):
+            for state in (*step.saved, step.state):
+                if abs(state.position - place) <= near:
+                    earlier = tuple(one for one in step.saved if one.position < state.position)
+                    return replace(step, state=state, saved=(*earlier, state))
+            if step.state.position > place or turning(step) is not None:
+                return None
+        return None
+
+    def passed(stop: Stop, step: PathStep) -> PathStep:
+        """The ``step`` cut where it passes a stop."""
+        last, value = step.state.position, excess(stop, step.state)
+        first, cuts = last if before is None else before.position, {last: (value, step)}
+
+        def beyond(place: float) -> float:
+            if place in (first, last):
+                return excess(stop, before) if before and place == first else value
+            end = cut(place)
+            if end is None:
+                raise LookupError("the path saves no state at a requested position")
+            cuts[place] = excess(stop, end.state), end
+            return cuts[place][0]
+
+        if last - first > near and value > 0.0:
+            from mlsanm_cli.continuation.series import root  # for few runs
+
+            with suppress(LookupError):
+                root(beyond, first, last, near)
+        slack = LIMIT_TOLERANCE * max(abs(stop.above or 0.0), abs(stop.below or 0.0))
+        return cuts[min(place for place, (value, _) in cuts.items() if value >= -slack)][1]
+
     for step in follow(begin, ()):
         values, fold = np.array([excess(stop, step.state) for stop in stops]), turning(step)
         near, ends = tolerance * max(1.0, step.state.position), list[tuple[PathStep, int]]()
         for number, stop in enumerate(stops):
             if stop.what == "fold" and fold is not None:
-                ends.append((_cut(follow, begin, fold - near, near) or step, number))
+                ends.append((cut(fold - near) or step, number))
             elif armed[number] and values[number] >= 0.0:
-                beyond = partial(excess, stop)
-                ends.append((_passed(stop, beyond, follow, begin, before, step, near), number))
+                ends.append((passed(stop, step), number))
         if ends:
             end, number = min(ends, key=lambda one: one[0].state.position)
             if all(one.position != end.state.position for one in end.saved):
@@ -72,50 +104,6 @@ def stopped_path(
             step = replace(step, checkpoint=replace(step.checkpoint, armed=armed))
         begin, before = step.checkpoint, step.state
         yield step
-
-
-def _passed(
-    stop: Stop,
-    excess: Callable[[State], float],
-    follow: Follow,
-    begin: Checkpoint | None,
-    before: State | None,
-    step: PathStep,
-    near: float,
-) -> PathStep:
-    """The ``step`` from ``begin``, whose row was ``before``, cut where it passes a stop."""
-    last, value = step.state.position, excess(step.state)
-    cuts = {last: (value, step)}
-    first = last if before is None else before.position
-
-    def beyond(place: float) -> float:
-        if place in (first, last):
-            return excess(before) if before and place == first else value
-        end = _cut(follow, begin, place, near)
-        if end is None:
-            raise LookupError("the path saves no state at a requested position")
-        cuts[place] = excess(end.state), end
-        return cuts[place][0]
-
-    if last - first > near and value > 0.0:
-        from mlsanm_cli.continuation.series import root  # for few runs
-
-        with suppress(LookupError):
-            root(beyond, first, last, near)
-    slack = LIMIT_TOLERANCE * max(abs(stop.above or 0.0), abs(stop.below or 0.0))
-    return cuts[min(place for place, (value, _) in cuts.items() if value >= -slack)][1]
-
-
-def _cut(follow: Follow, begin: Checkpoint | None, place: float, near: float) -> PathStep | None:
-    """The step that ends at a position, None if the path saves no state there."""
-    for step in follow(begin, (place,)):
-        for state in (*step.saved, step.state):
-            if abs(state.position - place) <= near:
-                earlier = tuple(one for one in step.saved if one.position < state.position)
-                return replace(step, state=state, saved=(*earlier, state))
-        if step.state.position > place or turning(step) is not None:
-            return None
-    return None
 
 
 def turning(step: PathStep) -> float | None:

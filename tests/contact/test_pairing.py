@@ -75,9 +75,7 @@ def test_reach_chooses_the_candidates() -> None:
     fine = Spacing(0.1, (Zone.around((0.0, 0.0), 0.01, 0.05, 0.3),))
     pairing, _, _ = pair(half_disk((0.0, 1.0), 1.0, "lower"), "arc", BLOCK, "top", (fine, fine))
     assert pairing.candidate.all()
-    near = pairing.with_reach(0.003)
-    assert np.array_equal(near.candidate, pairing.gap <= 0.003)
-    assert 3 < near.candidate.sum() < len(near.candidate)
+    assert 3 < (pairing.gap <= 0.003).sum() < len(pairing.gap)
     # To begin with, the zone of fine nodes: out to 0.05 plus where the spacing has grown by half.
     first = pairing.first_reach()
     assert first == pytest.approx(1.0 - math.sqrt(1.0 - 0.067**2), rel=0.3)
@@ -103,7 +101,7 @@ def test_where_a_circle_begins_makes_no_difference(angle: float) -> None:
     zone = (Zone.around((float(away[0]), float(away[1])), 0.02, 0.1, 0.2),)
     spacings = Spacing(0.1, zone), Spacing(0.025)
     whole, _, flat = pair(disk((0.0, 0.0), 1.0), "arc", block, "side0", spacings)
-    pairing = whole.with_reach(0.01)
+    pairing = replace(whole, candidate=whole.gap <= 0.01)
     assert (np.diff(pairing.arc) > 0.0).all()
     assert (np.diff(pairing.arc) < 0.2).all()
     # Candidates reach 0.12 to both sides.
@@ -126,7 +124,7 @@ def test_a_pin_in_a_hole_is_cut_open_where_its_gap_is_widest(shift: float) -> No
     pairing, one, _ = pin_in_hole(shift)
     assert len(pairing.position) == len(pairing.slave.index)
     assert pairing.all_around
-    assert not pairing.with_reach(0.1).all_around
+    assert not replace(pairing, candidate=pairing.gap <= 0.1).all_around
     assert pairing.gap[0] == pairing.gap.max()
     assert (np.diff(pairing.arc) > 0.0).all()
     points = one.points[pairing.node]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -101,13 +102,12 @@ def _condense(
         for pairing in condensed.pairings:
             if touched[pairing.name].any() and fixed[pairing.name] != "auto":
                 raise reach_error(pairing.name, float(pairing.gap[touched[pairing.name]].max()))
+        reach = {
+            one.name: REACH_GROWTH * one.gap[touched[one.name] | one.candidate].max()
+            for one in condensed.pairings
+        }
         pairings = tuple(
-            pairing
-            if pairing.bonded
-            else pairing.with_reach(
-                REACH_GROWTH * float(pairing.gap[touched[pairing.name] | pairing.candidate].max())
-            )
-            for pairing in pairings
+            one if one.bonded else replace(one, candidate=one.gap <= reach[one.name]) for one in pairings
         )
     raise NumericalError(
         f"the contact zone was still growing after {MAX_ENLARGEMENTS} enlargements",

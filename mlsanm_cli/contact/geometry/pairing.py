@@ -132,10 +132,6 @@ class Pairing:
         """Whether the candidates are all nodes of a closed surface."""
         return self.nodal and self.slave.curve.closed and self.count == len(self.slave.index)
 
-    def with_reach(self, reach: float) -> Pairing:
-        """The same pairs with nodes of initial gap up to ``reach`` as candidates."""
-        return replace(self, candidate=self.gap <= reach)
-
     def first_reach(self) -> float:
         """First guess of the reach: the largest gap where the slave's spacing is within 1.5 of the finest."""
         fine = self.spacing <= 1.5 * self.spacing.min()
