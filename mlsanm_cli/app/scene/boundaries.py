@@ -121,11 +121,6 @@ class Boundaries:
                 surfaces[own] = Surface(own, curve, whole.index[nodes], arc, whole.normal[nodes])
         return Cloud(cloud.points, cloud.spacing, surfaces, cloud.mirror)
 
-    def bond_ends(self, contact: str) -> list[tuple[float, float]]:
-        """The points at which a bond ends on a surface that continues."""
-        ends = [(run, point) for place, run in self.sides[contact] for point in place.ends or ()]
-        return [point for run, point in ends if run.continues(run.nearest(point)[0])]
-
 
 def _names(outline: Outline, cuts: Cuts, place: Place) -> tuple[str, ...]:
     """The names of the surfaces of a place, in order along the outline."""
