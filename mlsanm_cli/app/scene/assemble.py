@@ -20,7 +20,7 @@ from mlsanm_cli.app.scene.rigid_constraints import rigid_constraints
 from mlsanm_cli.case import Body, Case, Displacement
 from mlsanm_cli.case.model.conditions import Support
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.contact.geometry.contact_range import ContactRange
+from mlsanm_cli.contact.geometry.contact_grid import ContactRange
 from mlsanm_cli.contact.geometry.pairing import Pairing, facing_parts
 from mlsanm_cli.errors import CaseError, CaseProblem, NumericalError
 from mlsanm_cli.mechanics import scene as mechanics
