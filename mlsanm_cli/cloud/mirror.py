@@ -25,9 +25,7 @@ class SymmetryLine:
 
     def reflect(self, points: FloatArray) -> FloatArray:
         """Mirror images (n, 2) of ``points`` (n, 2)."""
-        reflected = points.copy()
-        reflected[:, self.axis] = 2.0 * self.at - points[:, self.axis]
-        return reflected
+        return self.signs * points + self.shift
 
     @property
     def signs(self) -> FloatArray:
@@ -35,6 +33,11 @@ class SymmetryLine:
         signs = np.ones(2)
         signs[self.axis] = -1.0
         return signs
+
+    @property
+    def shift(self) -> FloatArray:
+        """Mirror image (2,) of the origin."""
+        return self.at * (1.0 - self.signs)
 
     def contains(self, points: FloatArray) -> bool:
         """Whether all ``points`` (n, 2) are on the line."""

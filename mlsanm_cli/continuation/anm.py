@@ -226,18 +226,13 @@ class AnmFollower(Follower):
                 high = a
             if high <= _BOUND_RATIO * low:
                 break
-            power, before = _growth(before, (a, error), power), (a, error)
+            # The residual grows from linearly, by round-off of the first coefficients, to its full power.
+            if 0.0 < before[1] < np.inf and 0.0 < error < np.inf and a != before[0]:
+                growth = np.log(error / before[1]) / np.log(a / before[0])
+                power = float(np.clip(growth, 1.0, power))
+            before = (a, error)
             a = min(_next(a, error / tolerance, power, low, high), ceiling)
         return low
-
-
-def _growth(before: tuple[float, float], after: tuple[float, float], power: float) -> float:
-    """Return the power of the length as which the residual grows between two trials (length, residual): from
-    1 (round-off of the first coefficients) to ``power``, which is kept where it cannot be measured."""
-    (a, error), (b, other) = before, after
-    if not (0.0 < error < np.inf and 0.0 < other < np.inf) or a == b:
-        return power
-    return float(np.clip(np.log(other / error) / np.log(b / a), 1.0, power))
 
 
 def _next(a: float, ratio: float, power: float, low: float, high: float) -> float:

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import FloatArray, IndexArray
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.tips import Tips
 from mlsanm_cli.errors import NumericalError
@@ -27,7 +27,7 @@ from mlsanm_cli.mechanics.elasticity import (
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.near_field import Isotropic, PointForceField, kernel_of
 from mlsanm_cli.memo import digest
-from mlsanm_cli.operators.neighbors import MlsSettings, nearest_nodes
+from mlsanm_cli.operators.neighbors import MlsSettings
 from mlsanm_cli.operators.singular_functions import isolated_tips
 from mlsanm_cli.operators.stencil_weights import Stencils, pair_rows, scalar_rows
 from mlsanm_cli.operators.stencils import build_stencils, reflected
@@ -48,14 +48,13 @@ MIN_CORNER_ANGLE = 0.3
 
 @dataclass(frozen=True)
 class BodyModel:
-    """Cloud, material and operators of one body. The cloud's points are the nodes, which carry the unknowns.
-    ``stencils`` are theirs, ``near`` (n, k) their nearest nodes, kept for later stencils."""
+    """Cloud, material and operators of one body. The cloud's points are the nodes, which carry the unknowns;
+    ``stencils`` are theirs."""
 
     name: str
     cloud: Cloud
     material: PlaneMaterial
     settings: MlsSettings
-    near: IndexArray
     stencils: Stencils
 
     @classmethod
@@ -65,10 +64,9 @@ class BodyModel:
         cloud: Cloud,
         material: PlaneMaterial,
         settings: MlsSettings,
-        foresight: int = 0,
     ) -> BodyModel:
-        """Build stencils with second derivatives at every node; the neighbour search covers ``foresight``
-        nodes. Raises NumericalError if nodes are too close or a part is too thin."""
+        """Build stencils with second derivatives at every node. Raises NumericalError if nodes are too close
+        or a part is too thin."""
         distance = cloud.separation[0].min()
         if distance < MIN_NODE_DISTANCE:
             x, y = cloud.points[cloud.separation[0].argmin()]
@@ -81,10 +79,9 @@ class BodyModel:
         nodes, tree, sight = cloud.fitted
         points, mirror = cloud.points, cloud.mirror
         points = points if mirror is None else points[mirror.own]
-        near = nearest_nodes(tree, points, max(settings.stencil_size, foresight))
         tips = enriched_tips(cloud.tips, material, settings)
         try:
-            stencils = build_stencils(nodes, tree, points, 2, settings, sight, near, tips, cloud.images)
+            stencils = build_stencils(nodes, tree, points, 2, settings, sight, tips, cloud.images)
         except NumericalError as error:
             corner = min(cloud.acute, key=cloud.acute.__getitem__, default=None)
             if corner is None or cloud.acute[corner] > MIN_CORNER_ANGLE:
@@ -92,12 +89,9 @@ class BodyModel:
             angle, (x, y) = np.degrees(cloud.acute[corner]), cloud.points[corner]
             where = f"body {name}: the corner of {angle:.3g} degrees at ({x:.6g}, {y:.6g}) is too acute"
             raise NumericalError(f"{where}: {error.message}", "round it, or cut its tip off") from error
-        if not foresight:
-            near = near[:, :0]
         if mirror is not None:
-            stencils, near, beyond = reflected(stencils, mirror), near[mirror.place], mirror.side < 0
-            near[beyond] = mirror.image[near[beyond]]
-        return cls(name, cloud, material, settings, near, stencils)
+            stencils = reflected(stencils, mirror)
+        return cls(name, cloud, material, settings, stencils)
 
     @cached_property
     def tips(self) -> Tips | None:
@@ -129,14 +123,6 @@ class BodyModel:
         """Rows (5e | 6e, 2N) of displacement and stress at ``points`` (e, 2), by :func:`point_rows`."""
         return point_rows(self.stencils_at(points, 1), self.material, lambda: self.stencils)
 
-    def gradients_around(self, centers: FloatArray, points: FloatArray) -> Stencils:
-        """Stencils at ``centers`` (e, 2) with weights of d/dx, d/dy (revolved: the value, too) at ``points``
-        (e, t, 2)."""
-        (nodes, tree, sight), own, least = self.cloud.fitted, self.cloud.images, 1 - self.cloud.revolved
-        return build_stencils(
-            nodes, tree, points, 1, self.settings, sight, None, self.tips, own, centers, least
-        )
-
     def field_rows(self, points: FloatArray) -> sparse.csr_array:
         """Rows (e, n) of a nodal field at ``points`` (e, 2)."""
         stencils = self.stencils_at(points, 0)
@@ -160,7 +146,9 @@ class BodyModel:
             values = self.field_rows(points.reshape(-1, 2))
             return sparse.csr_array(values @ stress_rows(self.stencils, even, XX))
 
-        each = self.gradients_around(centers, points).of_each(points.shape[1])
+        (nodes, tree, sight), own, least = self.cloud.fitted, self.cloud.images, 1 - self.cloud.revolved
+        fits = build_stencils(nodes, tree, points, 1, self.settings, sight, self.tips, own, centers, least)
+        each = fits.of_each(points.shape[1])
         return sparse.csr_array(sparse.vstack(stresses_at(each, self.material, mean), format="csr"))
 
     def equilibrium(self, component: int) -> sparse.csr_array:

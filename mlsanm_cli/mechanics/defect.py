@@ -23,7 +23,6 @@ from mlsanm_cli.mechanics.body_model import BodyModel, enough_neighbors
 from mlsanm_cli.mechanics.corners import singular_changes
 from mlsanm_cli.mechanics.elasticity import divergence_of_stress, stress_of, traction_of
 from mlsanm_cli.mechanics.material import PlaneMaterial
-from mlsanm_cli.mechanics.pieces import values_of
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.operators.neighbors import MlsSettings
 from mlsanm_cli.operators.stencil_weights import Stencils
@@ -162,7 +161,7 @@ def defect_of(
     for name, surface in model.cloud.surfaces.items():
         source += body.source(name, traction_of(lost[surface.index], surface.normal), held=False)
     # Right-hand sides of pieces: the flux through their faces minus what the nodes' rows represent.
-    lacking = values_of(partial(better.stress_around, displacement, mean))
+    lacking = partial(better.stress_around, displacement, mean)
     fluxes = body.pieces.fluxes(lacking, body.restrained, GAUSS[2])
     source[body.rows - len(fluxes) :] = fluxes - body.loads @ source
     held = [name for name, axes in body.restrained.items() if any(axes)]
@@ -204,9 +203,9 @@ class NextDegree:
         places: FloatArray,
         points: FloatArray,
     ) -> FloatArray:
-        """Stress (e, t, 3) of ``displacement`` (N, 2) by the model's fits minus that by these, at ``points``
-        (e, t, 2) around ``places`` (e, 2), extrapolated with two derivatives; in nearly incompressible bodies
-        mean stresses are fits of both degrees to nodal ones, a pair ``mean`` (n, 3)."""
+        """Stresses (3 e t | 4 e t,) of ``displacement`` (N, 2) by the model's fits minus those by these, at
+        ``points`` (e, t, 2) around ``places`` (e, 2), extrapolated with two derivatives; in nearly
+        incompressible bodies mean stresses are fits of both degrees to nodal ones ``mean`` (n, 3)."""
         model, c = self.model, self.model.material.stiffness
         # Fluxes are not of the narrower fits at nodes.
         settings = replace(model.settings, narrow=False)
@@ -216,13 +215,13 @@ class NextDegree:
         x, y = np.moveaxis(points - places[:, None], 2, 0)[..., None]
         near = value + x * d_x + y * d_y, d_x + x * d_xx + y * d_xy, d_y + x * d_xy + y * d_yy
         whole = np.stack(np.broadcast_arrays(*near), axis=2).reshape(-1, 3, 2)
-        shape, radius = (*points.shape[:2], len(c)), model.cloud.radius(points.reshape(-1, 2))
+        flat, radius = points.reshape(-1, 2), model.cloud.radius(points.reshape(-1, 2))
         if mean is None:
-            return stress_of(whole, c, radius).reshape(shape)
-        flat, pairs = points.reshape(-1, 2), zip(mean, fits, strict=True)
+            return stress_of(whole, c, radius).T.ravel()
+        pairs = zip(mean, fits, strict=True)
         first, second = (self._derivatives(values, flat, some)[:, 0] for values, some in pairs)
         stress = stress_of(whole, c - model.material.bulk_part, radius) + first - second
-        return stress.reshape(shape)
+        return stress.T.ravel()
 
     def _derivatives(self, values: FloatArray, places: FloatArray, settings: MlsSettings) -> FloatArray:
         """Value and derivatives (e, 6, c) at ``places`` of displacements (N, 2) or stresses (n, 3)."""
@@ -230,9 +229,8 @@ class NextDegree:
         tips = model.tips if values.shape[1] == 2 else None
 
         def fits(some: IntArray) -> Stencils:
-            near = model.near[some] if places is cloud.points else None
             nodes, tree, sight = cloud.fitted
-            return build_stencils(nodes, tree, places[some], 2, settings, sight, near, tips, cloud.images)
+            return build_stencils(nodes, tree, places[some], 2, settings, sight, tips, cloud.images)
 
         numbers = np.arange(len(places))
         if len(cloud.points) > MAX_KEPT_NODES:

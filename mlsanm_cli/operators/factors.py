@@ -203,12 +203,6 @@ class SuperLUFactor:
         return np.concatenate(found, axis=1)
 
 
-def factor_quasi_definite(matrix: Matrix, points: FloatArray) -> SuperLUFactor:
-    """Order and factorise without pivoting. Raises NumericalError if the matrix is singular."""
-    plain = sparse.csc_array(matrix)
-    return factor_in_order(plain, elimination_order(plain, points))
-
-
 def elimination_order(matrix: sparse.csc_array, points: FloatArray) -> IntArray:
     """Elimination order (2n,) for a ``matrix`` (2n, 2n) of symmetric pattern by nested dissection of the
     nodes ``points`` (n, 2); both unknowns of a node stay together."""
@@ -242,12 +236,34 @@ def factor_definite(
     """Factorise a symmetric ``matrix`` (2n, 2n) of two unknowns at each of the ``points`` (n, 2), positive
     definite but for the last ``negative`` points, in which it is negative definite; ``fronts`` if known.
     Falls back to SuperLU, with a note. Raises NumericalError if the matrix is singular."""
+
+    def by_superlu() -> SuperLUFactor:
+        plain = sparse.csc_array(matrix)
+        return factor_in_order(plain, elimination_order(plain, points))
+
+    def accurate(one: Factor) -> bool:
+        error = backward_error(matrix, one)
+        if MAX_BACKWARD_ERROR < error <= MAX_UNCORRECTED_ERROR:
+            return backward_error(matrix, one, corrections=1) <= MAX_CORRECTED_ERROR
+        return error <= MAX_BACKWARD_ERROR
+
     if solver == "superlu":
-        return factor_quasi_definite(matrix, points)
+        return by_superlu()
     blocks = sparse.bsr_array(matrix, blocksize=(2, 2))
     fronts = fronts or Fronts(points, blocks, negative)
     factor = MultifrontalFactor.of(blocks, fronts, np.zeros(0, dtype=np.int64))
-    return verified_or_superlu(factor, matrix, points)
+    if factor is not None and accurate(factor):
+        return factor
+    other = by_superlu()
+    if not accurate(other):
+        raise NumericalError(
+            "the elastic system of a body is singular to working precision",
+            "a body may move freely, or its cloud be too coarse for mls.degree or Poisson's ratio: "
+            'try mls.degree = 2, or solver.linear = "superlu"',
+        )
+    return replace(
+        other, note="the equations are not positive definite to working precision; SuperLU factorised them"
+    )
 
 
 def mirrored(graph: sparse.bsr_array) -> IntArray:
@@ -275,29 +291,6 @@ MAX_BACKWARD_ERROR = 1e-11
 """Accepted backward error of a factor; round-off is expected."""
 MAX_UNCORRECTED_ERROR, MAX_CORRECTED_ERROR = 1e-9, 1e-13
 """Or: accepted backward error if one correction, as all solutions get, reduces it to MAX_CORRECTED_ERROR."""
-
-
-def verified_or_superlu(factor: Factor | None, matrix: Matrix, points: FloatArray) -> Factor:
-    """The ``factor`` of a ``matrix`` if accurate, else SuperLU's, with a note. Raises NumericalError."""
-
-    def accurate(one: Factor) -> bool:
-        error = backward_error(matrix, one)
-        if MAX_BACKWARD_ERROR < error <= MAX_UNCORRECTED_ERROR:
-            return backward_error(matrix, one, corrections=1) <= MAX_CORRECTED_ERROR
-        return error <= MAX_BACKWARD_ERROR
-
-    if factor is not None and accurate(factor):
-        return factor
-    other = factor_quasi_definite(matrix, points)
-    if not accurate(other):
-        raise NumericalError(
-            "the elastic system of a body is singular to working precision",
-            "a body may move freely, or its cloud be too coarse for mls.degree or Poisson's ratio: "
-            'try mls.degree = 2, or solver.linear = "superlu"',
-        )
-    return replace(
-        other, note="the equations are not positive definite to working precision; SuperLU factorised them"
-    )
 
 
 def backward_error(matrix: Matrix, factor: Factor, corrections: int = 0) -> float:

@@ -30,7 +30,7 @@ import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.operators.factors import Factor, Fronts, LinearSolver, factor_definite, mirrored
-from mlsanm_cli.operators.normal import NormalPattern, bordered, normal_equations
+from mlsanm_cli.operators.normal import NormalPattern
 from mlsanm_cli.operators.system import (
     DIRECTIONS,
     FULL_TOLERANCE,
@@ -72,11 +72,6 @@ class Conditions:
     lift: FloatArray
     stiffness: FloatArray
 
-    @classmethod
-    def none(cls, unknowns: int) -> Conditions:
-        """No constraints."""
-        return cls(sparse.csr_array((0, unknowns)), np.zeros((unknowns, 0)), np.zeros((0, 0)))
-
     def met(self, solution: FloatArray, wanted: FloatArray) -> FloatArray:
         """The ``solution`` (n, c) of the normal equations, corrected to C u = ``wanted`` (s, c)."""
         return np.asarray(solution + self.lift @ (wanted - self.rows @ solution))
@@ -91,19 +86,6 @@ def independent_sums(rows: sparse.csr_array, sums: sparse.csr_array) -> tuple[sp
     taken.eliminate_zeros()
     kept = np.flatnonzero(_largest(taken) > ROUND_OFF * size)
     return sparse.csr_array(taken[kept]), kept
-
-
-def conditions_of(rows: sparse.csr_array, answer: FloatArray) -> Conditions:
-    """Constraints with ``rows`` (s, n) and ``answer`` (n, s), the response of the normal equations to their
-    transpose; rows from the first dependent one on are dropped."""
-    soft = np.asarray(rows @ answer)
-    unit = soft / np.sqrt(np.outer(np.diag(soft), np.diag(soft)))
-    count = len(soft)
-    while count and not np.linalg.eigvalsh(unit[:count, :count])[0] > ROUND_OFF:
-        count -= 1
-    # Not symmetrised, so that constraints hold to round-off for any accuracy of the response.
-    stiffness = np.linalg.inv(soft[:count, :count])
-    return Conditions(sparse.csr_array(rows[:count]), answer[:, :count] @ stiffness, stiffness)
 
 
 def _largest(matrix: sparse.csr_array) -> FloatArray:
@@ -174,7 +156,7 @@ class LeastSquares(LinearSystem):
         """Solutions (n, c) of N x = ``force`` + A^T ``misfit`` (e + g, c), A all rows, and the remaining
         misfit. ``force`` (n, c) or (n, 1) is zero for solutions of the least-squares problem."""
         solution = self.inverse_normal(force + self._gather(misfit))
-        progress, misfit = Progress.of(solution, tolerance), misfit - self._apply(solution)
+        progress, misfit = Progress(solution, tolerance), misfit - self._apply(solution)
         before: deque[tuple[FloatArray, FloatArray, FloatArray]] = deque(maxlen=DIRECTIONS)
         for _ in range(MAX_UPDATES):
             gradient = force + self._gather(misfit)
@@ -190,7 +172,7 @@ class LeastSquares(LinearSystem):
             solution += length * step
             misfit -= length * image
             before.append((step, image, size))
-            progress = progress.after(length * step, solution)
+            progress.advance(length * step, solution)
             if progress.done.all():
                 break
         return solution, misfit
@@ -229,7 +211,7 @@ class LeastSquares(LinearSystem):
 
     def equations(self, sources: sparse.csc_array) -> tuple[sparse.csr_array, sparse.csr_array]:
         """The normal equations of all rows, with the forces of the conditions in the right-hand sides."""
-        normal = sparse.csr_array(normal_equations(self.rows)) + self.strong.rows.T @ self.strong.rows
+        normal = self.rows.T @ self.rows + self.strong.rows.T @ self.strong.rows
         weighted, first = sparse.csc_array(self._scaling @ sources), self.rows.shape[0]
         caused = self.rows.T @ weighted[:first] + self.strong.rows.T @ weighted[first:]
         turned, holding = self._holding
@@ -286,24 +268,25 @@ def factorise(
     ``strong`` ones, if any, whose ``symbolic`` part may be known."""
     if strong is None:
         strong = Strong.none(rows.shape[1], rows.shape[0])
-    if not len(strong.owner):
-        factor = factor_definite(normal_equations(rows), points, solver=solver)
-        return LeastSquares(rows, weight, strong, factor, Conditions.none(rows.shape[1]))
     # Two vertices of two multipliers each.
     vertices = np.repeat(strong.places, 2, axis=0)
-    if symbolic is None:
-        whole, fronts = bordered(rows, strong.rows, strong.owner, len(vertices)), None
-    else:
-        whole, fronts = symbolic[0].matrix(rows, strong.rows, rows, strong.rows), symbolic[1]
-    places = np.concatenate([points, vertices])
-    factor = factor_definite(whole, places, len(vertices), solver=solver, fronts=fronts)
-    none = Conditions.none(rows.shape[1])
-    without = LeastSquares(rows, weight, strong, factor, none, 2 * len(vertices))
+    places, count = np.concatenate([points, vertices]), len(vertices)
+    normal = symbolic[0] if symbolic else NormalPattern(rows, strong.rows, strong.owner, count)
+    whole = normal.matrix(rows, strong.rows, rows, strong.rows)
+    factor = factor_definite(whole, places, count, solver, symbolic[1] if symbolic else None)
+    none = Conditions(sparse.csr_array((0, rows.shape[1])), np.zeros((rows.shape[1], 0)), np.zeros((0, 0)))
+    without = LeastSquares(rows, weight, strong, factor, none, 2 * count)
     kept, numbers = independent_sums(strong.rows, strong.sums)
     if not len(numbers):
         return replace(without, strong=replace(strong, sums=strong.sums[numbers]))
     force, count = kept.T.toarray(), rows.shape[0] + len(strong.owner)
     answer = without._refined(force, np.zeros((count, len(numbers))), FUNCTIONAL_TOLERANCE)[0]
-    conditions = conditions_of(kept, answer)
-    sums = sparse.csr_array(strong.sums[numbers[: conditions.rows.shape[0]]])
+    soft = np.asarray(kept @ answer)
+    unit, count = soft / np.sqrt(np.outer(np.diag(soft), np.diag(soft))), len(soft)
+    # Without dependent rows. Not symmetrised, so that conditions hold to round-off however accurate this is.
+    while count and not np.linalg.eigvalsh(unit[:count, :count])[0] > ROUND_OFF:
+        count -= 1
+    stiffness = np.linalg.inv(soft[:count, :count])
+    conditions = Conditions(sparse.csr_array(kept[:count]), answer[:, :count] @ stiffness, stiffness)
+    sums = sparse.csr_array(strong.sums[numbers[:count]])
     return replace(without, strong=replace(strong, sums=sums), conditions=conditions)

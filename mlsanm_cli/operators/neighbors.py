@@ -74,13 +74,9 @@ def neighbors_of(
     targets: FloatArray,
     size: int,
     sight: VisibilityCriterion | None,
-    known: IndexArray | None = None,
 ) -> tuple[FloatArray, IntArray]:
-    """Radii (e,) and node numbers (e, size) of stencils: the nearest nodes visible from ``targets`` (e, 2). A
-    new search is made only if the ``known`` ones (e, k) from :func:`nearest_nodes` do not suffice."""
-    if known is None or known.shape[1] <= min(size, len(points) - 1):
-        known = nearest_nodes(tree, targets, size)
-    radius, indices = _nearest(points, tree, targets, size, known)
+    """Radii (e,) and node numbers (e, size) of stencils: the nearest nodes seen from ``targets`` (e, 2)."""
+    radius, indices = _nearest(points, tree, targets, size)
     if sight is not None:
         # The nearest nodes not hidden by a slit.
         pending, asked, nodes = (
@@ -90,7 +86,7 @@ def neighbors_of(
         )
         while len(pending):
             some = targets[pending]
-            numbers = _nearest(points, tree, some, asked, nearest_nodes(tree, some, asked))[1]
+            numbers = _nearest(points, tree, some, asked)[1]
             seen = ~sight.cut(some, numbers)
             enough = seen.sum(axis=1) >= size
             # Stable: visible nodes first, still sorted by distance.
@@ -109,9 +105,10 @@ def neighbors_of(
 
 
 def _nearest(
-    points: FloatArray, tree: cKDTree, targets: FloatArray, size: int, known: IndexArray
+    points: FloatArray, tree: cKDTree, targets: FloatArray, size: int
 ) -> tuple[FloatArray, IntArray]:
-    """Radii (e,) and numbers (e, size) of the nearest of ``known`` nodes (e, k), ties broken by number."""
+    """Radii (e,) and numbers (e, size) of the nearest nodes, ties broken by number, not by round-off."""
+    known = nearest_nodes(tree, targets, size)
     indices = known[:, :size].astype(np.int64)
     radius = distances(points, targets, known[:, size - 1 : size])[:, 0]
     if known.shape[1] > size:

@@ -10,19 +10,6 @@ from mlsanm_cli.kernels.normal import add_blocks, count_neighbours, group_rows, 
 from mlsanm_cli.operators.factors import refuse_too_many, structure
 
 
-def normal_equations(rows: sparse.csr_array) -> sparse.bsr_array:
-    """M^T M of ``rows`` M (r, 2n), in 2 x 2 blocks of a node's two unknowns (:class:`NormalPattern`)."""
-    nothing = sparse.csr_array((0, rows.shape[1]))
-    return bordered(rows, nothing, np.zeros(0, dtype=np.int64), 0)
-
-
-def bordered(
-    rows: sparse.csr_array, strong: sparse.csr_array, owner: IntArray, vertices: int
-) -> sparse.bsr_array:
-    """The matrix [M^T M, B^T; B, -1] of ``rows`` M and ``strong`` rows B (:class:`NormalPattern`)."""
-    return NormalPattern(rows, strong, owner, vertices).matrix(rows, strong, rows, strong)
-
-
 class NormalPattern:
     """Pattern of matrices [M^T N, B^T; C, -1] in 2 x 2 blocks, for rows M and N (r, 2n) with the same
     pattern, and strong rows B and C (g, 2n) with another one. The multiplier of strong row i belongs to

@@ -37,7 +37,6 @@ def build_stencils(
     order: int,
     settings: MlsSettings,
     sight: VisibilityCriterion | None = None,
-    known: IndexArray | None = None,
     tips: Tips | None = None,
     own: IntArray | None = None,
     centers: FloatArray | None = None,
@@ -46,12 +45,11 @@ def build_stencils(
     """Moving least-squares stencils of the nodes ``points`` (n, 2), each centred at its own target (e, 2),
     with derivatives of orders ``least`` to ``order``; or at t ``targets`` (e, t, 2) of one polynomial per
     centre (e, 2), target by target, whose weights are not narrower where it is one-sided. ``sight`` removes
-    neighbours across slits, ``known`` (e, k) are the nearest nodes by :func:`nearest_nodes`, near ``tips``
-    fits are enriched by singular functions. In bodies of revolution the last ``points`` are images of the
-    nodes ``own`` (g,). Derivatives are those of the local polynomial (Lancaster and Salkauskas 1981,
-    doi:10.1090/S0025-5718-1981-0616367-1; "diffuse", Nayroles, Touzot and Villon 1992,
-    doi:10.1007/BF00364252). A stencil whose weighted QR is rank-deficient gets more neighbours. Raises
-    NumericalError, naming the place, where that does not help."""
+    neighbours across slits, near ``tips`` fits are enriched by singular functions. In bodies of revolution
+    the last ``points`` are images of the nodes ``own`` (g,). Derivatives are those of the local polynomial
+    (Lancaster and Salkauskas 1981, doi:10.1090/S0025-5718-1981-0616367-1; "diffuse", Nayroles, Touzot and
+    Villon 1992, doi:10.1007/BF00364252). A stencil whose weighted QR is rank-deficient gets more neighbours.
+    Raises NumericalError, naming the place, where that does not help."""
     if centers is None:
         centers, targets = targets, targets[:, None]
     else:
@@ -73,8 +71,8 @@ def build_stencils(
     enlarged, worst = 0, 1.0
     while len(pending):
         size = min(size, len(points))
-        some, near = centers[pending], None if known is None else known[pending]
-        radius, indices = neighbors_of(points, tree, some, size, sight, near)
+        some = centers[pending]
+        radius, indices = neighbors_of(points, tree, some, size, sight)
         if settings.narrows:
             # Of the weights: smaller where stencils are one-sided, as at the boundary.
             away = points[indices].mean(axis=1) - some

@@ -8,8 +8,7 @@ from typing import Protocol, TypeAlias
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.arrays import BoolArray, FloatArray
-from mlsanm_cli.records import dataclass
+from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.roundoff import ROUND_OFF
 
 FULL_TOLERANCE = 1e-11
@@ -62,30 +61,22 @@ def residual_of(system: LinearSystem, sources: sparse.csc_array, solutions: Floa
     )
 
 
-@dataclass(frozen=True)
 class Progress:
-    """Progress of several solutions: sizes (c,) of their ``last`` updates and of those ``before``, and which
-    are ``done`` (c,): the predicted next update is at most ``tolerance``, relatively."""
+    """Progress of several solutions: which are ``done`` (c,), as the predicted next update is at most
+    ``tolerance``, relatively, or updates stagnate."""
 
-    before: FloatArray
-    last: FloatArray
-    done: BoolArray
-    tolerance: float
-
-    @classmethod
-    def of(cls, first: FloatArray, tolerance: float) -> Progress:
+    def __init__(self, first: FloatArray, tolerance: float) -> None:
         """At ``first`` solutions (n, c)."""
-        sizes = np.linalg.norm(first, axis=0)
-        return cls(np.full(len(sizes), np.inf), sizes, np.zeros(len(sizes), bool), tolerance)
+        self._last, self._tolerance = np.linalg.norm(first, axis=0), tolerance
+        self._before, self.done = np.full(len(self._last), np.inf), np.zeros(len(self._last), dtype=bool)
 
-    def after(self, update: FloatArray, solution: FloatArray) -> Progress:
-        """After another ``update`` (n, c), which led to ``solution`` (n, c)."""
+    def advance(self, update: FloatArray, solution: FloatArray) -> None:
+        """Take note of another ``update`` (n, c), which led to ``solution`` (n, c)."""
         change, size = np.linalg.norm(update, axis=0), np.linalg.norm(solution, axis=0)
-        small = change * (change / np.maximum(self.last, TINY)) <= self.tolerance * size
-        small_change = change <= STALL_CHANGE * size
-        stalled = (change >= STALL_RATIO * np.maximum(self.before, self.last)) & small_change
-        last = np.where(self.done, self.last, change)
-        return Progress(self.last, last, self.done | small | stalled, self.tolerance)
+        small = change * (change / np.maximum(self._last, TINY)) <= self._tolerance * size
+        slow = change >= STALL_RATIO * np.maximum(self._before, self._last)
+        self._before, self._last = self._last, np.where(self.done, self._last, change)
+        self.done = self.done | small | (slow & (change <= STALL_CHANGE * size))
 
 
 RANK, CHECK_COLUMNS = 8, 4

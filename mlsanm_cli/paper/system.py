@@ -9,8 +9,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.response.nodal import NodalBasis
-from mlsanm_cli.contact.response.short_waves import slip_fit
+from mlsanm_cli.contact.response.nodal import NodalBasis, slip_fit
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.assembly import node_rows
 from mlsanm_cli.mechanics.body import ElasticBody
@@ -269,11 +268,12 @@ class Tangent:
             return (system.scale * solution)[:, None]
 
         found = by_factor(rhs)
-        progress = Progress.of(found, FULL_TOLERANCE)
+        progress = Progress(found, FULL_TOLERANCE)
         for _ in range(MAX_UPDATES):
             left = rhs - system.linear(unloaded, found[:, 0]) - self._local @ found[:, 0]
             step = by_factor(left)
-            found, progress = found + step, progress.after(step, found + step)
+            found = found + step
+            progress.advance(step, found)
             if progress.done.all():
                 break
         return np.asarray(found[:, 0])

@@ -61,7 +61,7 @@ def test_what_cannot_be_used_is_compiled_anew_by_several_processes_at_once(
     code = kept.read(path.parent)
     assert code is not None
     wrong = dataclasses.replace(code, symbols=(*code.symbols, "nobody_has_this"))
-    path.write_bytes(kept.encoded(wrong))
+    kept.write(path.parent, wrong)
     processes = [started(tmp_path, KERNELS + ROOTS) for _ in range(2)]
     told = [process.communicate()[0].splitlines() for process in processes]
     assert all(lines[1].startswith("[1.0, 1.5] [0, 1, 2] 4 0.25") for lines in told)

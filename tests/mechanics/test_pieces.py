@@ -20,7 +20,7 @@ from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.material import isotropic
-from mlsanm_cli.mechanics.pieces import Pieces, values_of
+from mlsanm_cli.mechanics.pieces import Pieces, StressAround
 from mlsanm_cli.mechanics.rigid import FreeSystem
 from mlsanm_cli.mechanics.springs import Springs
 from mlsanm_cli.operators.neighbors import MlsSettings
@@ -44,9 +44,9 @@ HELDS: list[dict[str, tuple[bool, bool]]] = [
 ]
 
 
-def of_edges(stress: Field) -> Callable[[FloatArray, FloatArray], FloatArray]:
-    """A stress (n, 3) of places as pieces ask for it, by places (e, t, 2): (e, t, 3)."""
-    return lambda _, points: stress(points.reshape(-1, 2)).reshape(*points.shape[:2], 3)
+def of_edges(stress: Field) -> StressAround:
+    """A stress (n, 3) of places as pieces ask for it, by places (e, t, 2): (3 e t,)."""
+    return lambda _, points: stress(points.reshape(-1, 2)).T.ravel()
 
 
 def uniform(at: FloatArray) -> FloatArray:
@@ -81,7 +81,7 @@ def test_fluxes_of_even_and_linear_stress_balance_on_every_piece(
         if stress is linear:
             source = with_body_force(body, source, linear_force)
         out, loads = (
-            body.pieces.fluxes(values_of(of_edges(stress)), body.restrained, GAUSS[2]),
+            body.pieces.fluxes(of_edges(stress), body.restrained, GAUSS[2]),
             body.loads @ source,
         )
         assert np.abs(out).max() > 1e-2

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,8 +15,6 @@ from scipy.spatial import cKDTree
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.operators.factors import (
-    MAX_BACKWARD_ERROR,
-    Factor,
     Fronts,
     MultifrontalFactor,
     SuperLUFactor,
@@ -25,9 +22,8 @@ from mlsanm_cli.operators.factors import (
     factor_definite,
     factor_general,
     mirrored,
-    verified_or_superlu,
 )
-from mlsanm_cli.operators.normal import bordered
+from tests.operators.test_normal import bordered
 
 
 def normal_equations(points: FloatArray, seed: int = 0, apart: float = 1.0) -> sparse.csc_array:
@@ -197,31 +193,6 @@ def test_matrices_of_other_signs_than_told_are_left_to_superlu_and_noted() -> No
     assert "not positive definite" in factor.note
     rhs = np.random.default_rng(0).normal(size=400)
     assert np.abs(factor.solve(rhs) - np.linalg.solve(matrix.toarray(), rhs)).max() <= 1e-9
-
-
-@dataclass
-class Rough:
-    """A factor whose solutions are off by a part of themselves."""
-
-    factor: Factor
-    part: float
-    note: str = ""
-
-    def solve(self, rhs: FloatArray) -> FloatArray:
-        return np.asarray((1.0 + self.part) * self.factor.solve(rhs))
-
-    def products(self, left: sparse.csr_array, right: sparse.csc_array) -> FloatArray:
-        raise NotImplementedError
-
-
-@pytest.mark.parametrize(("part", "sound"), [(1e-12, True), (1e-7, True), (1e-4, False)])
-def test_a_factor_is_sound_if_a_correction_mends_what_it_loses(part: float, sound: bool) -> None:
-    points = scattered(200)
-    matrix = sparse.csc_array(normal_equations(points))
-    own = factor_definite(matrix, points)
-    rough = Rough(own, part)
-    assert (backward_error(matrix, rough) <= MAX_BACKWARD_ERROR) == (part < 1e-9)
-    assert (verified_or_superlu(rough, matrix, points) is rough) == sound
 
 
 @pytest.mark.parametrize(

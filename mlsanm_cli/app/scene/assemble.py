@@ -20,14 +20,13 @@ from mlsanm_cli.app.scene.rigid_constraints import rigid_constraints
 from mlsanm_cli.case import Body, Case, Displacement
 from mlsanm_cli.case.model.conditions import Support
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.contact.geometry.contact_range import ContactRange
+from mlsanm_cli.contact.geometry.contact_grid import ContactRange
 from mlsanm_cli.contact.geometry.pairing import Pairing, facing_parts
 from mlsanm_cli.errors import CaseError, CaseProblem, NumericalError
 from mlsanm_cli.mechanics import scene as mechanics
 from mlsanm_cli.mechanics.assembly import assemble
 from mlsanm_cli.mechanics.body import ElasticBody, Timed
 from mlsanm_cli.mechanics.body_model import BodyModel, model_key
-from mlsanm_cli.mechanics.defect import DEGREES, next_degree
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.scene import Probe
 from mlsanm_cli.mechanics.springs import restrained, restraining
@@ -52,9 +51,10 @@ MAX_SUPPORT_OFFSET = 1e-3
 class SceneModel:
     """A scene before its linear systems are assembled and factorised. ``boundaries`` are those of the case,
     ``held[body][surface]`` the fixed components, ``held_nodes[body]`` the fixed (node, component) pairs of
-    single nodes, ``acting`` the loads, ``restrained`` the platens, obstacles and floating bodies with their
-    free motions fixed at zero, ``probes`` the observed points, ``notes`` messages to the user, ``ranges`` the
-    contacts that may have contact grids."""
+    single nodes, ``single_supports`` body and node by the name of their support, ``acting`` the loads,
+    ``restrained`` the platens, obstacles and floating bodies with their free motions fixed at zero,
+    ``probes`` the observed points, ``notes`` messages to the user, ``ranges`` the contacts that may have
+    contact grids."""
 
     boundaries: Boundaries
     models: Mapping[str, BodyModel]
@@ -101,17 +101,13 @@ def prepare(
     refuse_conflicts(boundaries)
     loads = acting(case, boundaries.names, boundaries.drawn, clouds)
     pairings = tuple(pair(boundaries, clouds))
-    # Errors are estimated at a higher degree; with friction the path would have to be repeated.
-    known_next = case.mls.degree == "auto" or case.mls.degree in DEGREES
-    ahead = known_next and not any(contact.friction for contact in case.touching)
 
     def modelled(body: Body, low: bool) -> BodyModel:
         known, cloud, material = before.get(body.name), clouds[body.name], stiffness[body.material]
         settings = mls_settings(case, low)
         if known and known.cloud.content == cloud.content and known.settings.degree == settings.degree:
             return known
-        foresight = next_degree(settings, material).stencil_size if ahead else 0
-        build = partial(BodyModel.build, body.name, cloud, material, settings, foresight)
+        build = partial(BodyModel.build, body.name, cloud, material, settings)
         return memo.value("model", model_key(body.name, cloud, material, settings), build)
 
     models = {}

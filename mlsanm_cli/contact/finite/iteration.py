@@ -23,7 +23,7 @@ from mlsanm_cli.contact.complementarity.solution import solve
 from mlsanm_cli.contact.finite.contacts import ContactSystem
 from mlsanm_cli.contact.finite.pair import Meeting
 from mlsanm_cli.contact.finite.side_response import SideResponse
-from mlsanm_cli.contact.response.coercivity import constrained_resistance
+from mlsanm_cli.contact.response.coercivity import relative_resistance
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.body_series import BodySeries
 from mlsanm_cli.mechanics.finite.projector import Factorised
@@ -293,7 +293,8 @@ class Iteration:
             soft = sum(one.contact_compliance(met.normal[here][some]) for one in materials)
             place, weight = number[here][some], contact.slave.weight[some]
             part = compliance[np.ix_(place, place)]
-            least = min(least, constrained_resistance(weight, np.diag(soft), part, unbalanced[:, place]))
+            free = weight, np.diag(soft), part, unbalanced[:, place]
+            least = min(least, relative_resistance(*free, constrained=True))
         return least
 
     def softest(self, u: FloatArray, p: FloatArray, q: FloatArray) -> SoftMotion:

@@ -196,17 +196,15 @@ class ContactSide(Points):
     @classmethod
     def on(cls, nodes: SideNodes, arc: FloatArray) -> ContactSide:
         """Knots at arc lengths (g,), of which the first is that of the nodes."""
-        geometry, step = nodes.geometry, np.diff(arc)
-        if nodes.around is not None:
-            after = np.append(step, arc[0] + nodes.around - arc[-1])
-            weight = 0.5 * (after + np.roll(after, 1))
-        else:
-            weight = 0.5 * (np.append(step, 0.0) + np.append(0.0, step))
+        geometry, around = nodes.geometry, nodes.around
+        step = np.diff(arc if around is None else np.append(arc, arc[0] + around))
+        step = np.pad(step, 1, mode="constant" if around is None else "wrap")
+        weight = 0.5 * (step[1:] + step[:-1])[: len(arc)]
         corners = tuple(int(np.argmin(np.abs(arc - nodes.arc[one]))) for one in nodes.corners)
         outward = geometry.normals(arc)
         outward[list(corners)] = nodes.outward[list(nodes.corners)]
         held = nodes.at(arc, nodes.held) > 1.0 - COARSE_ROUND_OFF
-        kept = (nodes.body, geometry.points(arc), outward, weight, arc, nodes.around, held, corners)
+        kept = (nodes.body, geometry.points(arc), outward, weight, arc, around, held, corners)
         return cls(*kept, nodes.planes, nodes.wedges, geometry, nodes.centers, nodes)
 
     @cached_property

@@ -20,8 +20,6 @@ from mlsanm_cli.roundoff import FINE_ROUND_OFF
 
 DIFFERENCE_STEP = 1e-4
 """Step of difference quotients along a contact, as a fraction of its range."""
-MAX_CACHED = 1000
-"""Corner terms are cached for grids of up to this many nodes, to limit memory."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,28 +118,12 @@ class SurfaceResponse:
         each = zip(copies, grid.unfolding.copies, strict=True)
         return np.asarray(sum(part[:, :: int(sign)] @ matrix for part, (sign, _, matrix) in each))
 
-    def cornered(self, which: int, by: int) -> FloatArray:
-        """Double integrals (m, m) with the hats of the corner terms of displacements along pressures
-        (``which`` 0) or tractions (1), due to pressures or tractions (``by``)."""
-        if (which, by) in self._by_corners:
-            return self._by_corners[which, by]
-        count = len(self.grid.hats.place)
-        total = np.zeros((count, count))
-        for seen, compliance, acting in self.corner_terms(which, by):
-            total += seen @ compliance @ acting.T
-        if count <= MAX_CACHED:
-            self._by_corners[which, by] = total
-        return total
-
-    @cached_property
-    def _by_corners(self) -> dict[tuple[int, int], FloatArray]:
-        return {}
-
     def corner_terms(
         self, which: int, by: int
     ) -> Iterator[tuple[sparse.csr_array, FloatArray, sparse.csr_array]]:
-        """Terms of :meth:`cornered`: integrals (m, k) of observed displacements at points near a corner, its
-        compliance (k, k), and integrals (m, k) of the forces."""
+        """Double integrals with the hats of the corner terms of displacements along pressures (``which`` 0)
+        or tractions (1), due to pressures or tractions (``by``), as products: integrals (m, k) of observed
+        displacements at points near a corner, its compliance (k, k), and integrals (m, k) of the forces."""
         corners = self.grid.corners_of(self.slave)
         if not corners:
             return

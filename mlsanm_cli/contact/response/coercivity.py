@@ -145,7 +145,11 @@ def contact_stability(condensed: Condensed, chosen: BoolArray, loose: Sequence[s
 
 
 def relative_resistance(
-    weight: FloatArray, half_plane: FloatArray, compliance: FloatArray, unbalanced: FloatArray | None = None
+    weight: FloatArray,
+    half_plane: FloatArray,
+    compliance: FloatArray,
+    unbalanced: FloatArray | None = None,
+    constrained: bool = False,
 ) -> float:
     """Smallest Rayleigh quotient of p^T sym(W A) p and 2/pi p^T W K W p: A the ``compliance`` (m, m), W the
     ``weight`` (m,), K = 1/E* of a ``half_plane`` (m, m), which couples normal and tangential parts at a node.
@@ -154,30 +158,11 @@ def relative_resistance(
     it resists least (Johnson, Contact Mechanics, 1985, section 13.2: a wave of length l displaces the surface
     by p l / (pi E*)). Sound discretisations reach 0.3 to 1.5 for any spacing, grading and units; near zero or
     below, pressures oscillate freely. Only pressures without ``unbalanced`` (r, m) forces count.
+
+    A body may yield to dead loads but not to the prescribed gaps: ``constrained``, it is 1 over the largest
+    modulus of an eigenvalue of the inverse. Beyond a critical dead load eigenvalues of the compliance have
+    become negative through infinity, those of the inverse through zero.
     """
-    relative = _relative(weight, half_plane, compliance, unbalanced)
-    return float(np.linalg.eigvalsh(0.5 * (relative + relative.T))[0]) if relative.size else np.inf
-
-
-def constrained_resistance(
-    weight: FloatArray, half_plane: FloatArray, compliance: FloatArray, unbalanced: FloatArray
-) -> float:
-    """:func:`relative_resistance` of a body that may yield to dead loads but not to the prescribed gaps: 1
-    over the largest modulus of an eigenvalue of the inverse. Beyond a critical dead load eigenvalues of the
-    compliance have become negative through infinity, those of the inverse through zero."""
-    relative = _relative(weight, half_plane, compliance, unbalanced)
-    if not relative.size:
-        return np.inf
-    if np.linalg.cond(relative) > 1.0 / np.finfo(float).eps:
-        return 0.0
-    inverse = np.linalg.inv(relative)
-    return float(1.0 / np.abs(np.linalg.eigvalsh(0.5 * (inverse + inverse.T))).max())
-
-
-def _relative(
-    weight: FloatArray, half_plane: FloatArray, compliance: FloatArray, unbalanced: FloatArray | None
-) -> FloatArray:
-    """The ``compliance`` relative to that of a half-plane, restricted to balanced pressures."""
     scale = np.linalg.inv(np.linalg.cholesky(2.0 / np.pi * half_plane)).T
     relative = scale.T @ (compliance / weight) @ scale
     if unbalanced is not None and len(unbalanced):
@@ -185,7 +170,14 @@ def _relative(
         sizes = np.linalg.norm(rows, axis=1, keepdims=True)
         free = null_space(rows / np.where(sizes > 0.0, sizes, 1.0))
         relative = free.T @ relative @ free
-    return np.asarray(relative)
+    if not relative.size:
+        return np.inf
+    if not constrained:
+        return float(np.linalg.eigvalsh(0.5 * (relative + relative.T))[0])
+    if np.linalg.cond(relative) > 1.0 / np.finfo(float).eps:
+        return 0.0
+    inverse = np.linalg.inv(relative)
+    return float(1.0 / np.abs(np.linalg.eigvalsh(0.5 * (inverse + inverse.T))).max())
 
 
 def stiffness_ratio(pairing: Pairing, models: Mapping[str, BodyModel]) -> float:

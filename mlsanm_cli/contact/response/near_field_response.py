@@ -99,8 +99,9 @@ def add_singular(linear: LinearMap, scene: Scene, drivers: Drivers, pairing: Pai
     for other, (part, span) in enumerate(zip((linear.pressure, linear.traction), spans, strict=True)):
         if span is not None:
             total = grid.singular_integrals(log, turn, which, other)
-            for response in responses:
-                total += response.cornered(which, other)
+            terms = (term for one in responses for term in one.corner_terms(which, other))
+            for seen, compliance, acting in terms:
+                total += seen @ compliance @ acting.T
             if grid.evened[other]:
                 total = total @ grid.deviation(np.eye(len(total)), other)
             part[rows, span] += (1.0 / grid.hats.weight[:, None]) * total

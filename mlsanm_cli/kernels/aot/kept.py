@@ -41,12 +41,6 @@ def directory() -> Path:
     return root / "kernels" / digest.hexdigest()[:16]
 
 
-def encoded(code: Code) -> bytes:
-    """Machine code as the content of a file."""
-    rest = pickle.dumps(code)
-    return hashlib.sha256(rest).digest() + rest
-
-
 def read(place: Path) -> Code | None:
     """Machine code of a directory; None if it is missing, damaged or may be another user's."""
     try:
@@ -75,6 +69,7 @@ def write(place: Path, code: Code) -> None:
         # Not tempfile, whose files other users cannot read: one user may compile for all.
         temporary = place / f"{FILE_NAME}.{os.getpid()}.{os.urandom(8).hex()}"
         with replacing(place / FILE_NAME, temporary):
-            temporary.write_bytes(encoded(code))
+            data = pickle.dumps(code)
+            temporary.write_bytes(hashlib.sha256(data).digest() + data)
     finally:
         os.umask(previous)
