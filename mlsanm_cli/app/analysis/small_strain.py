@@ -152,7 +152,7 @@ class SmallStrain(Analysis[CondensedScene]):
                 moved = built.condensed.displacement(built.scene, name, last.unknowns)
                 squares += float(built.scene.bodies[name].model.cloud.areas @ (moved**2).sum(axis=1))
             error = float(last.solver["errors"][1] / np.sqrt(squares)) if squares else 0.0
-            unknown = {one.name: (None, None) for one in built.condensed.pairings}
+            unknown = {one.name: (np.nan, np.nan) for one in built.condensed.pairings}
             return Accuracy(error, unknown, accuracy.state)
         if len(self.built.condensed.friction_nodes):
             with self.context.phase("estimate"):
