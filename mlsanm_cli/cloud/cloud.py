@@ -12,13 +12,12 @@ from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cells import Faces, Halves, dual_faces
-from mlsanm_cli.cloud.joined import SMOOTH_ANGLE
 from mlsanm_cli.cloud.membership import boundary_chords, cross, inside_body, joints, twice_area
 from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
 from mlsanm_cli.cloud.revolution import imaged, radius_of, with_images
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.cloud.sight import VisibilityCriterion, triangulate, visibility_criterion
-from mlsanm_cli.cloud.surface import Surface, boundary_of
+from mlsanm_cli.cloud.surface import SMOOTH_ANGLE, Surface, boundary_of
 from mlsanm_cli.cloud.tips import Tips, tips_of
 from mlsanm_cli.memo import digest
 from mlsanm_cli.records import dataclass
