@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.cloud import SymmetryLine
 from mlsanm_cli.cloud.curves import Outline
 from mlsanm_cli.cloud.membership import inside_polygon
-from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.errors import RunError
 

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.cloud import SymmetryLine
 from mlsanm_cli.cloud.curves import Arc, Curve, Segment
-from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.cloud.zones import LIMIT, SPACING_TOLERANCE, cover
 
