@@ -1,11 +1,7 @@
-"""Contact sides of bodies at finite strain: their nodes on the cloud, and the knots of their tractions.
-
-Tractions are linear between knots, which need not know the nodes. The cloud is loaded with their projection
-onto the hat functions of its own nodes, which has the same force and moment. What it answers is smooth, and
-is interpolated at the knots.
-
-Equation (25) of docs/method.md.
-"""
+"""Contact sides of bodies at finite strain: their nodes on the cloud, and the knots of their tractions,
+linear between knots, which need not know the nodes. The cloud is loaded with their projection onto the hat
+functions of its own nodes, which has the same force and moment. What it answers is smooth, and is
+interpolated at the knots. Equation (25) of docs/method.md."""
 
 from __future__ import annotations
 
