@@ -98,6 +98,15 @@ def scene(plane: str, name: str = "steel", /, E: Any = 210e3, nu: Any = 0.3, **m
     return head(plane).material(name, E=E, nu=nu, **more)
 
 
+def neo_hookean(name: str, modulus: float, poisson: float) -> Scene:
+    return material(name, E=modulus, nu=poisson, law="neo-hookean")
+
+
+def rubber(modulus: float, poisson: float) -> Scene:
+    """How a case at finite strain begins."""
+    return head("strain", strain="finite") + neo_hookean("rubber", modulus, poisson)
+
+
 def box(x: Sequence[Any], y: Sequence[Any]) -> dict[str, Any]:
     """The shape of a rectangle."""
     return {"kind": "rectangle", "x": x, "y": y}

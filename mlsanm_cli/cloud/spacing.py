@@ -14,10 +14,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.cloud.cloud import Cloud, edges_of
+from mlsanm_cli.cloud.cloud import Cloud, Mirror, SymmetryLine, edges_of
 from mlsanm_cli.cloud.curves import Curve, Outline, Segment
 from mlsanm_cli.cloud.membership import inside_body
-from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
 from mlsanm_cli.cloud.search import BATCH_SIZE, nearest
 from mlsanm_cli.cloud.surface import Surface, boundary_of
 from mlsanm_cli.errors import RunError
@@ -312,7 +311,10 @@ def relax(
     side; the images of the latter are appended to the result."""
     end = len(points)
     on, adjacent, moving = slice(fixed, fixed + upon), slice(fixed + upon, end), slice(fixed, end)
-    points = points.copy() if line is None else np.concatenate([points, line.reflect(points[adjacent])])
+    points = points.copy()
+    if line is not None:
+        signs, shift = line.signs, line.shift
+        points = np.concatenate([points, signs * points[adjacent] + shift])
     count = min(NEIGHBORS, len(points) - 1)
     if end == fixed or count < 1:
         return points
@@ -338,7 +340,7 @@ def relax(
         points[moving] += (own * length)[:, None] * force / np.maximum(size, np.finfo(float).tiny)[:, None]
         if line is not None:
             points[on, line.axis] = line.at
-            points[end:] = line.reflect(points[adjacent])
+            points[end:] = signs * points[adjacent] + shift
     return points
 
 

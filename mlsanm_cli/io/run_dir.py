@@ -103,7 +103,7 @@ def check_comparison(directory: Path, force: bool) -> list[Path]:
             hint = "no file was changed; use another --out, or move it"
             raise RunError(f"{path} was not written by mlsanm", hint)
     if not force and (known or (entries and not _is_run(directory / RUN_FILE))):
-        raise _occupied(directory, "comparison", "already holds a comparison" if known else "")
+        raise _occupied(directory, "comparison", bool(known))
     return known
 
 
@@ -146,16 +146,16 @@ def _replaced(directory: Path, force: bool) -> list[Path]:
         hint = "no file was changed; use another --out, or move these files"
         raise RunError(f"{directory} holds {', '.join(taken)}, but no run of mlsanm", hint)
     if entries and not force:
-        raise _occupied(directory, "run", "already holds a run" if holds_run else "")
+        raise _occupied(directory, "run", holds_run)
     ours = [path for path in entries if holds_run and path.is_file() and _is_ours(path)]
     # run.h5 last: if the removal is interrupted, the directory still counts as a run.
     return sorted(ours, key=lambda path: path.name == RUN_FILE)
 
 
-def _occupied(directory: Path, what: str, holds: str) -> RunError:
-    """The error of a directory that ``holds`` what is to be written, in words, or other files."""
+def _occupied(directory: Path, what: str, holds: bool) -> RunError:
+    """The error of a directory that ``holds`` what is to be written, or other files."""
     if holds:
-        return RunError(f"{directory} {holds}", "use --force to replace it, or another --out")
+        return RunError(f"{directory} already holds a {what}", "use --force to replace it, or another --out")
     hint = f"use another --out, or --force to write the {what} next to the files in it"
     return RunError(f"{directory} is not empty and holds no run of mlsanm", hint)
 

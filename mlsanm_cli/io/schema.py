@@ -67,14 +67,10 @@ FIELDS = _TABLES["fields"]
 volume ratio at finite strain only, the last three in scenes with a yield stress only, 0 in elastic bodies."""
 CONTACT_GEOMETRY, CONTACT_HISTORY = _TABLES["contact_geometry"], _TABLES["contact_history"]
 """Tractions act on the slave, slips are those of the slave relative to the master, both along the tangent."""
-PROBES, HOOP_PROBES = _TABLES["probes"], _TABLES["hoop_probes"]
-"""The hoop stress in bodies of revolution only."""
-PATH, NAMED_PATH, BODIES = _TABLES["path"], _TABLES["named_path"], _TABLES["bodies"]
-SERIES, MAPS = _TABLES["series"], _TABLES["maps"]
-RUN_FILE = (
-    *(*BODIES, *PATH, *NAMED_PATH, *CONTACT_GEOMETRY, *CONTACT_HISTORY, *PROBES, *HOOP_PROBES),
-    *(*SERIES, *MAPS, *FIELDS, *_TABLES["others"]),
-)
+PROBES, PATH, NAMED_PATH = _TABLES["probes"], _TABLES["path"], _TABLES["named_path"]
+BODIES, MAPS = _TABLES["bodies"], _TABLES["maps"]
+_OTHER_FILES = ("path_columns", "contact_figures", "summary")
+RUN_FILE = tuple(entry for name, table in _TABLES.items() if name not in _OTHER_FILES for entry in table)
 """The datasets of run.h5. Those of a checkpoint belong to the method that wrote it."""
 PATH_COLUMNS = _TABLES["path_columns"]
 """The columns of path.csv, one row per step; vectors have two columns that end in _x and _y."""
@@ -84,21 +80,12 @@ SUMMARY = (*CONTACT_FIGURES, *_TABLES["summary"])
 
 INTERFACE_COLUMNS = ("x", "y", "arc_length", "gap", "pressure", "traction", "slip", "status")
 """The columns of interface.csv, quantities of the contact in its last row; x and y are its points."""
-BODY_ARRAYS = (
-    *("displacement", "stress", "von_mises", "strain", "stress_zz", "stretch_1", "stretch_2", "volume_ratio"),
-    *("plastic_strain", "flow_stress", "yield_ratio"),
-    "boundary_tag",
-)
 CONTACT_ARRAYS = (
     *("pressure", "traction", "gap", "status", "arc_length", "slip"),
-    "displacement",
-    "normal",
-    "contact_stress",
-    "contact",
+    *("displacement", "normal", "contact_stress", "contact"),
 )
-"""The arrays of fields_0000.vtu, contacts_0000.vtu, obstacles_0000.vtu and so on, quantities of the same
-names; boundary_tag, contact and obstacle are numbers, contact_stress is pressure and traction on the slave as
-a vector."""
+"""The arrays of contacts_0000.vtu, obstacles_0000.vtu and so on, beside `FIELDS` and boundary_tag those of
+fields_0000.vtu; contact_stress is pressure and traction on the slave as a vector."""
 
 
 def scalars(table: Table) -> dict[str, Scalar]:
@@ -119,18 +106,3 @@ def scalars(table: Table) -> dict[str, Scalar]:
         if axis == "xy" or axis not in COMPONENTS:
             chosen[entry.name] = Scalar(entry.name, None, entry.description, entry.unit, entry.rest)
     return chosen
-
-
-def quantity(table: Table, path: str) -> Quantity | None:
-    """The quantity of a table that is written at a ``path`` with names for the parts in braces.
-
-    >>> quantity(RUN_FILE, "contacts/left rail/gap").description
-    'gap'
-    """
-    for entry in table:
-        parts = re.split(r"\{\w+\}", entry.path)
-        # Names in a path of HDF5 contain no slash; checkpoints are nested further.
-        name = ".+" if "/" not in entry.path or entry.path.startswith("checkpoint/") else "[^/]+"
-        if re.fullmatch(name.join(map(re.escape, parts)), path):
-            return entry
-    return None

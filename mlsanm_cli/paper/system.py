@@ -9,8 +9,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.contact.response.nodal import NodalBasis
-from mlsanm_cli.contact.response.short_waves import slip_fit
+from mlsanm_cli.contact.response.nodal import NodalBasis, slip_fit
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.assembly import node_rows
 from mlsanm_cli.mechanics.body import ElasticBody

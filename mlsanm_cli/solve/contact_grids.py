@@ -17,7 +17,7 @@ import numpy as np
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.contact.complementarity.problem import ContactStatus
-from mlsanm_cli.contact.geometry.contact_range import ContactRange
+from mlsanm_cli.contact.geometry.contact_grid import ContactRange
 from mlsanm_cli.contact.geometry.pairing import Pairing, on_grid
 from mlsanm_cli.contact.laws.contact_state import ContactState
 from mlsanm_cli.contact.response.condensation import condense

@@ -11,8 +11,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.complementarity.problem import FEASIBLE
-from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
-from mlsanm_cli.contact.geometry.contact_range import ContactRange
+from mlsanm_cli.contact.geometry.contact_grid import ContactGrid, ContactRange
 from mlsanm_cli.contact.geometry.surface_response import SurfaceResponse
 from mlsanm_cli.contact.laws.contact_state import ContactState
 from mlsanm_cli.contact.response.compressed import COMPRESSED_CONTACT

@@ -44,12 +44,23 @@ def stored(directory: Path) -> dict[str, Any]:
     return found
 
 
+def quantity(table: schema.Table, path: str) -> schema.Quantity | None:
+    """The quantity of a table that is written at a ``path`` with names for the parts in braces."""
+    for entry in table:
+        parts = re.split(r"\{\w+\}", entry.path)
+        # Names in a path of HDF5 contain no slash; checkpoints are nested further.
+        name = ".+" if "/" not in entry.path or entry.path.startswith("checkpoint/") else "[^/]+"
+        if re.fullmatch(name.join(map(re.escape, parts)), path):
+            return entry
+    return None
+
+
 def undeclared(directory: Path) -> list[str]:
     """What a run has written that is not in the schema: datasets, or their types and shapes, columns of
     path.csv, and entries of the summary."""
     data, wrong = stored(directory), []
     for path, values in data.items():
-        declared = schema.quantity(schema.RUN_FILE, path)
+        declared = quantity(schema.RUN_FILE, path)
         array, group = np.asarray(values), path.rpartition("/")[0]
         kind = "text" if array.dtype.kind in "OSU" else str(array.dtype)
         sizes = {"step": len(data["path/position"]), "contact_node": len(data.get(f"{group}/points", ()))}
@@ -64,7 +75,7 @@ def undeclared(directory: Path) -> list[str]:
     with (directory / "path.csv").open() as stream:
         columns = next(csv.reader(stream))
     plain = [re.sub("_[xy]$", "", name) for name in columns]
-    wrong += [name for name in plain if schema.quantity(schema.PATH_COLUMNS, name) is None]
+    wrong += [name for name in plain if quantity(schema.PATH_COLUMNS, name) is None]
     return wrong + list(summary_of(directory).keys() - {one.path.split(".")[0] for one in schema.SUMMARY})
 
 

@@ -11,7 +11,7 @@ from mlsanm_cli.contact.response.coercivity import (
     contact_stability,
     relative_resistance,
 )
-from mlsanm_cli.contact.response.short_waves import slip_fit
+from mlsanm_cli.contact.response.nodal import slip_fit
 from tests.contact.scenes import Small, cylinder
 
 PRESSED = "uy = -0.01\nux = 0.003"

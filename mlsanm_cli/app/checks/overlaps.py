@@ -69,8 +69,7 @@ class DeformedOutline:
 def outline_of(cloud: Cloud, displacement: FloatArray, exact: bool = False) -> DeformedOutline:
     """Deformed outline of a body with the nodal ``displacement`` (n, 2), which at small strain has errors of
     second order; ``exact`` ones are known up to a part of the spacing, as surfaces between nodes are."""
-    drawn, moved, normal, surface, slack, chords, ends = ([] for _ in range(7))
-    count = 0
+    columns, surface, chords, ends, count = [], [], [], [], 0
     for number, one in enumerate(cloud.surfaces.values()):
         s, u, n = one.arc_length, displacement[one.index], one.normal
         if one.curve.closed:
@@ -81,11 +80,9 @@ def outline_of(cloud: Cloud, displacement: FloatArray, exact: bool = False) -> D
         start = np.cumsum(pieces) - pieces
         share = (np.arange(pieces.sum()) - start[first]) / pieces[first]
         fine = np.append(s[first] + share * (s[1:] - s[:-1])[first], s[-1])
-        drawn.append(one.curve.points(np.minimum(fine, one.curve.length)))
-        normal.append(one.curve.normals(np.minimum(fine, one.curve.length)))
-        moved.append(np.vstack([u[first] + share[:, None] * np.diff(u, axis=0)[first], u[-1:]]))
-        spacing = np.append(cloud.spacing[one.index], cloud.spacing[one.index[:1]])[: len(s)]
-        unknown = SPACING_SHARE * spacing
+        at = np.minimum(fine, one.curve.length)
+        moved = np.vstack([u[first] + share[:, None] * np.diff(u, axis=0)[first], u[-1:]])
+        unknown = SPACING_SHARE * np.append(cloud.spacing[one.index], cloud.spacing[one.index[:1]])[: len(s)]
         if not exact:
             # The error of linear interpolation of displacements.
             unknown = np.zeros(len(s))
@@ -93,25 +90,20 @@ def outline_of(cloud: Cloud, displacement: FloatArray, exact: bool = False) -> D
                 part = ((s[1:-1] - s[:-2]) / (s[2:] - s[:-2]))[:, None]
                 unknown[1:-1] = 0.15 * np.hypot(*(u[1:-1] - (1.0 - part) * u[:-2] - part * u[2:]).T)
                 unknown[[0, -1]] = unknown[[1, -2]]
-        slack.append(np.append(np.maximum(unknown[:-1], unknown[1:])[first], unknown[-1]))
+        slack = np.append(np.maximum(unknown[:-1], unknown[1:])[first], unknown[-1])
+        columns.append(np.column_stack([one.curve.points(at), moved, one.curve.normals(at), slack]))
         surface.append(np.full(len(fine), number))
         own = count + np.arange(len(fine))
         chords.append(np.stack([own[:-1], own[1:]], axis=1))
         ends.append(own[[0, -1]])
         count += len(fine)
-    places, shifts, size = np.concatenate(drawn), np.concatenate(moved), np.ptp(cloud.points, axis=0).max()
+    table, size = np.concatenate(columns), np.ptp(cloud.points, axis=0).max()
+    places, shifts, normals = table[:, :2], table[:, 2:4], table[:, 4:6]
     apart = 0.0 if exact else float(np.hypot(*np.ptp(shifts, axis=0)))
     whole = SECOND_ORDER_FACTOR * apart**2 / size + DISPLACEMENT_ERROR * apart + COARSE_ROUND_OFF * size
     return DeformedOutline(
-        places + shifts,
-        shifts,
-        places,
-        np.concatenate(normal),
-        np.concatenate(surface),
-        np.concatenate(slack) + whole,
-        np.concatenate(chords),
-        tuple(cloud.surfaces),
-        np.array(ends),
+        *(places + shifts, shifts, places, normals, np.concatenate(surface), table[:, 6] + whole),
+        *(np.concatenate(chords), tuple(cloud.surfaces), np.array(ends)),
     )
 
 

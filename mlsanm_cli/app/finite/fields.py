@@ -31,11 +31,9 @@ def fields_at(
     law: Law, derivatives: FloatArray, degrees: FloatArray | None, mean: FloatArray | None
 ) -> dict[str, FloatArray]:
     """Fields at n points from ``derivatives`` (n, 3 or more, 2) of the displacement (value, d/dx, d/dy) and
-    the temperature change ``degrees`` (n,): displacement (n, 2), Cauchy stress xx, yy, xy (n, 3) and zz (n,),
-    von Mises stress (n,), principal in-plane stretches (n, 2), the larger first, and volume ratio J = det F
-    (n,), which includes the stretch in z. ``mean`` (n,) is the mean stress of volume changes of nearly
-    incompressible bodies, fitted to nodal values; else None. Stresses are nan where the deformation is not
-    invertible: no law has any there."""
+    the temperature change ``degrees`` (n,): Cauchy stresses, nan where the deformation is not invertible,
+    principal in-plane stretches (n, 2), the larger first, and volume ratio J = det F (n,), which includes the
+    stretch in z. ``mean`` (n,) is the mean stress of volume changes of nearly incompressible bodies."""
     gradient = gradient_of(derivatives)
     volume = 1.0 + determinant(gradient)
     folded = volume <= 0.0

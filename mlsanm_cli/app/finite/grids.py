@@ -1,9 +1,7 @@
-"""Knots of contact tractions at finite strain: where they are needed is found on a path with coarse ones.
-
-By a size function of the arc length along a side, knots are as close as the nodes of the cloud, and closer
-across patches of contact and next to the places where pressures begin or friction begins to slip, by a part
-of the distance to these. The first knots are graded towards the places where surfaces are nearest.
-"""
+"""Knots of contact tractions at finite strain: where they are needed is found on a path with coarse ones,
+graded towards the places where surfaces are nearest. By a size function of the arc length along a side, knots
+are as close as the nodes of the cloud, and closer across patches of contact and next to the places where
+pressures begin or friction begins to slip, by a part of the distance to these."""
 
 from __future__ import annotations
 

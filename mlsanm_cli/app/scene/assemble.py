@@ -20,7 +20,7 @@ from mlsanm_cli.app.scene.rigid_constraints import rigid_constraints
 from mlsanm_cli.case import Body, Case, Displacement
 from mlsanm_cli.case.model.conditions import Support
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.contact.geometry.contact_range import ContactRange
+from mlsanm_cli.contact.geometry.contact_grid import ContactRange
 from mlsanm_cli.contact.geometry.pairing import Pairing, facing_parts
 from mlsanm_cli.errors import CaseError, CaseProblem, NumericalError
 from mlsanm_cli.mechanics import scene as mechanics
@@ -51,9 +51,10 @@ MAX_SUPPORT_OFFSET = 1e-3
 class SceneModel:
     """A scene before its linear systems are assembled and factorised. ``boundaries`` are those of the case,
     ``held[body][surface]`` the fixed components, ``held_nodes[body]`` the fixed (node, component) pairs of
-    single nodes, ``acting`` the loads, ``restrained`` the platens, obstacles and floating bodies with their
-    free motions fixed at zero, ``probes`` the observed points, ``notes`` messages to the user, ``ranges`` the
-    contacts that may have contact grids."""
+    single nodes, ``single_supports`` body and node by the name of their support, ``acting`` the loads,
+    ``restrained`` the platens, obstacles and floating bodies with their free motions fixed at zero,
+    ``probes`` the observed points, ``notes`` messages to the user, ``ranges`` the contacts that may have
+    contact grids."""
 
     boundaries: Boundaries
     models: Mapping[str, BodyModel]

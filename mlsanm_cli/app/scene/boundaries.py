@@ -19,8 +19,7 @@ from mlsanm_cli.case.model.conditions import Kind, Support, compatible
 from mlsanm_cli.case.model.loads import OnBoundary
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Arc, Outline, Segment, turn
-from mlsanm_cli.cloud.joined import SMOOTH_ANGLE, BoundaryRun
-from mlsanm_cli.cloud.surface import Surface
+from mlsanm_cli.cloud.surface import SMOOTH_ANGLE, BoundaryRun, Surface
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, FINE_ROUND_OFF
@@ -120,11 +119,6 @@ class Boundaries:
                 arc = np.mod(whole.arc_length[nodes] - whole.arc_length[nodes[0]], whole.curve.length)
                 surfaces[own] = Surface(own, curve, whole.index[nodes], arc, whole.normal[nodes])
         return Cloud(cloud.points, cloud.spacing, surfaces, cloud.mirror)
-
-    def bond_ends(self, contact: str) -> list[tuple[float, float]]:
-        """The points at which a bond ends on a surface that continues."""
-        ends = [(run, point) for place, run in self.sides[contact] for point in place.ends or ()]
-        return [point for run, point in ends if run.continues(run.nearest(point)[0])]
 
 
 def _names(outline: Outline, cuts: Cuts, place: Place) -> tuple[str, ...]:

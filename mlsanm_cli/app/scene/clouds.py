@@ -27,10 +27,9 @@ from mlsanm_cli.app.scene.sizes import (
 )
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Body, Contact, Displacement, ExpressionError, Pressure, Traction, value_at
-from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.cloud import Cloud, SymmetryLine
 from mlsanm_cli.cloud.curves import Curve, Outline, turn
 from mlsanm_cli.cloud.membership import inside_polygon
-from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.spacing import Spacing, Zone, build_cloud
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF
@@ -200,8 +199,17 @@ def contacts(domain: Domain) -> Iterator[Zone]:
     a surface that continues, where stresses are singular, has half of it, and finer nodes at its ends and at
     those of cracks beside it."""
     boundaries, name = domain.boundaries, domain.body.name
-    bonds = [contact.name for contact in domain.case.contact if contact.bonded]
-    bond_ends = {bond: boundaries.bond_ends(bond) for bond in bonds}
+    # The points at which bonds end on a surface that continues.
+    bond_ends = {
+        contact.name: [
+            point
+            for place, run in boundaries.sides[contact.name]
+            for point in place.ends or ()
+            if run.continues(run.nearest(point)[0])
+        ]
+        for contact in domain.case.contact
+        if contact.bonded
+    }
     for contact in domain.case.contact:
         sides = boundaries.sides[contact.name]
         for (place, run), (other_place, other_run) in zip(sides, sides[::-1], strict=True):
@@ -329,12 +337,12 @@ def spacing_of(boundaries: Boundaries, body: Body) -> Spacing:
                     size = max(zone.spacing, MIN_SPACING * far)
                     zones.append(Zone(zone.curve, size, zone.radius, zone.growth))
     for refine in body.refine:
-        if refine.at is not None:
-            zones.append(Zone.around(refine.at, refine.spacing, refine.radius, refine.growth))
-        else:
+        if refine.at is None:
             outline = boundaries.drawn[body.name]
             for number in outline.numbers(str(refine.along).rpartition(".")[2]):
                 zones.append(Zone(outline.curves[number], refine.spacing, refine.radius, refine.growth))
+        else:
+            zones.append(Zone.around(refine.at, refine.spacing, refine.radius, refine.growth))
     return Spacing(far, tuple(zones))
 
 

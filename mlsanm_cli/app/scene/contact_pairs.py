@@ -19,8 +19,7 @@ from mlsanm_cli.case import AnyObstacle, Case, Contact, DiskObstacle, PlaneObsta
 from mlsanm_cli.case.model.contacts import PolylineObstacle
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Arc, Curve
-from mlsanm_cli.cloud.joined import SMOOTH_ANGLE
-from mlsanm_cli.cloud.surface import joined_surface
+from mlsanm_cli.cloud.surface import SMOOTH_ANGLE, joined_surface
 from mlsanm_cli.contact.geometry.facing import Facing
 from mlsanm_cli.contact.geometry.obstacles import Chain, Plane, Round, Shape
 from mlsanm_cli.contact.geometry.pairing import Pairing, pair_surfaces
@@ -270,12 +269,22 @@ def check_tips(case: Case, pairings: Sequence[Pairing]) -> None:
     """CaseError if a surface touches first at a corner within itself from which both of its sides open
     slowly: a contact grid ends at the corner, and what the other side carries would be missed."""
     problems = []
-    for pairing in pairings:
+    for pairing in (one for one in pairings if not one.bonded):
         sides = zip((pairing.slave, pairing.master), pairing.bodies, ("slave", "master"), strict=False)
-        for surface, body, role in () if pairing.bonded else sides:
+        for surface, body, role in sides:
             corners = np.zeros(0) if surface is None else surface.curve.corners
             for place in surface.curve.points(corners) if surface is not None and len(corners) else ():
-                if not _is_tip(facing_of(case, pairing), place):
+                facing = facing_of(case, pairing)
+                base, size = facing.base, facing.base.length
+                at, aside = float(facing.locate(place[None])[0]), ASIDE * size
+                if not (base.closed or aside < abs(at) < size - aside):
+                    continue
+                tip, *beside = facing.gap(np.array([at, at - aside, at + aside]))
+                opening = (np.array(beside) - tip) / aside
+                sign = 1.0 if facing.slave_first else -1.0
+                least = float(facing.gap(sign * np.linspace(0.0, size, TIP_SAMPLES)).min())
+                slow = opening.min() > COARSE_ROUND_OFF and opening.max() < MAX_OPENING
+                if not (slow and tip <= least + COARSE_ROUND_OFF * size):
                     continue
                 message = (
                     f"body {body} touches with its sharp corner at ({place[0]:.6g}, {place[1]:.6g}), on both "
@@ -285,16 +294,3 @@ def check_tips(case: Case, pairings: Sequence[Pairing]) -> None:
                 problems.append(CaseProblem(f"contact.{pairing.name}", message, hint=hint))
     if problems:
         raise CaseError(tuple(problems))
-
-
-def _is_tip(facing: Facing, place: FloatArray) -> bool:
-    base, size = facing.base, facing.base.length
-    at = float(facing.locate(place[None])[0])
-    if not (base.closed or ASIDE * size < abs(at) < (1.0 - ASIDE) * size):
-        return False
-    tip, *sides = facing.gap(np.array([at, at - ASIDE * size, at + ASIDE * size]))
-    opening = (np.array(sides) - tip) / (ASIDE * size)
-    sign = 1.0 if facing.slave_first else -1.0
-    least = float(facing.gap(sign * np.linspace(0.0, size, TIP_SAMPLES)).min())
-    slow = opening.min() > COARSE_ROUND_OFF and opening.max() < MAX_OPENING
-    return bool(slow and tip <= least + COARSE_ROUND_OFF * size)

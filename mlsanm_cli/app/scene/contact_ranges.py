@@ -22,8 +22,7 @@ from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.curves import Curve
 from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.cloud.surface import Surface
-from mlsanm_cli.contact.geometry.contact_grid import Pin
-from mlsanm_cli.contact.geometry.contact_range import ContactRange
+from mlsanm_cli.contact.geometry.contact_grid import ContactRange, Pin
 from mlsanm_cli.contact.geometry.facing import Facing, turned
 from mlsanm_cli.contact.geometry.obstacles import Chain
 from mlsanm_cli.contact.geometry.pairing import MAX_FACING_COSINE, Pairing

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from types import MappingProxyType
 
 import numpy as np
 
@@ -18,7 +17,6 @@ from mlsanm_cli.roundoff import ROUND_OFF
 
 HeldSurfaces = Mapping[str, Mapping[str, tuple[bool, bool]]]
 HeldNodes = Mapping[str, tuple[tuple[int, int], ...]]
-UNLOADED: Mapping[int, tuple[str, float]] = MappingProxyType({})
 
 
 def rigid_constraints(
@@ -67,7 +65,8 @@ def rigid_constraints(
             message = f"body {body.name} is held by contact only, which needs the exact contact law"
             hint = 'use "exact", or fix the body with a [[support]]'
             raise CaseError((CaseProblem("contact.regularization.law", message, hint=hint),))
-        motions = tuple(_motion(case, component) for component in free.components)
+        unknown = np.zeros(len(case.moved))
+        motions = tuple(RigidMotion(component, None, unknown) for component in free.components)
         yield RigidConstraint(body.name, (body.name,), free.center, motions)
 
 
@@ -119,7 +118,7 @@ def _controls(
 
 
 def _motion(
-    case: Case, component: int, controls: Mapping[int, tuple[str, float]] = UNLOADED, alone: bool = True
+    case: Case, component: int, controls: Mapping[int, tuple[str, float]], alone: bool = True
 ) -> RigidMotion:
     """One component of a platen, obstacle or body; forces, or displacements, of several loads add up."""
     values, still = np.zeros(len(case.moved)), np.zeros(len(case.moved))

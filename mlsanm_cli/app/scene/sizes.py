@@ -155,32 +155,29 @@ def banded(curve: Curve, sizes: FloatArray, depth: float = 0.0) -> Iterator[Zone
 
 def curved_parts(domain: Domain) -> Iterator[Zone]:
     """Zones along arcs, and where other curves turn; finer in hollows, the more so in bodies whose fields
-    decay at different rates."""
+    decay at different rates. The turning angle counts, not the curvature: shallow waves, however short, need
+    no fine nodes."""
     convex, concave = PER_RADIUS * domain.finer, PER_CONCAVE_RADIUS * domain.finer**2
     for curve in domain.free:
         if isinstance(curve, Arc):
             yield Zone(curve, curve.radius / (convex if curve.sweep > 0.0 else concave))
-        elif not isinstance(curve, Segment):
-            yield from banded(curve, _turning_sizes(curve, domain.far, convex, concave))
-
-
-def _turning_sizes(curve: Curve, far: float, convex: float, concave: float) -> FloatArray:
-    """Spacings (s,) within which a curve turns by no more than 1 / ``convex``, in hollows 1 / ``concave``.
-    The turning angle counts, not the curvature: shallow waves, however short, need no fine nodes."""
-    count = max(SAMPLES, PER_POINT * curve.data_points)
-    x, y = curve.normals(np.linspace(0.0, curve.length, count + 1)).T
-    angle, step = np.unwrap(np.arctan2(y, x)), curve.length / count
-    sizes = np.full(count + 1, np.inf)
-    hollow = _turns(angle, max(round(far / step), 1), curve.closed)[2] < -HOLLOW_ANGLE
-    for level in range(LEVELS):
-        size = far * TURN_RATIO**level
-        width = round(size / step)
-        if width < 1 or np.isfinite(sizes).all():
-            break
-        least, most, net = _turns(angle, width, curve.closed)
-        allowed = np.where(hollow & (net < 0.0), 1.0 / concave, 1.0 / convex)
-        sizes = np.where(np.isinf(sizes) & (most - least <= allowed), size, sizes)
-    return np.where(np.isinf(sizes), far * TURN_RATIO**LEVELS, sizes)[:-1]
+        if isinstance(curve, Arc | Segment):
+            continue
+        arcs = places_along(curve)
+        x, y = curve.normals(arcs).T
+        angle, step = np.unwrap(np.arctan2(y, x)), curve.length / (len(arcs) - 1)
+        # Spacings within which the curve turns by no more than 1 / ``convex``, in hollows 1 / ``concave``.
+        sizes = np.full(len(arcs), np.inf)
+        hollow = _turns(angle, max(round(domain.far / step), 1), curve.closed)[2] < -HOLLOW_ANGLE
+        for level in range(LEVELS):
+            size = domain.far * TURN_RATIO**level
+            width = round(size / step)
+            if width < 1 or np.isfinite(sizes).all():
+                break
+            least, most, net = _turns(angle, width, curve.closed)
+            allowed = np.where(hollow & (net < 0.0), 1.0 / concave, 1.0 / convex)
+            sizes = np.where(np.isinf(sizes) & (most - least <= allowed), size, sizes)
+        yield from banded(curve, np.where(np.isinf(sizes), domain.far * TURN_RATIO**LEVELS, sizes)[:-1])
 
 
 def _turns(angle: FloatArray, width: int, closed: bool) -> tuple[FloatArray, FloatArray, FloatArray]:

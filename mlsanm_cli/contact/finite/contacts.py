@@ -1,12 +1,8 @@
-"""The contacts of a scene at finite strain, and its unknown rigid motions: of floating bodies, and of
-obstacles and plates under forces.
-
-Motions are load factors after those of the case. A floating body is pinned at as many nodes as it has free
-motions; the factors move the pins, in directions that rotate with the body. The resultant force and moment on
-it must vanish, and so do the pins' reactions. Moments are taken about held nodes, as about a hinge. An
-obstacle's factors move it, and contact tractions balance its force; a plate's factors move the sides bonded
-to it, whose stress balances its force and its moment about its hinge.
-"""
+"""The contacts of a scene at finite strain, and its unknown rigid motions, load factors after those of the
+case. A floating body is pinned at as many nodes as it has free motions; the factors move the pins, in
+directions that rotate with the body, and the resultant force and moment on it, about held nodes, must vanish.
+An obstacle's factors move it, and contact tractions balance its force; a plate's factors move the sides
+bonded to it, whose stress balances its force and its moment about its hinge."""
 
 from __future__ import annotations
 

@@ -1,12 +1,8 @@
-"""One step of Newton's method for bodies and contacts.
-
-The bodies' derivatives are condensed to the tractions T at the knots that may touch: U = U_0 + z + C dT, with
-C by near fields where clouds do not resolve tractions. Tractions depend on pressures and friction and rotate
-with the displacements, dT = B (dp, dq) + K dU, so that dT = (1 - K C)^-1 (B (dp, dq) + K z); the
-complementarity problem of the contacts determines dp and dq.
-
-Equations (22) and (26) of docs/method.md.
-"""
+"""One step of Newton's method for bodies and contacts. The bodies' derivatives are condensed to the tractions
+T at the knots that may touch: U = U_0 + z + C dT, with C by near fields where clouds do not resolve
+tractions. Tractions depend on pressures and friction and rotate with the displacements, dT = B (dp, dq) + K
+dU, so that dT = (1 - K C)^-1 (B (dp, dq) + K z); the complementarity problem of the contacts determines dp
+and dq. Equations (22) and (26) of docs/method.md."""
 
 from __future__ import annotations
 

@@ -1,11 +1,7 @@
-"""Contact sides of bodies at finite strain: their nodes on the cloud, and the knots of their tractions.
-
-Tractions are linear between knots, which need not know the nodes. The cloud is loaded with their projection
-onto the hat functions of its own nodes, which has the same force and moment. What it answers is smooth, and
-is interpolated at the knots.
-
-Equation (25) of docs/method.md.
-"""
+"""Contact sides of bodies at finite strain: their nodes on the cloud, and the knots of their tractions,
+linear between knots, which need not know the nodes. The cloud is loaded with their projection onto the hat
+functions of its own nodes, which has the same force and moment. What it answers is smooth, and is
+interpolated at the knots. Equation (25) of docs/method.md."""
 
 from __future__ import annotations
 
@@ -196,17 +192,15 @@ class ContactSide(Points):
     @classmethod
     def on(cls, nodes: SideNodes, arc: FloatArray) -> ContactSide:
         """Knots at arc lengths (g,), of which the first is that of the nodes."""
-        geometry, step = nodes.geometry, np.diff(arc)
-        if nodes.around is not None:
-            after = np.append(step, arc[0] + nodes.around - arc[-1])
-            weight = 0.5 * (after + np.roll(after, 1))
-        else:
-            weight = 0.5 * (np.append(step, 0.0) + np.append(0.0, step))
+        geometry, around = nodes.geometry, nodes.around
+        step = np.diff(arc if around is None else np.append(arc, arc[0] + around))
+        step = np.pad(step, 1, mode="constant" if around is None else "wrap")
+        weight = 0.5 * (step[1:] + step[:-1])[: len(arc)]
         corners = tuple(int(np.argmin(np.abs(arc - nodes.arc[one]))) for one in nodes.corners)
         outward = geometry.normals(arc)
         outward[list(corners)] = nodes.outward[list(nodes.corners)]
         held = nodes.at(arc, nodes.held) > 1.0 - COARSE_ROUND_OFF
-        kept = (nodes.body, geometry.points(arc), outward, weight, arc, nodes.around, held, corners)
+        kept = (nodes.body, geometry.points(arc), outward, weight, arc, around, held, corners)
         return cls(*kept, nodes.planes, nodes.wedges, geometry, nodes.centers, nodes)
 
     @cached_property

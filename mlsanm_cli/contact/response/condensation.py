@@ -27,8 +27,8 @@ from mlsanm_cli.contact.response.near_field_response import (
     seen_by_probe,
     wall_forces,
 )
+from mlsanm_cli.contact.response.nodal import correct_short_waves
 from mlsanm_cli.contact.response.responses import BodyResponses, used_columns, without_coefficients
-from mlsanm_cli.contact.response.short_waves import correct_short_waves
 from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.memo import NO_CACHE, Memo, digest
 from mlsanm_cli.roundoff import ROUND_OFF

@@ -10,9 +10,20 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.io.run_reader import read_run
-from tests.app.finite.finite_scenes import neo_hookean, rubber
 from tests.app.scenes import done, solve
-from tests.case_text import Scene, body, box, contact, head, load, polygon, pushed, support
+from tests.case_text import (
+    Scene,
+    body,
+    box,
+    contact,
+    head,
+    load,
+    neo_hookean,
+    polygon,
+    pushed,
+    rubber,
+    support,
+)
 
 HEAD = rubber(2.6, 0.3)
 

@@ -14,11 +14,10 @@ from mlsanm_cli.app.results.probe import probe_contact, probe_force
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.run_reader import read_path, read_run
 from mlsanm_cli.mechanics.laws.law import law_class
-from tests.app.finite.finite_scenes import rubber
 from tests.app.output.test_paraview import area, listed, read
 from tests.app.runs import warned
 from tests.app.scenes import Quiet, done, solve
-from tests.case_text import Scene, disk, load, plane, pushed, support
+from tests.case_text import Scene, disk, load, plane, pushed, rubber, support
 
 CASES = Path(__file__).parents[3] / "cases"
 

@@ -13,10 +13,9 @@ from mlsanm_cli.app.finite import grids
 from mlsanm_cli.app.finite.contact_path import contact_path
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.solve.state import PathStep
-from tests.app.finite.finite_scenes import neo_hookean, rubber
 from tests.app.runs import warned
 from tests.app.scenes import solve
-from tests.case_text import Scene, body, head, plane
+from tests.case_text import Scene, body, head, neo_hookean, plane, rubber
 
 CRUSHED = 1.515
 """Force on a block 2 x 1, nu = 0.44, 30 % down between bonded plates: nine-node finite elements,

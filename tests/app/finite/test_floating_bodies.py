@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.app.finite.finite_scenes import neo_hookean, rubber
 from tests.app.scenes import done, solve
-from tests.case_text import annulus, disk, head, pin, support
+from tests.case_text import annulus, disk, head, neo_hookean, pin, rubber, support
 
 
 def test_a_lever_rests_about_its_hinge(tmp_path: Path) -> None:

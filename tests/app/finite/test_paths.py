@@ -16,10 +16,9 @@ from mlsanm_cli.app.comparison.compare import compare
 from mlsanm_cli.app.results.plot import plot
 from mlsanm_cli.app.results.probe import probe_named, probe_point
 from mlsanm_cli.errors import CaseError, RunError
-from tests.app.finite.finite_scenes import rubber
 from tests.app.runs import warned
 from tests.app.scenes import Quiet, done, solve
-from tests.case_text import contact, head, load
+from tests.case_text import contact, head, load, rubber
 
 BEAM = (
     head("strain", strain="finite")
