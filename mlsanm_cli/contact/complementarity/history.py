@@ -31,8 +31,6 @@ from mlsanm_cli.contact.complementarity.solution import Search, State, trace
 INCREMENTS = tuple(10.0**power for power in range(-6, 0))
 """Parts of the path tried in turn as finite increments where no rates continue it: the first touch of loose
 bodies, and snaps."""
-PARTS = (1, 2, 4)
-"""Numbers of equal parts of an increment that are tried in turn."""
 STANDSTILL, EVENTS = 1e-13, 4
 """Part of the path below which it stands still; and largest number of changes of status per node at one
 load."""
@@ -191,25 +189,6 @@ def increment(
     reference = np.where(found.status.stuck, before, slip)
     work = state.work - traction * slid
     return replace(found, reference=reference, work=work, lam=lam, jumped=True, basis=None, missed=0.0)
-
-
-def increments(problem: Problem, state: State, free: FloatArray, *starts: ContactStatus) -> State | None:
-    """The state with ``free`` rows (N,) after one increment, or more and smaller ones where Newton steps do
-    not find it; None if there is none."""
-    begun = state.w - problem.product(state.x)
-    for parts in PARTS:
-        now, systems = state, 0
-        for part in range(1, parts + 1):
-            rows, first = begun + part / parts * (free - begun), starts if part == parts else ()
-            found = increment(problem, now, rows, state.lam, *first, pivoting=False)
-            if found is None and parts == 1 and problem.k and collapse(problem, free) is not None:
-                return None
-            if found is None:
-                break
-            now, systems = found, systems + found.systems
-        else:
-            return replace(now, systems=systems)
-    return increment(problem, state, free, state.lam, *starts)
 
 
 def _jumped(

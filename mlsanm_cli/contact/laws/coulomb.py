@@ -42,8 +42,8 @@ def increment(
     guesses = [closed]
     if p.k and not state.closed.any():
         # Bodies come to rest on their closest nodes, or on patches around them.
-        nearest = [np.sort(state.gap[span])[:FIRST_PATCH][-1] for span in condensed.spans.values()]
-        widths = [span.stop - span.start for span in condensed.spans.values()]
+        nearest = [np.sort(state.gap[one])[:FIRST_PATCH].max(initial=0.0) for one in condensed.spans.values()]
+        widths = [one.stop - one.start for one in condensed.spans.values()]
         patches = state.gap <= np.repeat(nearest, widths)
         guesses = [closed | condensed.closest(state.gap), closed | patches]
     touching = [replace(state.status, closed=one) for one in guesses]
@@ -52,7 +52,7 @@ def increment(
         # Closed nodes with friction stick if they do not slip.
         rests = p.rubs & (status.stuck | (status.slip_sign == 0.0))
         starts.append(ContactStatus.with_tractions(status.closed, rests, status.slip_sign, p.nodes))
-    found = history.increments(p, _scaled(condensed, state), condensed.free_rows(factors), *starts)
+    found = history.increment(p, _scaled(condensed, state), condensed.free_rows(factors), 0.0, *starts)
     return None if found is None else _unscaled(condensed, found, factors)
 
 
