@@ -41,9 +41,9 @@ from mlsanm_cli.contact.response import coercivity  # noqa: E402
 from mlsanm_cli.contact.response.coercivity import CONTACT_LIMIT  # noqa: E402
 from mlsanm_cli.errors import NumericalError  # noqa: E402
 from mlsanm_cli.mechanics.assembly import assemble  # noqa: E402
+from mlsanm_cli.mechanics.body import bulk_stability  # noqa: E402
 from mlsanm_cli.mechanics.body_model import BodyModel  # noqa: E402
 from mlsanm_cli.mechanics.material import isotropic  # noqa: E402
-from mlsanm_cli.mechanics.stability import bulk_stability  # noqa: E402
 from mlsanm_cli.operators.neighbors import MlsSettings  # noqa: E402
 from tests.app.scenes import Quiet  # noqa: E402
 from tests.case_text import EXACT, box, head  # noqa: E402
