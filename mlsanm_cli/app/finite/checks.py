@@ -1,5 +1,4 @@
-"""Checks of the states and of a completed path at finite strain; the error of a path that cannot be
-continued."""
+"""Checks of states and paths at finite strain; the error of a path that cannot be continued."""
 
 from __future__ import annotations
 
@@ -151,8 +150,7 @@ def place_of(scene: FiniteScene, name: str, node: int) -> str:
 
 @dataclass(frozen=True)
 class FiniteEnd:
-    """A completed path: its ``last`` state with the estimated ``errors`` of ``summary.error_estimate``, and
-    totals of the path (``tally``)."""
+    """A completed path: its ``last`` state, estimated ``errors``, and totals of the path (``tally``)."""
 
     scene: FiniteScene
     last: State
