@@ -114,8 +114,8 @@ MAX_DEPTH = 3.0
 DIFFERENCE_STEP = 1e-3
 """Step of differences along polylines, as a fraction of a node's length."""
 END_OVERHANG = 0.5
-"""Closed nodes stay candidates up to this fraction of their length beyond the master's end: a node there would
-leave under pressure and return without it indefinitely."""
+"""Closed nodes stay candidates up to this fraction of their length beyond the master's end: a node there
+would leave under pressure and return without it indefinitely."""
 
 
 @dataclass(frozen=True)
