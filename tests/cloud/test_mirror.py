@@ -7,9 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.cloud import Cloud, Mirror, SymmetryLine
 from mlsanm_cli.cloud.curves import Arc, Outline, Segment, annulus, disk, half_disk, rectangle, sector
-from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
 from mlsanm_cli.cloud.spacing import Spacing, Zone, build_cloud
 from mlsanm_cli.memo import Memo
 from tests.cloud.shapes import polygon

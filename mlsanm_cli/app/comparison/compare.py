@@ -12,7 +12,7 @@ import numpy as np
 from mlsanm_cli.app.checks.references import read_case
 from mlsanm_cli.app.comparison.methods import Comparison, Measured, refuse
 from mlsanm_cli.app.context import Clock, Console, RunContext
-from mlsanm_cli.app.output.checkpoint import attributes
+from mlsanm_cli.app.output.recorder import attributes
 from mlsanm_cli.case import LoadedCase
 from mlsanm_cli.inputs import results_of
 from mlsanm_cli.io import run_dir

@@ -14,7 +14,7 @@ from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.build import place
 from mlsanm_cli.app.scene.clouds import line_of
 from mlsanm_cli.case import parse_case
-from mlsanm_cli.cloud.mirror import SymmetryLine
+from mlsanm_cli.cloud.cloud import SymmetryLine
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.scene.test_floating_bodies import DISK
 from tests.app.scenes import EXACT_LAW, NODAL, solve
