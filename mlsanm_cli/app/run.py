@@ -12,8 +12,7 @@ from typing import Any
 from mlsanm_cli.app.checks.references import read_case
 from mlsanm_cli.app.context import Clock, Console, RunContext
 from mlsanm_cli.app.output.analysis import Analysis, Ending
-from mlsanm_cli.app.output.checkpoint import EarlierRun, attributes, interrupted_run
-from mlsanm_cli.app.output.recorder import Recorder, summarise
+from mlsanm_cli.app.output.recorder import EarlierRun, Recorder, attributes, interrupted_run, summarise
 from mlsanm_cli.app.scene.build import build_scene
 from mlsanm_cli.app.scene.outlines import geometry_of
 from mlsanm_cli.app.scene.refinement import Refinement

@@ -14,10 +14,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.cloud.cloud import Cloud, edges_of
+from mlsanm_cli.cloud.cloud import Cloud, Mirror, SymmetryLine, edges_of
 from mlsanm_cli.cloud.curves import Curve, Outline, Segment
 from mlsanm_cli.cloud.membership import inside_body
-from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
 from mlsanm_cli.cloud.search import BATCH_SIZE, nearest
 from mlsanm_cli.cloud.surface import Surface, boundary_of
 from mlsanm_cli.errors import RunError

@@ -19,7 +19,7 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.body_model import BodyModel
-from mlsanm_cli.mechanics.pieces import Pieces, StressAround, reaction
+from mlsanm_cli.mechanics.pieces import Pieces, StressAround, rule_of
 from mlsanm_cli.mechanics.rigid import RigidBodyModes
 from mlsanm_cli.mechanics.springs import FREE, Held, Springs, restrained, soft
 from mlsanm_cli.memo import digest
@@ -146,8 +146,8 @@ class ElasticBody:
 
     def reaction(self, surface: str, center: tuple[float, float], stress: StressAround) -> Any:
         """Rows or values (3, ...) of force and moment about ``center`` of a held surface by a ``stress``."""
-        where = self.model.cloud.surfaces[surface]
-        return reaction(self.model, where, self.restrained[surface], center, stress)
+        held = {surface: self.restrained[surface]}
+        return self.pieces.reaction(stress, held, rule_of(self.model), center)
 
     def reaction_rows(self, surface: str, center: tuple[float, float] = (0.0, 0.0)) -> sparse.csr_array:
         """The same (3, 2N) by displacements."""

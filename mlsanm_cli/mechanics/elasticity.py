@@ -30,17 +30,15 @@ from mlsanm_cli.operators.stencil_weights import Stencils, pair_rows, scalar_row
 XX, YY, XY, HOOP = 0, 1, 2, 3
 
 
-SECOND = slice(3, 6)
-"""Derivatives among the weights of a stencil: x, y; xx, xy, yy."""
 WITH_X, WITH_Y = (1, 3, 4), (2, 4, 5)
 """Derivatives by x and y of value, x and y among the weights of a stencil."""
 
 
 def operator_rows(stencils: Stencils, kinds: slice, coefficients: FloatArray) -> sparse.csr_array:
-    """Rows (e, 2n) of derivatives ``kinds`` (m) of u_x and u_y times ``coefficients`` (m, 2) or (m, 2, e)."""
+    """Rows (e, 2n) of derivatives ``kinds`` (m) of u_x and u_y times ``coefficients`` (m, 2, e | 1)."""
     weights = stencils.weights[:, kinds]
-    if coefficients.ndim == 2:
-        return pair_rows(stencils, weights @ coefficients)
+    if coefficients.shape[-1] == 1:
+        return pair_rows(stencils, weights @ coefficients[..., 0])
     entry = np.repeat(np.arange(len(stencils.indptr) - 1), np.diff(stencils.indptr))
     values = np.zeros((len(weights), 2))
     for weight, coefficient in zip(weights.T, coefficients, strict=True):
@@ -77,8 +75,6 @@ def moduli_of(c: FloatArray, radius: FloatArray | None = None) -> FloatArray:
 
 def first_order_rows(stencils: Stencils, coefficients: FloatArray) -> sparse.csr_array:
     """Rows (e, 2n) with ``coefficients`` (2 | 3, 2, e | 1) of (value and) first derivatives."""
-    if coefficients.shape[-1] == 1:
-        coefficients = coefficients[..., 0]
     last = min(stencils.weights.shape[1], 3)
     return operator_rows(stencils, slice(last - len(coefficients), last), coefficients)
 
@@ -111,24 +107,24 @@ def force_sums(arm: FloatArray, normal: FloatArray) -> sparse.csr_array:
 
 def equilibrium_rows(stencils: Stencils, c: FloatArray, component: int) -> sparse.csr_array:
     """Rows (e, 2n) of div sigma in x (0) or y (1) for uniform stiffness, by second derivatives."""
-    if stencils.radius is not None:
-        return operator_rows(stencils, slice(0, 6), _equilibrium_operator(c, stencils.radius)[component])
-    on_x, on_y = moduli_of(c)[2 * component : 2 * component + 2, ..., 0]
-    return operator_rows(stencils, SECOND, np.stack([on_x[0], on_x[1] + on_y[0], on_y[1]]))
+    return operator_rows(stencils, slice(0, 6), equilibrium_operator(c, stencils.radius)[component])
 
 
-def _equilibrium_operator(c: FloatArray, radius: FloatArray) -> FloatArray:
-    """div sigma at a ``radius`` (e,) by value, first and second derivatives of u_x and u_y: (2, 6, 2, e)."""
+def equilibrium_operator(c: FloatArray, radius: FloatArray | None = None) -> FloatArray:
+    """div sigma by value, first and second derivatives of u_x and u_y: (2, 6, 2, 1), at a ``radius`` (e,) (2,
+    6, 2, e)."""
     strain = strain_operator(radius)
-    value, by_x, by_y = np.zeros((3, 4, 6, 2, len(radius)))
-    value[:, :3] = by_x[:, WITH_X] = by_y[:, WITH_Y] = strain
-    inverse = strain[HOOP, 0, 0]
-    by_x[HOOP, 0, 0] = -(inverse**2)
-    around = np.where(inverse > 0.0, inverse * value, by_x)
-    terms = np.stack([by_x, by_y, around])
-    along = np.stack([c[XX], c[XY], c[XX] - c[HOOP]]), np.stack([c[XY], c[YY], c[XY]])
-    x, y = (np.einsum("ts,tskie->kie", moduli, terms) for moduli in along)
-    return np.stack([np.where(inverse > 0.0, x, 0.0), y])
+    by_x, by_y, value = np.zeros((3, len(c), 6, *strain.shape[2:]))
+    kinds = slice(3 - strain.shape[1], 3)
+    value[:, kinds], by_x[:, WITH_X[kinds]], by_y[:, WITH_Y[kinds]] = strain, strain, strain
+    terms, along = [by_x, by_y], [[c[XX], c[XY]], [c[XY], c[YY]]]
+    if radius is not None:
+        inverse = strain[HOOP, 0, 0]
+        by_x[HOOP, 0, 0] = -(inverse**2)
+        terms.append(np.where(inverse > 0.0, inverse * value, by_x))
+        along = [[*along[0], c[XX] - c[HOOP]], [*along[1], c[XY]]]
+    x, y = (np.einsum("ts,tskie->kie", np.stack(moduli), np.stack(terms)) for moduli in along)
+    return np.stack([x if radius is None else np.where(inverse > 0.0, x, 0.0), y])
 
 
 def divergence_rows(stencils: Stencils, component: int) -> sparse.csr_array:
@@ -165,10 +161,7 @@ def stress_of(derivatives: FloatArray, c: FloatArray, radius: FloatArray | None 
 
 def divergence_of(derivatives: FloatArray, c: FloatArray, radius: FloatArray | None = None) -> FloatArray:
     """div sigma (e, 2) from ``derivatives`` (e, 6, 2) of the displacement."""
-    if radius is not None:
-        return np.asarray(np.einsum("fkie,eki->ef", _equilibrium_operator(c, radius), derivatives))
-    by_x, by_y = (stress_of(derivatives[:, kinds], c) for kinds in (WITH_X, WITH_Y))
-    return np.stack([by_x[:, XX] + by_y[:, XY], by_x[:, XY] + by_y[:, YY]], axis=1)
+    return np.asarray(np.einsum("fkie,eki->ef", equilibrium_operator(c, radius), derivatives))
 
 
 def divergence_of_stress(derivatives: FloatArray, radius: FloatArray | None = None) -> FloatArray:

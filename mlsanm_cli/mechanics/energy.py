@@ -14,6 +14,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cells import GAUSS, TRIANGLE_POINTS
 from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.membership import twice_area
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.elasticity import strain_of, stress_of
@@ -43,13 +44,7 @@ def over_body(
     own = cloud.triangles if triangles is None else triangles
     a, b, around = (one[own] for one in (first, second, cloud.around(cloud.points)))
     products = np.einsum("ijk,ti,tjc,tkc->t", _TRIPLE, around, a, b, optimize=True)
-    return float(_areas(cloud.points[own]) @ products)
-
-
-def _areas(corners: FloatArray) -> FloatArray:
-    """Areas (t,) of triangles with ``corners`` (t, 3, 2)."""
-    (ux, uy), (vx, vy) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
-    return np.asarray(0.5 * (ux * vy - uy * vx))
+    return 0.5 * float(twice_area(*np.moveaxis(cloud.points[own], 1, 0)) @ products)
 
 
 _TRIPLE = np.array(
@@ -72,9 +67,8 @@ def along_surface(surface: Surface, first: FloatArray, second: FloatArray) -> fl
 
 def gradients(cloud: Cloud) -> tuple[FloatArray, FloatArray]:
     """Areas (t,) of the triangles, and gradients (t, 3, 2) of their linear shape functions."""
-    a, b, c = (cloud.points[cloud.triangles[:, corner]] for corner in range(3))
-    opposite = np.stack([c - b, a - c, b - a], axis=1)
-    twice = opposite[:, 2, 0] * opposite[:, 0, 1] - opposite[:, 2, 1] * opposite[:, 0, 0]
+    a, b, c = np.moveaxis(cloud.points[cloud.triangles], 1, 0)
+    opposite, twice = np.stack([c - b, a - c, b - a], axis=1), twice_area(a, b, c)
     slopes = np.stack([-opposite[:, :, 1], opposite[:, :, 0]], axis=2) / twice[:, None, None]
     return 0.5 * twice, slopes
 
@@ -171,7 +165,7 @@ def _beyond_linear(
         c = c - model.material.bulk_part
     compliance = np.linalg.inv(model.material.stiffness)
     linear = stress - stress_of(model.stencils.derivatives(displacement), c, model.stencils.radius)
-    total, areas = 0.0, _areas(cloud.points[own])
+    total, areas = 0.0, 0.5 * twice_area(*np.moveaxis(cloud.points[own], 1, 0))
     for share, weight in rule:
         points = np.einsum("k,tkc->tc", share, cloud.points[own])
         fitted = stress_of(model.stencils_at(points, 1).derivatives(displacement), c, cloud.radius(points))

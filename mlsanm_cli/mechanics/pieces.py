@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping
 from functools import cached_property
+from itertools import chain
 from types import MappingProxyType
 from typing import Any, TypeAlias
 
@@ -26,7 +27,6 @@ from mlsanm_cli.cloud.cells import FINE, GAUSS, Halves, Rule, cell_quadrature, m
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.cloud.pieces import divide, pair_up
-from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.corners import WEIGHT_REACH, thickness
 from mlsanm_cli.mechanics.elasticity import HOOP, force_sums
@@ -47,6 +47,10 @@ PAIR_WEIGHT = 10.0
 
 StressAround: TypeAlias = Callable[[FloatArray, FloatArray], "sparse.csr_array | FloatArray"]
 """Rows (3 e t | 4 e t, ...) or values (3 e t | 4 e t,) of stresses, as by :meth:`BodyModel.stress_around`."""
+
+Faces: TypeAlias = tuple[sparse.csr_array, FloatArray, FloatArray, FloatArray]
+"""The matrix (3k, 3e) from forces and moments about centres (e, 2) of faces to minus those that leave pieces;
+the centres, quadrature points (e, t, 2), and normals times weights (e, t, 2)."""
 
 
 class Pieces:
@@ -89,10 +93,7 @@ class Pieces:
         """Rows or values (3k, ...) of minus the force and moment of a ``stress`` that leave every piece, at
         least those ``wanted`` (k,), through inner faces and ``held`` components of the outline."""
         wanted = np.ones(self.count, dtype=bool) if wanted is None else wanted
-        parts = []
-        for matrix, middle, points, normals in self._faces(held, wanted, rule):
-            sums = force_sums(points - middle[:, None], normals)
-            parts.append(matrix @ (sums @ stress(middle, points)[: sums.shape[1]]))
+        parts = list(_through(chain(self._faces(wanted, rule), self._outline(held, rule)), stress))
         if self.cloud.revolved:
             for owner, centers, points, weight in self._rings(rule):
                 hoop = stress(centers, points)[HOOP * owner.size :]
@@ -102,6 +103,11 @@ class Pieces:
                 onto = self.per_column(nodes, points.reshape(-1, 2), forces, column, len(nodes))
                 parts.append(onto @ hoop)
         return sum(parts[1:], parts[0])
+
+    def reaction(self, stress: StressAround, held: Held, rule: Rule, center: tuple[float, float]) -> Any:
+        """Rows or values (3, ...) of force and moment about ``center`` on the body through ``held``
+        components of the outline."""
+        return -self.totals(center) @ sum(_through(self._outline(held, rule), stress))
 
     def _rings(self, rule: Rule) -> Iterator[tuple[IntArray, FloatArray, FloatArray, FloatArray]]:
         """Quadrature over the cells, about triangles and between chords and outline: nodes (e, t), centres
@@ -129,12 +135,8 @@ class Pieces:
             if (np.abs(weight) > ROUND_OFF * cloud.spacing[own][:, None] ** 2).any():
                 yield np.tile(own[:, None], len(rule)), points.mean(axis=1), points, weight
 
-    def _faces(
-        self, held: Held, wanted: BoolArray, rule: Rule
-    ) -> Iterator[tuple[sparse.csr_array, FloatArray, FloatArray, FloatArray]]:
-        """Inner faces of ``wanted`` pieces (k,) and ``held`` parts of the outline: the matrix (3k, 3e) from
-        forces and moments about centres (e, 2) to minus those that leave the pieces, the centres, quadrature
-        points (e, t, 2), and normals times weights (e, t, 2)."""
+    def _faces(self, wanted: BoolArray, rule: Rule) -> Iterator[Faces]:
+        """Inner faces of ``wanted`` pieces (k,)."""
         for level in self.levels:
             faces, chosen = self.cloud.faces.between(level), np.append(wanted, False)
             faces = faces.select(chosen[level[faces.one]] | chosen[level[faces.other]])
@@ -143,11 +145,16 @@ class Pieces:
             middle = points.mean(axis=1)
             out, into = (self._spread(level[at], middle) for at in ends)
             yield sparse.csr_array(into - out), middle, points, normals
+
+    def _outline(self, held: Held, rule: Rule) -> Iterator[Faces]:
+        """``held`` parts of the outline."""
         for name, components in held.items():
             if any(components):
                 surface = self.cloud.surfaces[name]
                 halves = Halves.of(surface, rule)
-                points, normals = _along(self.cloud, surface, halves)
+                points = surface.curve.points(halves.arc)
+                length = halves.length * self.cloud.around(points)
+                normals = length[:, None] * surface.curve.normals(halves.arc)
                 kept = sparse.diags_array(np.repeat([*components, False], len(points)).astype(float))
                 spread = self._spread_from(surface.index[halves.own], points)
                 yield sparse.csr_array(-spread @ kept), points, points[:, None], normals[:, None]
@@ -254,6 +261,13 @@ class Pieces:
         return known
 
 
+def _through(faces: Iterator[Faces], stress: StressAround) -> Iterator[Any]:
+    """Rows or values (3k, ...) of forces and moments on pieces through ``faces`` by a ``stress``."""
+    for matrix, middle, points, normals in faces:
+        sums = force_sums(points - middle[:, None], normals)
+        yield matrix @ (sums @ stress(middle, points)[: sums.shape[1]])
+
+
 def gathering(
     number: IntArray, owner: IntArray, sign: FloatArray, arm: FloatArray, size: FloatArray, total: int
 ) -> sparse.csr_array:
@@ -273,32 +287,8 @@ def rule_of(model: BodyModel) -> Rule:
     return GAUSS[model.settings.degree // 2 + 1]
 
 
-def _along(cloud: Cloud, surface: Surface, halves: Halves) -> tuple[FloatArray, FloatArray]:
-    """Quadrature points (g, 2) of a surface, and normals times weights (g, 2)."""
-    points = surface.curve.points(halves.arc)
-    length = halves.length * cloud.around(points)
-    return points, length[:, None] * surface.curve.normals(halves.arc)
-
-
 def turned_along(start: FloatArray, end: FloatArray) -> FloatArray:
     """Rotations (e, 2, 2) that map unit vectors ``start`` (e, 2) to ``end`` (e, 2)."""
     cosine = (start * end).sum(axis=1)
     sine = cross(start, end)
     return np.stack([np.stack([cosine, -sine], axis=1), np.stack([sine, cosine], axis=1)], axis=1)
-
-
-def reaction(
-    model: BodyModel,
-    surface: Surface,
-    held: tuple[bool, bool],
-    center: tuple[float, float],
-    stress: StressAround,
-) -> Any:
-    """Rows or values (3, ...) of force and moment of a surface on its body by ``stress``, if ``held``."""
-    points, normals = _along(model.cloud, surface, Halves.of(surface, rule_of(model)))
-    forces = force_sums(np.zeros((len(points), 1, 2)), normals[:, None])[: 2 * len(points)]
-    along, one, none = np.array(held, dtype=float), np.ones(len(points)), np.zeros(len(points))
-    x, y = (points - np.array(center)).T
-    lines = [[one * along[0], none], [none, one * along[1]], [-y * along[0], x * along[1]]]
-    sums = sparse.csr_array(np.stack([np.concatenate(line) for line in lines])) @ forces
-    return sums @ stress(points, points[:, None])[: 3 * len(points)]

@@ -49,8 +49,6 @@ def restraining(springs: Springs, cloud: Cloud, material: PlaneMaterial) -> list
 
 def soft(springs: Springs, cloud: Cloud, material: PlaneMaterial) -> dict[str, tuple[float, float]]:
     """The soft springs, 0 in the other components."""
-    found = {}
-    for name, (x, y) in springs.items():
-        limit = stiffest_soft(cloud, material, name)
-        found[name] = (x if x <= limit else 0.0, y if y <= limit else 0.0)
+    limits = {name: stiffest_soft(cloud, material, name) for name in springs}
+    found = {name: (x * (x <= limits[name]), y * (y <= limits[name])) for name, (x, y) in springs.items()}
     return {name: both for name, both in found.items() if any(both)}

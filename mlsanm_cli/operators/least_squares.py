@@ -57,12 +57,6 @@ class Strong:
     places: FloatArray
     sums: sparse.csr_array
 
-    @classmethod
-    def none(cls, unknowns: int, sources: int) -> Strong:
-        """No strong rows."""
-        rows, loads = sparse.csr_array((0, unknowns)), sparse.csr_array((0, sources))
-        return cls(rows, loads, np.zeros(0, dtype=np.int64), np.zeros((0, 2)), sparse.csr_array((0, 0)))
-
 
 @dataclass(frozen=True)
 class Conditions:
@@ -261,13 +255,11 @@ def factorise(
     weight: FloatArray,
     points: FloatArray,
     solver: LinearSolver,
-    strong: Strong | None = None,
+    strong: Strong,
     symbolic: Symbolic | None = None,
 ) -> LeastSquares:
     """Set up and factorise the equations of ``rows`` (e, n), already multiplied by ``weight`` (e,), and of
-    ``strong`` ones, if any, whose ``symbolic`` part may be known."""
-    if strong is None:
-        strong = Strong.none(rows.shape[1], rows.shape[0])
+    ``strong`` ones; their ``symbolic`` part may be known."""
     # Two vertices of two multipliers each.
     vertices = np.repeat(strong.places, 2, axis=0)
     places, count = np.concatenate([points, vertices]), len(vertices)
@@ -279,8 +271,8 @@ def factorise(
     kept, numbers = independent_sums(strong.rows, strong.sums)
     if not len(numbers):
         return replace(without, strong=replace(strong, sums=strong.sums[numbers]))
-    force, count = kept.T.toarray(), rows.shape[0] + len(strong.owner)
-    answer = without._refined(force, np.zeros((count, len(numbers))), FUNCTIONAL_TOLERANCE)[0]
+    force, size = kept.T.toarray(), rows.shape[0] + len(strong.owner)
+    answer = without._refined(force, np.zeros((size, len(numbers))), FUNCTIONAL_TOLERANCE)[0]
     soft = np.asarray(kept @ answer)
     unit, count = soft / np.sqrt(np.outer(np.diag(soft), np.diag(soft))), len(soft)
     # Without dependent rows. Not symmetrised, so that conditions hold to round-off however accurate this is.

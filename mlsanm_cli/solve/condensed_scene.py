@@ -69,11 +69,7 @@ class CondensedScene:
     @property
     def ends_early(self) -> bool:
         """Whether some loads of the stages exceed a limit load of the contacts."""
-        whole = len(self.ends) == len(self.stages) - 1
-        return not whole or any(
-            not np.array_equal(end.factors, stage)
-            for end, stage in zip(self.ends, self.stages[1:], strict=True)
-        )
+        return not np.array_equal([end.factors for end in self.ends], self.stages[1:])
 
     @property
     def follows_exactly(self) -> bool:

@@ -122,7 +122,7 @@ def unturned(
         if size <= 0.0:  # round-off where it is open
             continue
         force, middle = (
-            pairing.grid.resultants(True, (0.0, 0.0))[0] @ pressure,
+            pairing.grid.resultants(True)[0] @ pressure,
             share @ pairing.grid.hats.place / size,
         )
         places = pairing.grid.facing.side(np.array([middle]), True)[0][0]

@@ -99,16 +99,11 @@ def _elastic_stress(
     built: CondensedScene, name: str
 ) -> Callable[[Condensed, Sequence[FloatArray]], FloatArray]:
     """The stress (n, 3) of a body in states f, q, p, t of a scene, also by its eigenstresses: from the
-    responses to each driver and, by the near fields of contacts on grids, to each pressure and traction."""
+    responses to each driver and the near fields of contacts on grids, kept per pressure and traction."""
     condensed, body, model = built.condensed, built.scene.bodies[name], built.scene.bodies[name].model
-
-    def stresses(displacement: FloatArray) -> FloatArray:
-        return np.asarray(model.stress(displacement.reshape(-1, 2)).T.ravel())
-
     solutions = condensed.solutions.get(name)
     if solutions is None:
         solutions = body.system.solve(condensed.sources[name], FUNCTIONAL_TOLERANCE)
-    by_drivers = np.stack([stresses(one) for one in solutions.T], axis=1)
     z, by_grids = as_complex(model.cloud.points), dict[str, FloatArray]()
     for pairing in condensed.drivers.on_grids:
         unit = np.eye(len(pairing.grid.hats.place))
@@ -119,10 +114,11 @@ def _elastic_stress(
             by_grids[pairing.name] = by_grids.get(pairing.name, 0.0) + sign * near
 
     def stress(now: Condensed, unknowns: Sequence[FloatArray]) -> FloatArray:
-        total = by_drivers @ now.drive(unknowns) + stresses(now.inner[name][1])
+        moved = solutions @ now.drive(unknowns) + now.inner[name][1]
+        total = model.stress(moved.reshape(-1, 2)).T.ravel()
         for pairing in now.reported:
             if pairing.name in by_grids:
-                total += by_grids[pairing.name] @ np.concatenate(now.contact_values(pairing, unknowns))
+                total = total + by_grids[pairing.name] @ np.concatenate(now.contact_values(pairing, unknowns))
         return np.asarray(total.reshape(3, -1).T)
 
     return stress

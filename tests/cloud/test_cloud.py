@@ -9,10 +9,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mlsanm_cli.app.scene.build import estimate_nodes
 from mlsanm_cli.cloud.cloud import Cloud, measure
 from mlsanm_cli.cloud.curves import Outline, annulus, disk, half_disk, rectangle, sector
 from mlsanm_cli.cloud.spacing import Spacing, Zone, build_cloud
-from mlsanm_cli.cloud.zones import estimate_nodes
 from tests.cloud.shapes import polygon
 
 BLOCK = rectangle((-2.0, 2.0), (-2.0, 0.0))

@@ -10,9 +10,8 @@ import pytest
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cells import Halves
 from mlsanm_cli.cloud.curves import Arc, Curve, Segment, annulus, disk, rectangle
-from mlsanm_cli.cloud.joined import Joined, joined, normals_towards
 from mlsanm_cli.cloud.splines import NodeSpline, Spline
-from mlsanm_cli.cloud.surface import Surface, joined_surface
+from mlsanm_cli.cloud.surface import Joined, Surface, joined, joined_surface, normals_towards
 
 FOOT = (
     Arc((-0.7, 0.3), 0.3, np.pi, 0.5 * np.pi),

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.cloud import SymmetryLine
 from mlsanm_cli.cloud.curves import Outline, Segment, rectangle
 from mlsanm_cli.cloud.loops import Loop, cloud_of_nodes, trace
-from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.spacing import Spacing, build_cloud
 from mlsanm_cli.cloud.splines import Spline
 from mlsanm_cli.errors import GeometryError

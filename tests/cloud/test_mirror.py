@@ -6,12 +6,9 @@ import math
 
 import numpy as np
 import pytest
-from scipy.spatial import cKDTree
 
-from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.cloud import Cloud, Mirror, SymmetryLine
 from mlsanm_cli.cloud.curves import Arc, Outline, Segment, annulus, disk, half_disk, rectangle, sector
-from mlsanm_cli.cloud.mirror import Mirror, SymmetryLine
 from mlsanm_cli.cloud.spacing import Spacing, Zone, build_cloud
 from mlsanm_cli.memo import Memo
 from tests.cloud.shapes import polygon
@@ -72,29 +69,6 @@ def test_the_boundary_has_nodes_where_the_line_crosses_it(name: str, spacing: fl
     assert (ends.prod(axis=1) >= 0).all()
     crossings = 4 if name == "ring" else 2
     assert (cloud.mirror.side[cloud.boundary_nodes] == 0).sum() == crossings
-
-
-def holes(cloud: Cloud, spacing: Spacing, targets: FloatArray) -> float:
-    """Distance to the nearest node, in spacings, the largest of all ``targets`` (e, 2) in the body."""
-    targets = targets[cloud.contains(targets)]
-    return float((np.asarray(cKDTree(cloud.points).query(targets)[0]) / spacing.at(targets)).max())
-
-
-@pytest.mark.parametrize(("name", "seed"), [("block", 0), ("zone", 1), ("zone", 2), ("disk", 3)])
-def test_nodes_along_the_line_are_as_even_as_elsewhere(name: str, seed: int) -> None:
-    cloud, mirror = mirrored(name, seed)
-    outline, spacing, line = SCENES[name]
-    low, high = cloud.points.min(axis=0), cloud.points.max(axis=0)
-    fine = np.linspace(low, high, 401)[1:-1]
-    fine[:, line.axis] = line.at
-    everywhere = np.stack(np.meshgrid(*np.linspace(low, high, 151)[1:-1].T), axis=-1).reshape(-1, 2)
-    ordinary = holes(build_cloud(outline, spacing, seed), spacing, everywhere)
-    assert holes(cloud, spacing, fine) <= ordinary + 0.05
-    assert holes(cloud, spacing, everywhere) <= ordinary + 0.1
-    # Nor do nodes crowd there.
-    assert cloud.separation[0].min() >= 0.5
-    upon = np.sort(cloud.points[mirror.side == 0, 1 - line.axis])
-    assert (np.diff(upon) >= 0.5 * spacing.at(cloud.points).min()).all()
 
 
 @pytest.mark.parametrize(

@@ -7,9 +7,8 @@ import pytest
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import IntArray
-from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.cloud import Cloud, SymmetryLine
 from mlsanm_cli.cloud.curves import Outline, annulus, disk, rectangle, sector
-from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.pieces import CLEARANCE, MAX_NODES, MERGE_FRACTION, _bisected, divide, pair_up
 from mlsanm_cli.cloud.spacing import Spacing, Zone, build_cloud
 

@@ -7,9 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.cloud import Cloud, SymmetryLine
 from mlsanm_cli.cloud.curves import Arc, Outline, disk, rectangle
-from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.spacing import Spacing, Zone, build_cloud
 
 

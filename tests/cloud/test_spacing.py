@@ -11,11 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
+from mlsanm_cli.app.scene.refinement import LIMIT, SPACING_TOLERANCE, cover
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.cloud import SymmetryLine
 from mlsanm_cli.cloud.curves import Arc, Curve, Segment
-from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.spacing import Spacing, Zone
-from mlsanm_cli.cloud.zones import LIMIT, SPACING_TOLERANCE, cover
 
 LINE = Segment((-2.0, 0.0), (2.0, 0.0))
 

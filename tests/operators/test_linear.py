@@ -15,6 +15,15 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.operators.least_squares import LeastSquares, Strong, factorise, independent_sums
 from mlsanm_cli.operators.system import residual_of
 
+NOTHING = Strong(
+    sparse.csr_array((0, 120)),
+    sparse.csr_array((0, 300)),
+    np.zeros(0, dtype=np.int64),
+    np.zeros((0, 2)),
+    sparse.csr_array((0, 0)),
+)
+"""No strong rows."""
+
 
 def least_squares(apart: float, seed: int = 0) -> tuple[LeastSquares, FloatArray, FloatArray]:
     """A system of 300 rows of 24 entries, its dense rows and weights.
@@ -30,7 +39,7 @@ def least_squares(apart: float, seed: int = 0) -> tuple[LeastSquares, FloatArray
         rows[row, columns] = rng.normal(size=12)
         rows[row, columns + 1] = rows[row, columns] + apart * rng.normal(size=12)
     weight = rng.uniform(0.1, 10.0, 300)
-    return factorise(sparse.csr_array(weight[:, None] * rows), weight, points, "auto"), rows, weight
+    return factorise(sparse.csr_array(weight[:, None] * rows), weight, points, "auto", NOTHING), rows, weight
 
 
 @given(seed=st.integers(0, 500))

@@ -9,8 +9,8 @@ import pytest
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray
+from mlsanm_cli.cloud.cloud import SymmetryLine
 from mlsanm_cli.cloud.curves import rectangle
-from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.spacing import Spacing, Zone, build_cloud
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.body_model import BodyModel

@@ -23,7 +23,6 @@ from mlsanm_cli.app.checks.quality import MODEL, announce, assess, factor_notes
 from mlsanm_cli.app.checks.refinement import set_up
 from mlsanm_cli.app.output.analysis import Analysis, BodyFields
 from mlsanm_cli.app.output.parts import ContactNodes, obstacle_shift, obstacles
-from mlsanm_cli.app.output.views import View, finer_views, shown_fields
 from mlsanm_cli.app.scene.assemble import NOTHING
 from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.arrays import FloatArray
@@ -174,8 +173,8 @@ class SmallStrain(Analysis[CondensedScene]):
         return {name: body.model for name, body in self.built.scene.bodies.items()}
 
     @cached_property
-    def _views(self) -> Mapping[str, View]:
-        return finer_views(self.built, self.prepared.boundaries, self.context.memo)
+    def _views(self) -> Mapping[str, small_contacts.View]:
+        return small_contacts.finer_views(self.built, self.prepared.boundaries, self.context.memo)
 
     @property
     def clouds(self) -> Mapping[str, Cloud]:
@@ -217,7 +216,7 @@ class SmallStrain(Analysis[CondensedScene]):
         for state, (fields, residual) in zip(states, known, strict=True):
             if stress:
                 self._stressed = state, fields
-            shown = shown_fields(self._at(state), self._views, state, fields, stress)
+            shown = small_contacts.shown_fields(self._at(state), self._views, state, fields, stress)
             yield shown, {"linear_residual": residual}
 
     @property

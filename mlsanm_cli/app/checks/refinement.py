@@ -31,11 +31,10 @@ from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.build import place
 from mlsanm_cli.app.scene.clouds import spacing_of
 from mlsanm_cli.app.scene.condense import condense_scene
-from mlsanm_cli.app.scene.refinement import Refinement
+from mlsanm_cli.app.scene.refinement import Refinement, cover
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.spacing import Zone
-from mlsanm_cli.cloud.zones import cover
 from mlsanm_cli.contact.complementarity.problem import STICK
 from mlsanm_cli.contact.geometry.profile import Patch, contact_patches, half_width
 from mlsanm_cli.errors import NumericalError

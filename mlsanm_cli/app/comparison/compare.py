@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from mlsanm_cli.app.checks.references import read_case
-from mlsanm_cli.app.comparison.methods import Comparison, Measured, refuse
+from mlsanm_cli.app.comparison.methods import ACTIVE_SET, Comparison, Measured, refuse
 from mlsanm_cli.app.context import Clock, Console, RunContext
-from mlsanm_cli.app.output.checkpoint import attributes
+from mlsanm_cli.app.output.recorder import attributes
 from mlsanm_cli.case import LoadedCase
 from mlsanm_cli.inputs import results_of
 from mlsanm_cli.io import run_dir
@@ -104,9 +104,9 @@ def figures(
 ) -> dict[str, Any]:
     """One method as in comparison.json, with the seconds of its set-up, and its differences from the
     first of the preceding methods with the same law, else from ANM."""
-    setup, condensed = scene.setup(row.name)
-    own, none = (row.factorizations, row.solves), (0, 0)
-    dense, sparse = (none, own) if condensed is None else (own, condensed)
+    own, exact = (row.factorizations, row.solves), row.name == ACTIVE_SET
+    dense, sparse = (own, scene.condensed) if exact else ((0, 0), own)
+    setup = ("cloud", "operators", *(("factorization", "condensation") if exact else ()))
     found: dict[str, Any] = {
         "method": row.name,
         "law": row.law,

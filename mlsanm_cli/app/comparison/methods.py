@@ -209,13 +209,10 @@ class Comparison:
         eta = {contact.name: contact.regularization.eta for contact in self.case.contact}
         return {name: sizes[name] for name in ("nodes", "contact_unknowns")} | ({"eta": eta} if eta else {})
 
-    def setup(self, name: str) -> tuple[Sequence[str], tuple[int, int] | None]:
-        """The phases in which a method is set up, and the sparse factorisations and solutions before a path
-        on the condensed system, None for other paths."""
-        if name != ACTIVE_SET:
-            return ("cloud", "operators"), None
-        counts = len(self._built.scene.bodies), self._built.condensed.solves
-        return ("cloud", "operators", "factorization", "condensation"), counts
+    @property
+    def condensed(self) -> tuple[int, int]:
+        """Sparse factorisations and solutions before a path on the condensed system."""
+        return len(self._built.scene.bodies), self._built.condensed.solves
 
     def measure(self, name: str, repeat: int = 1, softer: float = 1.0) -> Measured:
         """Follows the path by a method ``repeat`` times."""

@@ -1,12 +1,8 @@
 """Estimated errors at finite strain: of the energy by residuals; of displacements, pressures and forces by
-fits of the next degree.
-
-Defect correction as at small strain (:mod:`mlsanm_cli.mechanics.defect`): the residual of the equations by
+defect correction as at small strain (:mod:`mlsanm_cli.mechanics.defect`): the residual of the equations by
 fits of the next degree, in the equations of the path, is minus the error of the displacements. In contact it
-is one more step of Newton's method: gaps, pressures and free motions follow.
-
-Equation (29) of docs/method.md.
-"""
+is one more step of Newton's method: gaps, pressures and free motions follow. Equation (29) of
+docs/method.md."""
 
 from __future__ import annotations
 
@@ -70,8 +66,7 @@ def missed_in_contact(
     before: FloatArray | None,
     factors: FloatArray,
 ) -> Missing:
-    """Of the solution ``now`` at load ``factors`` (L + d,), with slips since the places ``before`` (c,).
-    Raises NumericalError or LinAlgError."""
+    """Of the solution ``now`` at load ``factors`` (L + d,), with slips since the places ``before`` (c,)."""
     left, response = {}, system.response(now.displacement, now.traction)
     surface = response.moved(now.displacement, now.traction)
     upright = as_real(as_complex(now.traction.reshape(-1, 2)) / system.contacts.turned(surface)[0]).ravel()
@@ -183,13 +178,9 @@ def missing_works(scene: FiniteScene, before: State, now: State) -> dict[str, fl
 
 def _missing_work(loaded: Loaded, way: FloatArray, near: BoolArray) -> float:
     """Virtual work of the stress of a body on a small displacement ``way`` (n, 2), minus that of all forces,
-    per thickness.
-
-    Next to forces that the cloud does not resolve, at nodes ``near`` (n,), the displacement continues
-    smoothly from elsewhere. Reactions are known as stresses next to singular corners, or not at all: a smooth
-    field with the ``way`` of held parts is subtracted, so that they do no work. Equation (28) of
-    docs/method.md.
-    """
+    per thickness. Next to forces that the cloud does not resolve, at nodes ``near`` (n,), the displacement
+    continues smoothly from elsewhere; a smooth field with the ``way`` of held parts is subtracted, so that
+    reactions, which are hardly known, do no work. Equation (28) of docs/method.md."""
     body, displacement, factors = loaded
     elastic, cloud, moved = body.elastic, body.elastic.model.cloud, way
     if near.any():

@@ -19,8 +19,7 @@ from mlsanm_cli.case.model.conditions import Kind, Support, compatible
 from mlsanm_cli.case.model.loads import OnBoundary
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Arc, Outline, Segment, turn
-from mlsanm_cli.cloud.joined import SMOOTH_ANGLE, BoundaryRun
-from mlsanm_cli.cloud.surface import Surface
+from mlsanm_cli.cloud.surface import SMOOTH_ANGLE, BoundaryRun, Surface
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, FINE_ROUND_OFF

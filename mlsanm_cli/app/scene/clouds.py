@@ -27,10 +27,9 @@ from mlsanm_cli.app.scene.sizes import (
 )
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Body, Contact, Displacement, ExpressionError, Pressure, Traction, value_at
-from mlsanm_cli.cloud.cloud import Cloud
+from mlsanm_cli.cloud.cloud import Cloud, SymmetryLine
 from mlsanm_cli.cloud.curves import Curve, Outline, turn
 from mlsanm_cli.cloud.membership import inside_polygon
-from mlsanm_cli.cloud.mirror import SymmetryLine
 from mlsanm_cli.cloud.spacing import Spacing, Zone, build_cloud
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF

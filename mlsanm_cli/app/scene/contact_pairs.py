@@ -19,8 +19,7 @@ from mlsanm_cli.case import AnyObstacle, Case, Contact, DiskObstacle, PlaneObsta
 from mlsanm_cli.case.model.contacts import PolylineObstacle
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Arc, Curve
-from mlsanm_cli.cloud.joined import SMOOTH_ANGLE
-from mlsanm_cli.cloud.surface import joined_surface
+from mlsanm_cli.cloud.surface import SMOOTH_ANGLE, joined_surface
 from mlsanm_cli.contact.geometry.facing import Facing
 from mlsanm_cli.contact.geometry.obstacles import Chain, Plane, Round, Shape
 from mlsanm_cli.contact.geometry.pairing import Pairing, pair_surfaces

@@ -18,8 +18,8 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.cloud.joined import normals_towards
 from mlsanm_cli.cloud.membership import cross
+from mlsanm_cli.cloud.surface import normals_towards
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics.rigid import ROTATION, independent_rows, rigid_pattern

@@ -28,8 +28,7 @@ from mlsanm_cli.case import (
 from mlsanm_cli.cloud.cells import FINE, Halves
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Curve, Outline
-from mlsanm_cli.cloud.joined import BoundaryRun
-from mlsanm_cli.cloud.surface import Surface
+from mlsanm_cli.cloud.surface import BoundaryRun, Surface
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics import scene as mechanics
 from mlsanm_cli.mechanics.eigenstress import Heating

@@ -1,12 +1,8 @@
-"""The contacts of a scene at finite strain, and its unknown rigid motions: of floating bodies, and of
-obstacles and plates under forces.
-
-Motions are load factors after those of the case. A floating body is pinned at as many nodes as it has free
-motions; the factors move the pins, in directions that rotate with the body. The resultant force and moment on
-it must vanish, and so do the pins' reactions. Moments are taken about held nodes, as about a hinge. An
-obstacle's factors move it, and contact tractions balance its force; a plate's factors move the sides bonded
-to it, whose stress balances its force and its moment about its hinge.
-"""
+"""The contacts of a scene at finite strain, and its unknown rigid motions, load factors after those of the
+case. A floating body is pinned at as many nodes as it has free motions; the factors move the pins, in
+directions that rotate with the body, and the resultant force and moment on it, about held nodes, must vanish.
+An obstacle's factors move it, and contact tractions balance its force; a plate's factors move the sides
+bonded to it, whose stress balances its force and its moment about its hinge."""
 
 from __future__ import annotations
 
@@ -78,8 +74,7 @@ class LooseMotions:
 
 @dataclass(frozen=True)
 class DrivenObstacle:
-    """Unknown motion ``number`` of the obstacle of contact number ``contact``: its ``component``, under a
-    ``force`` (L,) per load factor."""
+    """Unknown motion ``number``, a ``component``, of a ``contact``'s obstacle under a ``force`` (L,)."""
 
     contact: int
     component: int
@@ -205,8 +200,7 @@ class Contacts:
         return np.array(forces).reshape(-1, 2)
 
     def turned(self, surface: FloatArray) -> tuple[ComplexArray, sparse.csr_array]:
-        """Rotations (s,) of all sides as unit complex numbers for displacements ``surface`` (2s,), and rows
-        (s, 2s) of the angles."""
+        """Rotations (s,) of sides displaced by ``surface`` (2s,), and rows (s, 2s) of the angles."""
         turns = [side.deformed(surface[here]) for side, here in self.sides]
         turn = np.concatenate([np.zeros(0, dtype=np.complex128), *(one for one, _ in turns)])
         return np.asarray(turn / np.abs(turn)), diagonal([rows for _, rows in turns])

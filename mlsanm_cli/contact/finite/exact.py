@@ -29,19 +29,17 @@ REUSE_BELOW, REUSE_RATE = 1e-3, 0.1
 """Derivatives of the bodies are reused after an update below REUSE_BELOW times the typical displacement, as
 long as updates shrink by REUSE_RATE or better."""
 INITIAL_OVERLAP = 1e-3
-"""Initial penetration allowed to a free body that falls on something, as a fraction of the typical
-displacement."""
+"""Penetration allowed to a free body that falls on something, over the typical displacement."""
 
 
 @dataclass(frozen=True)
 class FiniteContactState:
     """A state in contact: ``displacement`` (2N,) of all bodies in turn; at the slaves' knots of all contacts
-    nominal ``pressure``, friction ``shear``, ``gap``, ``place`` and ``slip`` (c,), ``normal`` (c, 2) and
-    status ``sets``; ``traction`` (2s,) at the knots of all sides in turn and their displacements ``surface``
-    (2s,), with near fields; the ``free`` motions (d,). ``residual`` is the estimated next update over the
-    typical displacement, ``stability`` the least resistance of a contact to pressures that oscillate from
-    knot to knot, ``soft`` the softest motion with contacts that neither open nor close. ``dragged`` (c,) are
-    the slips in the whole increment, also before knots touch."""
+    nominal ``pressure``, friction ``shear``, ``gap``, ``place`` and ``slip`` (c,), and ``normal`` (c, 2);
+    ``traction`` (2s,) and displacements ``surface`` (2s,) at the knots of all sides in turn; the ``free``
+    motions (d,). ``residual`` is the estimated next update over the typical displacement, ``soft`` the
+    softest motion with contacts that neither open nor close. ``dragged`` (c,) are the slips in the whole
+    increment, also before knots touch."""
 
     displacement: FloatArray
     pressure: FloatArray

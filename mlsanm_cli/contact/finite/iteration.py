@@ -1,12 +1,8 @@
-"""One step of Newton's method for bodies and contacts.
-
-The bodies' derivatives are condensed to the tractions T at the knots that may touch: U = U_0 + z + C dT, with
-C by near fields where clouds do not resolve tractions. Tractions depend on pressures and friction and rotate
-with the displacements, dT = B (dp, dq) + K dU, so that dT = (1 - K C)^-1 (B (dp, dq) + K z); the
-complementarity problem of the contacts determines dp and dq.
-
-Equations (22) and (26) of docs/method.md.
-"""
+"""One step of Newton's method for bodies and contacts. The bodies' derivatives are condensed to the tractions
+T at the knots that may touch: U = U_0 + z + C dT, with C by near fields where clouds do not resolve
+tractions. Tractions depend on pressures and friction and rotate with the displacements, dT = B (dp, dq) + K
+dU, so that dT = (1 - K C)^-1 (B (dp, dq) + K z); the complementarity problem of the contacts determines dp
+and dq. Equations (22) and (26) of docs/method.md."""
 
 from __future__ import annotations
 
@@ -269,9 +265,8 @@ class Iteration:
         self.sets = ContactStatus(masks[0], masks[1], slip_sign)
 
     def stability(self, met: Meeting) -> float:
-        """Least resistance of a contact with closed nodes, at closed nodes between two others, to pressures
-        of fixed direction that oscillate from node to node; held nodes are excluded, as are pressures with
-        forces on floating bodies."""
+        """Least resistance of a contact, at closed nodes between two others that are not held, to pressures
+        that oscillate from node to node without forces on floating bodies."""
         bodies = {name: body for name, (body, *_) in self._loaded.items()}
         contacts, least = self.system.contacts, np.inf
         pushed = self.seen @ self.push

@@ -82,16 +82,12 @@ def _interleaved(table: FloatArray) -> FloatArray:
 class Compliance:
     """What an undeformed body answers at all of its nodes, x and y in turn: ``cloud`` (2N, 2c) to unit
     tractions at the ``nodes`` of a side, and ``remainder`` (2N, 2c) to unit forces there, less their near
-    fields, which at nodes without these is that of the nearest with them.
-
-    The whole of a loose body moves as the nodes ``deep`` (m,) inside do, by free motions. What clouds answer
-    is seen from pins, and there it is as wrong as next to the sides: as a motion of one side against all
-    others that would be a spring.
-    """
+    fields, which at nodes without these is that of the nearest with them. The whole of a loose body moves as
+    the nodes ``deep`` (m,) inside do: what clouds answer is seen from pins, and there it is as wrong as next
+    to the sides, which would be a spring between one side and all others."""
 
     def __init__(self, nodes: SideNodes, projector: Projector, first: int) -> None:
-        """From a body's equations in the undeformed state, whose loads from number ``first`` on are the unit
-        tractions."""
+        """From a body's equations before loading, whose loads from ``first`` on are the unit tractions."""
         body, elastic = projector.body, projector.body.elastic
         self.nodes, self.body, cloud = nodes, elastic, elastic.model.cloud
         still, none = np.zeros(body.unknowns), np.zeros(body.loads.count)

@@ -1,11 +1,7 @@
-"""Contact sides of bodies at finite strain: their nodes on the cloud, and the knots of their tractions.
-
-Tractions are linear between knots, which need not know the nodes. The cloud is loaded with their projection
-onto the hat functions of its own nodes, which has the same force and moment. What it answers is smooth, and
-is interpolated at the knots.
-
-Equation (25) of docs/method.md.
-"""
+"""Contact sides of bodies at finite strain: their nodes on the cloud, and the knots of their tractions,
+linear between knots, which need not know the nodes. The cloud is loaded with their projection onto the hat
+functions of its own nodes, which has the same force and moment. What it answers is smooth, and is
+interpolated at the knots. Equation (25) of docs/method.md."""
 
 from __future__ import annotations
 
@@ -28,8 +24,7 @@ from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 CORNER_NODES = 2
-"""Up to this many nodes from corners without near field the response is that of the cloud, from twice as many
-on that of near fields."""
+"""Nodes from corners without near field with the cloud's response, from twice as many on with near fields."""
 HALF_WINDOW = 4
 """Half-width of the fits' windows, in nodes: they suppress waves shorter than about six nodes."""
 

@@ -21,6 +21,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
+from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.contact.geometry.clusters import Chain, hierarchical
 from mlsanm_cli.contact.geometry.facing import Facing, turned
 from mlsanm_cli.contact.geometry.grid import Hats
@@ -310,13 +311,12 @@ class ContactGrid:
         folded = sparse.csr_array(fold.T / len(self.unfolding.copies))
         return sparse.csr_array(folded @ near @ fold), [(folded, *chain, fold) for chain in far]
 
-    def resultants(self, slave: bool, center: tuple[float, float]) -> list[FloatArray]:
-        """Force x, y and moment about ``center`` (3, m) on one body by unit pressures, and tractions."""
-        x, y = (self.opposite[0 if slave else 1] - np.array(center)).T
+    def resultants(self, slave: bool) -> list[FloatArray]:
+        """Force x, y and moment about the origin (3, m) on one body by unit pressures, and tractions."""
         sign, found = 1.0 if slave else -1.0, []
         for direction in self.directions:
-            moment = x * direction[:, 1] - y * direction[:, 0]
-            found.append(sign * (self.hats.integrals @ np.stack([*direction.T, moment], axis=1)).T)
+            moment = cross(self.opposite[0 if slave else 1], direction)
+            found.append(sign * (self.hats.integrals @ np.column_stack([direction, moment])).T)
         return found
 
     def coefficients(self, kernel: FloatArray) -> FloatArray:

@@ -6,7 +6,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Curve
-from mlsanm_cli.cloud.joined import normals_towards
+from mlsanm_cli.cloud.surface import normals_towards
 from mlsanm_cli.contact.geometry.obstacles import Shape
 from mlsanm_cli.mechanics.eigenstress import Field
 from mlsanm_cli.mechanics.near_field import ComplexArray, as_complex, as_real

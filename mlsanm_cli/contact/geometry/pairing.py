@@ -10,9 +10,8 @@ import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.cloud.joined import normals_towards
 from mlsanm_cli.cloud.membership import cross
-from mlsanm_cli.cloud.surface import Surface
+from mlsanm_cli.cloud.surface import Surface, normals_towards
 from mlsanm_cli.contact.geometry.contact_grid import ContactGrid
 from mlsanm_cli.contact.geometry.facing import turned
 from mlsanm_cli.contact.geometry.obstacles import Shape

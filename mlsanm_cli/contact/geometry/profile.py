@@ -105,11 +105,9 @@ def is_singular(arc_length: FloatArray, pressure: FloatArray) -> bool:
 @dataclass(frozen=True)
 class Patch:
     """One run of closed nodes: ``middle`` (2,), ``half_width`` and the ``edges`` (0 to 2, 2) where it opens,
-    not at ends of the surface, which do not move with the load. ``spacing`` is the node spacing in the
-    middle, ``uncertainty`` (0 to 2,) the distance between the last closed and the first open node at each
-    edge, ``apart`` (0 to 2,) the initial gap there, ``finest`` the factor by which its edges may be coarser
-    than usual.
-    """
+    not at ends of the surface, which do not move with the load. ``spacing`` is that of nodes in the middle,
+    ``uncertainty`` (0 to 2,) the distance between the last closed and the first open node at each edge,
+    ``apart`` (0 to 2,) the initial gap there, ``finest`` the factor by which edges may be coarser."""
 
     middle: FloatArray
     half_width: float
@@ -123,36 +121,22 @@ class Patch:
 def contact_patches(pairing: Pairing, closed: BoolArray, corners: BoolArray | None = None) -> list[Patch]:
     """Patches of one contact with closed candidates ``closed`` (m,). The first and the last candidate are
     edges, too, if they are ``corners`` (m,)."""
-    arc = pairing.arc[pairing.candidate]
-    spacing = pairing.spacing[pairing.candidate]
-    patches = []
+    arc, curve, patches = pairing.arc[pairing.candidate], pairing.slave.curve, []
     for first, after in runs_of(closed):
-        last = after - 1
-        ends, edges, uncertainty = [arc[first], arc[last]], [], []
-        for place, (node, beyond) in enumerate(((first, first - 1), (last, after))):
+        ends, edges, uncertainty = [arc[first], arc[after - 1]], [], []
+        for place, (node, beyond) in enumerate(((first, first - 1), (after - 1, after))):
             inside = 0 <= beyond < len(arc)
             if inside:
                 ends[place] = 0.5 * (arc[beyond] + arc[node])
-            if inside or (corners is not None and last > first and corners[node]):
+            if inside or (corners is not None and after - first > 1 and corners[node]):
                 neighbor = beyond if inside else node + (1, -1)[place]
                 edges.append(ends[place])
                 uncertainty.append(abs(float(arc[neighbor] - arc[node])))
-        middle = 0.5 * (ends[0] + ends[1])
-        nearest = int(np.argmin(np.abs(arc - middle)))
-        patches.append(
-            Patch(
-                middle=_on_slave(pairing, np.array([middle]))[0],
-                half_width=0.5 * float(ends[1] - ends[0]),
-                spacing=float(spacing[nearest]),
-                edges=_on_slave(pairing, np.array(edges)),
-                uncertainty=np.array(uncertainty),
-                apart=np.interp(edges, arc, pairing.gap[pairing.candidate]),
-            )
-        )
+        # Arc lengths may continue past the start of a closed curve.
+        at = np.array([0.5 * (ends[0] + ends[1]), *edges])
+        points = curve.points(np.mod(at, curve.length) if curve.closed else at)
+        apart = np.interp(edges, arc, pairing.gap[pairing.candidate])
+        width, spacing = 0.5 * float(ends[1] - ends[0]), pairing.spacing[pairing.candidate]
+        nearest = float(spacing[int(np.argmin(np.abs(arc - at[0])))])
+        patches.append(Patch(points[0], width, nearest, points[1:], np.array(uncertainty), apart))
     return patches
-
-
-def _on_slave(pairing: Pairing, arc: FloatArray) -> FloatArray:
-    """Points (n, 2) of the slave at arc lengths (n,), which may continue past the start of a closed curve."""
-    curve = pairing.slave.curve
-    return curve.points(np.mod(arc, curve.length) if curve.closed else arc)

@@ -59,10 +59,8 @@ class ForceSums:
             both = [self._contact(one, body).take(slice(0, 2)) for body in one.bodies]
             found["mismatch"][one.name] = both[0] + both[1] if len(both) == 2 else self._zeros(2)
         for name, body in self.scene.bodies.items():
-            held, total = (
-                self.scene.held_nodes.get(name, (False, False)),
-                self._others(name).take(slice(0, 2)),
-            )
+            held = self.scene.held_nodes.get(name, (False, False))
+            total = self._others(name).take(slice(0, 2))
             # Hoop stresses balance radial forces.
             shown = [axis in motions_of(body.model.cloud) and not held[axis] for axis in (0, 1)]
             found["sum"][name] = total
@@ -84,21 +82,21 @@ class ForceSums:
     def _of_loads(self, load: FloatArray) -> LinearMap:
         return LinearMap.of_loads(load, self.drivers.counts)
 
-    def _contact(self, pairing: Pairing, body: str, center: tuple[float, float] = (0.0, 0.0)) -> LinearMap:
-        """Force of a contact on one of its bodies."""
+    def _contact(self, pairing: Pairing, body: str) -> LinearMap:
+        """Force x, y and moment about the origin of a contact on one of its bodies."""
         drivers, result = self.drivers, self._zeros(3)
         basis, own = drivers.bases[pairing.name], self.sources[body][:, drivers.places[pairing.name]]
-        pressure, *traction = basis.resultants(self.scene.bodies[body], body, own, center)
+        pressure, *traction = basis.resultants(self.scene.bodies[body], body, own)
         result.pressure[:, drivers.spans[pairing.name]] = pressure
         if pairing.friction:
             result.traction[:, drivers.tangential[pairing.name]] = traction[0]
         return result
 
-    def _applied(self, body: str, center: tuple[float, float] = (0.0, 0.0)) -> LinearMap:
-        """Sum of prescribed tractions, body forces and springs on a body."""
-        about = _about(center)
-        pulls = (pull.combined(about) for (name, _), pull in self.springs.items() if name == body)
-        return sum(pulls, self._of_loads(about @ self._prescribed[body]))
+    def _acting(self, body: str) -> LinearMap:
+        """The same of prescribed tractions, body forces, springs and contacts on a body."""
+        parts = [pull for (name, _), pull in self.springs.items() if name == body]
+        parts += [self._contact(one, body) for one in self.drivers.pairings if body in one.bodies]
+        return sum(parts, self._of_loads(self._prescribed[body]))
 
     @cached_property
     def _prescribed(self) -> Mapping[str, FloatArray]:
@@ -111,21 +109,15 @@ class ForceSums:
 
     def _constraint(self, constraint: RigidConstraint, motion: RigidMotion) -> LinearMap:
         """Force (1 row) that the constraint must exert in the direction of one motion."""
-        along, center = motion.direction[None, :], constraint.center
+        along = motion.direction[None, :]
+        about = along @ _about(constraint.center)
         if not constraint.bodies:
             pairing = next(p for p in self.drivers.pairings if p.name == constraint.name)
-            return self._contact(pairing, pairing.slave_body, center).combined(along)
+            return self._contact(pairing, pairing.slave_body).combined(about)
         if constraint.floats or motion.alone:
             # The opposite of all forces except those of held surfaces.
-            total = self._zeros(3)
-            for body in constraint.bodies:
-                total = total + self._applied(body, center)
-                for pairing in self.drivers.pairings:
-                    if body in pairing.bodies:
-                        total = total + self._contact(pairing, body, center)
-            return -total.combined(along)
-        parts = (self.measured[held].combined(along) for held in constraint.held)
-        return sum(parts, self._zeros(1))
+            return -sum(map(self._acting, constraint.bodies), self._zeros(3)).combined(about)
+        return sum((self.measured[held].combined(along) for held in constraint.held), self._zeros(1))
 
     def _reported(self) -> dict[str, LinearMap]:
         """Force x, y (2 rows) of each load and each support on its body, by name."""
@@ -192,10 +184,7 @@ class ForceSums:
 
     def _others(self, name: str) -> LinearMap:
         """Force x, y and moment of all forces on a body but those of single nodes."""
-        total = self._applied(name)
-        for pairing in self.drivers.pairings:
-            for _, sign in pairing.sides_of(name):
-                total += self._contact(pairing, pairing.slave_body).combined(sign * np.eye(3))
+        total = self._acting(name)
         for surface in self.scene.bodies[name].restrained:
             about = _about(self.scene.center(name, surface))
             total += self.measured[name, surface].combined(np.asarray(np.linalg.inv(about)))

@@ -104,11 +104,9 @@ class GridBasis:
                     total[row, self.samples + 2 * grid.covers + place] += sign
         return sparse.csc_array(total)
 
-    def resultants(
-        self, body: ElasticBody, name: str, sources: sparse.csc_array, center: tuple[float, float]
-    ) -> list[FloatArray]:
-        """Force x, y and moment about ``center`` (3, m) on a body by unit pressures, and tractions."""
-        return self._grid.resultants(name == self._pairing.slave_body, center)
+    def resultants(self, body: ElasticBody, name: str, sources: sparse.csc_array) -> list[FloatArray]:
+        """Force x, y and moment about the origin (3, m) on a body by unit pressures, and tractions."""
+        return self._grid.resultants(name == self._pairing.slave_body)
 
 
 Basis: TypeAlias = GridBasis | NodalBasis

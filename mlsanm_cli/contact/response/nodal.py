@@ -77,10 +77,8 @@ class NodalBasis:
             blocks.append(source)
         return sparse.csc_array(sparse.hstack(blocks))
 
-    def resultants(
-        self, body: ElasticBody, name: str, sources: sparse.csc_array, center: tuple[float, float]
-    ) -> list[FloatArray]:
-        whole: FloatArray = (body.resultants(center) @ sources).toarray()
+    def resultants(self, body: ElasticBody, name: str, sources: sparse.csc_array) -> list[FloatArray]:
+        whole: FloatArray = (body.resultants() @ sources).toarray()
         return np.split(whole, self.drivers // max(self._count, 1), axis=1)
 
 

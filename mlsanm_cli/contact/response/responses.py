@@ -130,14 +130,10 @@ def _sources(scene: Scene, name: str, drivers: Drivers) -> sparse.csc_array:
     body = scene.bodies[name]
     cloud = body.model.cloud
     few = np.zeros((body.rows, drivers.loads + drivers.motions))
-    for load in scene.surface_loads:
+    acting: list[Any] = [*scene.surface_loads, *scene.body_forces, *scene.heatings]
+    for load in acting:
         if load.body == name:
             few[:, load.number] += load.source(body)
-    for force in scene.body_forces:
-        if force.body == name:
-            few[:, force.number] += body.force_source(force.values)
-    for heating in scene.heated(name):
-        few[:, heating.number] += heating.source(body)
     for platen, motion, by in scene.motions:
         for surface in platen.surfaces_of(name):
             pattern = platen.pattern(cloud.surfaces[surface], cloud.points, motion)

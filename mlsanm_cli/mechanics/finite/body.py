@@ -1,10 +1,8 @@
-"""A body at finite strain: its equations, rows and derivatives.
-
-Total Lagrangian: all derivatives are taken on the reference cloud. Rows are those of the linear body with the
-first Piola-Kirchhoff stress P in place of the Cauchy stress; moments on a piece are taken in the deformed
-configuration, about the mean of its nodes: in the reference one, forces times deflections would be missing.
-Springs keep their directions: t = -k u, per reference length. Equations (17) and (18) of docs/method.md.
-"""
+"""A body at finite strain, total Lagrangian: all derivatives are taken on the reference cloud. Rows are those
+of the linear body with the first Piola-Kirchhoff stress P in place of the Cauchy stress; moments on a piece
+are taken in the deformed configuration, about the mean of its nodes: in the reference one, forces times
+deflections would be missing. Springs keep their directions: t = -k u, per reference length. Equations (17)
+and (18) of docs/method.md."""
 
 from __future__ import annotations
 
@@ -34,10 +32,9 @@ PINNED = ("angle", "single")
 @dataclass(frozen=True)
 class FiniteBody:
     """An ``elastic`` body, whose cloud, rows and pieces are used, with its ``law`` and ``loads``. The last
-    ``pins`` of its single held nodes are held along directions rotated by ``angle``.
-
-    In nearly incompressible bodies volume changes are those of the fits of ``coarser`` if given: those of the
-    next degree are not smooth, and the bulk modulus multiplies them."""
+    ``pins`` of its single held nodes are held along directions rotated by ``angle``. In nearly incompressible
+    bodies volume changes are those of the fits of ``coarser`` if given: those of the next degree are not
+    smooth, and the bulk modulus multiplies them."""
 
     elastic: ElasticBody
     law: Law
@@ -265,8 +262,7 @@ def far_from(body: FiniteBody, displacement: FloatArray, base_state: FloatArray)
 
 
 def most_stretched(body: FiniteBody, displacement: FloatArray, base_state: FloatArray) -> tuple[float, int]:
-    """Largest stretch of a node, or inverse of the smallest, between the ``base_state`` (2N,) and
-    ``displacement`` (2N,), and the node."""
+    """Largest stretch of a node, or inverse of the smallest, between two states (2N,), and the node."""
     now, then = (
         (body.gradient(u) + np.array([1.0, 0.0, 0.0, 1.0])[:, None]).T.reshape(-1, 2, 2)
         for u in (displacement, base_state)

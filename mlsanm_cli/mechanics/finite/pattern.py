@@ -1,9 +1,7 @@
-"""Pattern of the derivative of a body's rows by nodal displacements, the same in all states.
-
-Entries are numbered by row and node. The derivative is added up in arrays of their coefficients, two per
-entry, and a third one, of the mean stress at the node, where that is a nodal field of its own: its
-derivatives by displacements then follow, on more nodes.
-"""
+"""Pattern of the derivative of a body's rows by nodal displacements, the same in all states. Entries are
+numbered by row and node. The derivative is added up in arrays of their coefficients, two per entry, and a
+third one, of the mean stress at the node, where that is a nodal field of its own: its derivatives by
+displacements then follow, on more nodes."""
 
 from __future__ import annotations
 
@@ -32,8 +30,7 @@ class Entries:
         return np.searchsorted(self.keys, keys)
 
     def coefficients(self, rows: sparse.csr_array, first: int) -> IntArray:
-        """Places of the coefficients of ``rows`` (s, 2N), which begin with row ``first``, in an array (2m,)
-        of pairs."""
+        """Places of the coefficients of ``rows`` (s, 2N) from ``first`` on in an array (2m,) of pairs."""
         return np.asarray(2 * self.at(_keys(rows, first)) + rows.indices % 2)
 
 
@@ -44,14 +41,13 @@ def _keys(rows: sparse.csr_array, first: int) -> IntArray:
 
 
 class Pattern:
-    """Pattern of the rows of nodes, from the number ``pieces`` on of pieces of an ``elastic`` body, and from
-    ``moments`` on of moments on them.
-
-    Rows with stresses at nodes are the numbers ``row`` (s,), of the nodes ``stencil`` (s,); ``at`` are the
-    places of their stencils' entries among the entries ``direct``, ``on_pieces`` those of groups of face
-    points, in the three rows (3, e) of a piece. ``whole`` are all entries; there, ``at_constant`` are the
-    places of ``constant`` rows (r - 3k, 2N) of springs and held displacements, and ``centers`` (N,) those of
-    the nodes in the rows of moments on their pieces."""
+    """Pattern of the rows of nodes, from the number ``pieces`` on of pieces of an ``elastic`` body, and
+    from ``moments`` on of moments on them. Rows with stresses at nodes are the numbers ``row`` (s,), of
+    the nodes ``stencil`` (s,); ``at`` are the places of their stencils' entries among the entries
+    ``direct``, ``on_pieces`` those of groups of face points, in the three rows (3, e) of a piece.
+    ``whole`` are all entries; there, ``at_constant`` are the places of ``constant`` rows (r - 3k, 2N) of
+    springs and held displacements, and ``centers`` (N,) those of the nodes in the rows of moments on
+    their pieces."""
 
     def __init__(
         self,

@@ -14,11 +14,11 @@ from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.build import place
 from mlsanm_cli.app.scene.clouds import line_of
 from mlsanm_cli.case import parse_case
-from mlsanm_cli.cloud.mirror import SymmetryLine
+from mlsanm_cli.cloud.cloud import SymmetryLine
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.scene.test_floating_bodies import DISK
 from tests.app.scenes import EXACT_LAW, NODAL, solve
-from tests.case_text import EXACT, Scene, head, load, pushed, scene, stages, support
+from tests.case_text import EXACT, Scene, head, load, pushed, scene, support
 
 pytestmark = pytest.mark.usefixtures("by_nodes")
 
@@ -26,7 +26,7 @@ BOX = ([-1.0, 1.0], [-1.0, 0.0])
 HEAD = scene("strain", "stuff", E=200.0).body("block", "stuff", 0.2, box=BOX)
 WOOD = {"E1": 120.0, "E2": 9.0, "G12": 7.0, "nu12": 0.4, "angle": 90.0}
 WOODEN = head("stress").material("stuff", **WOOD).body("block", "stuff", 0.2, box=BOX)
-HELD, ROLLING = support("block.bottom", ux=0.0, uy=0.0), support("block.bottom", uy=0.0)
+HELD = support("block.bottom", ux=0.0, uy=0.0)
 SPRINGS = support("block.bottom", spring=[40.0, 90.0])
 UNDER = pushed("press", "under", fy=-4.0).contact(
     "under", "block.top", disk=([0.0, 3.0], 3.0), regularization=EXACT
@@ -37,8 +37,6 @@ RINGS = (
     .body("bush", "steel", 0.15, annulus=([0.0, 0.0], [0.6, 1.0]))
     .contact("fit", "bush.outer", "hub.inner", interference=0.001, regularization=EXACT)
 )
-FREE_PLATEN = load("press", "block.top", "platen", fx=0.0, fy=-4.0, rotation="free")
-PUNCH = '{kind="polyline", points=[[-0.4, 1.0], [-0.4, 0.0], [0.4, 0.0], [0.4, 1.0]]}'
 POLES = ", ".join(f"{{at=[0.0, {y}], spacing=0.012, radius=0.06, growth=0.2}}" for y in (1.0, -1.0))
 FINER = "body.block.refine=[{at=[0.0, 0.0], spacing=0.05, radius=0.3, growth=0.1}]"
 
@@ -47,18 +45,10 @@ def acts(side: str, *table: tuple[float, float]) -> Scene:
     return load(side, f"block.{side}", "pressure", table=table)
 
 
-# Pressures on two sides, of which the left one runs downward, as two loads.
-SQUEEZED = acts("left", (0, 3), (1, 1)) + acts("right", (0, 1), (1, 3))
-STAGES = stages("left=0.5 right=0.5", "left right").table("output", at=[0.4, 2.0])
-HELD_NODE = ROLLING.pin("block", [0.0, -1.0], ux=0.0).body_force("weight", "block", [0.0, -3.0])
 SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
     "platen and contact": (NODAL, (EXACT_LAW,)),
-    "platen that may turn and shift": (HEAD + HELD + FREE_PLATEN, ()),
-    "polyline": (HEAD + HELD + UNDER, (f"contact.under.obstacle={PUNCH}",)),
     "loose": (DISK, (f"body.disk.refine=[{POLES}]",)),
     "fit": (RINGS, ()),
-    "tables on two sides": (HEAD + HELD + SQUEEZED + STAGES, ()),
-    "held node": (HEAD + HELD_NODE + SQUEEZED, ()),
     "degree 4": (HEAD + SPRINGS + UNDER, ("mls.degree=4", FINER)),
     "wood": (WOODEN + HELD + UNDER, ()),
 }
