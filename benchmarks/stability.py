@@ -54,8 +54,6 @@ BULK_LIMIT = coercivity.BULK_LIMIT
 PER_GROUP = 10
 BLOCK = box([-2.0, 2.0], [-2.0, 0.0])
 DEGREES = (2, 4)
-
-
 FIELDS = 4
 
 
@@ -126,10 +124,8 @@ def jittered(scene: Scene, seed: int) -> Cloud:
 def bulk_error(scene: Scene, cloud: Cloud, degree: int) -> tuple[float, float]:
     """Relative displacement error and certificate."""
     material = isotropic(1.0, scene.poisson, scene.plane)
-    held, nodes = {}, []
-    if scene.clamped is not None:
-        held = {scene.clamped: (True, True)}
-    else:
+    held, nodes = {scene.clamped: (True, True)} if scene.clamped else {}, []
+    if not held:
         first = int(cloud.boundary_nodes[0])
         away = cloud.points - cloud.points[first]
         last = int(np.argmax((away**2).sum(axis=1)))

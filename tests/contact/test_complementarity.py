@@ -17,7 +17,7 @@ from mlsanm_cli.contact.complementarity.solution import State, solve
 @pytest.mark.parametrize("kind", KINDS)
 def test_small_problems_have_the_states_that_enumeration_finds(kind: str) -> None:
     rng = np.random.default_rng(3)
-    for _ in range(12):
+    for _ in range(200):
         example = Example.random(rng, kind)
         exists, x = bool(example.states()), example.solved(rng)
         assert (x is not None) == exists

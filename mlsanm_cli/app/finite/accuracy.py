@@ -66,8 +66,7 @@ def missed_in_contact(
     before: FloatArray | None,
     factors: FloatArray,
 ) -> Missing:
-    """Of the solution ``now`` at load ``factors`` (L + d,), with slips since the places ``before`` (c,).
-    Raises NumericalError or LinAlgError."""
+    """Of the solution ``now`` at load ``factors`` (L + d,), with slips since the places ``before`` (c,)."""
     left, response = {}, system.response(now.displacement, now.traction)
     surface = response.moved(now.displacement, now.traction)
     upright = as_real(as_complex(now.traction.reshape(-1, 2)) / system.contacts.turned(surface)[0]).ravel()

@@ -24,8 +24,7 @@ from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 CORNER_NODES = 2
-"""Up to this many nodes from corners without near field the response is that of the cloud, from twice as many
-on that of near fields."""
+"""Nodes from corners without near field with the cloud's response, from twice as many on with near fields."""
 HALF_WINDOW = 4
 """Half-width of the fits' windows, in nodes: they suppress waves shorter than about six nodes."""
 

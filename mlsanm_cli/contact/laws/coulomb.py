@@ -19,6 +19,8 @@ from mlsanm_cli.contact.response.condensed import Condensed
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.roundoff import ROUND_OFF
 
+FIRST_PATCH = 32
+"""Number of nodes of every contact around its closest one from which the search of a first touch starts."""
 NEGLIGIBLE = 1e-3
 """Part of typical pressures below which those of overlaps as drawn, as of curves through points, may depend
 on how the bodies move apart."""
@@ -36,9 +38,17 @@ def increment(
     """The state after a finite increment to ``factors`` (L,), with slips opposed from those of the ``state``;
     None if there is none. The search starts from a ``guess``, if given, and from the ``state``."""
     p = condensed.problem
-    touching = replace(state.status, closed=state.closed | (state.gap <= ROUND_OFF * condensed.weight))
+    closed = state.closed | (state.gap <= ROUND_OFF * condensed.weight)
+    guesses = [closed]
+    if p.k and not state.closed.any():
+        # Bodies come to rest on their closest nodes, or on patches around them.
+        nearest = [np.sort(state.gap[span])[:FIRST_PATCH][-1] for span in condensed.spans.values()]
+        widths = [span.stop - span.start for span in condensed.spans.values()]
+        patches = state.gap <= np.repeat(nearest, widths)
+        guesses = [closed | condensed.closest(state.gap), closed | patches]
+    touching = [replace(state.status, closed=one) for one in guesses]
     starts = list[ContactStatus]()
-    for status in (touching,) if guess is None else (guess, touching):
+    for status in touching if guess is None else (guess, *touching):
         # Closed nodes with friction stick if they do not slip.
         rests = p.rubs & (status.stuck | (status.slip_sign == 0.0))
         starts.append(ContactStatus.with_tractions(status.closed, rests, status.slip_sign, p.nodes))

@@ -34,8 +34,7 @@ class Turning:
     arms: FloatArray
 
     def moved(self, cos: float, sin: float) -> FloatArray:
-        """Displacements (b,) of points whose arms are multiplied by a rotation matrix of entries cos and
-        sin."""
+        """Displacements (b,) of points whose arms are multiplied by a rotation matrix."""
         x, y = self.arms.T
         return np.asarray(cos * x - sin * y if self.component == 0 else sin * x + cos * y)
 

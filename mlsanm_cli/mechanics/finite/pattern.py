@@ -30,8 +30,7 @@ class Entries:
         return np.searchsorted(self.keys, keys)
 
     def coefficients(self, rows: sparse.csr_array, first: int) -> IntArray:
-        """Places of the coefficients of ``rows`` (s, 2N), which begin with row ``first``, in an array (2m,)
-        of pairs."""
+        """Places of the coefficients of ``rows`` (s, 2N) from ``first`` on in an array (2m,) of pairs."""
         return np.asarray(2 * self.at(_keys(rows, first)) + rows.indices % 2)
 
 
