@@ -218,7 +218,8 @@ class FiniteStrain(Analysis[FiniteScene]):
         if self._missed is not None:
             with self.context.phase("estimate"), suppress(NumericalError, np.linalg.LinAlgError):
                 missing = accuracy.missing_figures(self.built, last, self._missed())
-        errors = {"energy": accuracy.energy_estimate(tally)} | missing
+        # Of the energy the largest one on the path, over the largest energy.
+        errors = {"energy": tally["unaccounted"] / tally["energy"] if tally["energy"] else 0.0} | missing
         if any(one.friction for one in self.built.contacts.pairs):
             errors["increments"] = float(last.solver["increment_error"])
         self._estimates = last, errors

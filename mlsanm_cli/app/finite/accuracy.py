@@ -220,11 +220,6 @@ def missing_figures(scene: FiniteScene, state: State, missing: Missing) -> dict[
     return found | {"pressure": pressure, "contacts": contacts}
 
 
-def energy_estimate(tally: Mapping[str, Any]) -> float:
-    """Largest estimated error of the energy over the largest energy on the path."""
-    return float(tally["unaccounted"] / tally["energy"]) if tally["energy"] else 0.0
-
-
 def work_error(tally: Mapping[str, Any]) -> float:
     """Internal less external work of the bodies over the largest energy."""
     works = tally["missing"].values()
