@@ -14,7 +14,7 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.energy import along_surface, extended, inner_work, over_body, rigid_part
 from mlsanm_cli.mechanics.scene import Scene
-from mlsanm_cli.mechanics.springs import FREE, NO_SPRING
+from mlsanm_cli.mechanics.supports import FREE, NO_SPRING
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 
 
