@@ -37,9 +37,9 @@ def work_on(
     elastic, factors = scene.bodies[body], unknowns[0]
     cloud, material = elastic.model.cloud, elastic.model.material
     # Tractions and displacements are those of the equations, without what heating adds there.
-    cold = factors.copy()
-    cold[[heating.number for heating in scene.heated(body)]] = 0.0
-    given = condensed.sources[body] @ condensed.drive((cold, *unknowns[1:]))
+    drivers = condensed.drive(unknowns)
+    drivers[[heating.number for heating in scene.heated(body)]] = 0.0
+    given = condensed.sources[body] @ drivers
     moved, origin, bent = _paths(elastic, given, displacement, near, single)
     path = moved - origin
     total = inner_work(cloud, stress, origin) if bent else 0.0
