@@ -21,7 +21,7 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.pieces import Pieces, StressAround, rule_of
 from mlsanm_cli.mechanics.rigid import RigidBodyModes
-from mlsanm_cli.mechanics.springs import FREE, Held, Springs, restrained, soft
+from mlsanm_cli.mechanics.supports import FREE, Held, Springs, restrained, soft
 from mlsanm_cli.memo import digest
 from mlsanm_cli.operators.system import LinearSystem
 from mlsanm_cli.records import dataclass

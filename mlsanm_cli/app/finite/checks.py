@@ -28,7 +28,7 @@ from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.membership import first_crossing
 from mlsanm_cli.contact.finite.pair import RigidContact
 from mlsanm_cli.contact.response.coercivity import CONTACT_LIMIT
-from mlsanm_cli.continuation import Follower
+from mlsanm_cli.continuation.path import Follower
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.laws.law import determinant
 from mlsanm_cli.records import dataclass

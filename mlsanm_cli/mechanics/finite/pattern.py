@@ -13,7 +13,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.loads import FacePoints
-from mlsanm_cli.mechanics.springs import FREE
+from mlsanm_cli.mechanics.supports import FREE
 from mlsanm_cli.operators.least_squares import symbolic_of
 
 
