@@ -48,9 +48,7 @@ READERS = (
 
 def main() -> None:
     """Fuzz, print a line now and then, write the results."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--count", type=int, default=5000)
     parser.add_argument("--runs", type=int, default=500)
     parser.add_argument("--first", type=int, default=0)

@@ -37,9 +37,7 @@ LARGEST = 150_000
 
 def main() -> None:
     """Run the cases and write the page."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--only", nargs="*", default=[], metavar="CASE")
     parser.add_argument("--keep", type=Path, help="keep the run directories here")
     arguments = parser.parse_args()
@@ -66,19 +64,14 @@ def _entry(file: Path) -> Entry | None:
 
 def _solved(file: Path, entry: Entry, directory: Path) -> dict[str, Any]:
     """Run and draw a case, put its picture into docs, and return its figures."""
-    command = [sys.executable, "-m", "mlsanm_cli"]
-    environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    for arguments in (
-        ["run", str(file), "--out", str(directory), "--force", "--quiet"],
-        ["plot", str(directory)],
-    ):
-        subprocess.run([*command, *arguments], check=True, env=environment, stdout=subprocess.DEVNULL)
+    _mlsanm("run", str(file), "--out", str(directory), "--force", "--quiet")
+    _mlsanm("plot", str(directory))
     summary = json.loads((directory / "summary.json").read_text())
     run = read_run(directory)
     errors = entry.judge(run) if entry.judge else _of_summary(summary)
     case = tomllib.loads(file.read_text())
     laws = [contact.get("regularization", {}).get("law") for contact in case.get("contact", ())]
-    compared = {"compared": _compared(file, directory, environment)} if "hyperbolic" in laws else {}
+    compared = {"compared": _compared(file, directory)} if "hyperbolic" in laws else {}
     (drawn,) = sorted(directory.glob(f"plot_{entry.picture}*.png"))
     _shrink(drawn, PICTURES / f"{file.stem}.png")
     return {
@@ -93,12 +86,17 @@ def _solved(file: Path, entry: Entry, directory: Path) -> dict[str, Any]:
     }
 
 
-def _compared(file: Path, directory: Path, environment: dict[str, str]) -> list[dict[str, Any]]:
+def _mlsanm(*arguments: str) -> None:
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-m", "mlsanm_cli", *arguments]
+    subprocess.run(command, check=True, env=environment, stdout=subprocess.DEVNULL)
+
+
+def _compared(file: Path, directory: Path) -> list[dict[str, Any]]:
     """Counts and difference of power series and Newton-Raphson, by `mlsanm compare --newton`."""
     out = directory.with_name(f"{directory.name}_compared")
-    command = ["compare", str(file), "--newton", "--levels", "2", "--no-picture", "--quiet", "--force"]
-    command = [sys.executable, "-m", "mlsanm_cli", *command, "--out", str(out)]
-    subprocess.run(command, check=True, env=environment, stdout=subprocess.DEVNULL)
+    options = ("--newton", "--levels", "2", "--no-picture", "--quiet", "--force")
+    _mlsanm("compare", str(file), *options, "--out", str(out))
     table = json.loads((out / "comparison.json").read_text())["methods"]
     return [
         {

@@ -119,11 +119,8 @@ def differences(old: Figures, new: Figures) -> Iterator[str]:
             if abs(value - other) > TOLERANCE * scale and abs(value - other) > ROUND_OFF:
                 yield f"{key}: {value:.9g} -> {other:.9g} ({(other - value) / scale:+.1e})"
         elif value != other:
-            yield (
-                f"{key}: {words(str(value))} -> {words(str(other))}"
-                if isinstance(value, str)
-                else (f"{key}: {value} -> {other}")
-            )
+            told = (words(str(one)) if isinstance(value, str) else one for one in (value, other))
+            yield f"{key}: {' -> '.join(map(str, told))}"
 
 
 def number(value: Any) -> bool:
@@ -166,15 +163,8 @@ def main() -> None:
                 table["runs"][name] = entry
             if given.accept and lines:
                 date = datetime.now(UTC).date().isoformat()
-                table["changes"].append(
-                    {
-                        "run": name,
-                        "date": date,
-                        "reason": given.reason,
-                        "evidence": given.evidence,
-                        "what": lines,
-                    }
-                )
+                why = {"run": name, "date": date, "reason": given.reason, "evidence": given.evidence}
+                table["changes"].append(why | {"what": lines})
     print(f"{len(chosen)} runs, {differ} differ")
     if given.record or given.accept:
         table["runs"] = dict(sorted(table["runs"].items()))

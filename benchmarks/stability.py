@@ -41,9 +41,9 @@ from mlsanm_cli.contact.response import coercivity  # noqa: E402
 from mlsanm_cli.contact.response.coercivity import CONTACT_LIMIT  # noqa: E402
 from mlsanm_cli.errors import NumericalError  # noqa: E402
 from mlsanm_cli.mechanics.assembly import assemble  # noqa: E402
+from mlsanm_cli.mechanics.body import bulk_stability  # noqa: E402
 from mlsanm_cli.mechanics.body_model import BodyModel  # noqa: E402
 from mlsanm_cli.mechanics.material import isotropic  # noqa: E402
-from mlsanm_cli.mechanics.stability import bulk_stability  # noqa: E402
 from mlsanm_cli.operators.neighbors import MlsSettings  # noqa: E402
 from tests.app.scenes import Quiet  # noqa: E402
 from tests.case_text import EXACT, box, head  # noqa: E402
@@ -54,8 +54,6 @@ BULK_LIMIT = coercivity.BULK_LIMIT
 PER_GROUP = 10
 BLOCK = box([-2.0, 2.0], [-2.0, 0.0])
 DEGREES = (2, 4)
-
-
 FIELDS = 4
 
 
@@ -126,10 +124,8 @@ def jittered(scene: Scene, seed: int) -> Cloud:
 def bulk_error(scene: Scene, cloud: Cloud, degree: int) -> tuple[float, float]:
     """Relative displacement error and certificate."""
     material = isotropic(1.0, scene.poisson, scene.plane)
-    held, nodes = {}, []
-    if scene.clamped is not None:
-        held = {scene.clamped: (True, True)}
-    else:
+    held, nodes = {scene.clamped: (True, True)} if scene.clamped else {}, []
+    if not held:
         first = int(cloud.boundary_nodes[0])
         away = cloud.points - cloud.points[first]
         last = int(np.argmax((away**2).sum(axis=1)))

@@ -18,7 +18,6 @@ SIZED = "estimated to be off by"
 SMALL = 0.05
 """Forces and displacements below this part of the scene's largest are compared with it instead."""
 
-
 ALL = ("halved", *(variant.name for variant in variants()))
 """Names of the variants."""
 
@@ -96,10 +95,9 @@ def _line(scene: Scene, variant: Variant, base: Ran, ran: Ran) -> Table:
 
 def vectors(ran: Ran, table: str, key: str, variant: Variant | None = None) -> dict[str, Array]:
     """Forces or displacements by name, turned back and in the units of the scene."""
-    unit = 1.0
+    unit, matrix = 1.0, np.eye(2)
     if variant is not None:
-        unit = variant.length * (variant.stress if key == "force" else 1.0)
-    matrix = np.eye(2) if variant is None else variant.matrix
+        unit, matrix = variant.length * (variant.stress if key == "force" else 1.0), variant.matrix
     sign = -1.0 if variant is not None and variant.name == "swapped" and key == "force" else 1.0
     found = {}
     for name, one in (ran.summary.get(table) or {}).items():
@@ -142,8 +140,7 @@ def spreads(base: Ran, ran: Ran, name: str, swapped: bool) -> float:
 
 def difference(base: dict[str, Array], other: dict[str, Array], least: float = 0.0) -> float:
     """Largest in percent; of forces that cancel around a body, of ``least``, what presses and rubs there."""
-    largest = max((float(np.hypot(*one)) for one in base.values()), default=0.0)
-    largest = max(largest, least)
+    largest = max([least, *(float(np.hypot(*one)) for one in base.values())])
     if not largest:
         return 0.0
     worst = 0.0

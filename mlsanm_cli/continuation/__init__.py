@@ -6,35 +6,10 @@ from collections.abc import Callable, Sequence
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.continuation.anm import AnmFollower
-from mlsanm_cli.continuation.corrector import Correction, Effort, correct
 from mlsanm_cli.continuation.newton import NewtonFollower
-from mlsanm_cli.continuation.path import Follower, Step, StopReason
-from mlsanm_cli.continuation.problem import (
-    AnmOptions,
-    NewtonOptions,
-    PathOptions,
-    Problem,
-    SingularTangentError,
-    Tangent,
-)
+from mlsanm_cli.continuation.path import Follower
+from mlsanm_cli.continuation.problem import AnmOptions, NewtonOptions, Problem
 from mlsanm_cli.continuation.series import Branch
-
-__all__ = [
-    "AnmOptions",
-    "Branch",
-    "Correction",
-    "Effort",
-    "Follower",
-    "NewtonOptions",
-    "PathOptions",
-    "Problem",
-    "SingularTangentError",
-    "Step",
-    "StopReason",
-    "Tangent",
-    "correct",
-    "follow",
-]
 
 
 def follow(

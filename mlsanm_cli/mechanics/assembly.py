@@ -22,19 +22,23 @@ from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.cloud.tips import SMOOTH_TURN
 from mlsanm_cli.mechanics.body import BodyEquations, ElasticBody, first_rows
 from mlsanm_cli.mechanics.body_model import BodyModel
-from mlsanm_cli.mechanics.corners import (
-    MIN_DISTANCE,
-    ONE_SIDED_WEIGHT,
-    POWER,
-    WEIGHT_REACH,
-    corner_weight,
-    reentrant_corners,
-    thickness,
-)
 from mlsanm_cli.mechanics.elasticity import first_order_rows, moduli_of, traction_moduli
 from mlsanm_cli.mechanics.pieces import Pieces, rule_of
 from mlsanm_cli.mechanics.rigid import FreeSystem, free_motions, pins
-from mlsanm_cli.mechanics.springs import FREE, NO_SPRING, Held, Springs, restrained
+from mlsanm_cli.mechanics.supports import (
+    FREE,
+    MIN_DISTANCE,
+    NO_SPRING,
+    ONE_SIDED_WEIGHT,
+    POWER,
+    WEIGHT_REACH,
+    Held,
+    Springs,
+    corner_weight,
+    reentrant_corners,
+    restrained,
+    thickness,
+)
 from mlsanm_cli.memo import digest
 from mlsanm_cli.operators import least_squares
 from mlsanm_cli.operators.factors import LinearSolver, structure
@@ -192,7 +196,7 @@ def row_weights(
     """Weights (r,) of the rows in the least-squares sum; stresses are singular where ``restraints`` end, but
     next to surfaces ``touching``. Equilibrium and tractions have the factors of :func:`corner_weight` and of
     min(1, (distance + radius) / thickness)^POWER, with the distance from the nearest reentrant corner, of
-    radius 0, or concave part of the outline (:mod:`mlsanm_cli.mechanics.corners`)."""
+    radius 0, or concave part of the outline (:mod:`mlsanm_cli.mechanics.supports`)."""
     cloud, modulus = model.cloud, model.material.modulus
     corners = reentrant_corners(cloud)
     if model.tips is not None:

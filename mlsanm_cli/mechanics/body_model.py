@@ -153,15 +153,13 @@ class BodyModel:
 
     def equilibrium(self, component: int) -> sparse.csr_array:
         """Rows (n, 2N) of div sigma in x (0) or y (1) at the nodes; see :attr:`nested`."""
-        even = self.nested
+        even, stencils = self.nested, self.stencils
         rest = self.material.stiffness - even
-        if not even.any():
-            return equilibrium_rows(self.stencils, rest, component)
-        stresses = [stress_rows(self.stencils, even, part) for part in range(len(even))]
-        rows = divergence_rows(self.stencils, component) @ sparse.vstack(stresses, format="csr")
-        if rest.any():
-            rows = equilibrium_rows(self.stencils, rest, component) + rows
-        return sparse.csr_array(rows)
+        parts = [equilibrium_rows(stencils, rest, component)] if rest.any() else []
+        if even.any():
+            stresses = [stress_rows(stencils, even, part) for part in range(len(even))]
+            parts.append(divergence_rows(stencils, component) @ sparse.vstack(stresses, format="csr"))
+        return sparse.csr_array(sum(parts[1:], parts[0]))
 
     @cached_property
     def nested(self) -> FloatArray:

@@ -20,9 +20,9 @@ from mlsanm_cli.cloud.search import in_batches, nearest
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel, enough_neighbors
-from mlsanm_cli.mechanics.corners import singular_changes
 from mlsanm_cli.mechanics.elasticity import divergence_of_stress, stress_of, traction_of
 from mlsanm_cli.mechanics.material import PlaneMaterial
+from mlsanm_cli.mechanics.supports import singular_changes
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.operators.neighbors import MlsSettings
 from mlsanm_cli.operators.stencil_weights import Stencils

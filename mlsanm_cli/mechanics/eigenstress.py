@@ -18,7 +18,7 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.elasticity import divergence_rows, traction_of
 from mlsanm_cli.mechanics.pieces import StressAround, rule_of
-from mlsanm_cli.mechanics.springs import FREE
+from mlsanm_cli.mechanics.supports import FREE
 from mlsanm_cli.operators.stencil_weights import scalar_rows
 from mlsanm_cli.operators.stencils import build_stencils
 from mlsanm_cli.records import dataclass

@@ -28,10 +28,9 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.membership import cross
 from mlsanm_cli.cloud.pieces import divide, pair_up
 from mlsanm_cli.mechanics.body_model import BodyModel
-from mlsanm_cli.mechanics.corners import WEIGHT_REACH, thickness
 from mlsanm_cli.mechanics.elasticity import HOOP, force_sums
 from mlsanm_cli.mechanics.material import PlaneMaterial
-from mlsanm_cli.mechanics.springs import FREE, Held
+from mlsanm_cli.mechanics.supports import FREE, WEIGHT_REACH, Held, thickness
 from mlsanm_cli.roundoff import ROUND_OFF
 
 BOUNDARY_NODES = 16

@@ -19,7 +19,7 @@ from mlsanm_cli.mechanics.corner import CorneredForces, Forces
 from mlsanm_cli.mechanics.corner_faces import smooth_step
 from mlsanm_cli.mechanics.near_field import as_complex, as_real
 from mlsanm_cli.mechanics.pieces import Pieces
-from mlsanm_cli.mechanics.springs import FREE, NO_SPRING
+from mlsanm_cli.mechanics.supports import FREE, NO_SPRING
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 HELD_RANGE = 4.0

@@ -16,7 +16,7 @@ from scipy.linalg.lapack import dgeqp3
 
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.mechanics.springs import Springs
+from mlsanm_cli.mechanics.supports import Springs
 from mlsanm_cli.operators.system import FULL_TOLERANCE
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF

@@ -16,7 +16,7 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.eigenstress import Heating
 from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.rigid import ROTATION, RigidBodyModes, rigid_pattern
-from mlsanm_cli.mechanics.springs import FREE
+from mlsanm_cli.mechanics.supports import FREE
 from mlsanm_cli.memo import digest
 from mlsanm_cli.records import dataclass
 

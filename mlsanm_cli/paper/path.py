@@ -13,7 +13,10 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.contact.complementarity.problem import ContactStatus
-from mlsanm_cli.continuation import AnmOptions, Branch, Effort, NewtonOptions, correct, follow
+from mlsanm_cli.continuation import follow
+from mlsanm_cli.continuation.corrector import Effort, correct
+from mlsanm_cli.continuation.problem import AnmOptions, NewtonOptions
+from mlsanm_cli.continuation.series import Branch
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.paper.system import System
 from mlsanm_cli.records import dataclass

@@ -13,7 +13,7 @@ from mlsanm_cli.contact.response.nodal import NodalBasis, slip_fit
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.assembly import node_rows
 from mlsanm_cli.mechanics.body import ElasticBody
-from mlsanm_cli.mechanics.springs import FREE, NO_SPRING
+from mlsanm_cli.mechanics.supports import FREE, NO_SPRING
 from mlsanm_cli.operators.factors import THRESHOLD, elimination_order, factor_in_order
 from mlsanm_cli.operators.least_squares import LeastSquares
 from mlsanm_cli.operators.system import FULL_TOLERANCE, MAX_UPDATES, Progress

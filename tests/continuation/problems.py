@@ -8,8 +8,8 @@ import numpy as np
 from scipy.linalg.lapack import dgetrf, dgetrs
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.continuation import Branch
 from mlsanm_cli.continuation.problem import SingularTangentError, Tangent
+from mlsanm_cli.continuation.series import Branch
 from tests.contact.friction import strip_compliance
 
 

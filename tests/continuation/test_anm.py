@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.continuation import AnmOptions, Branch, NewtonOptions, Problem, Step, StopReason, follow
+from mlsanm_cli.continuation import follow
+from mlsanm_cli.continuation.path import Step, StopReason
+from mlsanm_cli.continuation.problem import AnmOptions, NewtonOptions, Problem
+from mlsanm_cli.continuation.series import Branch
 
 from .problems import Circle, Contact, Scalar, Truss, Yielding, first_at, hertz
 from .test_corrector import watched

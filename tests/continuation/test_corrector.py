@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.continuation import Branch, Problem, Tangent, correct
-from mlsanm_cli.continuation.corrector import Effort
-from mlsanm_cli.continuation.problem import Metric, expand, expansion_point
+from mlsanm_cli.continuation.corrector import Effort, correct
+from mlsanm_cli.continuation.problem import Metric, Problem, Tangent, expand, expansion_point
+from mlsanm_cli.continuation.series import Branch
 from mlsanm_cli.errors import NumericalError
 
 from .problems import Circle, Contact, DenseTangent, Scalar, Truss, random_contact

@@ -7,8 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from mlsanm_cli.continuation import Branch
-from mlsanm_cli.continuation.series import denominator, nearest_pole, root
+from mlsanm_cli.continuation.series import Branch, denominator, nearest_pole, root
 
 
 def polynomial(*lam: float, length: float = 1.0) -> Branch:

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.continuation import AnmOptions, SingularTangentError, StopReason, Tangent, follow
+from mlsanm_cli.continuation import follow
+from mlsanm_cli.continuation.path import StopReason
+from mlsanm_cli.continuation.problem import AnmOptions, SingularTangentError, Tangent
 
 from .problems import Circle, Scalar
 

@@ -22,7 +22,7 @@ from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.material import isotropic
 from mlsanm_cli.mechanics.pieces import Pieces, StressAround
 from mlsanm_cli.mechanics.rigid import FreeSystem
-from mlsanm_cli.mechanics.springs import Springs
+from mlsanm_cli.mechanics.supports import Springs
 from mlsanm_cli.operators.neighbors import MlsSettings
 from mlsanm_cli.operators.system import residual_of
 from tests.mechanics.bodies import (

@@ -14,7 +14,7 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.material import PlaneMaterial, isotropic, orthotropic
 from mlsanm_cli.mechanics.near_field import SurfaceForces, kernel_of
 from mlsanm_cli.mechanics.remainder import reaction_of, remainder_sources
-from mlsanm_cli.mechanics.springs import Held
+from mlsanm_cli.mechanics.supports import Held
 from tests.mechanics.bodies import build
 
 EVEN = isotropic(2.0, 0.3, "strain")

@@ -11,10 +11,9 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.cloud.curves import disk
 from mlsanm_cli.cloud.spacing import Spacing, Zone, build_cloud
-from mlsanm_cli.mechanics.body import BodyEquations, ElasticBody
+from mlsanm_cli.mechanics.body import BodyEquations, ElasticBody, bulk_stability
 from mlsanm_cli.mechanics.material import isotropic
 from mlsanm_cli.mechanics.rigid import freedom, pins
-from mlsanm_cli.mechanics.stability import bulk_stability
 from mlsanm_cli.operators import least_squares
 from mlsanm_cli.operators.least_squares import LeastSquares
 from mlsanm_cli.operators.system import residual_of

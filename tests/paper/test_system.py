@@ -12,7 +12,7 @@ import scipy.sparse as sparse
 from scipy.sparse.linalg import spsolve
 
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.continuation import Problem
+from mlsanm_cli.continuation.problem import Problem
 from mlsanm_cli.io.run_reader import read_run
 from mlsanm_cli.paper import system as system_module
 from mlsanm_cli.paper.system import Collocation, System, Tangent

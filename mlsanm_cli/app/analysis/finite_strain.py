@@ -16,7 +16,7 @@ from mlsanm_cli.app.checks.quality import announce
 from mlsanm_cli.app.finite import accuracy, fields
 from mlsanm_cli.app.finite.checks import END, STATE, FiniteEnd
 from mlsanm_cli.app.finite.contact_path import contact_path
-from mlsanm_cli.app.finite.grids import knots_of, located, with_knots
+from mlsanm_cli.app.finite.grids import located, with_knots
 from mlsanm_cli.app.finite.path import finite_path
 from mlsanm_cli.app.finite.scene import FiniteScene, finite_scene
 from mlsanm_cli.app.output.analysis import Analysis, BodyFields
@@ -97,7 +97,9 @@ class FiniteStrain(Analysis[FiniteScene]):
 
     @property
     def refinement(self) -> Mapping[str, Any]:
-        return Refinement(knots=knots_of(self._built)).plain if self._built is not None else {}
+        pairs = () if self._built is None else self._built.contacts.pairs
+        knots = [[side.arc for side in contact.sides] for contact in pairs]
+        return Refinement(knots=knots).plain if self._built is not None else {}
 
     @cached_property
     def contacts(self) -> Mapping[str, ContactNodes]:
@@ -216,7 +218,8 @@ class FiniteStrain(Analysis[FiniteScene]):
         if self._missed is not None:
             with self.context.phase("estimate"), suppress(NumericalError, np.linalg.LinAlgError):
                 missing = accuracy.missing_figures(self.built, last, self._missed())
-        errors = {"energy": accuracy.energy_estimate(tally)} | missing
+        # Of the energy the largest one on the path, over the largest energy.
+        errors = {"energy": tally["unaccounted"] / tally["energy"] if tally["energy"] else 0.0} | missing
         if any(one.friction for one in self.built.contacts.pairs):
             errors["increments"] = float(last.solver["increment_error"])
         self._estimates = last, errors

@@ -13,10 +13,9 @@ from scipy.spatial import cKDTree
 from mlsanm_cli.arrays import FloatArray, IntArray, runs_of
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.mechanics.body import ElasticBody
-from mlsanm_cli.mechanics.corners import reentrant_corners, thickness
 from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.near_field import as_real
-from mlsanm_cli.mechanics.springs import FREE, NO_SPRING
+from mlsanm_cli.mechanics.supports import FREE, NO_SPRING, reentrant_corners, thickness
 from mlsanm_cli.roundoff import FINE_ROUND_OFF, ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import Fields, State

@@ -32,9 +32,9 @@ from mlsanm_cli.cloud.cloud import Cloud, measure
 from mlsanm_cli.contact.geometry.pairing import Pairing, spacing_ratio
 from mlsanm_cli.contact.response.coercivity import stiffness_ratio
 from mlsanm_cli.mechanics.body_model import BodyModel
-from mlsanm_cli.mechanics.corners import reentrant_corners
 from mlsanm_cli.mechanics.near_field import as_complex
 from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.mechanics.supports import reentrant_corners
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF, ROUND_OFF

@@ -38,9 +38,9 @@ from mlsanm_cli.cloud.spacing import Zone
 from mlsanm_cli.contact.complementarity.problem import STICK
 from mlsanm_cli.contact.geometry.profile import Patch, contact_patches, half_width
 from mlsanm_cli.errors import NumericalError
-from mlsanm_cli.mechanics.corners import corner_weight
 from mlsanm_cli.mechanics.defect import Corrected
 from mlsanm_cli.mechanics.scene import Scene
+from mlsanm_cli.mechanics.supports import corner_weight
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 
 MAX_REFINEMENT = 2.0

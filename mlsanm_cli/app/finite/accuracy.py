@@ -66,8 +66,7 @@ def missed_in_contact(
     before: FloatArray | None,
     factors: FloatArray,
 ) -> Missing:
-    """Of the solution ``now`` at load ``factors`` (L + d,), with slips since the places ``before`` (c,).
-    Raises NumericalError or LinAlgError."""
+    """Of the solution ``now`` at load ``factors`` (L + d,), with slips since the places ``before`` (c,)."""
     left, response = {}, system.response(now.displacement, now.traction)
     surface = response.moved(now.displacement, now.traction)
     upright = as_real(as_complex(now.traction.reshape(-1, 2)) / system.contacts.turned(surface)[0]).ravel()
@@ -219,11 +218,6 @@ def missing_figures(scene: FiniteScene, state: State, missing: Missing) -> dict[
             pressure[contact.name] = float(np.sqrt(weight @ pressed[here] ** 2 / (weight @ values**2)))
             contacts |= {contact.name: float(off / largest)} if largest else {}
     return found | {"pressure": pressure, "contacts": contacts}
-
-
-def energy_estimate(tally: Mapping[str, Any]) -> float:
-    """Largest estimated error of the energy over the largest energy on the path."""
-    return float(tally["unaccounted"] / tally["energy"]) if tally["energy"] else 0.0
 
 
 def work_error(tally: Mapping[str, Any]) -> float:

@@ -1,5 +1,4 @@
-"""Checks of the states and of a completed path at finite strain; the error of a path that cannot be
-continued."""
+"""Checks of states and paths at finite strain; the error of a path that cannot be continued."""
 
 from __future__ import annotations
 
@@ -29,7 +28,7 @@ from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.membership import first_crossing
 from mlsanm_cli.contact.finite.pair import RigidContact
 from mlsanm_cli.contact.response.coercivity import CONTACT_LIMIT
-from mlsanm_cli.continuation import Follower
+from mlsanm_cli.continuation.path import Follower
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.laws.law import determinant
 from mlsanm_cli.records import dataclass
@@ -151,8 +150,7 @@ def place_of(scene: FiniteScene, name: str, node: int) -> str:
 
 @dataclass(frozen=True)
 class FiniteEnd:
-    """A completed path: its ``last`` state with the estimated ``errors`` of ``summary.error_estimate``, and
-    totals of the path (``tally``)."""
+    """A completed path: its ``last`` state, estimated ``errors``, and totals of the path (``tally``)."""
 
     scene: FiniteScene
     last: State
@@ -196,9 +194,8 @@ class FiniteEnd:
             turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
             bent = cloud.points + own.reshape(-1, 2) - cloud.points @ turn.T
             most = np.abs(bent - cloud.areas @ bent / cloud.areas.sum()).max()
-            pointed[body_name] = (
-                float((NODE_FORCE_SHIFT * soft * np.abs(force)).max() / most) if most else 0.0
-            )
+            shift = float((NODE_FORCE_SHIFT * soft * np.abs(force)).max())
+            pointed[body_name] = shift / most if most else 0.0
         return EnergyErrors({worst: error}, {}, pointed, thin, name=name, what=what)
 
 
@@ -226,7 +223,7 @@ def energy_estimate(end: FiniteEnd) -> Iterator[Check]:
 
 
 def estimates(end: FiniteEnd) -> Iterator[Check]:
-    """Estimated errors of displacements, forces and pressures."""
+    """Estimated errors of displacements, forces and pressures, and by the increments of friction."""
     forces, pressures = end.errors.get("contacts", {}), end.errors.get("pressure", {})
     yield from displacement_estimate(end.case, end.errors)
     for contact in end.scene.contacts.pairs:
@@ -234,10 +231,6 @@ def estimates(end: FiniteEnd) -> Iterator[Check]:
         if name in forces:
             yield force_estimate("finite_force_error", end.case, name, bodies, forces[name])
         yield from pressure_estimate("rough_pressure_error", end.case, name, bodies, pressures.get(name))
-
-
-def increments(end: FiniteEnd) -> Iterator[Check]:
-    """Error of the increments of friction."""
     if "increments" in end.errors:
         error = end.errors["increments"]
         message = f"forces are estimated to be off by {100 * error:.2g} % by the increments of friction"
@@ -254,13 +247,9 @@ def bifurcations(end: FiniteEnd) -> Iterator[Check]:
         how = f"in which body {first['body']} moves most at ({x:.6g}, {y:.6g}), along ({u:.3g}, {v:.3g})"
         message = f"stability is lost at position {first['position']:.6g}"
         if first["followed"]:
-            message += (
-                f", where the path bifurcates: it goes on along the branch {how}; its mirror image may "
-            )
-            message, hint = (
-                f"{message}be as likely",
-                "a small asymmetry of shapes or loads decides on the branch",
-            )
+            message += f", where the path bifurcates: it goes on along the branch {how}; "
+            message += "its mirror image may be as likely"
+            hint = "a small asymmetry of shapes or loads decides on the branch"
         else:
             message += f" in a motion {how}: no stable state is near, and the bodies jump"
             hint = "prescribe displacements instead of forces, or end the path there"
@@ -291,7 +280,7 @@ def folded(end: FiniteEnd) -> Iterator[Check]:
 
 
 END: Sequence[Callable[[FiniteEnd], Iterator[Check]]] = (
-    *(energy_estimate, estimates, located, increments, bifurcations, folded),
+    *(energy_estimate, estimates, located, bifurcations, folded),
     *COMMON,
 )
 """Checks of a completed path at finite strain."""

@@ -212,8 +212,7 @@ class _Path:
                 self._failed(position, found)
 
     def _excess(self, found: FiniteContactState, position: float, reached: float) -> float:
-        """Slips, work and motions in an increment to the state ``found`` over their limits: the largest
-        ratio."""
+        """Largest ratio of slips, work and motions in an increment to a state to their limits."""
         scene, contacts, now, ratios = self._scene, self._scene.contacts, self.now, [0.0]
         for contact, here, _ in contacts.each:
             closed = found.sets.closed[here] | now.sets.closed[here]

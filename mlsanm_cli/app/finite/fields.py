@@ -12,7 +12,7 @@ from mlsanm_cli.app.output.parts import contact_figures
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import Displacement, ObstacleMotion, Platen
 from mlsanm_cli.cloud.membership import cross
-from mlsanm_cli.contact.finite.pair import NO_GAP, RigidContact
+from mlsanm_cli.contact.finite.pair import NO_GAP, BodyContact, RigidContact
 from mlsanm_cli.contact.geometry.profile import unrolled
 from mlsanm_cli.io.columns import Quantities
 from mlsanm_cli.mechanics.elasticity import von_mises
@@ -125,15 +125,12 @@ def resultants(scene: FiniteScene, state: State) -> dict[str, FloatArray]:
     for label, places in scene.supports.items():
         held = (bodies[body].reactions.get(name, nothing) for body, name in places)
         found[label] = sum(held, nothing)
-    movers: dict[object, list[Platen | ObstacleMotion]] = {}
-    for load in case.load:
-        if isinstance(load, Platen | ObstacleMotion):
-            moved = load.obstacle if isinstance(load, ObstacleMotion) else (load.boundary, load.ends)
-            movers.setdefault(moved, []).append(load)
-    for group in movers.values():
+    movers = [load for load in case.load if isinstance(load, Platen | ObstacleMotion)]
+    moved = [one.obstacle if isinstance(one, ObstacleMotion) else (one.boundary, one.ends) for one in movers]
+    for load, own in zip(movers, moved, strict=True):
+        group = [one for one, other in zip(movers, moved, strict=True) if other == own]
         reporting = [[one for one in group if axis in one.control] or group[:1] for axis in ("x", "y")]
-        for load in group:
-            found[load.name] = np.where([load in some for some in reporting], found[load.name], 0.0)
+        found[load.name] = np.where([load in some for some in reporting], found[load.name], 0.0)
     return found | {f"{CONTACT_PREFIX}{name}": force for name, force in pressed.items()}
 
 
@@ -166,54 +163,46 @@ def figures_of_contacts(scene: FiniteScene, state: State) -> dict[str, dict[str,
         if contact.slave.around is not None:
             order, arc = unrolled(arc, contact.slave.around, pressure)
             pressure = pressure[order]
-        found[contact.name] = contact_figures(record, arc, pressure, pressed[0])
         limit = contact.friction * record["pressure"]
         ratio = np.abs(record["traction"][limit > 0.0]) / limit[limit > 0.0]
-        found[contact.name]["max_cone_ratio"] = float(ratio.max(initial=0.0)) if contact.friction else None
-        if len(pressed) == 2:
-            found[contact.name]["force_master"] = pressed[1].tolist()
-        if isinstance(contact, RigidContact) and contact.rotation.any():
+        own = {"max_cone_ratio": float(ratio.max(initial=0.0)) if contact.friction else None}
+        if isinstance(contact, BodyContact):
+            own["force_master"] = pressed[1].tolist()
+        elif contact.rotation.any():
             # Of the tractions on the body about the obstacle's pivot.
             slave, pivot = contact.slave, contact.pivot + contact.motion @ state.driven
             at = slave.places + state.solver["surface"][there].reshape(-1, 2) - pivot
             force = slave.weight[:, None] * state.side_traction[there].reshape(-1, 2)
-            found[contact.name]["moment"] = float(cross(at, force).sum())
+            own["moment"] = float(cross(at, force).sum())
+        found[contact.name] = contact_figures(record, arc, pressure, pressed[0]) | own
     return found
 
 
 def platen_displacements(scene: FiniteScene, state: State) -> dict[str, FloatArray]:
     """Displacement (2,) of every platen and obstacle, by the name of the load that moves it."""
-    moved = {}
-    rigid = {one.name: one for one in scene.contacts.pairs if isinstance(one, RigidContact)}
-    for load in scene.case.load:
-        if isinstance(load, ObstacleMotion):
-            moved[load.name] = rigid[load.obstacle].motion @ state.driven
-    for plate in scene.contacts.plates:
-        for number in plate.loads:
-            moved[scene.case.load[number].name] = plate.motion[:2] @ state.driven
-    return moved
+    motions = {one.name: one.motion for one in scene.contacts.pairs if isinstance(one, RigidContact)}
+    loads = scene.case.load
+    moved = {one.name: motions[one.obstacle] for one in loads if isinstance(one, ObstacleMotion)}
+    moved |= {loads[k].name: plate.motion[:2] for plate in scene.contacts.plates for k in plate.loads}
+    return {name: motion @ state.driven for name, motion in moved.items()}
 
 
 def plates_turned(scene: FiniteScene, state: State) -> dict[str, dict[str, float]]:
     """Rotation of every plate that rotates, and moment about its hinge."""
     found, loaded = {}, scene.loaded(state)
     for plate in (one for one in scene.contacts.plates if one.motion[2].any()):
-        moments = [plate.pulled(name, *loaded[name])[0][2] for name in plate.surfaces]
-        rotation = float(plate.motion[2] @ state.driven)
-        found[plate.name] = {"rotation": rotation, "moment": float(sum(moments))}
+        moment = sum(float(plate.pulled(name, *loaded[name])[0][2]) for name in plate.surfaces)
+        found[plate.name] = {"rotation": float(plate.motion[2] @ state.driven), "moment": moment}
     return found
 
 
 def extremes(scene: FiniteScene, state: State) -> Mapping[str, float]:
     """Extreme stretches, volume ratio and acoustic tensor of a state."""
-    every = list(fields_of(scene, state).values())
-    waves = [
-        float(scene.bodies[name].ellipticity(own, state.factors).min())
-        for name, own in scene.parts(state.displacement).items()
-    ]
-    return {
-        "least_stretch": min(float(one["stretch"].min()) for one in every),
-        "largest_stretch": max(float(one["stretch"].max()) for one in every),
-        "least_volume_ratio": min(float(one["volume_ratio"].min()) for one in every),
-        "ellipticity": min(waves),
-    }
+    every, parts = fields_of(scene, state).values(), scene.parts(state.displacement).items()
+    stretch, volume = (
+        np.concatenate([one[key].ravel() for one in every]) for key in ("stretch", "volume_ratio")
+    )
+    waves = [scene.bodies[name].ellipticity(own, state.factors).min() for name, own in parts]
+    names = "least_stretch", "largest_stretch", "least_volume_ratio", "ellipticity"
+    values = map(float, (stretch.min(), stretch.max(), volume.min(), min(waves)))
+    return dict(zip(names, values, strict=True))

@@ -85,11 +85,6 @@ def knots(nodes: SideNodes, sizes: Sizes) -> FloatArray:
     return arc if nodes.around is None else arc[:-1]
 
 
-def knots_of(scene: FiniteScene) -> Knots:
-    """Arc lengths of all knots."""
-    return [[side.arc for side in contact.sides] for contact in scene.contacts.pairs]
-
-
 def with_knots(scene: FiniteScene, arcs: Knots) -> FiniteScene:
     """The scene with knots at other arc lengths."""
     pairs = list[AnyContact]()
@@ -113,7 +108,7 @@ def located(scene: FiniteScene, context: RunContext) -> FiniteScene:
     wanted = {*scene.case.output.at, *np.arange(1.0, len(scene.stages)).tolist()}
     accuracy = {one.name: one.accuracy for one in scene.case.contact}
     for _ in range(MAX_PASSES):
-        scene, fewest, reached = _graded(scene, sizes), np.inf, 0.0
+        scene, fewest, reached = with_knots(scene, _arcs(scene, sizes)), np.inf, 0.0
         sizes = [[np.zeros((0, 3)) for _ in contact.sides] for contact in scene.contacts.pairs]
         steps = contact_path(scene, coarse=True)
         while reached < np.inf:
@@ -133,13 +128,12 @@ def located(scene: FiniteScene, context: RunContext) -> FiniteScene:
                     sizes[number] = [np.vstack(one) for one in zip(sizes[number], more, strict=True)]
         if fewest >= FEW and reached == np.inf:
             break
-    return replace(_graded(scene, sizes), located=reached)
+    return replace(with_knots(scene, _arcs(scene, sizes)), located=reached)
 
 
-def _graded(scene: FiniteScene, sizes: Sequence[Sequence[Sizes]]) -> FiniteScene:
-    both = zip(scene.contacts.pairs, sizes, strict=True)
-    sides = [zip(contact.sides, own, strict=True) for contact, own in both]
-    return with_knots(scene, [[knots(side.nodes, one) for side, one in each] for each in sides])
+def _arcs(scene: FiniteScene, sizes: Sequence[Sequence[Sizes]]) -> Knots:
+    each = zip((contact.sides for contact in scene.contacts.pairs), sizes, strict=True)
+    return [[knots(side.nodes, one) for side, one in zip(*both, strict=True)] for both in each]
 
 
 def _minima(side: ContactSide, gap: FloatArray) -> Iterator[float]:

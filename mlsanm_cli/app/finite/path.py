@@ -13,19 +13,11 @@ from mlsanm_cli.app.finite.accuracy import missed_alone
 from mlsanm_cli.app.finite.checks import path_failure
 from mlsanm_cli.app.finite.scene import FiniteScene
 from mlsanm_cli.arrays import FloatArray
-from mlsanm_cli.continuation import (
-    AnmOptions,
-    Branch,
-    Effort,
-    NewtonOptions,
-    Step,
-    StopReason,
-    correct,
-    follow,
-)
-from mlsanm_cli.continuation.corrector import Correction, iterate
-from mlsanm_cli.continuation.problem import SingularTangentError
-from mlsanm_cli.continuation.series import root
+from mlsanm_cli.continuation import follow
+from mlsanm_cli.continuation.corrector import Correction, Effort, correct, iterate
+from mlsanm_cli.continuation.path import Step, StopReason
+from mlsanm_cli.continuation.problem import AnmOptions, NewtonOptions, SingularTangentError
+from mlsanm_cli.continuation.series import Branch, root
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.mechanics.finite.body import far_from
 from mlsanm_cli.mechanics.finite.projector import FiniteProblem

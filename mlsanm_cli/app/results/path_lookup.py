@@ -9,7 +9,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.contact.geometry.profile import unrolled
-from mlsanm_cli.continuation import Branch
+from mlsanm_cli.continuation.series import Branch
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.io.columns import force_on_slave
 from mlsanm_cli.io.run_reader import Dataset, RunData, read_series

@@ -29,7 +29,7 @@ from mlsanm_cli.mechanics.body import ElasticBody, Timed
 from mlsanm_cli.mechanics.body_model import BodyModel, model_key
 from mlsanm_cli.mechanics.material import PlaneMaterial
 from mlsanm_cli.mechanics.scene import Probe
-from mlsanm_cli.mechanics.springs import restrained, restraining
+from mlsanm_cli.mechanics.supports import restrained, restraining
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.operators.factors import LinearSolver
 from mlsanm_cli.operators.neighbors import MlsSettings

@@ -12,7 +12,7 @@ from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.errors import CaseError, CaseProblem
 from mlsanm_cli.mechanics.rigid import ROTATION, free_motions
 from mlsanm_cli.mechanics.scene import RigidConstraint, RigidMotion
-from mlsanm_cli.mechanics.springs import Springs
+from mlsanm_cli.mechanics.supports import Springs
 from mlsanm_cli.roundoff import ROUND_OFF
 
 HeldSurfaces = Mapping[str, Mapping[str, tuple[bool, bool]]]

@@ -74,8 +74,7 @@ class LooseMotions:
 
 @dataclass(frozen=True)
 class DrivenObstacle:
-    """Unknown motion ``number`` of the obstacle of contact number ``contact``: its ``component``, under a
-    ``force`` (L,) per load factor."""
+    """Unknown motion ``number``, a ``component``, of a ``contact``'s obstacle under a ``force`` (L,)."""
 
     contact: int
     component: int
@@ -201,8 +200,7 @@ class Contacts:
         return np.array(forces).reshape(-1, 2)
 
     def turned(self, surface: FloatArray) -> tuple[ComplexArray, sparse.csr_array]:
-        """Rotations (s,) of all sides as unit complex numbers for displacements ``surface`` (2s,), and rows
-        (s, 2s) of the angles."""
+        """Rotations (s,) of sides displaced by ``surface`` (2s,), and rows (s, 2s) of the angles."""
         turns = [side.deformed(surface[here]) for side, here in self.sides]
         turn = np.concatenate([np.zeros(0, dtype=np.complex128), *(one for one, _ in turns)])
         return np.asarray(turn / np.abs(turn)), diagonal([rows for _, rows in turns])

@@ -29,8 +29,7 @@ REUSE_BELOW, REUSE_RATE = 1e-3, 0.1
 """Derivatives of the bodies are reused after an update below REUSE_BELOW times the typical displacement, as
 long as updates shrink by REUSE_RATE or better."""
 INITIAL_OVERLAP = 1e-3
-"""Initial penetration allowed to a free body that falls on something, as a fraction of the typical
-displacement."""
+"""Penetration allowed to a free body that falls on something, over the typical displacement."""
 
 
 @dataclass(frozen=True)

@@ -265,9 +265,8 @@ class Iteration:
         self.sets = ContactStatus(masks[0], masks[1], slip_sign)
 
     def stability(self, met: Meeting) -> float:
-        """Least resistance of a contact with closed nodes, at closed nodes between two others, to pressures
-        of fixed direction that oscillate from node to node; held nodes are excluded, as are pressures with
-        forces on floating bodies."""
+        """Least resistance of a contact, at closed nodes between two others that are not held, to pressures
+        that oscillate from node to node without forces on floating bodies."""
         bodies = {name: body for name, (body, *_) in self._loaded.items()}
         contacts, least = self.system.contacts, np.inf
         pushed = self.seen @ self.push

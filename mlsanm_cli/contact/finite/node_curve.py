@@ -195,8 +195,7 @@ def integration(
 
 
 def _slope_weights(place: FloatArray, own: IntArray) -> FloatArray:
-    """Weights (e, k) of the derivatives at the nodes ``own`` (e,) of polynomials through nodes at ``place``
-    (e, k), by the barycentric formula."""
+    """Barycentric weights (e, k) of derivatives at nodes ``own`` (e,) of those at ``place`` (e, k)."""
     number, size = np.arange(len(place)), place.shape[1]
     share = 1.0 / (place[:, :, None] - place[:, None, :] + np.eye(size)).prod(axis=2)
     away = place[number, own][:, None] - place

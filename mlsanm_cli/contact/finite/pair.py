@@ -114,16 +114,14 @@ MAX_DEPTH = 3.0
 DIFFERENCE_STEP = 1e-3
 """Step of differences along polylines, as a fraction of a node's length."""
 END_OVERHANG = 0.5
-"""Closed nodes stay candidates until they are farther than this fraction of their length beyond the master's
-end: otherwise a node there would leave under pressure and return without it indefinitely, with half its
-length covered."""
+"""Closed nodes stay candidates up to this fraction of their length beyond the master's end: a node there
+would leave under pressure and return without it indefinitely."""
 
 
 @dataclass(frozen=True)
 class BodyContact:
     """The contact ``name`` of a ``slave`` with a deformable ``master``; ``friction`` is Coulomb's
-    coefficient. ``exchanged``: roles are swapped with respect to the case, on whose slave forces and
-    directions are reported."""
+    coefficient. ``exchanged``: roles are swapped with respect to the case."""
 
     name: str
     slave: ContactSide

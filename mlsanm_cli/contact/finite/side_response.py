@@ -87,8 +87,7 @@ class Compliance:
     to the sides, which would be a spring between one side and all others."""
 
     def __init__(self, nodes: SideNodes, projector: Projector, first: int) -> None:
-        """From a body's equations in the undeformed state, whose loads from number ``first`` on are the unit
-        tractions."""
+        """From a body's equations before loading, whose loads from ``first`` on are the unit tractions."""
         body, elastic = projector.body, projector.body.elastic
         self.nodes, self.body, cloud = nodes, elastic, elastic.model.cloud
         still, none = np.zeros(body.unknowns), np.zeros(body.loads.count)

@@ -24,8 +24,7 @@ from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 
 CORNER_NODES = 2
-"""Up to this many nodes from corners without near field the response is that of the cloud, from twice as many
-on that of near fields."""
+"""Nodes from corners without near field with the cloud's response, from twice as many on with near fields."""
 HALF_WINDOW = 4
 """Half-width of the fits' windows, in nodes: they suppress waves shorter than about six nodes."""
 
@@ -147,11 +146,10 @@ class SideNodes(Points):
 
     def _away(self, ignored: Collection[int]) -> FloatArray:
         """Numbers (c,) of nodes to the nearest corner not ``ignored`` or at a plane of symmetry."""
-        number, away = np.arange(self.count), np.full(self.count, np.inf)
-        for corner in set(self.corners) - _ends(self, self.planes) - set(ignored):
-            apart = np.abs(number - corner)
-            away = np.minimum(away, apart if self.around is None else np.minimum(apart, self.count - apart))
-        return away
+        corners = sorted(set(self.corners) - _ends(self, self.planes) - set(ignored))
+        apart = np.abs(np.arange(self.count)[:, None] - np.array(corners, dtype=np.int64))
+        apart = apart if self.around is None else np.minimum(apart, self.count - apart)
+        return np.asarray(np.min(apart.astype(float), axis=1, initial=np.inf))
 
     @cached_property
     def fit(self) -> FloatArray:

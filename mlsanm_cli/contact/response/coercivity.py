@@ -13,9 +13,9 @@ from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.contact.geometry.pairing import Pairing, spacing_ratio
 from mlsanm_cli.contact.response.compressed import compressed, null_space
 from mlsanm_cli.errors import UnstableError
+from mlsanm_cli.mechanics.body import bulk_stability
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.scene import Scene
-from mlsanm_cli.mechanics.stability import bulk_stability
 from mlsanm_cli.memo import Memo, digest
 from mlsanm_cli.roundoff import COARSE_ROUND_OFF
 

@@ -14,7 +14,7 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.elasticity import traction_of
 from mlsanm_cli.mechanics.energy import along_surface, extended, inner_work, over_body, rigid_part
 from mlsanm_cli.mechanics.scene import Scene
-from mlsanm_cli.mechanics.springs import FREE, NO_SPRING
+from mlsanm_cli.mechanics.supports import FREE, NO_SPRING
 from mlsanm_cli.roundoff import FINE_ROUND_OFF
 
 
@@ -37,9 +37,9 @@ def work_on(
     elastic, factors = scene.bodies[body], unknowns[0]
     cloud, material = elastic.model.cloud, elastic.model.material
     # Tractions and displacements are those of the equations, without what heating adds there.
-    cold = factors.copy()
-    cold[[heating.number for heating in scene.heated(body)]] = 0.0
-    given = condensed.sources[body] @ condensed.drive((cold, *unknowns[1:]))
+    drivers = condensed.drive(unknowns)
+    drivers[[heating.number for heating in scene.heated(body)]] = 0.0
+    given = condensed.sources[body] @ drivers
     moved, origin, bent = _paths(elastic, given, displacement, near, single)
     path = moved - origin
     total = inner_work(cloud, stress, origin) if bent else 0.0

@@ -262,8 +262,7 @@ def far_from(body: FiniteBody, displacement: FloatArray, base_state: FloatArray)
 
 
 def most_stretched(body: FiniteBody, displacement: FloatArray, base_state: FloatArray) -> tuple[float, int]:
-    """Largest stretch of a node, or inverse of the smallest, between the ``base_state`` (2N,) and
-    ``displacement`` (2N,), and the node."""
+    """Largest stretch of a node, or inverse of the smallest, between two states (2N,), and the node."""
     now, then = (
         (body.gradient(u) + np.array([1.0, 0.0, 0.0, 1.0])[:, None]).T.reshape(-1, 2, 2)
         for u in (displacement, base_state)

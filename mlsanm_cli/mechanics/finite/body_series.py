@@ -1,5 +1,4 @@
-"""Residuals of a body's equations at finite strain along a path, order by order, and the forces of a
-state."""
+"""Residuals of a body's equations along a path, order by order, and the forces of a state."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.eigenstress import Heating
 from mlsanm_cli.mechanics.pieces import rule_of
-from mlsanm_cli.mechanics.springs import FREE
+from mlsanm_cli.mechanics.supports import FREE
 from mlsanm_cli.operators.stencil_weights import Stencils
 from mlsanm_cli.operators.stencils import build_stencils
 from mlsanm_cli.records import dataclass
@@ -34,8 +34,7 @@ class Turning:
     arms: FloatArray
 
     def moved(self, cos: float, sin: float) -> FloatArray:
-        """Displacements (b,) of points whose arms are multiplied by a rotation matrix of entries cos and
-        sin."""
+        """Displacements (b,) of points whose arms are multiplied by a rotation matrix."""
         x, y = self.arms.T
         return np.asarray(cos * x - sin * y if self.component == 0 else sin * x + cos * y)
 

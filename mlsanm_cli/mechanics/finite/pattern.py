@@ -13,7 +13,7 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.mechanics.body import ElasticBody
 from mlsanm_cli.mechanics.finite.loads import FacePoints
-from mlsanm_cli.mechanics.springs import FREE
+from mlsanm_cli.mechanics.supports import FREE
 from mlsanm_cli.operators.least_squares import symbolic_of
 
 
@@ -30,8 +30,7 @@ class Entries:
         return np.searchsorted(self.keys, keys)
 
     def coefficients(self, rows: sparse.csr_array, first: int) -> IntArray:
-        """Places of the coefficients of ``rows`` (s, 2N), which begin with row ``first``, in an array (2m,)
-        of pairs."""
+        """Places of the coefficients of ``rows`` (s, 2N) from ``first`` on in an array (2m,) of pairs."""
         return np.asarray(2 * self.at(_keys(rows, first)) + rows.indices % 2)
 
 

@@ -32,8 +32,7 @@ from mlsanm_cli.operators.least_squares import Strong
 from mlsanm_cli.records import dataclass
 
 PIVOT_THRESHOLD = 1e-3
-"""A diagonal entry is accepted as pivot down to this fraction of the largest in its column: other pivots
-destroy the nested dissection."""
+"""Diagonal entries are pivots down to this fraction of their column: others destroy the nested dissection."""
 MAX_REFINEMENTS, REFINEMENT_TOLERANCE = 8, 1e-7
 """Largest number of refinements of a solution, and relative change below which the last one is sufficient:
 the next one would change it by this fraction of that."""
@@ -114,8 +113,7 @@ class Projector:
         self, displacement: FloatArray, factors: FloatArray, iterating: bool = False
     ) -> Factorised:
         """The derivative of the equations at ``displacement`` (2N,) and load ``factors`` (L,); in iterations
-        of Newton's method with the mean stress that the last one predicted. Raises NumericalError if
-        singular."""
+        of Newton's method with the mean stress that the last one predicted. NumericalError if singular."""
         mean = None
         if iterating and self.body.law.nested:
             here, earlier = MeanStress(self.body, displacement, factors), self._last[:]

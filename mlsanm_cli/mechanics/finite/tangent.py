@@ -200,8 +200,7 @@ def _add_forces(
 def held_force(
     body: FiniteBody, displacement: FloatArray, factors: FloatArray, names: Collection[str], about: FloatArray
 ) -> tuple[FloatArray, sparse.csr_array]:
-    """Force x, y and moment (3,) about a point (2,) of some held sides, and rows (3, 2N) of their
-    derivatives."""
+    """Force x, y and moment (3,) about a point (2,) of held sides, and their derivatives (3, 2N)."""
     inner, held, _ = body.points
     some, nodes = np.zeros(held.count), body.unknowns // 2
     for name in names:

@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mlsanm_cli.continuation import Branch, Effort, Step
+from mlsanm_cli.continuation.corrector import Effort
+from mlsanm_cli.continuation.path import Step
+from mlsanm_cli.continuation.series import Branch
 from mlsanm_cli.io.run_reader import read_run
 from tests.app.runs import summary_of
 from tests.app.scenes import ANM, BAR, EXACT_LAW, FAST, NEWTON, NODAL, SMOOTH, hertz, solve

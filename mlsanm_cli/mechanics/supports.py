@@ -1,15 +1,18 @@
-"""Row weights near stress concentrations: changes of support, reentrant corners, notches, holes.
+"""Supports along a body's surfaces, held or by springs, and row weights where the stress concentrates.
+
+A spring of stiffness k is stiff if it gives way less than the body itself, k size > C: it acts as a
+support, and its force is computed from the stress. Soft springs act as tractions.
 
 Where a fully held surface meets a free one the stress is singular. Strong-form least squares requires
 second derivatives, which are not square-integrable there, and would prefer a smooth wrong solution. Rows
 are weighted by a power of the distance to the nearest such place, as in the weighted norms of Cox and Fix
 (Computers & Mathematics with Applications 10, 1984) and Lee, Manteuffel and Westphal (SIAM Journal on
 Numerical Analysis 44, 2006); near unresolved reentrant corners, notches and holes by a power of the
-distance plus the radius. Corners whose singular functions enrich the fits are resolved."""
+distance plus the radius."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -18,7 +21,49 @@ from mlsanm_cli.arrays import FloatArray, IntArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.cloud.tips import SMOOTH_TURN
-from mlsanm_cli.mechanics.springs import FREE, NO_SPRING, Held, Springs
+from mlsanm_cli.mechanics.material import PlaneMaterial
+
+Springs = Mapping[str, tuple[float, float]]
+Held = Mapping[str, tuple[bool, bool]]
+
+CORNER_STIFFNESS_RATIO = 30.0
+"""Springs up to this times the stiffest soft one leave the corner field of a free surface valid."""
+NO_SPRING = (0.0, 0.0)
+FREE = (False, False)
+
+
+def stiffest_soft(cloud: Cloud, material: PlaneMaterial, surface: str | None = None) -> float:
+    """Largest stiffness k of a soft spring along a ``surface`` or the whole body."""
+    size = float(np.ptp(cloud.points, axis=0).max())
+    if surface is not None:
+        size = min(size, cloud.surfaces[surface].curve.length)
+    return material.modulus / size
+
+
+def restrained(
+    held: Held, springs: Springs, cloud: Cloud, material: PlaneMaterial
+) -> dict[str, tuple[bool, bool]]:
+    """Components of every surface that are held, or have stiff springs."""
+    found = dict(held)
+    for name, (x, y) in springs.items():
+        limit, before = stiffest_soft(cloud, material, name), held.get(name, FREE)
+        if max(x, y) > limit:
+            found[name] = (before[0] or x > limit, before[1] or y > limit)
+    return found
+
+
+def restraining(springs: Springs, cloud: Cloud, material: PlaneMaterial) -> list[str]:
+    """Surfaces whose springs invalidate the corner field of a free surface."""
+    limit = CORNER_STIFFNESS_RATIO * stiffest_soft(cloud, material)
+    return [name for name, both in springs.items() if max(both) > limit]
+
+
+def soft(springs: Springs, cloud: Cloud, material: PlaneMaterial) -> dict[str, tuple[float, float]]:
+    """The soft springs, 0 in the other components."""
+    limits = {name: stiffest_soft(cloud, material, name) for name in springs}
+    found = {name: (x * (x <= limits[name]), y * (y <= limits[name])) for name, (x, y) in springs.items()}
+    return {name: both for name, both in found.items() if any(both)}
+
 
 POWER = 1.5
 """Exponent of the weights; above 0.3 weighted second derivatives of the singular displacements are
