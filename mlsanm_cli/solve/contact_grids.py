@@ -190,7 +190,7 @@ class _GridSearch:
         self._fits = {fit.name: fit for fit in fits}
         if not changed:
             return
-        if any(fit.grid.samples_differ(before[fit.name].grid) for fit in fits):
+        if any(fit.grid.unfolding != before[fit.name].grid.unfolding for fit in fits):
             self._responses = None
         begun = any(fit.room.first != before[fit.name].room.first for fit in fits)
         old = self.condensed

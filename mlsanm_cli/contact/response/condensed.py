@@ -24,10 +24,10 @@ import scipy.sparse as sparse
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.contact.complementarity.problem import Problem
 from mlsanm_cli.contact.geometry.pairing import Pairing
+from mlsanm_cli.contact.response.basis import Drivers, spans
 from mlsanm_cli.contact.response.bonds import Bonds
 from mlsanm_cli.contact.response.compressed import Bordered, Multiplier, compressed, largest
 from mlsanm_cli.contact.response.contact_fields import NearFields
-from mlsanm_cli.contact.response.drivers import Drivers, spans
 from mlsanm_cli.contact.response.linear_map import LinearMap
 from mlsanm_cli.mechanics.near_field import as_complex
 from mlsanm_cli.mechanics.scene import Scene

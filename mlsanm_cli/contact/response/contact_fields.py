@@ -92,10 +92,6 @@ class Intervals:
         """Unit forces on the body at given points."""
         return SurfaceForces(self.kernel, place, inward, self.grid.centers[0 if self.slave else 1])
 
-    def of_points(self, span: slice) -> SurfaceForces:
-        """Unit forces (q i,) at the quadrature points of some intervals."""
-        return self.sources(self.place[:, span].ravel(), self.inward[:, span].ravel())
-
     def of_samples(self, span: slice) -> tuple[SurfaceForces, FloatArray]:
         """Unit forces at samples, and the shares (k, q i) in them of forces at the quadrature points of some
         intervals, which they represent from afar."""
@@ -265,7 +261,8 @@ def _arrange(
         for half in (slice(span.start, middle), slice(middle, span.stop)):
             _arrange(intervals, z, adjacent, half, groups, pairs, corner)
         return
-    sources, image = acting(intervals.of_points(span))
+    places = intervals.place[:, span].ravel(), intervals.inward[:, span].ravel()
+    sources, image = acting(intervals.sources(*places))
     if corner is not None:
         groups.append(_Group(adjacent, z[adjacent], span, sources, None, image))
         return

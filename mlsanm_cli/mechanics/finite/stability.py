@@ -58,10 +58,8 @@ Loaded: TypeAlias = tuple[FiniteBody, FloatArray, FloatArray]
 
 def softest_motion(displaced: Callable[[FloatArray], FloatArray], bodies: Sequence[Loaded]) -> SoftMotion:
     """The softest motion of ``bodies``, which body forces (2N,) per undeformed area have ``displaced``."""
-    clouds, stresses = (
-        [body.elastic.model.cloud for body, *_ in bodies],
-        [one[0].stress(*one[1:]) for one in bodies],
-    )
+    clouds = [body.elastic.model.cloud for body, *_ in bodies]
+    stresses = [body.stress(displacement, factors) for body, displacement, factors in bodies]
     areas = np.repeat(np.concatenate([cloud.areas for cloud in clouds]), 2)
     root = np.sqrt(areas)
     # A force with parts of all long waves: cubic polynomials with irregular coefficients.
