@@ -100,9 +100,8 @@ class Iteration:
             factorised[name], z[here] = one, -one.solve(projector.scaled(rest))
         # Nodes that may touch, and the tractions that these affect.
         gap = met.gap + met.d_gap @ (system.onto @ z)
-        near = met.facing & (
-            (gap <= (REACH_WITH_MOTIONS * system.length if contacts.free else 0.0)) | (p > 0.0)
-        )
+        reach = REACH_WITH_MOTIONS * system.length if contacts.free else 0.0
+        near = met.facing & ((gap <= reach) | (p > 0.0))
         for _ in range(ADJACENT_NODES):
             near = met.facing & (contacts.adjacent @ near > 0.0)
         self.chosen = np.flatnonzero(near)
@@ -196,9 +195,8 @@ class Iteration:
         for driven in contacts.driven:
             shifted[contacts.pushing(driven), driven.number] -= 1.0
         self.turning = met.turning(self._p, self._q)[touched]
-        self.push, self.pull = (
-            met.columns(way)[touched][:, chosen].toarray() for way in (met.normal, met.tangent)
-        )
+        self.push = met.columns(met.normal)[touched][:, chosen].toarray()
+        self.pull = met.columns(met.tangent)[touched][:, chosen].toarray()
         self.d_gap, self.d_slip = met.d_gap[chosen], met.d_slip[chosen]
         self.inverse = np.linalg.inv(np.eye(count) - self.turning @ self.seen)
         self.loads = self.inverse @ np.hstack([self.push, self.pull, self.turning @ shifted])

@@ -149,10 +149,8 @@ class HatPairs:
     def _near(self) -> list[NearPairs]:
         """The near pairs of sgn(s - s'), and of ln|s + shift - s'| for every shift."""
         every = np.indices((len(self.widths),) * 2).reshape(2, -1)
-        return [
-            self.near(SIGN, 0.0, *every),
-            *(self.near(LOGARITHM, shift, *every) for shift in self.hats.shifts),
-        ]
+        logarithms = [self.near(LOGARITHM, shift, *every) for shift in self.hats.shifts]
+        return [self.near(SIGN, 0.0, *every), *logarithms]
 
     def integrals(self, log: FloatArray, turn: FloatArray, one: FloatArray, other: FloatArray) -> FloatArray:
         """Double integrals (m, m) of one(s)^T (log ln|s - s'| + turn sgn(s - s')) other(s') with the hats,

@@ -73,10 +73,8 @@ def _condensed(scene: Scene, content: str, responses: BodyResponses) -> Condense
         gap, slip = compressed_gap(scene, drivers, smooth, weight), LinearMap.zeros(0, counts)
     else:
         moved = {one.name: drivers.by_unknowns(rows[one.name][0]) for one in pairings}
-        gap, slip = (
-            stack([moved[one.name].combined(means[one.name](which)) for one in some], counts)
-            for which, some in enumerate((pairings, drivers.frictional))
-        )
+        gap = stack([moved[one.name].combined(means[one.name](0)) for one in pairings], counts)
+        slip = stack([moved[one.name].combined(means[one.name](1)) for one in drivers.frictional], counts)
         for pairing in pairings:
             add_singular(gap, scene, drivers, pairing, 0)
         for pairing in drivers.frictional:

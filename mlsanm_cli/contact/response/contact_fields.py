@@ -69,9 +69,8 @@ class Intervals:
         s = ends[:-1] + SHARES[:, None] * np.diff(ends)
         place, inward, both = grid.facing.side_and_directions(s.ravel(), slave)
         normal, tangent = (one.reshape(*s.shape, 2) for one in both)
-        return cls(
-            grid, slave, kernel, ends, place.reshape(s.shape), inward.reshape(s.shape), (normal, tangent)
-        )
+        at_points = place.reshape(s.shape), inward.reshape(s.shape), (normal, tangent)
+        return cls(grid, slave, kernel, ends, *at_points)
 
     @property
     def steps(self) -> FloatArray:
@@ -308,10 +307,10 @@ def _close_matrix(
             places = (first[some, None] + share * step).ravel()
             *side, directions = intervals.grid.facing.side_and_directions(places, intervals.slave)
             sources, seen = intervals.sources(*side), np.repeat(z[some], points)
-            fields = np.concatenate(
-                [sources.displacement_of_each(seen), sources.stress_of_each(seen)], axis=1
+            fields = sources.displacement_of_each(seen), sources.stress_of_each(seen)
+            by_kind = (np.concatenate(fields, axis=1) @ np.stack(directions, axis=2)).reshape(
+                *share.shape, 5, 2
             )
-            by_kind = (fields @ np.stack(directions, axis=2)).reshape(*share.shape, 5, 2)
             hats = length[:, :, None] * np.stack([1.0 - share, share], axis=2)
             values[some] = np.einsum("pkfd,pke->pfed", by_kind, hats)
     rows = np.broadcast_to((row[:, None] + count * np.arange(5))[:, :, None, None], values.shape)

@@ -99,9 +99,8 @@ def softest_motion(displaced: Callable[[FloatArray], FloatArray], bodies: Sequen
             # those of pressures differ, they do not.
             energy = -resistance * float(areas @ motion**2)
             parts = zip(bodies, stresses, np.split(motion, ends), strict=True)
-            elastic, geometric = np.sum(
-                [_energies(*one[:2], stress, part) for one, stress, part in parts], axis=0
-            )
+            energies = [_energies(*one[:2], stress, part) for one, stress, part in parts]
+            elastic, geometric = np.sum(energies, axis=0)
             if elastic > max(-2.0 * geometric, 0.5 * energy):
                 continue
             unstable += 1
