@@ -102,8 +102,7 @@ class GridBasis:
                 surface = self._pairing.surface_of(slave)
                 for component, axis in enumerate(np.eye(2)):
                     along = np.tile(axis, (len(surface.index), 1))
-                    source = body.source(surface.name, along, held=False)
-                    total[:, self.samples + component] += sign * source
+                    total[:, self.samples + component] += sign * body.source(surface.name, along, held=False)
             for number, pin in pins:
                 for component, row in body.pin_rows(pin.node):
                     place = number + component * len(grid.pinned)

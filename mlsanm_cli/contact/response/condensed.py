@@ -226,8 +226,7 @@ class Condensed:
     ) -> tuple[FloatArray, sparse.csc_array]:
         """Solution (2N, 1) of a body's elastic system in a state f, q, p, t, and its right-hand side (r, 1):
         one solve; none without contact, as the ``solutions`` (2N, drivers) are stored then."""
-        f, q, p, t = unknowns
-        source = self.source(body, f, q, p, t)
+        source = self.source(body, *unknowns)
         if body in self.solutions:
             own = self.inner[body][1] if body in self.inner else 0.0
             return (self.solutions[body] @ self.drive(unknowns) + own)[:, None], source

@@ -307,10 +307,9 @@ def _close_matrix(
             places = (first[some, None] + share * step).ravel()
             *side, directions = intervals.grid.facing.side_and_directions(places, intervals.slave)
             sources, seen = intervals.sources(*side), np.repeat(z[some], points)
-            fields = sources.displacement_of_each(seen), sources.stress_of_each(seen)
-            by_kind = (np.concatenate(fields, axis=1) @ np.stack(directions, axis=2)).reshape(
-                *share.shape, 5, 2
-            )
+            both = sources.displacement_of_each(seen), sources.stress_of_each(seen)
+            fields = np.concatenate(both, axis=1)
+            by_kind = (fields @ np.stack(directions, axis=2)).reshape(*share.shape, 5, 2)
             hats = length[:, :, None] * np.stack([1.0 - share, share], axis=2)
             values[some] = np.einsum("pkfd,pke->pfed", by_kind, hats)
     rows = np.broadcast_to((row[:, None] + count * np.arange(5))[:, :, None, None], values.shape)
