@@ -46,7 +46,16 @@ def paper_path(built: CondensedScene, start: Checkpoint | None = None) -> Iterat
         yield PathStep(state, saved, 0.0, 0, *counts, checkpoint=Checkpoint(state))
     else:
         stage, position = min(start.stage, len(stages) - 2), start.position
-        point = _restored(system.changed(start=stages[stage], end=stages[stage + 1]), start.state, stage)
+        state, x = start.state, np.zeros(system.size)
+        x[system.places["u"]] = state.displacement
+        for name, symbol in SYMBOLS.items():
+            x[system.places[symbol]] = getattr(state, name)
+        x = system.with_plastic_slips(x)
+        a, b = system.split(x, "ab")
+        reference = state.slip + system.law.compliance * state.traction + a - b
+        system = system.changed(start=stages[stage], end=stages[stage + 1], reference=reference)
+        point = Point(system, x, position - stage, state.work)
+        point = replace(point, work=2.0 * state.work - point.dissipated())
         if position in stage + np.append(0.0, ends):
             point = point.with_moved_references()
     while True:
@@ -147,16 +156,3 @@ def _series(system: System, branch: Branch, stage: int) -> dict[str, FloatArray]
     position = np.concatenate([[stage + branch.lam[0]], branch.lam[1:]])
     ratio = {} if branch.denominator is None else {"denominator": branch.denominator}
     return {"position": position, **{name: one for name, one in found.items() if one.size}, **ratio}
-
-
-def _restored(system: System, state: State, stage: int) -> Point:
-    """The point of a stored state."""
-    law, x = system.law, np.zeros(system.size)
-    x[system.places["u"]] = state.displacement
-    for name, symbol in SYMBOLS.items():
-        x[system.places[symbol]] = getattr(state, name)
-    x = system.with_plastic_slips(x)
-    a, b = system.split(x, "ab")
-    system = system.changed(reference=state.slip + law.compliance * state.traction + a - b)
-    point = Point(system, x, state.position - stage, state.work)
-    return replace(point, work=2.0 * state.work - point.dissipated())

@@ -121,10 +121,7 @@ def unturned(
         size = float(share.sum())
         if size <= 0.0:  # round-off where it is open
             continue
-        force, middle = (
-            pairing.grid.resultants(True)[0] @ pressure,
-            share @ pairing.grid.hats.place / size,
-        )
+        force, middle = pairing.grid.resultants(True)[0] @ pressure, share @ pairing.grid.hats.place / size
         places = pairing.grid.facing.side(np.array([middle]), True)[0][0]
         more, before = turned.get(pairing.name, 0.0) - pairing.grid.facing.turn, complex(force[0], force[1])
         # The force rotates about the middle of its patch.

@@ -33,7 +33,16 @@ def fields_of(
     found: list[tuple[dict[str, Fields], float]] = []
     for first in range(0, len(states), MAX_STATES):
         some = states[first : first + MAX_STATES]
-        bodies = {name: _displacements(built, name, some) for name in built.scene.bodies}
+        bodies = dict[str, tuple[list[FloatArray], FloatArray]]()
+        for name, body in built.scene.bodies.items():
+            unknowns = [state.unknowns for state in some]
+            if not len(some[0].displacement):
+                bodies[name] = built.condensed.checked_displacements(built.scene, name, unknowns)
+                continue
+            solution = np.stack([state.displacement[built.scene.places[name]] for state in some], axis=1)
+            sources = sparse.hstack([built.condensed.source(name, *each) for each in unknowns], format="csc")
+            residual = residual_of(body.system, sparse.csc_array(sources), solution)
+            bodies[name] = [one.reshape(-1, 2) for one in solution.T], residual
         for number, state in enumerate(some):
             fields = dict[str, Fields]()
             for name, (displacements, _) in bodies.items():
@@ -83,20 +92,6 @@ def named_fields(
         "flow_stress": limit,
         "yield_ratio": ratio,
     }
-
-
-def _displacements(
-    built: CondensedScene, name: str, states: Sequence[State]
-) -> tuple[list[FloatArray], FloatArray]:
-    """Displacements (n, 2) of a body in each state, and the relative change (c,) by iterative
-    refinement."""
-    condensed = built.condensed
-    if not len(states[0].displacement):
-        return condensed.checked_displacements(built.scene, name, [state.unknowns for state in states])
-    solution = np.stack([state.displacement[built.scene.places[name]] for state in states], axis=1)
-    sources = sparse.hstack([condensed.source(name, *state.unknowns) for state in states], format="csc")
-    residual = residual_of(built.scene.bodies[name].system, sparse.csc_array(sources), solution)
-    return [one.reshape(-1, 2) for one in solution.T], residual
 
 
 def quantities(built: CondensedScene, state: State) -> Quantities:

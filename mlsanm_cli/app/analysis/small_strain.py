@@ -40,6 +40,7 @@ from mlsanm_cli.solve.contact_states import at_limit
 from mlsanm_cli.solve.fields import (
     cone_ratio,
     fields_of,
+    named_fields,
     platen_displacements,
     plates_turned,
     quantities,
@@ -216,7 +217,14 @@ class SmallStrain(Analysis[CondensedScene]):
         for state, (fields, residual) in zip(states, known, strict=True):
             if stress:
                 self._stressed = state, fields
-            shown = small_contacts.shown_fields(self._at(state), self._views, state, fields, stress)
+            built, shown = self._at(state), dict(fields)
+            for name, view in self._views.items():
+                points = view.cloud.points
+                moved, stressed = built.condensed.contact_fields(built.scene, name, state.unknowns, points)
+                seen = (view.rows @ fields[name]["rest"].ravel()).reshape(-1, len(points)).T
+                sigma = seen[:, 2:] + stressed if stress else stressed[:0]
+                places = points, view.values
+                shown[name] = named_fields(built, name, state, seen[:, :2] + moved, sigma, *places)
             yield shown, {"linear_residual": residual}
 
     @property
