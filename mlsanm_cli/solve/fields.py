@@ -17,7 +17,6 @@ from mlsanm_cli.mechanics.laws.von_mises import ZZ, plastic_stress
 from mlsanm_cli.mechanics.rigid import ROTATION
 from mlsanm_cli.mechanics.scene import RigidConstraint, RigidMotion
 from mlsanm_cli.operators.system import residual_of
-from mlsanm_cli.roundoff import ROUND_OFF
 from mlsanm_cli.solve.condensed_scene import CondensedScene
 from mlsanm_cli.solve.state import Fields, State
 
@@ -121,15 +120,6 @@ def contact_values(built: CondensedScene, pairing: Pairing, state: State) -> dic
             work = float(condensed.areas[span] @ state.work[condensed.tangential[name]])
     values = {"pressure": pressure, "traction": traction, "gap": gap, "slip": slip, "status": status}
     return values | {"dissipated_work": work}
-
-
-def cone_ratio(built: CondensedScene, contact: str, state: State) -> float:
-    """Largest of |t| / (mu p) over the closed nodes of a contact with friction."""
-    span, own = built.condensed.spans[contact], built.condensed.tangential[contact]
-    pressure = state.pressure[span]
-    pressed = state.closed[span] & (pressure > ROUND_OFF * pressure.max(initial=0.0))
-    ratio = np.abs(state.traction[own][pressed]) / (built.condensed.friction[own] * pressure)[pressed]
-    return float(ratio.max(initial=0.0))
 
 
 def slave_arc(pairing: Pairing) -> FloatArray:

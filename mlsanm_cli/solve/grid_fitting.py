@@ -359,8 +359,6 @@ def _shortest(grid: ContactGrid) -> FloatArray:
         for corner in grid.corners_of(slave):
             if corner.wedge.clamped:
                 away = corner.distance(grid.facing.side(grid.hats.nodes, slave)[0])
-                away = np.minimum(away[:-1], away[1:])
-                least = np.where(
-                    away < corner.reach, np.maximum(least, MIN_CLAMPED_INTERVAL * corner.reach), least
-                )
+                longer = np.maximum(least, MIN_CLAMPED_INTERVAL * corner.reach)
+                least = np.where(np.minimum(away[:-1], away[1:]) < corner.reach, longer, least)
     return least
