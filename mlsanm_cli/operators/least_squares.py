@@ -110,7 +110,7 @@ class LeastSquares(LinearSystem):
 
     def solve(self, sources: sparse.csc_array, tolerance: float = FULL_TOLERANCE) -> FloatArray:
         scaled = self.scaled(sources)
-        solution = self._refined(np.zeros((self.rows.shape[1], 1)), scaled, tolerance)[0]
+        solution = self._refined(scaled, tolerance)[0]
         return self.conditions.met(solution, self._sums(scaled))
 
     def correction(self, sources: sparse.csc_array, solutions: FloatArray | None = None) -> FloatArray:
@@ -132,12 +132,11 @@ class LeastSquares(LinearSystem):
 
         def of_columns(chosen: FloatArray) -> FloatArray:
             misfit = weighted @ (mixed @ chosen)
-            nothing = np.zeros((self.rows.shape[1], 1))
-            return np.asarray(rows @ self._refined(nothing, misfit, FUNCTIONAL_TOLERANCE)[0])
+            return np.asarray(rows @ self._refined(misfit, FUNCTIONAL_TOLERANCE)[0])
 
         def of_rows(chosen: FloatArray) -> FloatArray:
             misfit = np.zeros((count, chosen.shape[1]))
-            images = -self._refined(np.asarray(rows.T @ chosen), misfit, FUNCTIONAL_TOLERANCE)[1]
+            images = -self._refined(misfit, FUNCTIONAL_TOLERANCE, np.asarray(rows.T @ chosen))[1]
             return np.asarray((weighted.T @ images).T @ mixed)
 
         gathered = sparse.csc_array(self.rows.T @ weighted[:first] + self.strong.rows.T @ weighted[first:])
@@ -152,10 +151,10 @@ class LeastSquares(LinearSystem):
         return np.asarray(seen + (observed @ self.conditions.lift) @ (wanted - kept))
 
     def _refined(
-        self, force: FloatArray, misfit: FloatArray, tolerance: float
+        self, misfit: FloatArray, tolerance: float, force: FloatArray | float = 0.0
     ) -> tuple[FloatArray, FloatArray]:
         """Solutions (n, c) of N x = ``force`` + A^T ``misfit`` (e + g, c), A all rows, and the remaining
-        misfit. ``force`` (n, c) or (n, 1) is zero for solutions of the least-squares problem."""
+        misfit. ``force`` (n, c) is zero for solutions of the least-squares problem."""
         solution = self.inverse_normal(force + self._gather(misfit))
         progress, misfit = Progress(solution, tolerance), misfit - self._apply(solution)
         before: deque[tuple[FloatArray, FloatArray, FloatArray]] = deque(maxlen=DIRECTIONS)
@@ -354,8 +353,8 @@ def factorise(
     kept, numbers = independent_sums(strong.rows, strong.sums)
     if not len(numbers):
         return replace(without, strong=replace(strong, sums=strong.sums[numbers]))
-    force, size = kept.T.toarray(), rows.shape[0] + len(strong.owner)
-    answer = without._refined(force, np.zeros((size, len(numbers))), FUNCTIONAL_TOLERANCE)[0]
+    misfit = np.zeros((rows.shape[0] + len(strong.owner), len(numbers)))
+    answer = without._refined(misfit, FUNCTIONAL_TOLERANCE, kept.T.toarray())[0]
     soft = np.asarray(kept @ answer)
     unit, count = soft / np.sqrt(np.outer(np.diag(soft), np.diag(soft))), len(soft)
     # Without dependent rows. Not symmetrised, so that conditions hold to round-off however accurate this is.
