@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 import click
 
-from mlsanm_cli.cli.settings import Settings
+from mlsanm_cli.cli.console import Settings
 from mlsanm_cli.inputs import is_text
 
 Function = TypeVar("Function", bound=Callable[..., Any])

@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 import click
 
 from mlsanm_cli.cli.commands import cli
-from mlsanm_cli.cli.settings import Settings, open_closed_streams, say, silence
+from mlsanm_cli.cli.console import Settings, open_closed_streams, say, silence
 from mlsanm_cli.cli.text import RED, YELLOW, as_json, paint, printable
 from mlsanm_cli.errors import CaseError, CaseProblem, MlsanmError
 

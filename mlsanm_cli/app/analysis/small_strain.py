@@ -12,11 +12,16 @@ import numpy as np
 from mlsanm_cli.app.analysis import small_contacts
 from mlsanm_cli.app.checks import end, states
 from mlsanm_cli.app.checks.accuracy import Accuracy, with_friction
-from mlsanm_cli.app.checks.check import Check, Verdicts, all_of
+from mlsanm_cli.app.checks.check import Check, Verdicts, all_of, summary_limits
 from mlsanm_cli.app.checks.end import End
-from mlsanm_cli.app.checks.ended import EnergyErrors, worst_of
-from mlsanm_cli.app.checks.energy import energy_error, flow_figures, force_balance, force_mismatch
-from mlsanm_cli.app.checks.limits import summary_limits
+from mlsanm_cli.app.checks.energy import (
+    EnergyErrors,
+    energy_error,
+    flow_figures,
+    force_balance,
+    force_mismatch,
+    worst_of,
+)
 from mlsanm_cli.app.checks.overlaps import overlaps
 from mlsanm_cli.app.checks.peaks import boundary_peaks
 from mlsanm_cli.app.checks.quality import MODEL, announce, assess, factor_notes

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.checks.ended import EnergyErrors
+from mlsanm_cli.app.checks.energy import EnergyErrors
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import finer_nodes
 from mlsanm_cli.contact.geometry.grid import l2

@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.checks.check import Check, Verdicts, all_of
-from mlsanm_cli.app.checks.limits import level
+from mlsanm_cli.app.checks.check import Check, Verdicts, all_of, level
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.condense import pulling_loads
