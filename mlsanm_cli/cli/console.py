@@ -73,8 +73,7 @@ def print_tables(
 
 
 def open_closed_streams() -> None:
-    """Replaces closed standard streams by the null device: else the first file opened would get their
-    output."""
+    """Opens the null device for closed standard streams: else the next file opened gets their output."""
     for number in range(3):
         try:
             os.fstat(number)
@@ -86,8 +85,7 @@ def open_closed_streams() -> None:
 
 
 def say(settings: Settings, text: str, *, newline: bool = True) -> None:
-    """Writes to stdout; errors are stored in the settings, as results and exit code do not depend on the
-    reader."""
+    """Writes to stdout; errors are stored in the settings, as results do not depend on the reader."""
     if settings.stdout_error is not None:
         return
     try:
@@ -261,8 +259,7 @@ class TerminalConsole(Closing):
 
 
 def console_for(settings: Settings, doing: str = "starting") -> TerminalConsole:
-    """The console on stderr; a terminal shows ``doing`` until the first message, while modules are
-    imported."""
+    """The console on stderr; a terminal shows ``doing`` until the first message, as during imports."""
     console = TerminalConsole(sys.stderr, settings)
     if is_terminal(sys.stderr):
         console.phase(doing)

@@ -132,8 +132,7 @@ def _read(path: Path, with_faces: bool) -> Grid:
 
 @contextlib.contextmanager
 def unnamed_groups() -> Iterator[None]:
-    """A block in which meshio reads elements of Gmsh's format 4.1 in no group or in several without a
-    name."""
+    """A block in which meshio reads elements of Gmsh's format 4.1 in no group, or in unnamed ones."""
     from meshio.gmsh import _gmsh41
 
     read = _gmsh41._read_elements
@@ -159,8 +158,7 @@ def unnamed_groups() -> Iterator[None]:
 def _edges(
     lines: Sequence[tuple[IntArray, list[list[str]]]], whole: bool
 ) -> tuple[IntArray, tuple[str, ...]]:
-    """Edges (l, 2) and names of blocks of line elements. Nodes of no face are -1, but for a ``whole``
-    file."""
+    """Edges (l, 2) and names of line elements; nodes of no face are -1, an error in a ``whole`` file."""
     edges, names = [np.zeros((0, 2), dtype=np.int64)], []
     for chains, groups in lines:
         own = (chains >= 0).all(axis=1)

@@ -40,8 +40,7 @@ END_DISTANCE = 0.75
 
 @dataclass(frozen=True)
 class End:
-    """A completed path at small strain, with the estimates of its last state; the first is None if
-    resumed."""
+    """A completed path at small strain, with estimates of its last state; the first is None if resumed."""
 
     built: CondensedScene
     first: State | None

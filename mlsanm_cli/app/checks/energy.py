@@ -207,10 +207,16 @@ def energy_error(built: CondensedScene, state: State, fields: Mapping[str, Field
     """Twice the strain energy of every body against the work done on it; of bodies that flow the work of
     their stresses on all strains, which is the same by virtual work."""
     energies, works, least, strains, pointed, thin, rests = {}, {}, {}, {}, {}, {}, {}
-    near, squares = _near_work(built, state), _on_single_nodes(built, state)
+    near, squares = _near_work(built, state), dict[str, float]()
     for name, body in built.scene.bodies.items():
         cloud, material, found = body.model.cloud, body.model.material, fields[name]
         single = body.held_nodes
+        # F^2/E' of the reactions at the single nodes that hold the body, which share them equally.
+        force, compliance = built.condensed.quantities["sum"][name], material.contact_compliance(np.eye(2))
+        held = [component for _, component in single]
+        counts = np.array([held.count(0), held.count(1)])
+        shares = (counts > 0) * compliance * force(*state.unknowns) ** 2 / np.maximum(counts, 1)
+        squares[name] = float(shares.sum())
         stress = found["stress"]
         if material.revolved:
             stress = np.column_stack([stress, found["stress_zz"]])
@@ -271,18 +277,6 @@ def energy_error(built: CondensedScene, state: State, fields: Mapping[str, Field
 def _relative(missing: float, unseen: float, scale: float) -> float:
     """Difference beyond the part ``unseen`` by quadrature, relative to ``scale``."""
     return 0.0 if scale == 0.0 else float((missing - np.clip(missing, -unseen, unseen)) / scale)
-
-
-def _on_single_nodes(built: CondensedScene, state: State) -> dict[str, float]:
-    """F^2/E' of the reactions at the single nodes that hold a body, which share them equally."""
-    found = {}
-    for name, body in built.scene.bodies.items():
-        force = built.condensed.quantities["sum"][name](*state.unknowns)
-        contact_compliance = body.model.material.contact_compliance(np.eye(2))
-        held = [component for _, component in body.held_nodes]
-        counts = np.array([held.count(0), held.count(1)])
-        found[name] = float(((counts > 0) * contact_compliance * force**2 / np.maximum(counts, 1)).sum())
-    return found
 
 
 def _near_work(built: CondensedScene, state: State) -> dict[str, float]:
