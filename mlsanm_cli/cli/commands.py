@@ -20,10 +20,7 @@ from mlsanm_cli.cli.text import FRICTION_KEYS, as_json, comparison_text, has_fri
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.inputs import results_of
 
-MODULES = {
-    "authoring": ("explain", "new", "schema", "fit-law"),
-    "views": ("plot", "probe", "report"),
-}
+MODULES = {"authoring": ("explain", "new", "schema", "fit-law"), "views": ("plot", "probe", "report")}
 """Modules of this package that define commands, imported when these are called."""
 SECTIONS = {
     "One scene": ("new", "check", "run", "resume", "info", "plot", "probe", "report"),

@@ -17,13 +17,7 @@ from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import finer_nodes
 from mlsanm_cli.contact.geometry.grid import l2
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.laws.accuracy import (
-    Changes,
-    changes_of,
-    frozen_change,
-    halved_state,
-    roughness_of,
-)
+from mlsanm_cli.contact.laws.accuracy import Changes, changes_of, frozen_change, halved_state, roughness_of
 from mlsanm_cli.contact.laws.contact_state import ContactState
 from mlsanm_cli.contact.laws.frictionless import solve_exact
 from mlsanm_cli.contact.response.bonds import Bonds
