@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray, IntArray
-from mlsanm_cli.cloud.cells import GAUSS
+from mlsanm_cli.cloud.cells import GAUSS, Halves
 from mlsanm_cli.cloud.surface import Surface
 from mlsanm_cli.contact.geometry.pairing import Pairing, facing_parts, opposed
 from mlsanm_cli.contact.response.linear_map import LinearMap
@@ -140,7 +140,10 @@ def _on_master(body: ElasticBody, pairing: Pairing, master: Surface, tangential:
             s = master.arc_length[members]
             on &= (arc >= s.min()) & (arc <= s.max())
         where = numbers[node[on]]
-        size = part.weight[where] * around(body.model.cloud.points[part.index[where]])
+        # Circles have no length at a node on an axis of revolution, the part of the surface at it has.
+        halves = Halves.of(part)
+        lengths = halves.length * around(part.curve.points(halves.arc))
+        size = np.bincount(halves.own, lengths, len(part.index))[where]
         for component in (0, 1):
             rows = body.condition_rows(part.name, component)[where]
             entries = force[on, component] / size, (rows, column[on])
