@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.checks.check import Check, Verdicts, all_of
-from mlsanm_cli.app.checks.limits import level, summary_limits
+from mlsanm_cli.app.checks.check import Check, Verdicts, all_of, level, summary_limits
 from mlsanm_cli.app.checks.quality import announce
 from mlsanm_cli.app.finite import accuracy, fields
 from mlsanm_cli.app.finite.checks import END, STATE, FiniteEnd
@@ -92,8 +91,7 @@ class FiniteStrain(Analysis[FiniteScene]):
         return all_of(STATE, self.built, state)
 
     def judge(self, last: State, tally: dict[str, Any]) -> Iterator[Check]:
-        errors = self._errors(last, tally)
-        return all_of(END, FiniteEnd(self.built, last, tally, errors))
+        return all_of(END, FiniteEnd(self.built, last, tally, self._errors(last, tally)))
 
     @property
     def refinement(self) -> Mapping[str, Any]:
