@@ -14,7 +14,6 @@ from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
 from mlsanm_cli.cloud.cells import Faces, Halves, dual_faces
 from mlsanm_cli.cloud.membership import boundary_chords, cross, inside_body, joints, twice_area
 from mlsanm_cli.cloud.revolution import imaged, radius_of, with_images
-from mlsanm_cli.cloud.search import nearest
 from mlsanm_cli.cloud.sight import VisibilityCriterion, triangulate, visibility_criterion
 from mlsanm_cli.cloud.surface import SMOOTH_ANGLE, Surface, boundary_of
 from mlsanm_cli.cloud.tips import Tips, tips_of
@@ -22,6 +21,8 @@ from mlsanm_cli.memo import digest
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
 
+BATCH_SIZE = 8192
+"""Points of a long compiled call, so that signals are handled meanwhile: a few hundredths of a second."""
 FLAT_RADIUS = 10.0
 """Concave curves with a radius above this many times the body's extent count as flat."""
 NEIGHBORS = 6
@@ -45,7 +46,7 @@ class SymmetryLine:
 
     def reflect(self, points: FloatArray) -> FloatArray:
         """Mirror images (n, 2) of ``points`` (n, 2)."""
-        return self.signs * points + self.shift
+        return self.signs * points + self.at * (1.0 - self.signs)
 
     @property
     def signs(self) -> FloatArray:
@@ -53,11 +54,6 @@ class SymmetryLine:
         signs = np.ones(2)
         signs[self.axis] = -1.0
         return signs
-
-    @property
-    def shift(self) -> FloatArray:
-        """Mirror image (2,) of the origin."""
-        return self.at * (1.0 - self.signs)
 
     def contains(self, points: FloatArray) -> bool:
         """Whether all ``points`` (n, 2) are on the line."""
@@ -358,6 +354,14 @@ def measure(cloud: Cloud) -> dict[str, float]:
     closest, growth = cloud.separation
     counts = {"nodes": len(cloud.points), "boundary_nodes": len(cloud.boundary_nodes)}
     return counts | {"closest": float(closest.min()), "hole": largest, "growth": growth}
+
+
+def nearest(tree: cKDTree, points: FloatArray, k: int | IntArray = 1) -> tuple[FloatArray, IntArray]:
+    """Distances and indices of the ``k`` nodes of a ``tree`` nearest to ``points`` (n, 2), in batches: (n,)
+    for k = 1, otherwise (n, k)."""
+    batches = np.split(points, range(BATCH_SIZE, len(points), BATCH_SIZE))
+    distances, indices = zip(*(tree.query(batch, k=k) for batch in batches), strict=True)
+    return np.concatenate(distances), np.concatenate(indices)
 
 
 def continuations(cloud: Cloud, surface: Surface) -> Iterator[tuple[int, str]]:

@@ -103,9 +103,9 @@ def place(
         return prepare(boundaries, nodes, context.memo, before.models if before is not None else NOTHING)
 
 
-def estimate_nodes(outline: Outline, spacing: Spacing, limit: float = 1e9) -> float:
-    """Estimated number of nodes, at most ``limit``. From the integrals of 1/h^2 over the region, by quadtree,
-    and of 1/h along its outline."""
+def estimate_nodes(outline: Outline, spacing: Spacing) -> float:
+    """Estimated number of nodes, at most COUNT_LIMIT, from the integrals of 1/h^2 over the region, by
+    quadtree, and of 1/h along its outline."""
     chains = [curve.points(np.linspace(0.0, curve.length, 65)) for curve in outline.curves]
     edges = np.concatenate([np.hstack([chain[:-1], chain[1:]]) for chain in chains])
     low, high = edges[:, :2].min(axis=0), edges[:, :2].max(axis=0)
@@ -118,8 +118,8 @@ def estimate_nodes(outline: Outline, spacing: Spacing, limit: float = 1e9) -> fl
         fine = size <= 4.0 * h
         inside = inside_polygon(edges, cells[fine])
         total += NODES_PER_SQUARE * float((size**2 / h[fine] ** 2)[inside].sum())
-        if total > limit:
-            return limit
+        if total > COUNT_LIMIT:
+            return COUNT_LIMIT
         if len(cells) > MAX_CELLS:
             # With at least 16 nodes in each of so many cells, the rest need not be refined.
             coarse = inside_polygon(edges, cells[~fine])
@@ -134,8 +134,8 @@ def estimate_nodes(outline: Outline, spacing: Spacing, limit: float = 1e9) -> fl
     try:
         steps = sum(len(spacing.steps_along(curve)) - 1 for curve in outline.curves)
     except RunError:
-        return limit
-    return min(total + NODES_PER_STEP * steps, limit)
+        return COUNT_LIMIT
+    return min(total + NODES_PER_STEP * steps, COUNT_LIMIT)
 
 
 def node_counts(boundaries: Boundaries) -> dict[str, float]:
@@ -146,8 +146,7 @@ def node_counts(boundaries: Boundaries) -> dict[str, float]:
         if given is not None:
             counts[body.name] = float(len(given.points))
         else:
-            spacing = spacing_of(boundaries, body)
-            counts[body.name] = estimate_nodes(boundaries.outline(body.name), spacing, COUNT_LIMIT)
+            counts[body.name] = estimate_nodes(boundaries.outline(body.name), spacing_of(boundaries, body))
     return counts
 
 
