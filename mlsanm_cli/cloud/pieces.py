@@ -12,8 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.cloud.cloud import Cloud, nearest
-from mlsanm_cli.cloud.revolution import radius_of
+from mlsanm_cli.cloud.cloud import Cloud, nearest, radius_of
 from mlsanm_cli.roundoff import ROUND_OFF
 
 MAX_NODES = 400.0
@@ -56,9 +55,8 @@ def pair_up(cloud: Cloud, touching: Collection[str], held: Collection[str]) -> I
     near ``held`` surfaces and corners stay single: pairs there spoil the equilibrium of a support."""
     surfaces = cloud.surfaces
     ends = [s.index[[0, -1]] for s in surfaces.values() if not s.curve.closed]
-    stops = np.unique(
-        np.concatenate([np.zeros(0, dtype=np.int64), *ends, *(surfaces[h].index for h in held)])
-    )
+    ends += [surfaces[name].index for name in held]
+    stops = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *ends]))
     if cloud.revolved:
         # The body continues behind the axis.
         stops = stops[radius_of(cloud.points[stops], cloud.points) > 0.0]

@@ -93,8 +93,8 @@ class Spacing:
         """Spacing (n,) at ``points`` (n, 2)."""
         table, points = self.table(), np.ascontiguousarray(points)
         piece = BATCH_SIZE * 8 // (len(table) + 1) + 1
-        starts = range(0, max(len(points), 1), piece)
-        return np.concatenate([spacing_at(self.far, table, points[at : at + piece]) for at in starts])
+        batches = np.split(points, range(piece, len(points), piece))
+        return np.concatenate([spacing_at(self.far, table, batch) for batch in batches])
 
     def with_zones(self, zones: tuple[Zone, ...]) -> Spacing:
         """The same field with further zones."""

@@ -9,8 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mlsanm_cli.app.checks.quality import measure
 from mlsanm_cli.app.scene.build import COUNT_LIMIT, estimate_nodes
-from mlsanm_cli.cloud.cloud import Cloud, measure
+from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.cloud.curves import Outline, annulus, disk, half_disk, rectangle, sector
 from mlsanm_cli.cloud.spacing import Spacing, Zone, build_cloud
 from tests.cloud.shapes import polygon

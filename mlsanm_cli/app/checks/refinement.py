@@ -28,10 +28,9 @@ from mlsanm_cli.app.checks.quality import nodal_contacts
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.boundaries import Boundaries
-from mlsanm_cli.app.scene.build import place
+from mlsanm_cli.app.scene.build import Refinement, place
 from mlsanm_cli.app.scene.clouds import spacing_of
 from mlsanm_cli.app.scene.condense import condense_scene
-from mlsanm_cli.app.scene.refinement import Refinement
 from mlsanm_cli.arrays import BoolArray, FloatArray
 from mlsanm_cli.case import Case
 from mlsanm_cli.cloud.cloud import SymmetryLine

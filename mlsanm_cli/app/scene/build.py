@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -15,12 +16,13 @@ from mlsanm_cli.app.scene.clouds import clouds, spacing_of
 from mlsanm_cli.app.scene.contact_pairs import refuse_overlap
 from mlsanm_cli.app.scene.outlines import given_nodes
 from mlsanm_cli.case import Case, LoadedCase
-from mlsanm_cli.cloud.curves import Outline
+from mlsanm_cli.cloud.curves import Outline, Segment
 from mlsanm_cli.cloud.membership import inside_polygon
 from mlsanm_cli.cloud.spacing import Spacing, Zone
 from mlsanm_cli.errors import CaseError, CaseProblem, RunError
 from mlsanm_cli.kernels.aot.jit import is_warm, load
 from mlsanm_cli.kernels.aot.machine import Machine
+from mlsanm_cli.records import dataclass
 from mlsanm_cli.system import physical_memory_mb
 
 ANNOUNCED_NODES = 50_000
@@ -45,6 +47,33 @@ NODES_PER_SQUARE = 0.89
 MAX_CELLS = 500_000
 NODES_PER_STEP = 0.44
 """Extra nodes per boundary node, from the same fit: half of a boundary node's area lies outside."""
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """Refined clouds: ``zones`` around segments in addition to those of the case, the results of the
+    ``passes`` so far, and the message of a pass that ``failed``, if one did. At finite strain only the
+    ``knots`` of all sides of all contacts, arc lengths."""
+
+    zones: tuple[Zone, ...] = ()
+    passes: tuple[Mapping[str, Any], ...] = ()
+    failed: str = ""
+    knots: Sequence[Sequence[Any]] = ()
+
+    @classmethod
+    def read(cls, plain: Mapping[str, Any]) -> Refinement:
+        """From its plain values."""
+        zones = [Zone(Segment((a, b), (c, d)), *asked) for a, b, c, d, *asked in plain["zones"]]
+        return cls(**{**plain, "zones": tuple(zones), "passes": tuple(plain["passes"])})
+
+    @property
+    def plain(self) -> dict[str, Any]:
+        """Plain values; a zone is a row of start, end, spacing, radius and growth."""
+        ends = [zone.curve.ends for zone in self.zones]
+        asked = [(zone.spacing, zone.radius, zone.growth) for zone in self.zones]
+        rows = [[*start, *end, *rest] for (start, end), rest in zip(ends, asked, strict=True)]
+        knots = [[np.asarray(arc).tolist() for arc in sides] for sides in self.knots]
+        return {**vars(self), "zones": rows, "knots": knots}
 
 
 def load_kernels(context: RunContext) -> Machine:
