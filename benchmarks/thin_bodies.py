@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sparse
 
-from mlsanm_cli.app.checks.limits import LIMITS, level
+from mlsanm_cli.app.checks.check import LIMITS, level
 from mlsanm_cli.app.scene.assemble import HIGH_DEGREE, LOW_DEGREE, MIN_HIGH_SPACINGS
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cells import FINE, Halves

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from mlsanm_cli.app.checks.limits import ANY, LIMITS, Limit
+from mlsanm_cli.app.checks.check import ANY, LIMITS, Limit
 
 PAGE = Path(__file__).parent / "troubleshooting.md"
 MARKS = (
-    "<!-- Generated from app/checks/limits.py by docs/update_checks.py. -->\n",
+    "<!-- Generated from app/checks/check.py by docs/update_checks.py. -->\n",
     "<!-- End of checks. -->\n",
 )
 

@@ -214,8 +214,7 @@ def _console(progress: bool) -> Iterator[Any]:
 
     shown = None
     if progress:
-        from mlsanm_cli.cli.console import TerminalConsole
-        from mlsanm_cli.cli.settings import Settings
+        from mlsanm_cli.cli.console import Settings, TerminalConsole
 
         shown = TerminalConsole(sys.stderr, Settings())
     try:

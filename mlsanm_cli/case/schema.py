@@ -8,7 +8,6 @@ from collections.abc import Iterator, Mapping
 from functools import cache, reduce
 from typing import Any
 
-from pydantic import ValidationError
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import ErrorDetails, core_schema
 
@@ -70,8 +69,7 @@ def tables_at(path: KeyPath) -> tuple[Node, ...]:
 
 
 def walk(path: tuple[str, ...] = (), table: Node | None = None) -> Iterator[tuple[str, Node]]:
-    """Every dotted key below a ``table``, without names of items, once for each kind of table, and its
-    node."""
+    """Every dotted key below a ``table``, without names of items, by kind of table, and its node."""
     for key, node in (table or json_schema())["properties"].items():
         yield ".".join((*path, key)), node
         for inner in tables(node):
@@ -141,12 +139,8 @@ _ELSEWHERE = {
 _MISSING = {"format": "write format = 1", "model": 'write [model] with plane = "strain" or "stress"'}
 
 
-def faults_of(data: Mapping[str, Any], error: ValidationError) -> list[Fault]:
-    """The errors of a validation of ``data`` in the words of the case file."""
-    return [_fault(data, detail) for detail in error.errors(include_url=False)]
-
-
-def _fault(data: Mapping[str, Any], detail: ErrorDetails) -> Fault:
+def fault_of(data: Mapping[str, Any], detail: ErrorDetails) -> Fault:
+    """An error of a validation of ``data`` in the words of the case file."""
     kind, context, value = detail["type"], detail.get("ctx", {}), detail["input"]
     # Pydantic's locations also contain the kinds of tables and marks for keys.
     path: KeyPath = ()

@@ -14,7 +14,7 @@ from typing import Any
 import click
 
 from mlsanm_cli.cli import declare
-from mlsanm_cli.cli.settings import Settings, print_result, say
+from mlsanm_cli.cli.console import Settings, print_result, say
 from mlsanm_cli.cli.text import BOLD, grid, paint, table
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.toml import plain

@@ -15,16 +15,12 @@ import click
 
 from mlsanm_cli import __version__
 from mlsanm_cli.cli import declare
-from mlsanm_cli.cli.console import TerminalConsole, called
-from mlsanm_cli.cli.settings import Settings, of_app, print_result, print_tables, say
+from mlsanm_cli.cli.console import Settings, TerminalConsole, called, of_app, print_result, print_tables, say
 from mlsanm_cli.cli.text import FRICTION_KEYS, as_json, comparison_text, has_friction, run_text
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.inputs import results_of
 
-MODULES = {
-    "authoring": ("explain", "new", "schema", "fit-law"),
-    "views": ("plot", "probe", "report"),
-}
+MODULES = {"authoring": ("explain", "new", "schema", "fit-law"), "views": ("plot", "probe", "report")}
 """Modules of this package that define commands, imported when these are called."""
 SECTIONS = {
     "One scene": ("new", "check", "run", "resume", "info", "plot", "probe", "report"),

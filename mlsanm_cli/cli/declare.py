@@ -11,15 +11,14 @@ from typing import Any, TypeVar
 
 import click
 
-from mlsanm_cli.cli.settings import Settings
+from mlsanm_cli.cli.console import Settings
 from mlsanm_cli.inputs import is_text
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 class File(click.Path):
-    """A path that is valid text, as results contain file names; ``-`` is the standard input if
-    ``read_once``."""
+    """A path that is UTF-8 text, as results name files; ``-`` is the standard input if ``read_once``."""
 
     def __init__(self, read_once: bool = True) -> None:
         super().__init__(path_type=Path)

@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 import click
 
 from mlsanm_cli.cli.commands import cli
-from mlsanm_cli.cli.settings import Settings, open_closed_streams, say, silence
+from mlsanm_cli.cli.console import Settings, open_closed_streams, say, silence
 from mlsanm_cli.cli.text import RED, YELLOW, as_json, paint, printable
 from mlsanm_cli.errors import CaseError, CaseProblem, MlsanmError
 
@@ -136,7 +136,6 @@ def _signals_as_interrupts() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-
     # The handler of Ctrl-C raises KeyboardInterrupt.
     numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGUSR1") if hasattr(signal, name)]
     before = {number: signal.signal(number, signal.default_int_handler) for number in numbers}

@@ -14,8 +14,15 @@ import click
 
 from mlsanm_cli.app.results.choice import FIELDS, KINDS, POINT_FIELDS, QUANTITIES, Choice
 from mlsanm_cli.cli import declare
-from mlsanm_cli.cli.console import TerminalConsole, console_for
-from mlsanm_cli.cli.settings import Settings, of_app, print_result, print_tables, say
+from mlsanm_cli.cli.console import (
+    Settings,
+    TerminalConsole,
+    console_for,
+    of_app,
+    print_result,
+    print_tables,
+    say,
+)
 from mlsanm_cli.cli.text import grid, label, number
 from mlsanm_cli.errors import RunError
 from mlsanm_cli.roundoff import ROUND_OFF

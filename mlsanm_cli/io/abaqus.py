@@ -123,7 +123,6 @@ class _Scope:
         nodes = section.keyword == "NSET"
         sets, name = (self.node_sets, "NSET") if nodes else (self.element_sets, "ELSET")
         members = sets.setdefault(section.name(name), [])
-
         if nodes and "ELSET" in section.parameters:
             for number in section.known(self.element_sets, section.name("ELSET")):
                 members += self.elements[number][1]

@@ -84,8 +84,7 @@ def path_table(run: Mapping[str, Any]) -> Mapping[str, NDArray[Any]]:
 def force_on_slave(
     weight: FloatArray, normal: FloatArray, pressure: FloatArray, traction: FloatArray | None = None
 ) -> FloatArray:
-    """Force (..., 2) on a slave of pressures and tractions (..., m) with lengths (m,) and master normals (m,
-    2)."""
+    """Force (..., 2) of pressures and tractions (..., m) on lengths (m,) with master normals (m, 2)."""
     force = (pressure * weight) @ normal
     if traction is not None:
         force = force + (traction * weight) @ np.stack([normal[:, 1], -normal[:, 0]], axis=1)

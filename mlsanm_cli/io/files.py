@@ -133,8 +133,7 @@ class EventLog(Closing):
     """events.jsonl: one JSON object per line, written immediately; a resumed run appends to it."""
 
     def __init__(self, path: Path, rows: int | None = None) -> None:
-        """Opens ``path`` without an incomplete last line and the steps from number ``rows`` on. Raises
-        RunError."""
+        """Opens ``path`` without an incomplete last line and steps from ``rows`` on. Raises RunError."""
         self._path = path
         try:
             flags = os.O_RDWR | os.O_APPEND | os.O_CREAT

@@ -33,19 +33,16 @@ pre { background: #f4f4f4; padding: 1rem; overflow-x: auto; font-size: .85rem; }
 """
 
 
-def page(title: str, body: str) -> str:
-    return (
+def write_page(path: Path, title: str, body: str) -> None:
+    """Writes a page, replacing an earlier one of mlsanm. Raises RunError for other files and full disks."""
+    if path.exists() and not is_ours(path):
+        raise RunError(f"{path} is not a report of mlsanm", "no file was changed; use another -o, or move it")
+    text = (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f'{_SIGNATURE}{__version__}">\n<title>{escape(title)}</title>\n<style>{_STYLE}</style>\n</head>\n'
         f"<body>\n<main>\n{body}\n</main>\n</body>\n</html>\n"
     )
-
-
-def write_page(path: Path, text: str) -> None:
-    """Writes a page, replacing an earlier one of mlsanm. Raises RunError for other files and full disks."""
-    if path.exists() and not is_ours(path):
-        raise RunError(f"{path} is not a report of mlsanm", "no file was changed; use another -o, or move it")
     write_text(path, text)
 
 

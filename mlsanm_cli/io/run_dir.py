@@ -1,5 +1,4 @@
-"""The run directory: names of files, preparation without loss of others, and lock for one process at a
-time."""
+"""The run directory: names of files, preparation without loss of others, lock for one process at a time."""
 
 from __future__ import annotations
 
@@ -88,8 +87,7 @@ def prepare(directory: Path, force: bool) -> None:
 
 
 def reopen(directory: Path) -> None:
-    """Removes the files of completed runs from ``directory``, which the caller has locked. Raises
-    RunError."""
+    """Removes files of completed runs from ``directory``, which the caller has locked. Raises RunError."""
     _remove([directory / name for name in (SUMMARY_FILE, FAILURE_FILE)], directory)
 
 

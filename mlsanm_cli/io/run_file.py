@@ -110,8 +110,7 @@ class RunFile(Closing):
         self._changes.append((kept, copy.deepcopy(dict(datasets or {})), attributes or {}, latest))
 
     def confirm(self, datasets: Mapping[str, Value]) -> None:
-        """Stores new datasets. Raises RunError if an existing text or, beyond the tolerance, array
-        differs."""
+        """Stores new datasets. Raises RunError if existing ones differ, arrays beyond the tolerance."""
         stored, _ = self._content()
         for name, value in datasets.items():
             before = stored.get(name, value)

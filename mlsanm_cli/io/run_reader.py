@@ -87,7 +87,6 @@ class RunData(Dataset):
 def read_run(rundir: Path, groups: Sequence[str] = RESULTS) -> RunData:
     """Reads the case and ``groups`` of a run, given its directory or run.h5, also while it is written. Raises
     RunError if there is none, if run.h5 is damaged, not from mlsanm, or of another format."""
-
     with _opened(rundir) as (root, file):
         attributes: dict[str, str | int | float] = {}
         for name, value in root.attrs.items():
@@ -156,8 +155,7 @@ def _opened(rundir: Path) -> Iterator[tuple[Any, Path]]:
 
 
 def _completed(members: dict[str, Any]) -> dict[str, Any]:
-    """Members with the groups and histories that runs without a first state lack. Raises KeyError for
-    others."""
+    """Members with groups and histories that runs without a state lack. Raises KeyError for others."""
     for entry in (*schema.NAMED_PATH, *schema.MAPS):
         group, kind, _ = entry.path.split("/")
         if group in members:

@@ -51,8 +51,7 @@ with h5py.File(sys.argv[1], "r") as root:
 
 
 def check_readable(path: Path) -> None:
-    """Raises GeometryError for a damaged HDF5 file, on which the library, here in a process of its own, may
-    hang."""
+    """Raises GeometryError for a damaged HDF5 file; the library may hang, and so has its own process."""
     try:
         command = [sys.executable, "-c", READER, str(path)]
         ended = subprocess.run(command, capture_output=True, timeout=MAX_SECONDS).returncode >= 0
@@ -63,8 +62,7 @@ def check_readable(path: Path) -> None:
 
 
 def check_hdf5(root: Any) -> None:
-    """Raises GeometryError for an open HDF5 file with links, data in other files, or more data than the
-    limit."""
+    """Raises GeometryError for an open HDF5 file with links, data in other files, or too much data."""
     import h5py
 
     total, seen, waiting = 0, {h5py.h5o.get_info(root.id).addr}, [root]

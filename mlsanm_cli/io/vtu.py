@@ -50,8 +50,7 @@ class StateWriter:
         self.keep(position, list(bodies))
 
     def keep(self, position: float, names: Sequence[str]) -> None:
-        """Lists a state with these bodies, also of an earlier process. Raises RunError if a file is
-        missing."""
+        """Lists a state with these bodies, also an earlier one. Raises RunError if a file is missing."""
         files = self._files(names)
         for path in (self._directory / file for file in files.values()):
             if not path.is_file():
@@ -87,8 +86,7 @@ _ORDER = {"little": "LittleEndian", "big": "BigEndian"}[sys.byteorder]
 
 
 def write_parts(path: Path, number: str, parts: Sequence[VtuPart]) -> None:
-    """Writes parts as one grid with common data and, if ``number`` is a name, their numbers. Raises
-    RunError."""
+    """Writes parts as one grid with common data and, named ``number``, their numbers. Raises RunError."""
     counts = [len(part.points) for part in parts]
     total, first = sum(counts), np.cumsum([0, *counts[:-1]])
     shared = [name for name in parts[0].data if all(name in part.data for part in parts)]

@@ -13,7 +13,7 @@ import pytest
 from click import Context
 
 from mlsanm_cli import __version__
-from mlsanm_cli.app.checks.limits import LIMITS
+from mlsanm_cli.app.checks.check import LIMITS
 from mlsanm_cli.app.comparison.compare import compare
 from mlsanm_cli.app.comparison.methods import ETA_FACTOR, SAME_LAW_FACTOR, STICK_FACTOR
 from mlsanm_cli.app.results import plot as plot_module

@@ -11,8 +11,7 @@ from types import ModuleType
 
 import pytest
 
-from mlsanm_cli.cli.console import TerminalConsole
-from mlsanm_cli.cli.settings import Settings
+from mlsanm_cli.cli.console import Settings, TerminalConsole
 from mlsanm_cli.stopping import Stopper
 
 

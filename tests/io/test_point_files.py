@@ -10,7 +10,7 @@ import pytest
 
 from mlsanm_cli.errors import GeometryError
 from mlsanm_cli.io import self_contained
-from mlsanm_cli.io.point_files import read_points
+from mlsanm_cli.io.meshes import read_points
 
 TABLE = """x, y, tag, nx, ny
 0.0, 0.0, floor, 0.0, -1.0

@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.checks.check import Check, Verdicts, all_of
-from mlsanm_cli.app.checks.limits import level, summary_limits
+from mlsanm_cli.app.checks.check import Check, Verdicts, all_of, level, summary_limits
 from mlsanm_cli.app.checks.quality import announce
 from mlsanm_cli.app.finite import accuracy, fields
 from mlsanm_cli.app.finite.checks import END, STATE, FiniteEnd

@@ -12,14 +12,19 @@ import numpy as np
 from mlsanm_cli.app.analysis import small_contacts
 from mlsanm_cli.app.checks import end, states
 from mlsanm_cli.app.checks.accuracy import Accuracy, with_friction
-from mlsanm_cli.app.checks.check import Check, Verdicts, all_of
+from mlsanm_cli.app.checks.check import Check, Verdicts, all_of, summary_limits
 from mlsanm_cli.app.checks.end import End
-from mlsanm_cli.app.checks.ended import EnergyErrors, worst_of
-from mlsanm_cli.app.checks.energy import energy_error, flow_figures, force_balance, force_mismatch
-from mlsanm_cli.app.checks.limits import summary_limits
+from mlsanm_cli.app.checks.energy import (
+    EnergyErrors,
+    energy_error,
+    flow_figures,
+    force_balance,
+    force_mismatch,
+    worst_of,
+)
 from mlsanm_cli.app.checks.overlaps import overlaps
 from mlsanm_cli.app.checks.peaks import boundary_peaks
-from mlsanm_cli.app.checks.quality import MODEL, announce, assess, factor_notes
+from mlsanm_cli.app.checks.quality import MODEL, announce, assess
 from mlsanm_cli.app.checks.refinement import set_up
 from mlsanm_cli.app.output.analysis import Analysis, BodyFields
 from mlsanm_cli.app.output.parts import ContactNodes, obstacle_shift, obstacles
@@ -257,7 +262,10 @@ class SmallStrain(Analysis[CondensedScene]):
 
     @property
     def notes(self) -> Iterator[str]:
-        return factor_notes(self.built.scene) if self._built else iter(())
+        # Bodies whose factorisation had to use a slower method.
+        for name, body in self.built.scene.bodies.items() if self._built else ():
+            if body.equations.note:
+                yield f"body {name}: {body.equations.note}"
 
     def sizes(self, tally: Mapping[str, Any]) -> dict[str, Any]:
         sizes = super().sizes(tally)

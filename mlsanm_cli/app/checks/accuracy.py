@@ -12,18 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.checks.ended import EnergyErrors
+from mlsanm_cli.app.checks.energy import EnergyErrors
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.case import finer_nodes
 from mlsanm_cli.contact.geometry.grid import l2
 from mlsanm_cli.contact.geometry.pairing import Pairing
-from mlsanm_cli.contact.laws.accuracy import (
-    Changes,
-    changes_of,
-    frozen_change,
-    halved_state,
-    roughness_of,
-)
+from mlsanm_cli.contact.laws.accuracy import Changes, changes_of, frozen_change, halved_state, roughness_of
 from mlsanm_cli.contact.laws.contact_state import ContactState
 from mlsanm_cli.contact.laws.frictionless import solve_exact
 from mlsanm_cli.contact.response.bonds import Bonds
@@ -44,8 +38,6 @@ LEAST_MOVED = 0.05
 
 Moved = tuple[FloatArray, FloatArray, FloatArray]
 """Changes of motions (k,), pressures (m,) and tractions (n,)."""
-Halved = tuple[FloatArray, FloatArray]
-"""Motions (k,) and pressures (m,) with every second node of contacts."""
 
 
 @dataclass(frozen=True)
@@ -138,8 +130,7 @@ def assess_accuracy(built: CondensedScene) -> Accuracy:
 
 
 def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo: Memo) -> Accuracy:
-    """Estimates with friction in the last ``state``, with its stick and slip: the path is not followed
-    again."""
+    """Estimates with friction in the last ``state``, with its stick and slip; no second path is followed."""
     condensed = built.condensed
     if not len(condensed.friction_nodes) or not state.closed.any():
         return accuracy
@@ -156,9 +147,9 @@ def with_friction(built: CondensedScene, accuracy: Accuracy, state: State, memo:
         return replace(accuracy, missing=error.advice)
 
 
-def _halved(built: CondensedScene, state: ContactState) -> Halved | None:
-    """Motions and pressures from every second node, where what friction resists stays; None without a
-    solution or contacts with nodal pressures."""
+def _halved(built: CondensedScene, state: ContactState) -> tuple[FloatArray, FloatArray] | None:
+    """Motions (k,) and pressures (m,) from every second node; what friction resists stays. None without
+    a solution or contacts with nodal pressures."""
     condensed = built.condensed
     if not condensed.nodal:
         return None
@@ -192,10 +183,9 @@ def _estimated(
     state: ContactState,
     bodies: Mapping[str, Corrected],
     moved: Callable[[Changes], Moved],
-    halved: Halved | None,
+    halved: tuple[FloatArray, FloatArray] | None,
 ) -> Accuracy:
-    """The estimates of a ``state`` from corrected ``bodies``, by which contacts have ``moved``, and
-    ``halved``."""
+    """Estimates of a ``state`` from corrected ``bodies``, by which contacts ``moved``, and ``halved``."""
     condensed, scene, parts = built.condensed, built.scene, [bodies]
     rough = moved(roughness_of(condensed, scene, bodies))[1]
     if any(one.uncertain.any() for one in bodies.values()):
@@ -230,8 +220,7 @@ def _estimated(
 def _effects(
     built: CondensedScene, bodies: Mapping[str, Corrected], state: ContactState, bonds: Bonds, moved: Moved
 ) -> list[float]:
-    """Effects of changes on all displacements (L2), at each probe, and on contact forces over sums of
-    pressures."""
+    """Effects of changes on displacements (L2), at probes, and on contact forces over sums of pressures."""
     condensed, scene = replace(built.condensed, bonds=bonds), built.scene
     unknowns, rests, total = (np.zeros(built.stages.shape[1]), *moved), dict[str, FloatArray](), 0.0
     for name, body in scene.bodies.items():

@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.checks.check import Check
-from mlsanm_cli.app.checks.ended import (
+from mlsanm_cli.app.checks.check import Check, level
+from mlsanm_cli.app.checks.energy import (
     COMMON,
     EnergyErrors,
     displacement_estimate,
+    force_balance,
     force_estimate,
+    force_mismatch,
     pressure_estimate,
 )
-from mlsanm_cli.app.checks.energy import force_balance, force_mismatch
-from mlsanm_cli.app.checks.limits import level
 from mlsanm_cli.app.checks.states import body_rotation
 from mlsanm_cli.app.scene.contact_pairs import shape_of
 from mlsanm_cli.case import Case, finer_nodes
@@ -40,8 +40,7 @@ END_DISTANCE = 0.75
 
 @dataclass(frozen=True)
 class End:
-    """A completed path at small strain, with the estimates of its last state; the first is None if
-    resumed."""
+    """A completed path at small strain, with estimates of its last state; the first is None if resumed."""
 
     built: CondensedScene
     first: State | None

@@ -196,8 +196,7 @@ def overlap_check(
 def overlaps(
     built: CondensedScene, state: State, clouds: Mapping[str, Cloud], displacements: Mapping[str, FloatArray]
 ) -> Iterator[Check]:
-    """Boundaries inside another body, an obstacle, or their own body, with ``displacements`` (n, 2) of
-    ``clouds``."""
+    """Boundaries inside another body, an obstacle or their own body, by ``displacements`` of ``clouds``."""
     outlines = {name: outline_of(clouds[name], values) for name, values in displacements.items()}
     # Largest given gap or interference of the surfaces of every body.
     given = dict.fromkeys(built.scene.bodies, 0.0)
@@ -301,8 +300,7 @@ def _members(pairing: Pairing, body: str, outline: DeformedOutline) -> BoolArray
 def _at_corners(
     points: FloatArray, along: FloatArray, outline: DeformedOutline, chosen: BoolArray
 ) -> BoolArray:
-    """Mask (e,) of ``points`` within the sliding distance ``along`` (e,) of corners of the ``chosen``
-    surfaces."""
+    """Mask (e,) of ``points`` within sliding distances ``along`` (e,) of corners of ``chosen`` surfaces."""
     found = np.zeros(len(points), dtype=bool)
     for number in np.flatnonzero(chosen):
         for end in outline.ends[number]:

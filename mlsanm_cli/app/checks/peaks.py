@@ -1,6 +1,5 @@
 """Error estimate of the largest stress on the free boundary of every body: least squares satisfies traction
-conditions there approximately, and the difference is an error of the stress known without another
-solution."""
+conditions there approximately, and the difference is an error of the stress."""
 
 from __future__ import annotations
 
@@ -34,10 +33,9 @@ STRAIGHT_COSINE = 0.999
 """Product of normals above which two surfaces continue each other."""
 
 
-Peak = dict[str, Any]
-
-
-def boundary_peaks(built: CondensedScene, state: State, fields: Mapping[str, Fields]) -> dict[str, Peak]:
+def boundary_peaks(
+    built: CondensedScene, state: State, fields: Mapping[str, Fields]
+) -> dict[str, dict[str, Any]]:
     """Largest von Mises ``stress`` on the free boundary of every body, its ``place``, its relative ``error``,
     and the stress ``at_contact`` where that is larger."""
     peaks, bodies = {}, built.scene.bodies
@@ -117,8 +115,7 @@ def _given(body: ElasticBody, displacement: FloatArray, source: FloatArray) -> d
 
 
 def along_over_across(body: ElasticBody) -> FloatArray:
-    """Stiffness along the boundary over that across, at least 1 (n,), by which traction errors are stress
-    errors."""
+    """Stiffness along the boundary over that across, at least 1 (n,): stress errors over traction errors."""
     stiffness = body.model.material.in_plane
     compliance, ratio = np.linalg.inv(stiffness), np.ones(len(body.model.cloud.points))
     for surface in body.model.cloud.surfaces.values():

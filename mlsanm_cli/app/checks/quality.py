@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from mlsanm_cli.app.checks.check import Check, Verdicts, all_of
-from mlsanm_cli.app.checks.limits import level
+from mlsanm_cli.app.checks.check import Check, Verdicts, all_of, level
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.scene.assemble import SceneModel
 from mlsanm_cli.app.scene.condense import pulling_loads
@@ -35,7 +34,6 @@ from mlsanm_cli.contact.geometry.pairing import Pairing, spacing_ratio
 from mlsanm_cli.contact.response.coercivity import stiffness_ratio
 from mlsanm_cli.mechanics.body_model import BodyModel
 from mlsanm_cli.mechanics.near_field import as_complex
-from mlsanm_cli.mechanics.scene import Scene
 from mlsanm_cli.mechanics.supports import reentrant_corners
 from mlsanm_cli.memo import NO_CACHE, Memo
 from mlsanm_cli.records import dataclass
@@ -104,7 +102,6 @@ class Quality:
 
     @property
     def clouds(self) -> Mapping[str, Cloud]:
-        """The nodes of all bodies."""
         return {name: model.cloud for name, model in self.prepared.models.items()}
 
 
@@ -123,13 +120,6 @@ def assess(case: Case, prepared: SceneModel, memo: Memo = NO_CACHE) -> Quality:
     bodies = {name: memo.value("quality", one.content, partial(measure, one)) for name, one in clouds.items()}
     ratios = {pairing.name: spacing_ratio(pairing, clouds) for pairing in prepared.pairings}
     return Quality(case, prepared, bodies, ratios)
-
-
-def factor_notes(scene: Scene) -> Iterator[str]:
-    """Notes on bodies whose factorisation had to use a slower method; residuals are checked as usual."""
-    for name, body in scene.bodies.items():
-        if body.equations.note:
-            yield f"body {name}: {body.equations.note}"
 
 
 def clouds(model: Quality) -> Iterator[Check]:

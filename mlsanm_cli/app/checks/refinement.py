@@ -187,15 +187,11 @@ CHANGE_TOLERANCE = 2e-4
 """Passes end when no figure changed by more, relatively."""
 
 
-Adapted = tuple[SceneModel, CondensedScene, Accuracy, Refinement]
-"""Scene of the last successful pass, its errors, and the results of all passes."""
-
-
 def set_up(
     case: Case, prepared: SceneModel, context: RunContext, verdicts: Verdicts, known: Refinement | None = None
-) -> Adapted:
-    """The condensed scene, refined as ``known`` already, or for the requested number of passes or until
-    convergence; if a refined scene cannot be solved, the one before it is kept. Judges contacts with nodal
+) -> tuple[SceneModel, CondensedScene, Accuracy, Refinement]:
+    """The last scene that could be solved, its errors and the results of all passes: refined as ``known``
+    already, or for the requested number of passes or until convergence. Judges contacts with nodal
     pressures."""
     built, accuracy = _solved(case, prepared, context)
     history = [_figures(built, accuracy, None)]
@@ -303,8 +299,7 @@ def _patch_zones(patch: Patch, rule: Rule) -> Iterator[Zone]:
 
 
 def _figures(built: CondensedScene, accuracy: Accuracy, before: Mapping[str, Any] | None) -> dict[str, Any]:
-    """Results of a pass; ``change`` is the largest one of peaks and half-widths, or of displacements without
-    them."""
+    """Results of a pass; ``change`` is the largest of peaks and half-widths, else of displacements."""
     condensed = built.condensed
     spans = [(one.arc[one.candidate], condensed.spans[one.name]) for one in condensed.pairings]
     widths = [half_width(arc, state.pressure[span]) for state in built.ends for arc, span in spans]

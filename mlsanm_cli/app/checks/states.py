@@ -7,8 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mlsanm_cli.app.checks.check import Check
-from mlsanm_cli.app.checks.limits import level
+from mlsanm_cli.app.checks.check import Check, level
 from mlsanm_cli.contact.complementarity.equilibrium import undetermined
 from mlsanm_cli.contact.complementarity.problem import GRAZING
 from mlsanm_cli.solve.condensed_scene import CondensedScene

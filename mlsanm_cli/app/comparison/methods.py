@@ -16,8 +16,7 @@ from mlsanm_cli.app.analysis.finite_strain import FiniteStrain
 from mlsanm_cli.app.analysis.small_strain import SmallStrain
 from mlsanm_cli.app.checks.check import Verdicts
 from mlsanm_cli.app.checks.end import End, pressed_spacings
-from mlsanm_cli.app.checks.ended import balance, work
-from mlsanm_cli.app.checks.energy import energy_error
+from mlsanm_cli.app.checks.energy import balance, energy_error, work
 from mlsanm_cli.app.checks.references import reference_profile
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.finite.path import finite_path

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from mlsanm_cli.app.checks.check import Check
-from mlsanm_cli.app.checks.ended import (
+from mlsanm_cli.app.checks.check import ANY, Check, level
+from mlsanm_cli.app.checks.energy import (
     COMMON,
     NODE_FORCE_SHIFT,
     EnergyErrors,
@@ -18,7 +18,6 @@ from mlsanm_cli.app.checks.ended import (
     pressure_estimate,
     thin_part,
 )
-from mlsanm_cli.app.checks.limits import ANY, level
 from mlsanm_cli.app.checks.overlaps import between_bodies, deepest, outline_of, overlap_check
 from mlsanm_cli.app.finite.accuracy import energy_errors, work_error
 from mlsanm_cli.app.finite.fields import body_forces, fields_of

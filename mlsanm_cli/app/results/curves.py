@@ -149,8 +149,7 @@ def traction_picture(run: RunData, case: Case, name: str, choice: Choice) -> Pic
 
 
 def loop_picture(run: RunData, case: Case, name: str, choice: Choice, over_slip: bool = False) -> Picture:
-    """The tangential force on the master over the displacement of the platen that moves most, or else the
-    slip."""
+    """The tangential force on the master over the displacement of the platen that moves most, or the slip."""
     force, tangent = tangential_force(run, name), mean_tangent(run, name)
     if not force.any():
         raise RunError(f"contact {name} transmits no tangential force", "use --what pressure or traction")

@@ -246,8 +246,7 @@ def _size(bodies: Sequence[CloudBody]) -> float:
 
 
 def line_picture(runs: Sequence[RunData], cases: Sequence[Case], choice: Choice) -> Picture:
-    """A field along a boundary, ``block.top``, or a straight line, ``X,Y:X,Y``. Raises RunError for
-    others."""
+    """A field along a boundary, ``block.top``, or a line, ``X,Y:X,Y``. Raises RunError for others."""
     assert choice.along is not None
     field, straight, curves = choice.field or "von_mises", ":" in choice.along, []
     for run, case, name in zip(runs, cases, run_names(runs), strict=True):

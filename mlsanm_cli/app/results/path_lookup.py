@@ -195,8 +195,7 @@ def pressures_at(run: RunData, position: float) -> dict[str, FloatArray]:
 
 def along_surface(contact: Dataset, pressure: FloatArray) -> tuple[IntArray, FloatArray]:
     """The nodes (m,) of a contact in drawn order and their arc lengths, on a closed surface from where
-    pressures (m,) are furthest. One of six nodes or more is closed if its last is within 1.5 spacings of the
-    first."""
+    pressures (m,) are furthest. One of six nodes or more is closed if its ends are within 1.5 spacings."""
     arc, step = contact.arc_length, float(np.hypot(*(contact.points[-1] - contact.points[0])))
     if len(arc) < 6 or step > 1.5 * float(np.diff(arc).max()) or 6 * step > arc[-1] - arc[0]:
         return np.arange(len(arc)), arc

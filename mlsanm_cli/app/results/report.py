@@ -34,8 +34,7 @@ CAPTIONS = {
 
 
 def report(rundirs: Sequence[Path], out: Path | None = None) -> Path:
-    """Writes a page about runs, by default to the directory of the only one or to the current one. Raises
-    RunError."""
+    """Writes a page on runs, by default to the directory of the only run, else here. Raises RunError."""
     runs = [read_run(place) for place in rundirs]
     path = out or (runs[0].directory / run_dir.REPORT_FILE if len(runs) == 1 else Path(run_dir.REPORT_FILE))
     if path.suffix.lower() not in (".html", ".htm"):
@@ -48,7 +47,7 @@ def report(rundirs: Sequence[Path], out: Path | None = None) -> Path:
         parts = [element("h1", f"{len(runs)} runs"), links, _compared(runs, titles)]
     for run, case, title, anchor in zip(runs, cases, titles, anchors, strict=True):
         parts += [element("h2", title if len(runs) > 1 else "Result", id=anchor), *_one(run, case)]
-    html.write_page(path, html.page("mlsanm: " + ", ".join(titles), "\n".join(parts)))
+    html.write_page(path, "mlsanm: " + ", ".join(titles), "\n".join(parts))
     return path
 
 

@@ -24,8 +24,7 @@ from mlsanm_cli.cloud.membership import first_crossing
 from mlsanm_cli.cloud.surface import BoundaryRun
 from mlsanm_cli.errors import CaseError, CaseProblem, GeometryError, RunError
 from mlsanm_cli.inputs import MB, read_input
-from mlsanm_cli.io.meshes import read_mesh
-from mlsanm_cli.io.point_files import read_points
+from mlsanm_cli.io.meshes import read_mesh, read_points
 from mlsanm_cli.records import dataclass
 
 MAX_BYTES = 256 * MB

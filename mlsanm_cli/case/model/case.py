@@ -319,7 +319,6 @@ def completed(case: Case) -> Case:
 
 
 def _refused_of_revolution(case: Case, scope: Scope) -> Iterator[Fault]:
-
     def refused(given: object, key: KeyPath, what: str, hint: str = "") -> Iterator[Fault]:
         hint = hint or 'write plane = "strain" for long bodies, or remove it'
         if given:
@@ -339,7 +338,6 @@ def _refused_of_revolution(case: Case, scope: Scope) -> Iterator[Fault]:
         yield from refused(material.stiffness, (*key, "stiffness"), "a plane stiffness", hint)
         yield from refused(material.flows, (*key, "yield_stress"), "plasticity", "leave yield_stress out")
         yield from refused(material.angle, (*key, "angle"), "a turned orthotropic material", "angle = 0.0")
-        yield from refused(material.yield_stress, (*key, "yield_stress"), "plasticity")
     for number, support in enumerate(case.support):
         hint = "give boundary, and from and to for a part of it"
         yield from refused(support.near, ("support", number, "near"), "a support of a point", hint)

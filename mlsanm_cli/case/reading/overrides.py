@@ -183,8 +183,7 @@ def parse_vary(text: str) -> Vary:
 
 
 def points(varied: Sequence[Vary]) -> list[tuple[str, ...]]:
-    """All ``KEY=VALUE`` texts, the last key changing fastest. Raises RunError for repeated keys, too many
-    points."""
+    """All ``KEY=VALUE`` texts, the last key changing fastest. Raises RunError, also for too many points."""
     if len({vary.key for vary in varied}) < len(varied):
         raise RunError("a key is varied twice", "give all its values in one --vary")
     count = math.prod(len(vary.values) for vary in varied)

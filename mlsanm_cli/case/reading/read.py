@@ -136,10 +136,11 @@ def _validated(data: Any, folder: Path, report: Report) -> tuple[Case | None, fr
         try:
             return completed(Case.model_validate(rest, context=folder)), frozenset(faulty)
         except ValidationError as error:
-            from mlsanm_cli.case.schema import UNKNOWN_KEY, faults_of
+            from mlsanm_cli.case.schema import UNKNOWN_KEY, fault_of
 
             known = report.paths | faulty
-            faults = [replace(fault, key=_place(fault.key, removed)) for fault in faults_of(rest, error)]
+            faults = [fault_of(rest, detail) for detail in error.errors(include_url=False)]
+            faults = [replace(fault, key=_place(fault.key, removed)) for fault in faults]
             report.add(f for f in faults if not any(f.key[:n] in known for n in range(len(f.key) + 1)))
             unknown |= {fault.key for fault in faults if fault.message == UNKNOWN_KEY}
             for path in (fault.key for fault in faults if fault.key not in unknown):

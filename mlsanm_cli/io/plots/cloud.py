@@ -21,8 +21,7 @@ _FRAME_COLOUR = "#D55E00"
 
 
 class CloudBody(NamedTuple):
-    """A body: reference points (n, 2), displacements (n, 2), a scalar (n,), and triangles (t, 3) that fill
-    it."""
+    """A body: reference points and displacements (n, 2), a scalar (n,), and triangles (t, 3) filling it."""
 
     points: FloatArray
     displacement: FloatArray
@@ -41,8 +40,7 @@ class ColourRange(NamedTuple):
 
 class BodyPicture(NamedTuple):
     """Deformed bodies coloured by a scalar called ``label``, which is ``rest`` without loads. ``scale``
-    multiplies displacements; ``unit`` is that of lengths; ``detail`` (x0, x1, y0, y1) is shown in a second
-    panel."""
+    multiplies displacements; ``unit`` is that of lengths; ``detail`` (x0, x1, y0, y1) has a second panel."""
 
     bodies: Sequence[CloudBody]
     label: str
@@ -149,7 +147,6 @@ def range_of(bodies: Sequence[CloudBody], rest: float = 0.0) -> ColourRange:
 
 
 def _usual_peak(values: FloatArray) -> float:
-    """The largest value, or the one that 99 % do not exceed if it is more than twice as high, as at
-    corners."""
+    """The largest value, or the 99 % quantile if it is more than twice that, as at corners."""
     largest, usual = float(values.max()), float(np.quantile(values, 0.99))
     return usual if 0.0 < 2.0 * usual < largest else largest

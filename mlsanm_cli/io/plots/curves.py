@@ -20,8 +20,7 @@ Limits = tuple[float | None, float | None]
 
 
 class Curve(NamedTuple):
-    """Values ``y`` (k,) or nan at ``x`` (k,), ``joined`` by a line or as points; ``look`` is in matplotlib's
-    terms."""
+    """Values ``y`` (k,) or nan at ``x`` (k,), points or ``joined``; ``look`` is in matplotlib's terms."""
 
     x: FloatArray
     y: FloatArray
@@ -79,14 +78,8 @@ def draw_curves(figure: Figure, wanted: Picture) -> None:
         for text, x, y in panel.notes:
             axes.annotate(text, (x, y), (5, 3), textcoords="offset points", fontsize=7.5)
         if panel.cut_off:
-            look = {
-                "transform": axes.transAxes,
-                "ha": "center",
-                "va": "top",
-                "fontsize": 8,
-                "color": "#555555",
-            }
-            axes.text(0.5, 0.98, panel.cut_off, **look)
+            centred: Any = {"transform": axes.transAxes, "ha": "center", "va": "top"}
+            axes.text(0.5, 0.98, panel.cut_off, fontsize=8, color="#555555", **centred)
         axes.set(xscale=panel.scale, yscale=panel.scale)
         if panel.scale == "linear":
             # Labels of small numbers, as 0.00025, would overlap: a power of ten stands at the axis.
@@ -122,8 +115,7 @@ def shades(count: int) -> list[Any]:
 def visible_range(
     arc: FloatArray, values: FloatArray, loaded: FloatArray | None = None
 ) -> tuple[float, float]:
-    """The part of a surface with ``values`` (k, m) above a thousandth of the peak or ``loaded``, with
-    margins."""
+    """The part of a surface with ``values`` (k, m) above 0.001 of the peak or ``loaded``, with margins."""
     peak = float(np.nanmax(values, initial=0.0))
     shown = arc[(values > 1e-3 * peak).any(axis=0)] if peak > 0.0 else arc
     shown = shown if loaded is None else np.concatenate([shown, loaded])

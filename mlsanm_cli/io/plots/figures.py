@@ -81,8 +81,7 @@ def refuse_suffix(file: Path, suffixes: Sequence[str]) -> None:
 
 @contextmanager
 def picture(path: Path, width: float, height: float) -> Iterator[Figure]:
-    """Yields an empty figure (inches), saved at the end of the block in the format of its suffix. Raises
-    RunError."""
+    """Yields an empty figure (inches), saved after the block in the format of its suffix. Raises RunError."""
     suffix = path.suffix.lower()
     refuse_suffix(path, list(_METADATA))
     # pyplot would need a window system, and keeps figures open.

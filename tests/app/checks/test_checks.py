@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from mlsanm_cli.app.checks import quality
-from mlsanm_cli.app.checks.check import Check, Verdicts
-from mlsanm_cli.app.checks.limits import LIMITS
+from mlsanm_cli.app.checks.check import LIMITS, Check, Verdicts
 from mlsanm_cli.app.finite.checks import overlap
 from mlsanm_cli.cloud.curves import rectangle
 from mlsanm_cli.cloud.spacing import Spacing, build_cloud
