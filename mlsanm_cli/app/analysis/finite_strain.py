@@ -91,8 +91,7 @@ class FiniteStrain(Analysis[FiniteScene]):
         return all_of(STATE, self.built, state)
 
     def judge(self, last: State, tally: dict[str, Any]) -> Iterator[Check]:
-        errors = self._errors(last, tally)
-        return all_of(END, FiniteEnd(self.built, last, tally, errors))
+        return all_of(END, FiniteEnd(self.built, last, tally, self._errors(last, tally)))
 
     @property
     def refinement(self) -> Mapping[str, Any]:
