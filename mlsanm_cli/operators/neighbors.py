@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mlsanm_cli.arrays import FloatArray, IndexArray, IntArray
-from mlsanm_cli.cloud.search import nearest
+from mlsanm_cli.cloud.cloud import nearest
 from mlsanm_cli.cloud.sight import VisibilityCriterion
 from mlsanm_cli.errors import NumericalError
 from mlsanm_cli.records import dataclass

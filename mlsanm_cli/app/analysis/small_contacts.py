@@ -19,9 +19,7 @@ from mlsanm_cli.app.scene.boundaries import Boundaries
 from mlsanm_cli.app.scene.clouds import spacing_of
 from mlsanm_cli.arrays import FloatArray, runs_of
 from mlsanm_cli.case import PlaneObstacle
-from mlsanm_cli.cloud.cloud import Cloud
-from mlsanm_cli.cloud.revolution import at_axis
-from mlsanm_cli.cloud.search import nearest
+from mlsanm_cli.cloud.cloud import Cloud, at_axis, nearest
 from mlsanm_cli.cloud.spacing import Zone, build_cloud
 from mlsanm_cli.contact.geometry.pairing import Pairing
 from mlsanm_cli.io.vtu import VtuPart

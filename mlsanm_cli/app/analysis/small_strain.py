@@ -29,7 +29,7 @@ from mlsanm_cli.app.checks.refinement import set_up
 from mlsanm_cli.app.output.analysis import Analysis, BodyFields
 from mlsanm_cli.app.output.parts import ContactNodes, obstacle_shift, obstacles
 from mlsanm_cli.app.scene.assemble import NOTHING
-from mlsanm_cli.app.scene.refinement import Refinement
+from mlsanm_cli.app.scene.build import Refinement
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.cloud import Cloud
 from mlsanm_cli.contact.laws.failures import SlidingError

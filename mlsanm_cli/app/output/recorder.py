@@ -22,7 +22,7 @@ from mlsanm_cli.app.checks.check import Check, Verdicts
 from mlsanm_cli.app.context import RunContext
 from mlsanm_cli.app.output.analysis import Analysis, Ending
 from mlsanm_cli.app.output.parts import vtu_states
-from mlsanm_cli.app.scene.refinement import Refinement
+from mlsanm_cli.app.scene.build import Refinement
 from mlsanm_cli.case import LoadedCase, resolved_mapping
 from mlsanm_cli.commit import commit
 from mlsanm_cli.errors import NumericalError, RunError, UnstableError

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, IntArray
-from mlsanm_cli.cloud.search import MAX_PAIRS
+from mlsanm_cli.cloud.membership import MAX_PAIRS
 from mlsanm_cli.contact.geometry.grid import Hats
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import FINE_ROUND_OFF

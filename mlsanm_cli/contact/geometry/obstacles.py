@@ -11,7 +11,7 @@ import numpy as np
 
 from mlsanm_cli.arrays import BoolArray, FloatArray, runs_of
 from mlsanm_cli.cloud.curves import Arc, Curve
-from mlsanm_cli.cloud.search import MAX_PAIRS
+from mlsanm_cli.cloud.membership import MAX_PAIRS
 from mlsanm_cli.cloud.splines import NodeSpline, Spline
 from mlsanm_cli.records import dataclass
 from mlsanm_cli.roundoff import ROUND_OFF
