@@ -363,7 +363,8 @@ class _Path:
             for one in self._scene.contacts.loose:
                 body = self._projectors[one.body].body
                 if body.pins:
-                    free[one.numbers] = np.linalg.solve(one.moves, body.pinned @ parts[one.body])
+                    at_pins = body.single[-body.pins :] @ parts[one.body]
+                    free[one.numbers] = np.linalg.solve(one.moves, at_pins)
             self.now = replace(self.now, free=free)
         counts = (length, 0, self._iterations, self.spent, self._solves)
         more: dict[str, Any] = {"renewed": renewed, "kept": kept, "bifurcations": self.bifurcations}

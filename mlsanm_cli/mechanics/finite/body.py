@@ -100,11 +100,6 @@ class FiniteBody:
         """Pattern of the derivative of the rows."""
         return Pattern(self.elastic, self.points, self.pulls, self.turning.values(), self.law.nested)
 
-    @property
-    def pinned(self) -> sparse.csr_array:
-        """Rows (p, 2N) of the pins."""
-        return self.single[self.single.shape[0] - self.pins :]
-
     def turn(self, displacement: FloatArray) -> float:
         """Mean rotation of the body under a ``displacement`` (2N,)."""
         xx, xy, yx, yy = self.gradient(displacement) @ self.elastic.model.cloud.areas
