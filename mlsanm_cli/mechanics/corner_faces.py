@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
+import scipy.sparse as sparse
 
 from mlsanm_cli.arrays import FloatArray
 from mlsanm_cli.cloud.curves import Curve
@@ -124,12 +126,12 @@ class FaceForces:
         total = summed(lambda at: of_each(self._forces, at[:, None]), inside, self.density)
         if len(near):
             by = of_each(self._forces, inside[near, None]) * (1.0 - _window(apart))[..., None, None]
+            by += self._integrated(x[near], slope, of_each)
             total[near] = np.einsum("epcd,pdm->ecm", by, self.density, optimize=True)
-            total[near] += self._integrated(x[near], slope, of_each)
         return total
 
     def _integrated(self, x: FloatArray, slope: FloatArray, field_of_each: Field) -> FloatArray:
-        """Fields (e, r, c) of the forces near distances ``x`` (e,), seen from a height of ``slope`` (e,)
+        """Fields (e, p, c, 2) of the forces near distances ``x`` (e,), seen from a height of ``slope`` (e,)
         times x above the face: integrals over ln(x) + slope sinh(v)."""
         end = np.arcsinh(BLEND_END / slope)[:, None]
         v = np.concatenate([0.5 * side * end * (1.0 + NODES) for side in (-1.0, 1.0)], axis=1)
@@ -142,9 +144,21 @@ class FaceForces:
         # Relative to the tip, to avoid cancellation far from the origin.
         center = None if self.center is None else self.center - self.face.tip
         forces = SurfaceForces(self.kernel, *self.face.places((x[:, None] * np.exp(away)).ravel()), center)
-        found = field_of_each(forces, seen).reshape(*away.shape, -1, 2)
-        density = size[..., None, None] * cubic(self.density, row)
-        return np.asarray(np.einsum("eqrd,eqdm->erm", found, density, optimize=True))
+        found = field_of_each(forces, seen) * size.ravel()[:, None, None]
+        # Shares of the four nearest rows in a cubic interpolation: densities have more columns than rows.
+        count = len(self.logarithm)
+        row = np.clip(row.ravel(), 1.0, count - 3.0)
+        first = np.minimum(row.astype(np.int64), count - 4)
+        u = row - first
+        low, high = u * (u - 1.0) / 6.0, (u + 1.0) * (u - 2.0) / 2.0
+        shares = np.stack([-low * (u - 2.0), high * (u - 1.0), -high * u, low * (u + 1.0)], axis=1)
+        at = np.repeat(np.arange(len(x)), away.shape[1]) * count + first - 1
+        gathered = sparse.csr_array(
+            (shares.ravel(), (at[:, None] + np.arange(4)).ravel(), 4 * np.arange(len(at) + 1)),
+            shape=(len(at), len(x) * count),
+        )
+        total = gathered.T @ found.reshape(len(at), math.prod(found.shape[1:]))
+        return np.asarray(total).reshape(len(x), count, *found.shape[1:])
 
 
 def _window(apart: FloatArray) -> FloatArray:
